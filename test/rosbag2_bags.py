@@ -1,14 +1,15 @@
 """Bags of rosbag2's own variety, written and read by rosbags."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 import hashlib
 from pathlib import Path
 from typing import Any
 
+from crank_runs import write_mcap
 from db3_files import HASH
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message, Topic
-from mcap.writer import Writer as McapWriter
+from klann_ros.log.records import Message
 from rosbags import rosbag2
 from rosbags.interfaces import (
     Qos,
@@ -70,20 +71,7 @@ def write_jazzy_bag(path: Path, messages: Iterable[Message]) -> Path:
 
     rosbags' writer knows one time only.
     """
-    with path.open('wb') as file:
-        writer = McapWriter(file)
-        writer.start('ros2')
-        channels: dict[Topic, int] = {}
-        for message in messages:
-            topic = message.topic
-            if topic not in channels:
-                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
-                metadata = {'offered_qos_profiles': topic.qos}
-                channels[topic] = writer.register_channel(topic.name, 'cdr', schema, metadata)
-            times = message.log_time, message.publish_time
-            writer.add_message(channels[topic], times[0], message.data, times[1], 0)
-        writer.finish()
-    return path
+    return write_mcap(path, [(replace(message, sequence=0) for message in messages)])
 
 
 def read_by_rosbags(bag: Path) -> list[tuple[str, str, int, bytes]]:

@@ -1,18 +1,18 @@
 """Runs to damage: ours and other recorders', small, of a dozen chunks each."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 import random
 import shutil
 import struct
 
+from crank_runs import NO_INDEX, write_mcap
 from fuzzing.hostile import hostile_run
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.write.writer import RunWriter
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType
 from mcap_bytes.legal import change_file
 from rosbag2_bags import KINDS, write_bag
 from rosbags.typesys import get_typestore, Stores
@@ -21,13 +21,6 @@ import zstandard
 
 START = 1_700_000_000_000_000_000
 CHUNKS, MESSAGES = 10, 24
-NO_INDEX = {
-    'index_types': IndexType.NONE,
-    'use_statistics': False,
-    'repeat_channels': False,
-    'repeat_schemas': False,
-    'use_summary_offsets': False,
-}
 
 
 @dataclass(frozen=True)
@@ -173,20 +166,5 @@ def _split(place, messages):
 def _others(place, name, messages, **options):
     folder = place / name
     folder.mkdir()
-    with ExitStack() as stack:
-        file = stack.enter_context((folder / f'{name}_0.mcap').open('wb'))
-        writer = Writer(file, chunk_size=1500, **options)
-        writer.start('ros2')
-        channels = {}
-        for message in messages:
-            topic = message.topic
-            if topic not in channels:
-                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
-                channels[topic] = writer.register_channel(topic.name, 'cdr', schema, {})
-            channel = channels[topic]
-            times = message.log_time, message.publish_time
-            writer.add_message(channel, times[0], message.data, times[1], message.sequence)
-        writer.add_attachment(1, 2, 'a', 'text/plain', b'x' * 100)
-        writer.add_metadata('m', {'k': 'v'})
-        writer.finish()
+    write_mcap(folder / f'{name}_0.mcap', [messages], others=True, chunk_size=1500, **options)
     return folder

@@ -66,7 +66,7 @@ def test_each_dependency_stands_there_once_and_the_text_parses(name) -> None:
     assert name in get_types_from_msg(text, name)
 
 
-def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path: Path) -> None:
+def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path) -> None:
     folder = tmp_path / 'share' / 'my_msgs' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Inner.msg').write_text('int8 x')
@@ -79,7 +79,7 @@ def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path: Path) -> 
     assert text.count('MSG: ') == 1
 
 
-def test_a_type_that_contains_itself_ends(tmp_path: Path) -> None:
+def test_a_type_that_contains_itself_ends(tmp_path) -> None:
     folder = tmp_path / 'share' / 'my_msgs' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Loop.msg').write_text('Loop again\n')
@@ -89,7 +89,7 @@ def test_a_type_that_contains_itself_ends(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     'field', ['my_msgs/../../x/Y', 'my_msgs/msg/../Y', 'a/b/c/Y', 'my_msgs/', 'x/Y/', 'Y__']
 )
-def test_a_field_leads_nowhere_but_to_a_message(tmp_path: Path, field) -> None:
+def test_a_field_leads_nowhere_but_to_a_message(tmp_path, field) -> None:
     for name in ('my_msgs', 'x'):
         (tmp_path / 'share' / name / 'msg').mkdir(parents=True)
     (tmp_path / 'share' / 'x' / 'Y.msg').write_text('int8 secret\n')
@@ -99,9 +99,7 @@ def test_a_field_leads_nowhere_but_to_a_message(tmp_path: Path, field) -> None:
         definition('my_msgs/msg/Outer', [tmp_path])
 
 
-def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_prefix_wins_and_a_sourced_ros_comes_first(tmp_path, monkeypatch) -> None:
     for place in ('a', 'b'):
         folder = tmp_path / place / 'share' / 'my_msgs' / 'msg'
         folder.mkdir(parents=True)

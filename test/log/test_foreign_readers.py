@@ -7,9 +7,8 @@ import shutil
 import struct
 import subprocess
 import tempfile
-from types import ModuleType
 
-from klann_ros.log.records import Message
+from crank_runs import all_but, CHUNK, killed, MESSAGES, spans_of
 from klann_ros.log.recovery import recover
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -17,41 +16,31 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 HERE = Path(__file__).parent / 'foreign_readers'
-CHUNK, DATA_END = 6, 15
 
 
-def kill(data, runs):
-    """Return a file as a kill leaves it: without its end."""
-    end = next(start for opcode, start, _ in runs.record_spans(data) if opcode == DATA_END)
-    return data[:end]
-
-
-def damage(data, kind, runs):
-    """Return a damaged file, and the number of the chunk that is lost, if one is."""
-    chunks = [(start, end) for opcode, start, end in runs.record_spans(data) if opcode == CHUNK]
+def damage(data, kind):
+    """Return a damaged file, and the messages that are left."""
+    chunks = spans_of(data, CHUNK)
     if kind == 'killed':
-        return kill(data, runs), None
+        return killed(data), MESSAGES
     if kind == 'cut':
         end = chunks[-1][1] - 10
-        return data[:end], len(chunks) - 1
-    rotten = bytearray(kill(data, runs))
+        return data[:end], all_but(len(chunks) - 1)
+    rotten = bytearray(killed(data))
     start, end = chunks[2]
     if kind == 'rotten chunk':
         rotten[(start + end) // 2] ^= 1
     else:
         struct.pack_into('<Q', rotten, start + 1, 2**50)
-    return rotten, 2
+    return rotten, all_but(2)
 
 
 @pytest.fixture(params=['killed', 'cut', 'rotten chunk', 'wrong length'])
-def recovered(
-    request, run_file: Path, batches: list[list[Message]], runs: ModuleType, tmp_path: Path
-):
+def recovered(request, run_file, tmp_path):
     """Return a recovered run's folder, and the messages that must be in it."""
-    data, lost = damage(run_file.read_bytes(), request.param, runs)
+    data, kept = damage(run_file.read_bytes(), request.param)
     run_file.write_bytes(data)
     recover(run_file.parent, tmp_path / 'again')
-    kept = runs.joined(batches) if lost is None else runs.all_but(batches, lost)
     return tmp_path / 'again', kept
 
 

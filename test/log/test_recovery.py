@@ -7,15 +7,23 @@ import signal
 import subprocess
 import sys
 import time
-from types import ModuleType
 
+from crank_runs import (
+    all_but,
+    BATCHES,
+    CHUNK,
+    joined,
+    killed,
+    make_messages,
+    MESSAGES,
+    METADATA,
+    spans_of,
+)
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 from klann_ros.log.recover_command import default_output, main
 import pytest
 from rosbags.highlevel import AnyReader
 
-CHUNK = 6
 ROOT = Path(__file__).parents[2]
 
 
@@ -25,7 +33,7 @@ def digest(path):
 
 
 @pytest.fixture
-def recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def recovered(tmp_path, capsys):
     """Return a function that recovers a log: exit code, messages and what was printed."""
 
     def run(log, output=None):
@@ -43,11 +51,9 @@ def recovered(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     return run
 
 
-def test_a_sound_run_comes_back_equal(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
-) -> None:
+def test_a_sound_run_comes_back_equal(run_file, recovered, tmp_path) -> None:
     code, messages, text = recovered(run_file.parent)
-    assert (code, messages) == (0, runs.joined(batches))
+    assert (code, messages) == (0, MESSAGES)
     assert 'kept: 240 messages of /crank_angle' in text
     with open_log(run_file) as before, open_log(tmp_path / 'again') as after:
         assert after.attachments == before.attachments
@@ -72,9 +78,7 @@ for number, message in enumerate(make_messages(1_000_000)):
 
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
-def test_kill_9_costs_nothing_that_was_flushed(
-    compression, runs: ModuleType, recovered, tmp_path: Path
-) -> None:
+def test_kill_9_costs_nothing_that_was_flushed(compression, recovered, tmp_path) -> None:
     run = tmp_path / 'walk'
     code = KILLED.format(
         paths=[str(ROOT), str(ROOT / 'test')], folder=str(run), compression=compression
@@ -90,121 +94,100 @@ def test_kill_9_costs_nothing_that_was_flushed(
     assert code == 0, text
     assert 'not closed' in text
     assert len(messages) >= flushed
-    assert messages == runs.make_messages(len(messages))
+    assert messages == make_messages(len(messages))
     with AnyReader([tmp_path / 'again']) as reader:
         assert sum(1 for _ in reader.messages()) == len(messages)
 
 
-def test_a_flipped_bit_costs_its_chunk_only(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
-) -> None:
+def test_a_flipped_bit_costs_its_chunk_only(run_file, recovered, tmp_path) -> None:
     data = run_file.read_bytes()
-    chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
-    for number, (_, start, end) in enumerate(chunks):
+    for number, (start, end) in enumerate(spans_of(data, CHUNK)):
         rotten = bytearray(data)
         rotten[(start + end) // 2] ^= 0x04
         run_file.write_bytes(rotten)
+        with open_log(run_file) as log:
+            assert log.complete
+            assert list(log.messages()) == all_but(number)
+            assert not log.complete
+            assert f'at byte {start}' in log.problem
         code, messages, text = recovered(run_file.parent, tmp_path / f'again{number}')
-        assert code == 3
-        assert messages == runs.all_but(batches, number)
+        assert (code, messages) == (3, all_but(number))
         assert f'lost: walk_0.mcap at byte {start}: {end - start} bytes with 40 messages' in text
 
 
-def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered
-) -> None:
+def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(run_file, recovered) -> None:
     data = bytearray(run_file.read_bytes())
-    spans = runs.record_spans(data)
-    first = next(span for span in spans if span[0] == CHUNK)
-    data[first[2] - 5] ^= 0xFF
-    end = next(start for opcode, start, _ in spans if opcode == 0x0F)
-    run_file.write_bytes(data[:end])
+    data[spans_of(data, CHUNK)[0][1] - 5] ^= 0xFF
+    run_file.write_bytes(killed(data))
     code, messages, _ = recovered(run_file.parent)
-    assert code == 3
-    assert messages == runs.joined(batches[1:])
+    assert (code, messages) == (3, all_but(0))
 
 
 @pytest.mark.parametrize('position', [-1, -8, -10, -14, -20, -30, -37, -60, -200])
-def test_a_rotten_footer_or_summary_discards_nothing(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, position
-) -> None:
+def test_a_rotten_footer_or_summary_discards_nothing(run_file, recovered, position) -> None:
     data = bytearray(run_file.read_bytes())
     data[position] ^= 0x40
     run_file.write_bytes(data)
     code, messages, text = recovered(run_file.parent)
-    assert (code, messages) == (0, runs.joined(batches))
+    assert (code, messages) == (0, MESSAGES)
     assert 'note: ' in text
 
 
-def test_cut_anywhere_all_intact_chunks_come_back(
-    run_file: Path,
-    batches: list[list[Message]],
-    runs: ModuleType,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_cut_anywhere_all_intact_chunks_are_read_and_come_back(run_file, tmp_path, capsys) -> None:
     data = run_file.read_bytes()
-    chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
-    bag = next(start for opcode, start, _ in reversed(runs.record_spans(data)) if opcode == 12)
+    chunks, (bag, _) = spans_of(data, CHUNK), spans_of(data, METADATA)[-1]
     cut = tmp_path / 'cut.mcap'
-
-    def in_name(length):
-        """Whether the file ends before the name of the last metadata record, which is rosbag2."""
-        return bag < length < bag + 20
-
     for length in range(0, len(data), 97):
         cut.write_bytes(data[:length])
         output = tmp_path / f'again{length}'
         code = main([str(cut), '-o', str(output)])
         capsys.readouterr()
-        whole = sum(end <= length for _, _, end in chunks)
-        inside = any(start < length < end for _, start, end in chunks)
+        whole = sum(end <= length for _, end in chunks)
+        inside = any(start < length < end for start, end in chunks)
+        # Before the name of the last metadata record, which is rosbag2's.
+        in_name = bag < length < bag + 20
+        if length > 8:
+            with open_log(cut) as log:
+                assert list(log.messages()) == joined(BATCHES[:whole]), f'cut at {length}'
+                assert not log.complete
+                assert len(log.attachments) <= 1
         if code == 2:
             assert whole == 0
             assert not output.exists()
             continue
-        assert code == (3 if inside else 0) or whole == 0 or in_name(length), f'cut at {length}'
+        assert code == (3 if inside else 0) or whole == 0 or in_name, f'cut at {length}'
         with open_log(output) as log:
             assert log.complete, log.problem
-            assert list(log.messages()) == runs.joined(batches[:whole])
+            assert list(log.messages()) == joined(BATCHES[:whole])
 
 
 @pytest.mark.parametrize('where', ['in a chunk', 'between records'])
-def test_a_zeroed_tail_is_reported(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, where
-) -> None:
+def test_a_zeroed_tail_is_reported(run_file, recovered, where) -> None:
     data = run_file.read_bytes()
-    chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
-    start = chunks[3][1] + (60 if where == 'in a chunk' else 0)
+    start = spans_of(data, CHUNK)[3][0] + (60 if where == 'in a chunk' else 0)
     run_file.write_bytes(data[:start] + bytes(len(data) - start))
     code, messages, text = recovered(run_file.parent)
-    assert (code, messages) == (3, runs.joined(batches[:3]))
+    assert (code, messages) == (3, joined(BATCHES[:3]))
     assert 'only zeros' in text
 
 
-def test_a_missing_metadata_yaml_is_written_anew(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered, tmp_path: Path
-) -> None:
+def test_a_missing_metadata_yaml_is_written_anew(run_file, recovered, tmp_path) -> None:
     (run_file.parent / 'metadata.yaml').unlink()
     code, messages, _ = recovered(run_file.parent)
-    assert (code, messages) == (0, runs.joined(batches))
+    assert (code, messages) == (0, MESSAGES)
     assert (tmp_path / 'again' / 'metadata.yaml').exists()
 
 
-def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, recovered
-) -> None:
+def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(run_file, recovered) -> None:
     data = run_file.read_bytes()
     run_file.write_bytes(data.replace(b'l_ab: 0.12', b'l_ab: 0.13'))
     code, messages, text = recovered(run_file.parent)
-    assert (code, messages) == (3, runs.joined(batches))
+    assert (code, messages) == (3, MESSAGES)
     assert "the CRC of the attachment 'geometry.yaml' is wrong" in text
 
 
 @pytest.mark.parametrize('content', [None, b'', b'nothing of the kind'])
-def test_what_is_no_log_is_exit_code_2_and_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content
-) -> None:
+def test_what_is_no_log_is_exit_code_2_and_one_line(tmp_path, capsys, content) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)
@@ -215,30 +198,21 @@ def test_what_is_no_log_is_exit_code_2_and_one_line(
     assert not (tmp_path / 'again').exists()
 
 
-def test_an_existing_output_is_refused(
-    run_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_existing_output_is_refused(run_file, tmp_path, capsys) -> None:
     (tmp_path / 'again').mkdir()
     assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 1
     assert 'exists already' in capsys.readouterr().err
     assert [*(tmp_path / 'again').iterdir()] == []
 
 
-def test_an_output_inside_the_log_is_refused(
-    run_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_output_inside_the_log_is_refused(run_file, capsys) -> None:
     before = digest(run_file.parent)
     assert main([str(run_file.parent), '-o', str(run_file.parent / 'again')]) == 1
     assert 'not to be changed' in capsys.readouterr().err
     assert digest(run_file.parent) == before
 
 
-def test_the_default_output_is_beside_the_log(
-    run_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, capsys) -> None:
     assert default_output(run_file) == run_file.parent / 'walk_0_recovered'
     assert default_output(run_file.parent) == tmp_path / 'walk_recovered'
     monkeypatch.chdir(run_file.parent)
@@ -248,10 +222,7 @@ def test_the_default_output_is_beside_the_log(
 
 
 def test_an_interrupt_leaves_neither_traceback_nor_output(
-    run_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run_file, tmp_path, monkeypatch, capsys
 ) -> None:
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -263,10 +234,7 @@ def test_an_interrupt_leaves_neither_traceback_nor_output(
 
 
 def test_a_full_disk_is_exit_code_1_and_leaves_no_half_run(
-    run_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run_file, tmp_path, monkeypatch, capsys
 ) -> None:
     write = os.write
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 import tempfile
-from types import ModuleType
 
+from crank_runs import HASH, make_messages, make_topic, record_spans, START, write_run
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
@@ -95,7 +95,7 @@ def test_everything_is_read_back_equal(
 
 
 @pytest.fixture(params=['zstd', 'lz4', 'none'])
-def mixed_run(request, runs: ModuleType, tmp_path: Path):
+def mixed_run(request, tmp_path):
     """Write a run of joint states and crank angles, and what went into it as rosbags' objects."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
@@ -108,7 +108,7 @@ def mixed_run(request, runs: ModuleType, tmp_path: Path):
         store.hash_rihs01('sensor_msgs/msg/JointState'),
     )
     written = []
-    for n, message in enumerate(runs.make_messages(50)):
+    for n, message in enumerate(make_messages(50)):
         stamp = types['builtin_interfaces/msg/Time'](1_700_000_000, n)
         state = types['sensor_msgs/msg/JointState'](
             header=types['std_msgs/msg/Header'](stamp, 'leg_plane'),
@@ -121,7 +121,7 @@ def mixed_run(request, runs: ModuleType, tmp_path: Path):
         time = message.log_time + 10
         written += [(message, 0.01 * n), (Message(joint_states, data, time, time - 5, n), state)]
     run = tmp_path / 'mixed'
-    runs.write_run(run, [[message for message, _ in written]], compression=request.param)
+    write_run(run, [[message for message, _ in written]], compression=request.param)
     return run, written
 
 
@@ -144,14 +144,14 @@ def test_rosbags_reads_the_folder(mixed_run) -> None:
             assert value.header.stamp.nanosec == content.header.stamp.nanosec
 
 
-def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run, runs: ModuleType) -> None:
+def test_rosbags_finds_times_counts_qos_and_hashes(mixed_run) -> None:
     run, _ = mixed_run
     with Reader(run) as reader:
         assert reader.message_count == 100
-        assert reader.start_time == runs.START
+        assert reader.start_time == START
         by_topic = {connection.topic: connection for connection in reader.connections}
     assert {connection.msgcount for connection in by_topic.values()} == {50}
-    assert by_topic['/crank_angle'].digest == runs.HASH
+    assert by_topic['/crank_angle'].digest == HASH
     (qos,) = by_topic['/joint_states'].ext.offered_qos_profiles
     assert (qos.history.name, qos.depth, qos.reliability.name) == ('KEEP_LAST', 2000, 'RELIABLE')
 
@@ -174,7 +174,7 @@ def test_mcap_ros2_decodes_the_same_values(mixed_run) -> None:
             assert item.decoded_message.header.stamp.nanosec == content.header.stamp.nanosec
 
 
-def test_the_file_has_what_every_tool_wants(run_file: Path, runs: ModuleType) -> None:
+def test_the_file_has_what_every_tool_wants(run_file) -> None:
     with run_file.open('rb') as file:
         reader = make_reader(file)
         header, summary = reader.get_header(), reader.get_summary()
@@ -186,36 +186,34 @@ def test_the_file_has_what_every_tool_wants(run_file: Path, runs: ModuleType) ->
     (channel,) = summary.channels.values()
     assert channel.message_encoding == 'cdr'
     assert summary.schemas[channel.schema_id].encoding == 'ros2msg'
-    topic = runs.make_topic()
+    topic = make_topic()
     assert channel.metadata == {
         'offered_qos_profiles': topic.qos,
         'topic_type_hash': topic.type_hash,
     }
-    kinds = [opcode for opcode, _, _ in runs.record_spans(run_file.read_bytes())]
+    kinds = [opcode for opcode, _, _ in record_spans(run_file.read_bytes())]
     assert 0x0E in kinds, 'summary offsets'
     assert run_file.read_bytes()[-8:] == MCAP0_MAGIC
 
 
-def test_metadata_yaml_and_the_record_in_the_file_agree(run_file: Path, runs: ModuleType) -> None:
+def test_metadata_yaml_and_the_record_in_the_file_agree(run_file) -> None:
     root = yaml.safe_load((run_file.parent / 'metadata.yaml').read_text())
     metadata = root['rosbag2_bagfile_information']
     assert metadata['version'] == 9
     assert metadata['relative_file_paths'] == ['walk_0.mcap']
     assert metadata['message_count'] == 240
     assert metadata['duration'] == {'nanoseconds': 239_000_000}
-    assert metadata['starting_time'] == {'nanoseconds_since_epoch': runs.START}
+    assert metadata['starting_time'] == {'nanoseconds_since_epoch': START}
     (topic,) = metadata['topics_with_message_count']
-    assert topic['topic_metadata']['type_description_hash'] == runs.HASH
+    assert topic['topic_metadata']['type_description_hash'] == HASH
     with open_log(run_file) as log:
         (record,) = log.metadata['rosbag2']
     assert yaml.safe_load(record['serialized_metadata']) == metadata
 
 
-def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(
-    runs: ModuleType, tmp_path: Path
-) -> None:
-    messages = runs.make_messages(5) + runs.make_messages(5) + runs.make_messages(5, '/other')
-    path = runs.write_run(tmp_path / 'run', [messages])
+def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(tmp_path) -> None:
+    messages = make_messages(5) + make_messages(5) + make_messages(5, '/other')
+    path = write_run(tmp_path / 'run', [messages])
     with path.open('rb') as file:
         summary = make_reader(file).get_summary()
     assert (len(summary.schemas), len(summary.channels)) == (1, 2)

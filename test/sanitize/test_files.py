@@ -2,7 +2,6 @@
 
 import argparse
 import os
-from pathlib import Path
 import socket
 
 from klann_ros.robot import robot_of, RobotFileError
@@ -18,7 +17,7 @@ from klann_ros.sanitize.files import (
 import pytest
 
 
-def test_only_regular_files_are_opened(tmp_path: Path) -> None:
+def test_only_regular_files_are_opened(tmp_path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     (tmp_path / 'link').symlink_to(tmp_path / 'pipe')
     with socket.socket(socket.AF_UNIX) as made:
@@ -36,7 +35,7 @@ def test_only_regular_files_are_opened(tmp_path: Path) -> None:
             assert not is_regular_file(path)
 
 
-def test_a_file_and_a_link_to_it_are_read(tmp_path: Path) -> None:
+def test_a_file_and_a_link_to_it_are_read(tmp_path) -> None:
     path = tmp_path / 'file'
     path.write_text('é')
     (tmp_path / 'link').symlink_to(path)
@@ -46,7 +45,7 @@ def test_a_file_and_a_link_to_it_are_read(tmp_path: Path) -> None:
         assert os.get_blocking(file.fileno()) is False  # which means nothing for a file
 
 
-def test_no_more_than_allowed_is_read(tmp_path: Path) -> None:
+def test_no_more_than_allowed_is_read(tmp_path) -> None:
     path = tmp_path / 'sparse'
     with path.open('wb') as file:
         file.truncate(10**12)
@@ -54,21 +53,21 @@ def test_no_more_than_allowed_is_read(tmp_path: Path) -> None:
         read_regular(path, 1000)
 
 
-def test_what_is_no_text_is_said_to_be_none(tmp_path: Path) -> None:
+def test_what_is_no_text_is_said_to_be_none(tmp_path) -> None:
     path = tmp_path / 'file'
     path.write_bytes(b'a\xff')
     with pytest.raises(ValueError, match='no UTF-8 text: invalid start byte at byte 1'):
         read_regular(path, 10)
 
 
-def test_a_missing_file_says_so(tmp_path: Path) -> None:
+def test_a_missing_file_says_so(tmp_path) -> None:
     with pytest.raises(FileNotFoundError):
         open_regular(tmp_path / 'none')
     assert not is_regular_file(tmp_path / 'none')
     assert not is_regular_file('a\0b')
 
 
-def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path: Path) -> None:
+def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path) -> None:
     path = tmp_path / 'sparse'
     block, far = 2**20, 2**40
     with path.open('wb') as file:
@@ -86,7 +85,7 @@ def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path
         assert file.read(block) == b'a' * (block - 3) + b'\0' * 3
 
 
-def test_a_stretch_is_hollow_if_little_of_it_was_written(tmp_path: Path) -> None:
+def test_a_stretch_is_hollow_if_little_of_it_was_written(tmp_path) -> None:
     path, block = tmp_path / 'sparse', 2**20
     with path.open('wb') as file:
         file.truncate(100 * block)

@@ -22,7 +22,7 @@ KINDS = ('pipe', 'link to a pipe', 'socket', '/dev/zero', 'folder', 'sparse')
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Path:
+def run(tmp_path) -> Path:
     """Return a run that explains itself, of 80 messages."""
     leg = KlannLeg()
     made = LegRun({'': leg}, parameters=leg.geometry.as_dict(), count=40, iterations=False)
@@ -59,7 +59,7 @@ def called(name: str, *arguments: object) -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_log_that_is_none_is_one_line(tmp_path: Path, kind: str) -> None:
+def test_a_log_that_is_none_is_one_line(tmp_path, kind: str) -> None:
     log = tmp_path / 'log.mcap'
     make(kind, log)
     for tool in ('review', 'recover'):
@@ -78,7 +78,7 @@ def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
 
 
 @pytest.mark.parametrize('kind', ['pipe', 'sparse'])
-def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path: Path, kind: str) -> None:
+def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path, kind: str) -> None:
     make(kind, tmp_path / 'log.mcap')
     code, _, complaint = called('review', run, tmp_path / 'log.mcap')
     assert code == 2
@@ -88,7 +88,7 @@ def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path: Path, kind: 
 @pytest.mark.parametrize('named', [True, False])
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
-    run: Path, tmp_path: Path, kind: str, named: bool
+    run: Path, tmp_path, kind: str, named: bool
 ) -> None:
     other = run / 'run_1.mcap'
     make(kind, other)
@@ -110,7 +110,7 @@ def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_metadata_that_is_none_is_said(run: Path, tmp_path: Path, kind: str) -> None:
+def test_metadata_that_is_none_is_said(run: Path, tmp_path, kind: str) -> None:
     make(kind, run / 'metadata.yaml')
     code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
     assert (code, complaint) == (0, '')
@@ -121,7 +121,7 @@ def test_metadata_that_is_none_is_said(run: Path, tmp_path: Path, kind: str) -> 
 @pytest.mark.parametrize('option', ['--limits', '--geometry'])
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_file_of_limits_or_lengths_that_is_none_is_one_line(
-    run: Path, tmp_path: Path, kind: str, option: str
+    run: Path, tmp_path, kind: str, option: str
 ) -> None:
     file = tmp_path / 'file.yaml'
     make(kind, file)
@@ -131,7 +131,7 @@ def test_a_file_of_limits_or_lengths_that_is_none_is_one_line(
     assert complaint.count('\n') == 1
 
 
-def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_path: Path) -> None:
+def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_path) -> None:
     (file,) = run.glob('*.mcap')
     file.write_bytes(file.read_bytes()[:-20])
     make('pipe', run / 'a.mcap')
@@ -166,7 +166,7 @@ HOLLOW = {
 
 
 @pytest.mark.parametrize(('name', 'summary'), [*((name, 0) for name in HOLLOW), ('nothing', 1)])
-def test_a_log_of_holes_costs_what_is_in_it(tmp_path: Path, name: str, summary: int) -> None:
+def test_a_log_of_holes_costs_what_is_in_it(tmp_path, name: str, summary: int) -> None:
     """Whatever claims the terabyte that was never written, it is neither read nor asked for."""
     log = tmp_path / 'log.mcap'
     head = MAGIC + record(1, struct.pack('<I4sI', 4, b'ros2', 0))

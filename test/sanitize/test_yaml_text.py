@@ -43,7 +43,7 @@ def test_whatever_looks_like_a_number_is_read_or_refused(load, value) -> None:
     'text', ['', 'é', '\U0001f600', '\x00', '\x85', '\u2028', '\ufeff', '1:30', '- x']
 )
 @pytest.mark.parametrize('dumper', ['libyaml', 'none'])
-def test_what_is_written_is_read_back(monkeypatch: pytest.MonkeyPatch, dumper, text) -> None:
+def test_what_is_written_is_read_back(monkeypatch, dumper, text) -> None:
     if dumper == 'none':
         monkeypatch.setattr(yaml_text, '_FastDumper', yaml_text.yaml.SafeDumper)
         # PyYAML's own writes a next line as it stands, which reads as a blank.

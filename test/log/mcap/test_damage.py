@@ -1,26 +1,17 @@
 """Reading what is no log, cut off or rotten: one kind of error, and no intact message lost."""
 
 import os
-from pathlib import Path
 import random
 import struct
 import tracemalloc
-from types import ModuleType
 
+from crank_runs import BATCHES, CHUNK, DATA_END, killed, MESSAGES, spans_of, START
 from klann_ros.log.errors import LogError, NotALogError
 from klann_ros.log.mcap.decompression import MIN_LIMIT
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard
-
-CHUNK = 6
-
-
-def intact_chunks(data, length, runs):
-    """Return how many chunks of a file end within its first bytes."""
-    return sum(opcode == CHUNK and end <= length for opcode, _, end in runs.record_spans(data))
 
 
 @pytest.mark.parametrize(
@@ -34,7 +25,7 @@ def intact_chunks(data, length, runs):
         (MCAP0_MAGIC * 2, 'there is no header'),
     ],
 )
-def test_what_is_no_log_is_reported_in_one_line(tmp_path: Path, content, reason) -> None:
+def test_what_is_no_log_is_reported_in_one_line(tmp_path, content, reason) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)
@@ -44,89 +35,44 @@ def test_what_is_no_log_is_reported_in_one_line(tmp_path: Path, content, reason)
     assert '\n' not in str(caught.value)
 
 
-def test_a_folder_without_mcap_files_is_no_log(tmp_path: Path) -> None:
+def test_a_folder_without_mcap_files_is_no_log(tmp_path) -> None:
     with pytest.raises(NotALogError, match=r'no \.mcap or \.db3 file in the folder'):
         open_log(tmp_path)
 
 
-def test_a_device_or_a_pipe_is_no_log(tmp_path: Path) -> None:
+def test_a_device_or_a_pipe_is_no_log(tmp_path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     for path in ('/dev/zero', tmp_path / 'pipe'):
         with pytest.raises(NotALogError, match='not a regular file'):
             open_log(path)
 
 
-def test_a_file_that_was_not_closed_is_read_and_says_so(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    data = run_file.read_bytes()
-    end = next(offset for opcode, offset, _ in runs.record_spans(data) if opcode == 0x0F)
-    run_file.write_bytes(data[:end])
+def test_a_file_that_was_not_closed_is_read_and_says_so(run_file) -> None:
+    run_file.write_bytes(killed(run_file.read_bytes()))
     with open_log(run_file) as log:
         assert not log.complete
         assert 'not closed' in log.problem
-        assert list(log.messages()) == runs.joined(batches)
-        assert (log.start_time, log.end_time) == (runs.START, batches[-1][-1].log_time)
+        assert list(log.messages()) == MESSAGES
+        assert (log.start_time, log.end_time) == (START, BATCHES[-1][-1].log_time)
         assert [topic.name for topic in log.topics] == ['/crank_angle']
         assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
         assert [item.name for item in log.attachments] == ['geometry.yaml']
 
 
-def test_cut_anywhere_no_message_of_an_intact_chunk_is_lost(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_a_rotten_summary_costs_nothing(run_file) -> None:
     data = run_file.read_bytes()
-    cut = run_file.with_name('cut.mcap')
-    for length in range(0, len(data), 97):
-        cut.write_bytes(data[:length])
-        try:
-            log = open_log(cut)
-        except NotALogError:
-            assert length <= 8
-            continue
-        whole = intact_chunks(data, length, runs)
-        wanted = runs.joined(batches[:whole])
-        assert list(log.messages()) == wanted, f'cut at {length}'
-        assert not log.complete
-        assert len(log.attachments) <= 1
-
-
-def test_a_rotten_chunk_costs_its_own_messages_only(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    data = bytearray(run_file.read_bytes())
-    chunks = [span for span in runs.record_spans(data) if span[0] == CHUNK]
-    for number, (_, start, end) in enumerate(chunks):
-        rotten = bytearray(data)
-        rotten[(start + end) // 2] ^= 0x10
-        run_file.write_bytes(rotten)
-        with open_log(run_file) as log:
-            assert log.complete
-            found = list(log.messages())
-            assert found == runs.all_but(batches, number)
-            assert not log.complete
-            assert f'at byte {start}' in log.problem
-
-
-def test_a_rotten_summary_costs_nothing(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    data = run_file.read_bytes()
-    spans = runs.record_spans(data)
-    end = next(end for opcode, _, end in spans if opcode == 0x0F)
+    ((_, end),) = spans_of(data, DATA_END)
     for position in range(end, len(data), 7):
         rotten = bytearray(data)
         rotten[position] ^= 1 << position % 8
         run_file.write_bytes(rotten)
         with open_log(run_file) as log:
-            assert list(log.messages()) == runs.joined(batches), f'byte {position}'
+            assert list(log.messages()) == MESSAGES, f'byte {position}'
             assert not log.complete, f'byte {position}'
 
 
 @pytest.mark.parametrize('seed', range(60))
-def test_any_flipped_bits_are_read_without_foreign_errors(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType, seed
-) -> None:
+def test_any_flipped_bits_are_read_without_foreign_errors(run_file, seed) -> None:
     chance = random.Random(seed)  # noqa: S311 - no secret
     data = bytearray(run_file.read_bytes())
     for _ in range(chance.choice([1, 1, 2, 20])):
@@ -136,12 +82,12 @@ def test_any_flipped_bits_are_read_without_foreign_errors(
         with open_log(run_file) as log:
             found = list(log.messages())
             assert isinstance(log.attachments, tuple)
-            assert set(found) <= set(runs.joined(batches)) or not log.complete
+            assert set(found) <= set(MESSAGES) or not log.complete
     except LogError as error:
         assert '\n' not in str(error)
 
 
-def test_bytes_of_chance_are_read_without_foreign_errors(tmp_path: Path) -> None:
+def test_bytes_of_chance_are_read_without_foreign_errors(tmp_path) -> None:
     chance = random.Random(7)  # noqa: S311 - no secret
     path = tmp_path / 'x.mcap'
     for _ in range(300):
@@ -183,7 +129,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize('bomb', BOMBS)
-def test_a_length_is_not_believed(tmp_path: Path, bomb) -> None:
+def test_a_length_is_not_believed(tmp_path, bomb) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(HEADER + BOMBS[bomb])
     limit = 2 * MIN_LIMIT if 'unpacks' in bomb else 10 * 2**20
@@ -198,17 +144,14 @@ def test_a_length_is_not_believed(tmp_path: Path, bomb) -> None:
         tracemalloc.stop()
 
 
-def test_an_index_that_points_out_of_the_file_is_reported(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_an_index_that_points_out_of_the_file_is_reported(run_file) -> None:
     """Without a CRC of the summary, as other recorders leave it out, an offset may be anything."""
     data = bytearray(run_file.read_bytes())
-    spans = runs.record_spans(data)
-    index = next(start for opcode, start, _ in spans if opcode == 0x0A)
+    index, _ = spans_of(data, 0x0A)[0]
     struct.pack_into('<Q', data, index + 9, 2**64 - 1)
     data[-12:-8] = bytes(4)
     run_file.write_bytes(data)
     with open_log(run_file) as log:
         assert [item.name for item in log.attachments] == ['geometry.yaml']
-        assert list(log.messages()) == runs.joined(batches)
+        assert list(log.messages()) == MESSAGES
         assert 'the index is wrong' in log.problem

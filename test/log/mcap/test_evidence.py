@@ -5,15 +5,22 @@ The length of a chunk that reaches exactly to the end of the next may be a flipp
 be fields that nobody knows; a kind that nobody knows may be private, or a flipped bit as well.
 """
 
-from pathlib import Path
 import struct
-from types import ModuleType
 import zlib
 
+from crank_runs import (
+    all_but,
+    BATCHES,
+    killed,
+    MESSAGES,
+    NO_INDEX,
+    record_spans,
+    spans_of,
+    write_mcap,
+    write_run,
+)
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 from klann_ros.log.recovery import recover
-from mcap.writer import CompressionType, IndexType, Writer
 from mcap_bytes import records as mcap
 from mcap_bytes.legal import LegalFile
 import pytest
@@ -27,49 +34,19 @@ def end(request):
 
 
 @pytest.fixture
-def sound(end, runs: ModuleType, batches: list[list[Message]], tmp_path: Path):
-    """Return a file of six chunks, with an end or without, and its records."""
+def sound(end, tmp_path):
+    """Return a file of six chunks, with an end or without, and its chunks."""
     path = tmp_path / 'walk' / 'walk_0.mcap'
     if end == 'without an index':
         path.parent.mkdir()
-        write_without_index(path, batches)
+        write_mcap(path, BATCHES, chunk_size=2**30, **NO_INDEX)
     else:
-        runs.write_run(path.parent, batches, attachment=False)
+        write_run(path.parent, BATCHES, attachment=False)
     data = path.read_bytes()
+    chunks = spans_of(data, mcap.CHUNK)
     if end == 'killed':
-        at = next(start for opcode, start, _ in runs.record_spans(data) if opcode == mcap.DATA_END)
-        data = data[:at]
-    path.write_bytes(data)
-    return path, bytearray(data), runs.record_spans(data)
-
-
-def write_without_index(path, batches):
-    with path.open('wb') as file:
-        writer = Writer(
-            file,
-            chunk_size=2**30,
-            compression=CompressionType.ZSTD,
-            index_types=IndexType.NONE,
-            use_statistics=False,
-            repeat_channels=False,
-            repeat_schemas=False,
-            use_summary_offsets=False,
-        )
-        writer.start('ros2')
-        topic = batches[0][0].topic
-        schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
-        channel = writer.register_channel(
-            topic.name,
-            'cdr',
-            schema,
-            {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash},
-        )
-        for batch in batches:
-            for item in batch:
-                times = item.log_time, item.publish_time
-                writer.add_message(channel, times[0], item.data, times[1], item.sequence)
-            writer.flush()
-        writer.finish()
+        path.write_bytes(killed(data))
+    return path, bytearray(path.read_bytes()), chunks
 
 
 def read(path):
@@ -83,79 +60,63 @@ def read(path):
     return found, kept, problems, recovery
 
 
-def chunks(spans):
-    return [(start, stop) for opcode, start, stop in spans if opcode == mcap.CHUNK]
-
-
-def test_a_chunk_that_is_said_to_reach_over_the_next_costs_nothing(
-    sound, end, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    path, data, spans = sound
-    start, last = chunks(spans)[2][0], chunks(spans)[3][1]
+def test_a_chunk_that_is_said_to_reach_over_the_next_costs_nothing(sound, end) -> None:
+    path, data, chunks = sound
+    start, last = chunks[2][0], chunks[3][1]
     struct.pack_into('<Q', data, start + 1, last - start - 9)
     path.write_bytes(data)
     _, kept, problems, recovery = read(path)
     if end == 'without an index':
         # By the letter the file is sound, and the next chunk none: the recovery remarks it.
-        assert kept == runs.all_but(batches, 3)
+        assert kept == all_but(3)
         assert problems == ''
         assert 'looks like records' in ' '.join(recovery.remarks)
         return
-    assert kept == runs.joined(batches)
+    assert kept == MESSAGES
     assert 'the length of the chunk is damaged, its content is intact' in problems
     assert recovery.lost == []
 
 
 @pytest.mark.parametrize('opcode', [0x10, 0x7F, 0x86, 0xFF])
-def test_a_chunk_whose_kind_became_one_that_nobody_knows_is_missed(
-    sound, batches: list[list[Message]], runs: ModuleType, opcode
-) -> None:
-    path, data, spans = sound
-    data[chunks(spans)[2][0]] = opcode
+def test_a_chunk_whose_kind_became_one_that_nobody_knows_is_missed(sound, opcode) -> None:
+    path, data, chunks = sound
+    data[chunks[2][0]] = opcode
     path.write_bytes(data)
     _, kept, problems, recovery = read(path)
-    assert kept == runs.all_but(batches, 2)
+    assert kept == all_but(2)
     assert f'record of unknown kind {opcode} is a chunk' in problems
     assert len(recovery.lost) == 1
 
 
-def test_a_chunk_with_fields_behind_it_is_whole_though_damage_follows(
-    sound, end, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_a_chunk_with_fields_behind_it_is_whole_though_damage_follows(sound, end) -> None:
     path, data, _ = sound
     parts = LegalFile(bytes(data))
     number = [n for n, part in enumerate(parts.data) if part.opcode == mcap.CHUNK][2]
     parts.data[number].content += b'\1\xff\xff'
     data = bytearray(parts.joined())
-    following = runs.record_spans(data)[number + 1]
+    following = record_spans(data)[number + 1]
     data[slice(following[1], following[1] + 9)] = b'\xff' * 9
     path.write_bytes(data)
     _, kept, _, recovery = read(path)
     # What follows is the index of the chunk, or else the next one.
-    assert kept == (
-        runs.all_but(batches, 3) if end == 'without an index' else runs.joined(batches)
-    )
+    assert kept == (all_but(3) if end == 'without an index' else MESSAGES)
     assert recovery.lost
 
 
 @pytest.mark.parametrize('first', [3, 9, 17, 29])
-def test_zeros_over_the_head_of_a_chunk_make_it_no_empty_one(
-    sound, batches: list[list[Message]], runs: ModuleType, first
-) -> None:
-    path, data, spans = sound
-    start = chunks(spans)[2][0]
+def test_zeros_over_the_head_of_a_chunk_make_it_no_empty_one(sound, first) -> None:
+    path, data, chunks = sound
+    start = chunks[2][0]
     data[slice(start + first, start + 80)] = bytes(80 - first)
     path.write_bytes(data)
     _, kept, problems, recovery = read(path)
-    assert kept == runs.all_but(batches, 2)
+    assert kept == all_but(2)
     assert problems
     assert recovery.lost
 
 
-def test_a_rotten_attachment_with_fields_behind_it_is_reported(
-    runs: ModuleType, batches: list[list[Message]], tmp_path: Path
-) -> None:
-    path = runs.write_run(tmp_path / 'walk', batches)
+def test_a_rotten_attachment_with_fields_behind_it_is_reported(tmp_path) -> None:
+    path = write_run(tmp_path / 'walk', BATCHES)
     parts = LegalFile(path.read_bytes())
     for part in parts.data:
         if part.opcode == mcap.ATTACHMENT:
@@ -169,7 +130,7 @@ def test_a_rotten_attachment_with_fields_behind_it_is_reported(
     assert 'the CRC of the attachment' in recovery.lost[0]
 
 
-def test_a_map_that_ends_within_an_entry_is_no_metadata(tmp_path: Path) -> None:
+def test_a_map_that_ends_within_an_entry_is_no_metadata(tmp_path) -> None:
     entry = mcap.text('key') + mcap.text('value')
     cut = mcap.text('name') + struct.pack('<I', len(entry) - 3) + entry
     path = tmp_path / 'x.mcap'
@@ -179,7 +140,7 @@ def test_a_map_that_ends_within_an_entry_is_no_metadata(tmp_path: Path) -> None:
         assert any('metadata cannot be understood' in problem for problem in log.problems)
 
 
-def test_the_same_channel_with_and_without_unknown_fields_is_one(tmp_path: Path) -> None:
+def test_the_same_channel_with_and_without_unknown_fields_is_one(tmp_path) -> None:
     plain = mcap.channel(1, 0, '/a', '', {})
     longer = mcap.channel(1, 0, '/a', '', {}, pad=b'\1\xff\xff')
     item = mcap.message(1, 1, 1, 1, b'')
@@ -192,7 +153,7 @@ def test_the_same_channel_with_and_without_unknown_fields_is_one(tmp_path: Path)
 
 
 @pytest.mark.parametrize('chunked', [True, False])
-def test_the_crc_of_all_data_speaks_for_what_has_no_other(tmp_path: Path, chunked) -> None:
+def test_the_crc_of_all_data_speaks_for_what_has_no_other(tmp_path, chunked) -> None:
     items = mcap.channel(1, 0, '/a', '', {}) + mcap.message(1, 1, 1, 1, b'content')
     data = mcap.MAGIC + mcap.header() + (mcap.chunk(items, (1, 1), crc=0) if chunked else items)
     end = mcap.data_end(zlib.crc32(data)) + mcap.footer(b'', 0, 0) + mcap.MAGIC
@@ -209,15 +170,12 @@ def test_the_crc_of_all_data_speaks_for_what_has_no_other(tmp_path: Path, chunke
         assert 'something in it was changed' in log.problem
 
 
-def test_an_index_whose_length_is_wrong_is_not_taken_for_one_that_was_cut_off(
-    runs: ModuleType, batches: list[list[Message]], tmp_path: Path
-) -> None:
-    path = runs.write_run(tmp_path / 'walk', batches, attachment=False)
+def test_an_index_whose_length_is_wrong_is_not_taken_for_one_that_was_cut_off(tmp_path) -> None:
+    path = write_run(tmp_path / 'walk', BATCHES, attachment=False)
     data = bytearray(path.read_bytes())
-    spans = runs.record_spans(data)
-    start, end = next((start, end) for opcode, start, end in spans if opcode == mcap.MESSAGE_INDEX)
+    start, end = spans_of(data, mcap.MESSAGE_INDEX)[0]
     struct.pack_into('<Q', data, start + 1, 2**40)
     path.write_bytes(data[:end] + bytes(len(data) - end))
     recovery = recover(path, tmp_path / 'again')
-    assert recovery.messages == len(batches[0])
+    assert recovery.messages == len(BATCHES[0])
     assert len(recovery.lost) == 1

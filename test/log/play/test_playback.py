@@ -2,15 +2,13 @@
 
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from threading import Thread
 import time
-from types import ModuleType
 
+from crank_runs import make_messages, MESSAGES, write_run
 from klann_ros.log.play.playback import Playback, Selection
 from klann_ros.log.play.transport import PlaybackError
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 import pytest
 
 NAME = '/crank_angle'
@@ -50,40 +48,32 @@ def playing(log, *, rate=1.0, paused=False, topics=(NAME,), **selection):
 
 
 @pytest.fixture
-def log(run_file: Path):
+def log(run_file):
     with open_log(run_file) as opened:
         yield opened
 
 
-def test_all_messages_come_in_order_and_then_it_ends(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_all_messages_come_in_order_and_then_it_ends(log) -> None:
     with playing(log) as (playback, passes):
         playback.thread.join(20.0)
-        assert passes == [runs.joined(batches)]
+        assert passes == [MESSAGES]
         assert playback.position == playback.length == pytest.approx(0.239)
         assert playback.lateness.played == 240
 
 
-def test_a_part_is_played_both_ends_included(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_a_part_is_played_both_ends_included(log) -> None:
     with playing(log, begin=0.1, end=0.15) as (playback, passes):
         playback.thread.join(20.0)
-        assert passes == [runs.joined(batches)[100:151]]
+        assert passes == [MESSAGES[100:151]]
 
 
-def test_a_loop_plays_the_same_part_again_and_again(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_a_loop_plays_the_same_part_again_and_again(log) -> None:
     with playing(log, begin=0.1, end=0.11, loop=True) as (_, passes):
         until(lambda: len(passes) > 3)
-    assert passes[:3] == [runs.joined(batches)[100:111]] * 3
+    assert passes[:3] == [MESSAGES[100:111]] * 3
 
 
-def test_nothing_comes_while_it_is_paused_and_nothing_is_left_out(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_nothing_comes_while_it_is_paused_and_nothing_is_left_out(log) -> None:
     with playing(log, rate=SLOW) as (playback, passes):
         until(lambda: passes and len(passes[0]) > 10)
         playback.pause()
@@ -96,13 +86,11 @@ def test_nothing_comes_while_it_is_paused_and_nothing_is_left_out(
         playback.set_rate(1.0)
         playback.resume()
         playback.thread.join(20.0)
-        assert passes == [runs.joined(batches)]
+        assert passes == [MESSAGES]
 
 
-def test_a_step_is_exactly_the_next_message(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    messages = runs.joined(batches)
+def test_a_step_is_exactly_the_next_message(log) -> None:
+    messages = MESSAGES
     with playing(log, paused=True) as (playback, passes):
         for count in range(1, 4):
             playback.step()
@@ -122,10 +110,8 @@ def test_a_step_is_refused_while_it_plays_and_at_the_end(log) -> None:
             playback.step()
 
 
-def test_a_step_at_the_end_of_a_loop_is_its_first_message(
-    log, batches: list[list[Message]], runs: ModuleType
-) -> None:
-    messages = runs.joined(batches)
+def test_a_step_at_the_end_of_a_loop_is_its_first_message(log) -> None:
+    messages = MESSAGES
     with playing(log, paused=True, loop=True, begin=0.238) as (playback, passes):
         for _ in range(3):
             playback.step()
@@ -133,8 +119,8 @@ def test_a_step_at_the_end_of_a_loop_is_its_first_message(
         assert passes == [messages[238:], messages[238:239]]
 
 
-def test_a_jump_goes_on_from_there(log, batches: list[list[Message]], runs: ModuleType) -> None:
-    messages = runs.joined(batches)
+def test_a_jump_goes_on_from_there(log) -> None:
+    messages = MESSAGES
     with playing(log, rate=STILL) as (playback, passes):
         until(lambda: passes and passes[0])
         playback.seek(0.2)
@@ -164,13 +150,13 @@ def test_a_jump_out_of_the_log_is_refused(log, position) -> None:
         playback.seek(position)
 
 
-def test_latched_messages_from_before_come_first(runs: ModuleType, tmp_path: Path) -> None:
-    crank = runs.make_messages(100)
+def test_latched_messages_from_before_come_first(tmp_path) -> None:
+    crank = make_messages(100)
     latched = [
-        replace(m, log_time=m.log_time - 1) for m in runs.make_messages(3, '/latched', 20_000_000)
+        replace(m, log_time=m.log_time - 1) for m in make_messages(3, '/latched', 20_000_000)
     ]
     messages = sorted([*crank, *latched], key=lambda m: m.log_time)
-    path = runs.write_run(tmp_path / 'run', [messages[:50], messages[50:]])
+    path = write_run(tmp_path / 'run', [messages[:50], messages[50:]])
     topics, counts = [NAME, '/latched'], {'/latched': 2}
     with open_log(path) as log:
         begin = (crank[70].log_time - log.start_time) / 1e9
@@ -195,10 +181,10 @@ def test_what_a_stall_made_late_is_put_off_and_not_played_in_a_burst(log) -> Non
     assert 'stalled for' in str(playback.transport.lateness)
 
 
-def test_messages_out_of_order_hold_nothing_up(runs: ModuleType, tmp_path: Path) -> None:
-    messages = runs.make_messages(4, period=1_000_000_000)
+def test_messages_out_of_order_hold_nothing_up(tmp_path) -> None:
+    messages = make_messages(4, period=1_000_000_000)
     messages = [messages[0], messages[3], messages[1], messages[2]]
-    path = runs.write_run(tmp_path / 'run', [messages])
+    path = write_run(tmp_path / 'run', [messages])
     path.write_bytes(path.read_bytes()[:-8])
     with open_log(path) as log, playing(log, rate=2.5) as (playback, passes):
         playback.thread.join(20.0)
@@ -207,7 +193,7 @@ def test_messages_out_of_order_hold_nothing_up(runs: ModuleType, tmp_path: Path)
         assert not log.complete
 
 
-def test_a_log_without_messages_ends_at_once(runs: ModuleType, tmp_path: Path) -> None:
-    with open_log(runs.write_run(tmp_path / 'run', [])) as log, playing(log) as (playback, passes):
+def test_a_log_without_messages_ends_at_once(tmp_path) -> None:
+    with open_log(write_run(tmp_path / 'run', [])) as log, playing(log) as (playback, passes):
         playback.thread.join(20.0)
         assert passes == [[]]

@@ -98,7 +98,7 @@ def run():
 
 
 @pytest.fixture(scope='module', params=BOMBS)
-def bomb(request, tmp_path_factory: pytest.TempPathFactory):
+def bomb(request, tmp_path_factory):
     path = tmp_path_factory.mktemp('bomb') / 'x.mcap'
     path.write_bytes(BOMBS[request.param]())
     return path
@@ -111,7 +111,7 @@ def test_a_small_file_takes_less_than_200_mb(run, bomb, job) -> None:
 
 
 @pytest.fixture(scope='module')
-def grid(tmp_path_factory: pytest.TempPathFactory):
+def grid(tmp_path_factory):
     """Return a run of a map of 7000 x 7000 unknown cells: some kilobytes, packed."""
     kind = 'nav_msgs/msg/OccupancyGrid'
     path = tmp_path_factory.mktemp('grid') / 'run'
@@ -135,7 +135,7 @@ def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -
     ('size', 'compressible'), [(1, True), (39, True), (41, True), (41, False), (500, True)]
 )
 def test_what_the_recorder_writes_is_read_up_to_the_memory_limit(
-    size, compressible, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    size, compressible, tmp_path, monkeypatch
 ) -> None:
     """Around 40 MB a chunk needs a proof of its size; the limit is an eighth of the memory."""
     block = bytes(MB) if compressible else random.Random(2).randbytes(MB)  # noqa: S311
@@ -155,9 +155,7 @@ def test_what_the_recorder_writes_is_read_up_to_the_memory_limit(
             assert 'damaged' not in opened.problem
 
 
-def test_a_chunk_above_the_memory_limit_is_refused(
-    tmp_path: Path, grid, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_chunk_above_the_memory_limit_is_refused(tmp_path, grid, monkeypatch) -> None:
     monkeypatch.setattr(decompression, 'available_memory', lambda: 0)
     refusal = 'refused: 49 MB unpacked, above the limit of 42 MB'
     with open_log(grid) as opened:
@@ -169,7 +167,7 @@ def test_a_chunk_above_the_memory_limit_is_refused(
         recover(grid, tmp_path / 'again')
 
 
-def test_a_large_message_of_a_file_as_large_is_kept(run, tmp_path: Path) -> None:
+def test_a_large_message_of_a_file_as_large_is_kept(run, tmp_path) -> None:
     """An image of a real camera does not shrink a hundredfold."""
     data = random.Random(1).randbytes(MIN_LIMIT // 4) * 5  # noqa: S311 - no secret
     (tmp_path / 'x.mcap').write_bytes(crank(message(data)))

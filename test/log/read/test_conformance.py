@@ -8,7 +8,6 @@ of the chunk and of what is in it, too, and with bytes that look like records.
 from collections import Counter
 import hashlib
 from operator import itemgetter
-from pathlib import Path
 
 from klann_ros.log import recover_command
 from klann_ros.log.reader import open_log
@@ -69,7 +68,7 @@ def padding(case):
 
 
 @pytest.fixture
-def files(case, tmp_path: Path):
+def files(case, tmp_path):
     """Write the files of one content in one kind of padding; return each with what it holds."""
     padding, wanted = case
     found = []
@@ -154,9 +153,7 @@ def test_the_library_counts_the_same(files, padding) -> None:
         assert all(counts[place] == count for place, count in by_index(path, flags)), path.name
 
 
-def test_recover_keeps_all_of_them(
-    files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recover_keeps_all_of_them(files, tmp_path, capsys) -> None:
     for path, content, _ in files:
         code = recover_command.main([str(path), '-o', str(tmp_path / path.stem)])
         said = capsys.readouterr().out
@@ -170,7 +167,7 @@ def test_recover_keeps_all_of_them(
         assert (kept[0], *kept[2:]) == (messages, channels, attachments, metadata), path.name
 
 
-def test_review_does_not_call_them_damaged(files, capsys: pytest.CaptureFixture[str]) -> None:
+def test_review_does_not_call_them_damaged(files, capsys) -> None:
     for path, _, _ in files:
         assert review_command.main([str(path)]) in (0, 1), path.name
         assert 'damaged' not in capsys.readouterr().out, path.name

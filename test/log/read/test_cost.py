@@ -1,6 +1,5 @@
 """A file costs work in proportion to its bytes and the messages in it, whatever it asks for."""
 
-from pathlib import Path
 import pickle
 import subprocess
 import sys
@@ -37,7 +36,7 @@ MESSAGE = 15
 
 
 @pytest.fixture
-def read(tmp_path: Path):
+def read(tmp_path):
     """Return a function that reads a file as a review does: how much work, how many messages."""
     path = tmp_path / 'x.mcap'
 
@@ -59,7 +58,7 @@ def test_twice_the_bytes_take_no_more_than_twice_the_work(read, shape) -> None:
 
 
 @pytest.mark.parametrize('shape', OUTSIDE)
-def test_it_can_be_recovered_at_the_same_cost(tmp_path: Path, shape) -> None:
+def test_it_can_be_recovered_at_the_same_cost(tmp_path, shape) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(file_of(shape, SIZE))
     with Work() as done:
@@ -76,7 +75,7 @@ def test_sound_messages_outside_of_chunks_cost_little(read) -> None:
     assert calls <= MESSAGE * found + ONCE
 
 
-def test_zeros_in_a_chunk_are_no_records(read, tmp_path: Path) -> None:
+def test_zeros_in_a_chunk_are_no_records(read, tmp_path) -> None:
     data = HEADER + packed_chunk(CHANNEL + EMPTY + bytes(2**20))
     calls, found = read(data)
     assert found == 1
@@ -86,9 +85,7 @@ def test_zeros_in_a_chunk_are_no_records(read, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('shape', INSIDE)
-def test_many_chunks_of_no_use_cost_hardly_more_than_some(
-    read, shape, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypatch) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**22)
     some, _ = read(file_of_chunks(shape, 2**20, 5))
     many, _ = read(file_of_chunks(shape, 2**20, 25))
@@ -96,7 +93,7 @@ def test_many_chunks_of_no_use_cost_hardly_more_than_some(
     assert many <= 1.2 * some + EACH * size
 
 
-def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch) -> None:
     """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
     monkeypatch.setattr(decompression, '_BUDGET', 2**25)
     unpacked = []
@@ -117,7 +114,7 @@ def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch: pytest.MonkeyPat
 
 
 def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
-    read, monkeypatch: pytest.MonkeyPatch
+    read, monkeypatch
 ) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     _, found = read(
@@ -126,9 +123,7 @@ def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
     assert found == 100
 
 
-def test_a_limit_that_was_met_is_reported(
-    read, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_limit_that_was_met_is_reported(read, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     read(file_of_chunks('private records', 2**20, 3))
     with open_log(tmp_path / 'x.mcap') as log:
@@ -136,9 +131,7 @@ def test_a_limit_that_was_met_is_reported(
         assert any('too many useless bytes' in text for text in log.problems)
 
 
-def test_private_records_around_messages_are_no_waste(
-    read, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_private_records_around_messages_are_no_waste(read, monkeypatch) -> None:
     """A recorder may put some of its own beside each message; a sound file has no limit."""
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 200)
@@ -146,9 +139,7 @@ def test_private_records_around_messages_are_no_waste(
     assert found == 4000
 
 
-def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(
-    read, tmp_path: Path
-) -> None:
+def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(read, tmp_path) -> None:
     once, _ = read(named_often(20))
     twice, found = read(named_often(40))
     assert found == 1000
@@ -159,7 +150,7 @@ def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(
         assert 'the index is wrong' in log.problem
 
 
-def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path: Path) -> None:
+def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(5, 20 * 2**20))
     with open_log(path) as log:
@@ -172,7 +163,7 @@ def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path: Path) -> No
         assert log.problems == ()
 
 
-def test_a_chunk_of_which_the_index_says_less_is_reported(tmp_path: Path) -> None:
+def test_a_chunk_of_which_the_index_says_less_is_reported(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(2, 20 * 2**20, honest=False))
     with open_log(path) as log:
@@ -224,7 +215,7 @@ def test_a_topic_is_the_same_in_another_process() -> None:
     subprocess.run([sys.executable, '-c', code], input=pickle.dumps(topic), check=True)
 
 
-def test_many_channels_share_the_text_of_their_schema(tmp_path: Path) -> None:
+def test_many_channels_share_the_text_of_their_schema(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(file_of_channels([{}] * 500, schema=b'#' + b'x' * 10**5))
     with open_log(path) as log:
@@ -234,7 +225,7 @@ def test_many_channels_share_the_text_of_their_schema(tmp_path: Path) -> None:
         assert len(texts) == 1
 
 
-def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path: Path) -> None:
+def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path) -> None:
     """Channel 1 has the first schema, which is there a second time in two other words."""
     path = tmp_path / 'x.mcap'
     first, other = (mcap.schema(n, 'a/msg/B', 'ros2msg', b'uint8 a') for n in (1, 2))
@@ -259,7 +250,7 @@ def recovered(tmp_path, texts):
     return done.characters, [text for text in said.remarks if 'quality of service' in text]
 
 
-def test_the_same_profiles_are_taken_apart_once(tmp_path: Path) -> None:
+def test_the_same_profiles_are_taken_apart_once(tmp_path) -> None:
     text = PROFILE + '\n# of this test alone'
     characters, said = recovered(tmp_path, [text] * 50)
     assert (characters, said) == (len(text), [])
@@ -267,7 +258,7 @@ def test_the_same_profiles_are_taken_apart_once(tmp_path: Path) -> None:
         assert {topic.qos for topic in log.topics} == {text}
 
 
-def test_profiles_that_are_too_long_are_not_taken_apart_and_reported(tmp_path: Path) -> None:
+def test_profiles_that_are_too_long_are_not_taken_apart_and_reported(tmp_path) -> None:
     characters, said = recovered(tmp_path, ['\n' * (MAX_QOS_TEXT + 1), '\n' * 10])
     assert characters == 10
     (line,) = said
@@ -277,7 +268,7 @@ def test_profiles_that_are_too_long_are_not_taken_apart_and_reported(tmp_path: P
         assert len(list(log.messages())) == 2
 
 
-def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path: Path) -> None:
+def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path) -> None:
     texts = ['\n' * (2**17 + n) for n in range(12)]
     characters, said = recovered(tmp_path, texts)
     assert 0 < characters <= MAX_QOS_DISTINCT
@@ -285,7 +276,7 @@ def test_no_more_profiles_that_differ_are_taken_apart_than_are_meant(tmp_path: P
     assert all('the profiles that differ have more than' in text for text in said)
 
 
-def test_no_more_profiles_are_written_than_are_meant(tmp_path: Path) -> None:
+def test_no_more_profiles_are_written_than_are_meant(tmp_path) -> None:
     text = '[]' + ' ' * 2**17
     characters, said = recovered(tmp_path, [text] * 40)
     assert characters == len(text)
@@ -293,7 +284,7 @@ def test_no_more_profiles_are_written_than_are_meant(tmp_path: Path) -> None:
     assert all('the profiles of all topics have more than' in text for text in said)
 
 
-def test_ten_thousand_topics_keep_their_profiles(tmp_path: Path) -> None:
+def test_ten_thousand_topics_keep_their_profiles(tmp_path) -> None:
     _, said = recovered(tmp_path, [PROFILE] * 3)
     assert said == []
     assert len(PROFILE) * 10_000 <= MAX_QOS_TOTAL

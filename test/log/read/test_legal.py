@@ -1,6 +1,5 @@
 """What the specification allows is no damage: each freedom alone, and all of them at once."""
 
-from pathlib import Path
 import struct
 import zlib
 
@@ -93,7 +92,7 @@ LARGE = {
 
 
 @pytest.mark.parametrize('freedom', [*SOUND, *LARGE])
-def test_each_freedom_is_taken(tmp_path: Path, freedom) -> None:
+def test_each_freedom_is_taken(tmp_path, freedom) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(SOUND[freedom] if freedom in SOUND else LARGE[freedom]())
     with open_log(path) as log:
@@ -106,7 +105,7 @@ def test_each_freedom_is_taken(tmp_path: Path, freedom) -> None:
 
 
 @pytest.mark.parametrize('content', [b'', mcap.record(0x80, b'x'), mcap.chunk(b''), DEFINITIONS])
-def test_a_log_without_messages_is_sound(tmp_path: Path, content) -> None:
+def test_a_log_without_messages_is_sound(tmp_path, content) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(closed(content))
     with open_log(path) as log:
@@ -150,7 +149,7 @@ FILES = {'chunked': make_file(chunked=True), 'unchunked': make_file(chunked=Fals
 @pytest.mark.parametrize('kind', FILES)
 @settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(chance=st.randoms(use_true_random=False))
-def test_all_of_them_at_once_are_taken(tmp_path: Path, kind, chance) -> None:
+def test_all_of_them_at_once_are_taken(tmp_path, kind, chance) -> None:
     parts = LegalFile(FILES[kind])
     parts.change(chance)
     path = tmp_path / 'x.mcap'
@@ -169,7 +168,7 @@ def test_nothing_changed_is_the_same_file(kind) -> None:
     assert LegalFile(FILES[kind]).joined() == FILES[kind]
 
 
-def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path: Path) -> None:
+def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     inner = ALL + mcap.record(0x81, b'y') * 2
     path.write_bytes(closed(mcap.record(0x80, b'x') + mcap.chunk(inner, SPAN)))
@@ -177,7 +176,7 @@ def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path: Path) ->
     assert '3 records of kinds that are private' in remark
 
 
-def test_the_end_of_the_file_is_no_longer_than_it_is(tmp_path: Path) -> None:
+def test_the_end_of_the_file_is_no_longer_than_it_is(tmp_path) -> None:
     """The specification says that the footer and the end of the data are never extended."""
     data = closed(ALL)
     footer = mcap.record(mcap.FOOTER, struct.pack('<QQI', 0, 0, 0) + b'more')

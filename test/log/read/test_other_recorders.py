@@ -1,10 +1,9 @@
 """Logs of other recorders and in other shapes are read completely."""
 
-from pathlib import Path
 import random
 import shutil
-from types import ModuleType
 
+from crank_runs import make_messages, NO_INDEX, write_mcap
 from klann_ros.log.bag_metadata import ROOT_KEY
 from klann_ros.log.reader import open_log
 from mcap.writer import CompressionType, IndexType, Writer
@@ -14,48 +13,13 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_typestore, Stores
 import yaml
 
-
-def write_mcap(path, messages, *, profile='ros2', **options):
-    """Write a file with the library alone, in the order of the messages."""
-    with path.open('wb') as file:
-        writer = Writer(file, **options)
-        writer.start(profile)
-        numbers = {}
-        for message in messages:
-            topic = message.topic
-            if topic not in numbers:
-                schema = writer.register_schema(topic.type, 'ros2msg', topic.definition.encode())
-                numbers[topic] = writer.register_channel(
-                    topic.name,
-                    'cdr',
-                    schema,
-                    {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash},
-                )
-            writer.add_message(
-                numbers[topic],
-                message.log_time,
-                message.data,
-                message.publish_time,
-                message.sequence,
-            )
-        writer.add_attachment(1, 2, 'a', 'text/plain', b'x')
-        writer.add_metadata('m', {'k': 'v'})
-        writer.finish()
-
-
 SHAPES = {
     'zstd': {'compression': CompressionType.ZSTD},
     'lz4': {'compression': CompressionType.LZ4},
     'none': {'compression': CompressionType.NONE},
     'without CRC': {'enable_crcs': False},
     'unchunked': {'use_chunking': False},
-    'without any index': {
-        'index_types': IndexType.NONE,
-        'use_statistics': False,
-        'repeat_channels': False,
-        'repeat_schemas': False,
-        'use_summary_offsets': False,
-    },
+    'without any index': NO_INDEX,
     'without message index': {'index_types': IndexType.CHUNK},
     'without statistics': {'use_statistics': False},
     'without repeated channels': {'repeat_channels': False, 'repeat_schemas': False},
@@ -64,13 +28,13 @@ SHAPES = {
 
 
 @pytest.mark.parametrize('shape', SHAPES)
-def test_a_file_of_any_shape_is_read_completely(shape, runs: ModuleType, tmp_path: Path) -> None:
+def test_a_file_of_any_shape_is_read_completely(shape, tmp_path) -> None:
     messages = sorted(
-        runs.make_messages(60) + runs.make_messages(60, '/other', 1_500_000),
+        make_messages(60) + make_messages(60, '/other', 1_500_000),
         key=lambda message: message.log_time,
     )
     path = tmp_path / 'log.mcap'
-    write_mcap(path, messages, **{'chunk_size': 800, **SHAPES[shape]})
+    write_mcap(path, [messages], others=True, **{'chunk_size': 800, **SHAPES[shape]})
     with open_log(path) as log:
         assert log.complete, log.problem
         assert list(log.messages()) == messages
@@ -80,19 +44,19 @@ def test_a_file_of_any_shape_is_read_completely(shape, runs: ModuleType, tmp_pat
         assert log.start_time == messages[0].log_time
         assert log.end_time == messages[-1].log_time
         assert log.metadata == {'m': [{'k': 'v'}]}
-        assert [item.data for item in log.attachments] == [b'x']
+        assert [item.data for item in log.attachments] == [b'x' * 100]
         assert log.complete, log.problem
 
 
-def test_messages_that_stand_out_of_order_come_in_order(runs: ModuleType, tmp_path: Path) -> None:
-    messages = runs.make_messages(200)
+def test_messages_that_stand_out_of_order_come_in_order(tmp_path) -> None:
+    messages = make_messages(200)
     shuffled = random.Random(4).sample(messages, 200)  # noqa: S311 - no secret
-    write_mcap(tmp_path / 'log.mcap', shuffled, chunk_size=500)
+    write_mcap(tmp_path / 'log.mcap', [shuffled], chunk_size=500)
     with open_log(tmp_path / 'log.mcap') as log:
         assert list(log.messages()) == messages
 
 
-def test_a_json_channel_is_reported_from_a_ros_one(tmp_path: Path) -> None:
+def test_a_json_channel_is_reported_from_a_ros_one(tmp_path) -> None:
     with (tmp_path / 'log.mcap').open('wb') as file:
         writer = Writer(file)
         writer.start('')
@@ -106,7 +70,7 @@ def test_a_json_channel_is_reported_from_a_ros_one(tmp_path: Path) -> None:
     assert topic.extra == (('more', 'yes'),)
 
 
-def test_a_bag_that_rosbags_wrote_is_read(tmp_path: Path) -> None:
+def test_a_bag_that_rosbags_wrote_is_read(tmp_path) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     name = 'std_msgs/msg/Float64'
     with rosbag2.Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -122,15 +86,15 @@ def test_a_bag_that_rosbags_wrote_is_read(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def split_run(runs: ModuleType, tmp_path: Path):
+def split_run(tmp_path):
     """Write a run in eleven files, as rosbag2 splits it, whose names sort wrongly as text."""
-    messages = runs.make_messages(220)
+    messages = make_messages(220)
     folder = tmp_path / 'split'
     folder.mkdir()
     names = [f'split_{n}.mcap' for n in range(11)]
     for n, name in enumerate(names):
         start = 20 * n
-        write_mcap(folder / name, messages[slice(start, start + 20)])
+        write_mcap(folder / name, [messages[slice(start, start + 20)]])
     metadata = {'rosbag2_bagfile_information': {'version': 9, 'relative_file_paths': names}}
     (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
     return folder, messages
@@ -176,7 +140,7 @@ def test_a_damaged_metadata_yaml_is_reported_and_the_files_are_read(split_run, c
         assert list(log.messages()) == messages
 
 
-def test_metadata_yaml_cannot_lead_out_of_the_folder(split_run, tmp_path: Path) -> None:
+def test_metadata_yaml_cannot_lead_out_of_the_folder(split_run, tmp_path) -> None:
     folder, _ = split_run
     shutil.copy(folder / 'split_0.mcap', tmp_path / 'other.mcap')
     metadata = {'rosbag2_bagfile_information': {'relative_file_paths': ['../other.mcap']}}

@@ -1,18 +1,15 @@
 """A part of a log is read without what comes before and after it."""
 
-from pathlib import Path
-from types import ModuleType
-
+from crank_runs import BATCHES, CHUNK, MESSAGES, spans_of, START, write_run
 from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 import pytest
 
 
 @pytest.fixture
-def closed_and_not(runs: ModuleType, tmp_path: Path, batches: list[list[Message]]):
+def closed_and_not(tmp_path):
     """Write a run twice, with an index and without one."""
-    files = [runs.write_run(tmp_path / name, batches) for name in ('closed', 'cut')]
+    files = [write_run(tmp_path / name, BATCHES) for name in ('closed', 'cut')]
     files[1].write_bytes(files[1].read_bytes()[:-8])
     return files
 
@@ -22,11 +19,9 @@ def closed_and_not(runs: ModuleType, tmp_path: Path, batches: list[list[Message]
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(first=st.integers(-10, 250), count=st.integers(0, 250))
-def test_a_part_is_what_lies_within_its_times(
-    closed_and_not, batches: list[list[Message]], runs: ModuleType, first, count
-) -> None:
-    messages = runs.joined(batches)
-    start = runs.START + first * 1_000_000
+def test_a_part_is_what_lies_within_its_times(closed_and_not, first, count) -> None:
+    messages = MESSAGES
+    start = START + first * 1_000_000
     end = start + count * 1_000_000
     expected = [m for m in messages if start <= m.log_time <= end]
     for path in closed_and_not:
@@ -40,27 +35,22 @@ def test_a_part_is_what_lies_within_its_times(
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(before=st.integers(-10, 250), count=st.integers(1, 100))
-def test_the_latest_messages_are_the_last_before_a_time(
-    closed_and_not, batches: list[list[Message]], runs: ModuleType, before, count
-) -> None:
-    time = runs.START + before * 1_000_000
-    expected = [m for m in runs.joined(batches) if m.log_time < time][-count:]
+def test_the_latest_messages_are_the_last_before_a_time(closed_and_not, before, count) -> None:
+    time = START + before * 1_000_000
+    expected = [m for m in MESSAGES if m.log_time < time][-count:]
     for path in closed_and_not:
         with open_log(path) as log:
             assert log.latest({'/crank_angle': count}, time) == expected
 
 
-def test_chunks_outside_of_a_part_are_not_unpacked(
-    run_file: Path, batches: list[list[Message]], runs: ModuleType
-) -> None:
+def test_chunks_outside_of_a_part_are_not_unpacked(run_file) -> None:
     data = bytearray(run_file.read_bytes())
-    chunks = [span for span in runs.record_spans(data) if span[0] == 6]
-    for number in (0, 5):
-        _, _, end = chunks[number]
+    chunks = spans_of(data, CHUNK)
+    for _, end in (chunks[0], chunks[5]):
         data[end - 5] ^= 0xFF
     run_file.write_bytes(data)
     with open_log(run_file) as log:
-        part = batches[2] + batches[3]
+        part = BATCHES[2] + BATCHES[3]
         times = {'start': part[0].log_time, 'end': part[-1].log_time}
         assert list(log.messages(**times)) == part
         assert log.latest({'/crank_angle': 5}, part[-1].log_time) == part[-6:-1]

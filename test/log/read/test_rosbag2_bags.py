@@ -4,8 +4,8 @@ from contextlib import closing
 from pathlib import Path
 import random
 import sqlite3
-from types import ModuleType
 
+from crank_runs import make_messages
 from db3_files import add, begin, FLOAT, HASH, make_db3, number, START, TABLES
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import latched_count, qos_from_yaml, qos_to_yaml
@@ -26,17 +26,17 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 
 @pytest.fixture(scope='module', params=KINDS, ids=NAMES)
-def bag(request, tmp_path_factory: pytest.TempPathFactory, sent):
+def bag(request, tmp_path_factory, sent):
     return write_bag(tmp_path_factory.mktemp('bags') / 'bag', sent, *request.param)
 
 
 @pytest.fixture(scope='module')
-def sent(runs: ModuleType):
+def sent():
     """Messages of two topics, some as large as several pages."""
-    large = runs.make_messages(40, '/large', 25_000_000)
+    large = make_messages(40, '/large', 25_000_000)
     for n, message in enumerate(large):
         message.data += bytes([n]) * (n * 1000)
-    messages = [*runs.make_messages(1000), *large]
+    messages = [*make_messages(1000), *large]
     return sorted(messages, key=lambda message: message.log_time)
 
 
@@ -71,9 +71,7 @@ def test_a_part_of_a_bag_is_read(bag, sent) -> None:
         ][-2:]
 
 
-def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(
-    bag, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(bag, tmp_path, capsys) -> None:
     before = digest(bag)
     assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0
     assert f'kept: {len(read_messages(bag))} messages in all' in capsys.readouterr().out
@@ -89,7 +87,7 @@ def test_a_file_of_a_bag_is_read_by_itself(bag) -> None:
     assert read_messages(path) == read_messages(bag)
 
 
-def test_metadata_that_forgot_the_compression_do_no_harm(sent, tmp_path: Path) -> None:
+def test_metadata_that_forgot_the_compression_do_no_harm(sent, tmp_path) -> None:
     """`ros2 bag reindex` writes such."""
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
     wanted = read_messages(bag)
@@ -99,7 +97,7 @@ def test_metadata_that_forgot_the_compression_do_no_harm(sent, tmp_path: Path) -
 
 
 @pytest.mark.parametrize('age', TABLES)
-def test_an_sqlite_file_of_any_age_is_read(age, tmp_path: Path) -> None:
+def test_an_sqlite_file_of_any_age_is_read(age, tmp_path) -> None:
     bag = make_db3(tmp_path / 'old_0.db3', age)
     assert read_messages(bag) == [
         ('/number', FLOAT, START + n * 10**6, number(n)) for n in range(100)
@@ -111,9 +109,7 @@ def test_an_sqlite_file_of_any_age_is_read(age, tmp_path: Path) -> None:
     assert topic.type_hash == (HASH if age == 'jazzy' else '')
 
 
-def test_a_recovery_says_whose_definitions_it_took(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recovery_says_whose_definitions_it_took(tmp_path, capsys) -> None:
     bag = make_db3(tmp_path / 'old_0.db3', 'foxy')
     assert recover([str(bag)]) == 0
     assert f'definitions of {FLOAT} are those installed here' in capsys.readouterr().out
@@ -121,7 +117,7 @@ def test_a_recovery_says_whose_definitions_it_took(
         assert run.topics[0].definition == definition(FLOAT)
 
 
-def test_policies_that_are_numbers_are_understood(tmp_path: Path) -> None:
+def test_policies_that_are_numbers_are_understood(tmp_path) -> None:
     """Until Iron they were those of rmw."""
     bag = make_db3(tmp_path / 'old_0.db3', 'foxy')
     words = qos_to_yaml(qos_from_yaml(''.join(_numbered_qos())))
@@ -144,7 +140,7 @@ def _numbered_qos():
     )
 
 
-def test_rows_that_stand_out_of_order_come_in_order(tmp_path: Path) -> None:
+def test_rows_that_stand_out_of_order_come_in_order(tmp_path) -> None:
     shuffled = random.Random(3).sample(range(5000), 5000)  # noqa: S311 - no secret
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as bag, bag:
         begin(bag)
@@ -155,7 +151,7 @@ def test_rows_that_stand_out_of_order_come_in_order(tmp_path: Path) -> None:
     ]
 
 
-def test_a_bag_whose_messages_were_deleted_in_part_is_whole(tmp_path: Path) -> None:
+def test_a_bag_whose_messages_were_deleted_in_part_is_whole(tmp_path) -> None:
     """Some people take a topic out of a bag like that."""
     bag = make_db3(tmp_path / 'x.db3', count=5000)
     with closing(sqlite3.connect(bag)) as file, file:
@@ -163,23 +159,21 @@ def test_a_bag_whose_messages_were_deleted_in_part_is_whole(tmp_path: Path) -> N
     assert len(read_messages(bag)) == 5000 // 3
 
 
-def test_an_empty_bag_has_its_topics(tmp_path: Path) -> None:
+def test_an_empty_bag_has_its_topics(tmp_path) -> None:
     with open_log(make_db3(tmp_path / 'x.db3', count=0)) as log:
         assert [topic.name for topic in log.topics] == ['/number']
         assert (list(log.messages()), list(log.blocks())) == ([], [])
         assert log.complete
 
 
-def test_what_rosbag2_says_of_a_bag_is_in_its_metadata(tmp_path: Path, sent) -> None:
+def test_what_rosbag2_says_of_a_bag_is_in_its_metadata(tmp_path, sent) -> None:
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.SQLITE3, CompressionMode.NONE)
     with open_log(bag) as log:
         (record,) = log.metadata['rosbag2']
     assert 'storage_identifier: sqlite3' in record['serialized_metadata']
 
 
-def test_nothing_that_was_unpacked_is_left(
-    sent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_that_was_unpacked_is_left(sent, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr('klann_ros.log.read.temporary._folder', lambda _: tmp_path)
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.MCAP, CompressionMode.FILE)
     with open_log(bag) as log:

@@ -1,13 +1,12 @@
 """Which files of a folder are a bag, and what is said of files that are none."""
 
 import os
-from pathlib import Path
 import shlex
 import shutil
 import subprocess
 import sys
-from types import ModuleType
 
+from crank_runs import make_messages
 from db3_files import make_db3
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
@@ -20,8 +19,8 @@ import zstandard
 
 
 @pytest.fixture
-def messages(runs: ModuleType):
-    return runs.make_messages(50)
+def messages():
+    return make_messages(50)
 
 
 def write_metadata(folder, **content):
@@ -38,7 +37,7 @@ def split(folder, names=('x_0.db3', 'x_1.db3', 'x_10.db3')):
 
 
 @pytest.mark.parametrize('with_metadata', [True, False])
-def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path: Path) -> None:
+def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path) -> None:
     bag = split(tmp_path / 'x')
     if with_metadata:
         write_metadata(bag, relative_file_paths=['x_0.db3', 'x_1.db3'])
@@ -51,14 +50,14 @@ def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path: Path) -> None
 
 @pytest.mark.parametrize('storage', StoragePlugin)
 @pytest.mark.parametrize('mode', MODES)
-def test_a_bag_without_metadata_is_whole(storage, mode, messages, tmp_path: Path) -> None:
+def test_a_bag_without_metadata_is_whole(storage, mode, messages, tmp_path) -> None:
     bag = write_bag(tmp_path / 'bag', messages, storage, mode)
     wanted = read_messages(bag)
     (bag / 'metadata.yaml').unlink()
     assert read_messages(bag) == wanted
 
 
-def test_of_two_storages_one_is_the_bag(messages, tmp_path: Path) -> None:
+def test_of_two_storages_one_is_the_bag(messages, tmp_path) -> None:
     """Somebody has converted it to where it was; each message counts once."""
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.NONE)
     (bag / 'metadata.yaml').unlink()
@@ -68,7 +67,7 @@ def test_of_two_storages_one_is_the_bag(messages, tmp_path: Path) -> None:
         assert 'x_0.db3 is left out: x.mcap beside it is of another storage' in log.problem
 
 
-def test_of_two_storages_the_metadata_tell_which_is_the_bag(messages, tmp_path: Path) -> None:
+def test_of_two_storages_the_metadata_tell_which_is_the_bag(messages, tmp_path) -> None:
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
     shutil.copy(bag / 'x.db3', tmp_path / 'kept.db3')
     (bag / 'x_0.mcap').write_bytes(b'')
@@ -78,7 +77,7 @@ def test_of_two_storages_the_metadata_tell_which_is_the_bag(messages, tmp_path: 
 
 
 @pytest.fixture
-def packed(messages, tmp_path: Path):
+def packed(messages, tmp_path):
     """Return a bag whose file is packed, and the same file unpacked."""
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.FILE)
     whole = zstandard.ZstdDecompressor().stream_reader((bag / 'x.mcap.zstd').read_bytes()).read()
@@ -111,7 +110,7 @@ def test_a_file_that_was_unpacked_since_is_found(packed) -> None:
 
 
 @pytest.mark.parametrize('suffix', ['.zstd', '.zst'])
-def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path: Path) -> None:
+def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path) -> None:
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
     wanted = read_messages(bag)
     (bag / f'x.db3{suffix}').write_bytes(zstandard.compress((bag / 'x.db3').read_bytes()))
@@ -131,7 +130,7 @@ def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path: Path)
         },
     ],
 )
-def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path: Path) -> None:
+def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path) -> None:
     bag = tmp_path / "somebody's bag"
     bag.mkdir()
     (bag / said['relative_file_paths'][0]).write_bytes(b'anything')
@@ -159,7 +158,7 @@ def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path: 
         ('Größe\n'.encode() * 200, 'text'),
     ],
 )
-def test_what_is_something_else_is_named(content, kind, tmp_path: Path) -> None:
+def test_what_is_something_else_is_named(content, kind, tmp_path) -> None:
     path = tmp_path / "a b's.bag"
     path.write_bytes(content)
     with pytest.raises(NotALogError, match=f'it is {kind}') as caught:
@@ -167,7 +166,7 @@ def test_what_is_something_else_is_named(content, kind, tmp_path: Path) -> None:
     assert '\n' not in str(caught.value)
 
 
-def test_the_command_for_a_ros_1_bag_is_one_that_a_shell_takes(tmp_path: Path) -> None:
+def test_the_command_for_a_ros_1_bag_is_one_that_a_shell_takes(tmp_path) -> None:
     path = tmp_path / "a b's.bag"
     path.write_bytes(b'#ROSBAG V2.0\n')
     with pytest.raises(NotALogError) as caught:
@@ -179,15 +178,13 @@ def test_the_command_for_a_ros_1_bag_is_one_that_a_shell_takes(tmp_path: Path) -
     ]
 
 
-def test_the_metadata_of_a_bag_are_not_the_bag(tmp_path: Path) -> None:
+def test_the_metadata_of_a_bag_are_not_the_bag(tmp_path) -> None:
     write_metadata(tmp_path)
     with pytest.raises(NotALogError, match=f'give the folder, {tmp_path}'):
         open_log(tmp_path / 'metadata.yaml')
 
 
-def test_a_damaged_mcap_file_that_begins_as_something_else_is_read(
-    messages, tmp_path: Path
-) -> None:
+def test_a_damaged_mcap_file_that_begins_as_something_else_is_read(messages, tmp_path) -> None:
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.NONE)
     path = bag / 'x.mcap'
     path.write_bytes(b'\x1f\x8b' + path.read_bytes()[2:])
@@ -198,11 +195,11 @@ def test_a_damaged_mcap_file_that_begins_as_something_else_is_read(
 @pytest.mark.parametrize(
     'name', ['walk_0.mcap', 'walk_0.db3', 'walk_0.mcap.zstd', 'walk_0.db3.zst', 'walk_0']
 )
-def test_a_file_is_recovered_to_a_run_of_its_name(name, tmp_path: Path) -> None:
+def test_a_file_is_recovered_to_a_run_of_its_name(name, tmp_path) -> None:
     assert default_output(tmp_path / name) == tmp_path / 'walk_0_recovered'
 
 
-def test_what_is_no_bag_of_sqlite_is_reported(tmp_path: Path) -> None:
+def test_what_is_no_bag_of_sqlite_is_reported(tmp_path) -> None:
     (tmp_path / 'empty.db3').touch()
     with pytest.raises(NotALogError, match=r"should be SQLite, rosbag2's \.db3, and is empty"):
         open_log(tmp_path / 'empty.db3')
@@ -222,7 +219,7 @@ sys.exit(main([sys.argv[1], '-o', sys.argv[2]]))
 """
 
 
-def test_a_python_without_sqlite_reads_all_else(messages, tmp_path: Path) -> None:
+def test_a_python_without_sqlite_reads_all_else(messages, tmp_path) -> None:
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
     codes, said = [], ''
     for storage in StoragePlugin:

@@ -1,12 +1,11 @@
 """Packed files and messages: as far as they are whole, bounded, and gone without a trace."""
 
 import os
-from pathlib import Path
 import signal
 import subprocess
 import sys
-from types import ModuleType
 
+from crank_runs import make_messages
 from db3_files import make_db3
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.read import compressed, temporary
@@ -21,9 +20,9 @@ MB = 2**20
 
 
 @pytest.fixture
-def file(tmp_path: Path, runs: ModuleType):
+def file(tmp_path):
     """Return an MCAP file that is not packed, of some megabytes."""
-    messages = runs.make_messages(200)
+    messages = make_messages(200)
     for message in messages:
         message.data += os.urandom(20_000)
     bag = write_bag(tmp_path / 'bag', messages, StoragePlugin.MCAP, CompressionMode.NONE)
@@ -38,9 +37,7 @@ def pack(file, data, **options):
 
 
 @pytest.mark.parametrize('part', [0.2, 0.6, 0.99])
-def test_of_a_packed_file_that_is_cut_off_what_is_there_is_read(
-    part, file, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_of_a_packed_file_that_is_cut_off_what_is_there_is_read(part, file, capsys) -> None:
     packed = pack(file, file.read_bytes())
     os.truncate(packed, int(part * packed.stat().st_size))
     with open_log(packed) as log:
@@ -92,9 +89,7 @@ def test_a_packed_file_of_something_else_is_refused(content, file) -> None:
         open_log(pack(file, content))
 
 
-def test_a_file_unpacks_to_no_more_than_its_size_allows(
-    file, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch) -> None:
     monkeypatch.setattr(compressed, 'MIN_FILE_LIMIT', 8 * MB)
     packed = pack(file, file.read_bytes() + bytes(400 * MB))
     with pytest.raises(NotALogError, match='unpack it by `zstd -d` first') as caught:
@@ -102,7 +97,7 @@ def test_a_file_unpacks_to_no_more_than_its_size_allows(
     assert '\n' not in str(caught.value)
 
 
-def test_where_there_is_no_room_nothing_is_written(file, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_there_is_no_room_nothing_is_written(file, monkeypatch) -> None:
     packed = pack(file, file.read_bytes())
     monkeypatch.setattr(temporary, '_MIN_FREE', 2**60)
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
@@ -134,7 +129,7 @@ def hold(path, place, what='stay'):
     return process
 
 
-def test_what_a_killed_process_unpacked_goes_with_the_next_one(file, tmp_path: Path) -> None:
+def test_what_a_killed_process_unpacked_goes_with_the_next_one(file, tmp_path) -> None:
     packed = pack(file, file.read_bytes())
     place = tmp_path / 'temporary'
     place.mkdir()
@@ -158,9 +153,9 @@ def test_what_a_killed_process_unpacked_goes_with_the_next_one(file, tmp_path: P
 
 
 def test_messages_that_cannot_be_unpacked_are_counted_and_the_others_read(
-    tmp_path: Path, runs: ModuleType, capsys: pytest.CaptureFixture[str]
+    tmp_path, capsys
 ) -> None:
-    messages = runs.make_messages(100)
+    messages = make_messages(100)
     bag = write_bag(tmp_path / 'bag', messages, StoragePlugin.MCAP, CompressionMode.MESSAGE)
     (path,) = bag.glob('*.mcap')
     data = bytearray(path.read_bytes())
@@ -181,8 +176,8 @@ def test_messages_that_cannot_be_unpacked_are_counted_and_the_others_read(
     assert '3 messages of /crank_angle cannot be unpacked' in capsys.readouterr().out
 
 
-def test_a_message_is_not_believed_how_large_it_becomes(tmp_path: Path, runs: ModuleType) -> None:
-    messages = runs.make_messages(3)
+def test_a_message_is_not_believed_how_large_it_becomes(tmp_path) -> None:
+    messages = make_messages(3)
     # A frame of one segment, of 2^40 bytes as it says.
     messages[1].data = bytes.fromhex('28b52ffd') + b'\xe0' + (2**40).to_bytes(8, 'little')
     messages[1].data += b'\1\0\0'
@@ -193,9 +188,9 @@ def test_a_message_is_not_believed_how_large_it_becomes(tmp_path: Path, runs: Mo
         assert 'refused: 1099512 MB unpacked, above the limit of' in log.problem
 
 
-def test_only_what_is_cdr_is_unpacked(tmp_path: Path, runs: ModuleType) -> None:
+def test_only_what_is_cdr_is_unpacked(tmp_path) -> None:
     """A camera's own format may be zstd by itself."""
-    messages = runs.make_messages(3)
+    messages = make_messages(3)
     for message in messages:
         message.data = zstandard.compress(message.data)
     bag = write_bag(tmp_path / 'bag', messages, StoragePlugin.MCAP, CompressionMode.NONE)

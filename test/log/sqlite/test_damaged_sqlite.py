@@ -3,11 +3,10 @@
 from contextlib import closing, redirect_stderr, redirect_stdout
 import io
 import os
-from pathlib import Path
 import random
 import sqlite3
-from types import ModuleType
 
+from crank_runs import make_messages
 from db3_files import add, begin, make_db3, number
 from fuzzing.damages import damage
 from klann_ros.log.errors import NotALogError
@@ -22,7 +21,7 @@ PAGE = 4096
 
 
 @pytest.fixture
-def bag(tmp_path: Path):
+def bag(tmp_path):
     """Return a file of some hundred pages, each message of which is on one."""
     return make_db3(tmp_path / 'x_0.db3', count=2000, size=150)
 
@@ -113,7 +112,7 @@ def _commit_partly(bag):
 )
 @pytest.mark.parametrize('command', [recover, review])
 def test_a_file_that_sqlite_refuses_is_refused_with_its_own_recover(
-    command, corrupt, bag, capsys: pytest.CaptureFixture[str]
+    command, corrupt, bag, capsys
 ) -> None:
     corrupt(bag)
     assert command([str(bag)]) == 2
@@ -138,7 +137,7 @@ STRANGE = {
 
 
 @pytest.mark.parametrize('kind', STRANGE)
-def test_what_only_looks_like_a_bag_is_reported_and_not_asked(kind, tmp_path: Path) -> None:
+def test_what_only_looks_like_a_bag_is_reported_and_not_asked(kind, tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         begin(file, 'foxy', STRANGE[kind])
     with pytest.raises(NotALogError, match='it is SQLite, but no bag') as caught:
@@ -146,9 +145,7 @@ def test_what_only_looks_like_a_bag_is_reported_and_not_asked(kind, tmp_path: Pa
     assert '\n' not in str(caught.value)
 
 
-def test_rows_that_hold_no_message_are_counted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rows_that_hold_no_message_are_counted(tmp_path, capsys) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         begin(file)
         rows = [(1, 1, b'0001'), (1, 2, 'text'), ('x', 3, b'0'), (1, 'x', b'0'), (1, -7, b'0')]
@@ -165,7 +162,7 @@ def test_rows_that_hold_no_message_are_counted(
     assert [data for *_, data in found] == [b'0001', b'0002', b'0003', b'0004']
 
 
-def test_names_of_strangers_are_reported_in_one_line(tmp_path: Path) -> None:
+def test_names_of_strangers_are_reported_in_one_line(tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         file.execute('CREATE TABLE "a\x1b[31m\n\u202e"(b)')
     with pytest.raises(NotALogError, match='no bag') as caught:
@@ -174,11 +171,11 @@ def test_names_of_strangers_are_reported_in_one_line(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope='module')
-def samples(tmp_path_factory: pytest.TempPathFactory, runs: ModuleType):
+def samples(tmp_path_factory):
     """Return bags of SQLite, plain and packed, small, and the number of their messages."""
     place = tmp_path_factory.mktemp('samples')
     messages = sorted(
-        [*runs.make_messages(300), *runs.make_messages(60, '/point_h', 5_000_000)],
+        [*make_messages(300), *make_messages(60, '/point_h', 5_000_000)],
         key=lambda message: message.log_time,
     )
     for n, message in enumerate(messages[::40]):
@@ -196,9 +193,7 @@ def run(main, *arguments):
 
 
 @pytest.mark.parametrize('seed', range(30))
-def test_any_damage_is_reported_and_leaves_the_file_as_it_is(
-    seed, samples, tmp_path: Path
-) -> None:
+def test_any_damage_is_reported_and_leaves_the_file_as_it_is(seed, samples, tmp_path) -> None:
     bags, count = samples
     source = bags[seed % 3]
     bag = tmp_path / 'bag'
@@ -222,7 +217,7 @@ def test_any_damage_is_reported_and_leaves_the_file_as_it_is(
     assert digest(bag) == before
 
 
-def test_500_mutations_of_pages_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+def test_500_mutations_of_pages_are_read_or_refused_in_one_line(tmp_path) -> None:
     path = make_db3(tmp_path / 'x.db3', count=400, size=150)
     original = path.read_bytes()
     outcomes = set()

@@ -1,7 +1,6 @@
 """What a recorder that was killed has left in SQLite files, and beside them, is read."""
 
 from contextlib import closing
-from pathlib import Path
 import shutil
 import sqlite3
 import struct
@@ -52,9 +51,7 @@ def kill_a_writer(bag, mode, batch, count=3000):
 
 
 @pytest.mark.parametrize('mode', ['WAL', 'DELETE'])
-def test_all_that_a_killed_recorder_committed_is_read(
-    mode, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_that_a_killed_recorder_committed_is_read(mode, tmp_path, capsys) -> None:
     bag = kill_a_writer(tmp_path / 'bag', mode, COMMITTED)
     before = digest(bag)
     with open_log(bag) as log:
@@ -66,7 +63,7 @@ def test_all_that_a_killed_recorder_committed_is_read(
     assert digest(bag) == before
 
 
-def test_pages_that_were_not_committed_are_reported(tmp_path: Path) -> None:
+def test_pages_that_were_not_committed_are_reported(tmp_path) -> None:
     """Without a journal on the disk SQLite takes them back without a word."""
     path = make_db3(tmp_path / 'x_0.db3', count=1000)
     with path.open('ab') as file:
@@ -76,7 +73,7 @@ def test_pages_that_were_not_committed_are_reported(tmp_path: Path) -> None:
         assert '3 pages behind its last commit are left out' in log.problem
 
 
-def test_the_log_beside_a_file_is_not_forgotten(tmp_path: Path) -> None:
+def test_the_log_beside_a_file_is_not_forgotten(tmp_path) -> None:
     """An immutable file has none, says SQLite; that loses messages without a word."""
     bag = kill_a_writer(tmp_path / 'bag', 'WAL', COMMITTED)
     with closing(sqlite3.connect(f'file:{bag}/x_0.db3?immutable=1', uri=True)) as file:
@@ -86,14 +83,14 @@ def test_the_log_beside_a_file_is_not_forgotten(tmp_path: Path) -> None:
         assert sum(1 for _ in log.messages()) > there
 
 
-def test_a_file_whose_log_was_left_behind_says_so(tmp_path: Path) -> None:
+def test_a_file_whose_log_was_left_behind_says_so(tmp_path) -> None:
     bag = kill_a_writer(tmp_path / 'bag', 'WAL', NOT_AT_ALL, 1000)
     shutil.copy(bag / 'x_0.db3', tmp_path / 'x_0.db3')
     with pytest.raises(NotALogError, match=r'no table in it.*x_0\.db3-wal, which belongs beside'):
         open_log(tmp_path / 'x_0.db3')
 
 
-def test_a_journal_that_is_done_with_is_no_sign_of_a_kill(tmp_path: Path) -> None:
+def test_a_journal_that_is_done_with_is_no_sign_of_a_kill(tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3', isolation_level=None)) as bag:
         bag.execute('PRAGMA journal_mode = PERSIST')
         begin(bag)
@@ -102,7 +99,7 @@ def test_a_journal_that_is_done_with_is_no_sign_of_a_kill(tmp_path: Path) -> Non
     assert len(read_messages(tmp_path / 'x.db3')) == 10
 
 
-def test_a_journal_cannot_have_a_file_deleted(tmp_path: Path) -> None:
+def test_a_journal_cannot_have_a_file_deleted(tmp_path) -> None:
     """What a journal of several files names is deleted by SQLite, once it is rolled back."""
     bag = kill_a_writer(tmp_path / 'bag', 'DELETE', NOT_AT_ALL)
     victim = tmp_path / 'precious'
@@ -135,7 +132,7 @@ def _sum(data, s0, s1):
     return s0, s1
 
 
-def test_a_log_that_claims_a_huge_file_is_of_no_use(tmp_path: Path) -> None:
+def test_a_log_that_claims_a_huge_file_is_of_no_use(tmp_path) -> None:
     bag = make_db3(tmp_path / 'x.db3')
     frame = (2**31, 2**31, bytes(4096))
     (tmp_path / 'x.db3-wal').write_bytes(_wal(4096, [frame]))
@@ -146,7 +143,7 @@ def test_a_log_that_claims_a_huge_file_is_of_no_use(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('content', [b'', b'\x37\x7f\x06\x82' + bytes(100), b'nothing' * 100])
 @pytest.mark.parametrize('suffix', ['-wal', '-journal'])
-def test_anything_may_lie_beside_a_file(content, suffix, tmp_path: Path) -> None:
+def test_anything_may_lie_beside_a_file(content, suffix, tmp_path) -> None:
     bag = make_db3(tmp_path / 'x.db3')
     (tmp_path / f'x.db3{suffix}').write_bytes(content)
     with open_log(bag) as log:

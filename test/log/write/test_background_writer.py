@@ -5,8 +5,8 @@ import itertools
 import os
 from pathlib import Path
 import threading
-from types import ModuleType
 
+from crank_runs import make_messages
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.reader import open_log
 from klann_ros.log.write import background_writer
@@ -63,15 +63,13 @@ def dropped(background, topic):
     return background.counters.counts()[topic].dropped
 
 
-def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(
-    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(tmp_path, monkeypatch) -> None:
     writer, slow = slow_run(tmp_path / 'run', monkeypatch)
-    size = len(runs.make_messages(1)[0].data) + MESSAGE_OVERHEAD
+    size = len(make_messages(1)[0].data) + MESSAGE_OVERHEAD
     background = BackgroundWriter(
         writer, flush_period=0.02, on_failure=lambda: None, capacity=3000 * size
     )
-    one, two = (runs.make_messages(8000, name) for name in ('/one', '/two'))
+    one, two = (make_messages(8000, name) for name in ('/one', '/two'))
     for pair in zip(one, two, strict=True):
         for message in pair:
             background.put(message)
@@ -93,14 +91,14 @@ def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(
 @settings(max_examples=20)
 @given(capacity=st.integers(1, 100), counts=st.lists(st.integers(0, 60), min_size=1, max_size=8))
 def test_nothing_that_is_put_is_neither_written_nor_counted(
-    tmp_path_factory: pytest.TempPathFactory, runs: ModuleType, capacity, counts
+    tmp_path_factory, capacity, counts
 ) -> None:
     writer = RunWriter(tmp_path_factory.mktemp('put') / 'run')
     background = BackgroundWriter(
         writer, flush_period=0.01, on_failure=lambda: None, capacity=capacity * MESSAGE_OVERHEAD
     )
     for number, count in enumerate(counts):
-        for message in runs.make_messages(count, f'/topic_{number}'):
+        for message in make_messages(count, f'/topic_{number}'):
             background.put(message)
     assert background.close() is None
     with open_log(writer.path) as log:
@@ -109,20 +107,20 @@ def test_nothing_that_is_put_is_neither_written_nor_counted(
             assert written + dropped(background, f'/topic_{number}') == count
 
 
-def test_a_message_larger_than_the_queue_is_written(tmp_path: Path, runs: ModuleType) -> None:
+def test_a_message_larger_than_the_queue_is_written(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(
         writer, flush_period=0.01, on_failure=lambda: None, capacity=1000
     )
-    background.put(replace(runs.make_messages(1)[0], data=bytes(100_000)))
+    background.put(replace(make_messages(1)[0], data=bytes(100_000)))
     assert background.close() is None
     assert writer.counts == {'/crank_angle': 1}
 
 
-def test_what_does_not_fit_into_the_format_is_counted(tmp_path: Path, runs: ModuleType) -> None:
+def test_what_does_not_fit_into_the_format_is_counted(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
-    good, bad = runs.make_messages(2)
+    good, bad = make_messages(2)
     background.put(good)
     background.put(replace(bad, log_time=2**64))
     assert background.close() is None
@@ -130,13 +128,11 @@ def test_what_does_not_fit_into_the_format_is_counted(tmp_path: Path, runs: Modu
     assert dropped(background, '/crank_angle') == 1
 
 
-def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(
-    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(tmp_path, monkeypatch) -> None:
     failed = threading.Event()
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=failed.set)
-    for message in runs.make_messages(500):
+    for message in make_messages(500):
         background.put(message)
     while writer.file_is_empty:
         failed.wait(0.01)
@@ -148,7 +144,7 @@ def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(
         raise OSError(5, 'Input/output error')
 
     monkeypatch.setattr('klann_ros.log.write.durable_file.os.write', refuse)
-    for message in runs.make_messages(300):
+    for message in make_messages(300):
         background.put(message)
     assert failed.wait(5.0)
     monkeypatch.undo()
@@ -166,14 +162,14 @@ def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(
     chunk_size=st.sampled_from([100, 1024 * 1024]),
 )
 def test_whatever_a_failure_interrupts_is_counted(
-    tmp_path_factory: pytest.TempPathFactory, runs: ModuleType, numbers, is_split, chunk_size
+    tmp_path_factory, numbers, is_split, chunk_size
 ) -> None:
     """A message in hand, a chunk in progress, what waits, what a split has put aside."""
     waits, before, later = numbers
     folder = tmp_path_factory.mktemp('put') / 'run'
     writer = RunWriter(folder, chunk_size=chunk_size, compression='none')
     messages = [
-        replace(message, data=bytes(20_000)) for message in runs.make_messages(before + 2 * later)
+        replace(message, data=bytes(20_000)) for message in make_messages(before + 2 * later)
     ]
     settled, put = threading.Event(), []
     writes, write = itertools.count(), os.write

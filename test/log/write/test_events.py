@@ -65,7 +65,7 @@ class Clock:
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock(monkeypatch) -> Clock:
     made = Clock()
     monkeypatch.setattr('klann_ros.log.write.event_session.monotonic', made)
     return made
@@ -114,7 +114,7 @@ class Stage:
 
 
 @pytest.fixture
-def stage(tmp_path: Path, clock: Clock) -> Iterator[Stage]:
+def stage(tmp_path, clock: Clock) -> Iterator[Stage]:
     made = Stage(tmp_path, clock, EventSettings(3.0, 2.0, 10_000_000))
     yield made
     made.session.finish()

@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
     ],
 )
 def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
-    tmp_path: Path, compression, least, reason
+    tmp_path, compression, least, reason
 ) -> None:
     disk = tmp_path / 'disk'
     disk.mkdir()
@@ -59,7 +59,7 @@ def taken(reserve):
     return os.fstat(reserve._descriptor).st_blocks * 512
 
 
-def test_a_reserve_takes_space_until_it_is_given_up(tmp_path: Path) -> None:
+def test_a_reserve_takes_space_until_it_is_given_up(tmp_path) -> None:
     reserve = DiskReserve(tmp_path)
     assert taken(reserve) >= RESERVE_SIZE
     reserve.grow(1_000_000)
@@ -73,13 +73,13 @@ def test_a_reserve_takes_space_until_it_is_given_up(tmp_path: Path) -> None:
     assert not reserve.release_if_full(OSError(28, 'No space left on device'))
 
 
-def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path: Path) -> None:
+def test_a_reserve_has_no_name_that_a_kill_could_leave_or_a_user_remove(tmp_path) -> None:
     with RunWriter(tmp_path / 'run', reserve=True) as writer:
         assert taken(writer._folder.reserve) >= RESERVE_SIZE
         assert {path.name for path in writer.path.iterdir()} == {'run_0.mcap', 'metadata.yaml'}
 
 
-def test_too_little_space_is_reported_with_both_numbers(tmp_path: Path) -> None:
+def test_too_little_space_is_reported_with_both_numbers(tmp_path) -> None:
     free = free_space(tmp_path / 'not' / 'there' / 'yet')
     check_free_space(tmp_path, 0)
     check_free_space(tmp_path, free // 2)

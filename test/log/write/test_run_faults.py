@@ -7,8 +7,8 @@ from pathlib import Path
 import re
 import shutil
 import tempfile
-from types import ModuleType
 
+from crank_runs import make_messages
 from disk_scripts import can_mount, run_script, UNSHARE
 from klann_ros.log.errors import RunIncompleteError, RunLostError
 from klann_ros.log.reader import open_log
@@ -24,8 +24,8 @@ HERE = Path(__file__).parent
 
 
 @pytest.fixture
-def run(runs: ModuleType, tmp_path: Path):
-    return Run(runs, tmp_path / 'run')
+def run(tmp_path):
+    return Run(tmp_path / 'run')
 
 
 @pytest.mark.parametrize('name', CHANGES)
@@ -73,7 +73,7 @@ def test_a_lost_finished_file_costs_its_messages(run, name) -> None:
     ]
 
 
-def test_the_rest_of_a_truncated_file_is_recovered(run, tmp_path: Path) -> None:
+def test_the_rest_of_a_truncated_file_is_recovered(run, tmp_path) -> None:
     run.write(10)
     size = run.file().stat().st_size
     run.write(10)
@@ -89,9 +89,7 @@ def test_the_rest_of_a_truncated_file_is_recovered(run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('end', [RunWriter.close, RunWriter.split])
-def test_a_file_truncated_while_its_end_is_written_is_not_claimed(
-    run, monkeypatch: pytest.MonkeyPatch, end
-) -> None:
+def test_a_file_truncated_while_its_end_is_written_is_not_claimed(run, monkeypatch, end) -> None:
     finish = McapFile.finish
 
     def truncate_and_finish(file):
@@ -109,9 +107,7 @@ def test_a_file_truncated_while_its_end_is_written_is_not_claimed(
     assert run.counts() == (0, 10)
 
 
-def test_a_message_is_counted_once_after_a_disk_error_and_a_removal(
-    run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_message_is_counted_once_after_a_disk_error_and_a_removal(run, monkeypatch) -> None:
     def refuse(*_):
         raise OSError(errno.EIO, 'Input/output error')
 
@@ -152,7 +148,7 @@ def test_a_foreign_file_with_the_next_name_is_not_overwritten(run) -> None:
     assert run.close() == (20, 0)
 
 
-def test_links_and_restored_copies_are_no_faults(run, tmp_path: Path) -> None:
+def test_links_and_restored_copies_are_no_faults(run, tmp_path) -> None:
     run.write(10)
     os.link(run.file(), tmp_path / 'backup.mcap')
     run.file().rename(tmp_path / 'elsewhere.mcap')
@@ -165,18 +161,16 @@ def test_links_and_restored_copies_are_no_faults(run, tmp_path: Path) -> None:
     assert run.close() == (30, 0)
 
 
-def test_a_disk_that_reports_no_sizes_of_open_files_is_not_checked(
-    runs: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_reports_no_sizes_of_open_files_is_not_checked(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(DurableFile, 'find_fault', lambda _: FileFault.CHANGED)
-    run = Run(runs, tmp_path / 'run')
+    run = Run(tmp_path / 'run')
     run.write(10).writer.split()
     run.write(10)
     assert run.close() == (20, 0)
 
 
 @pytest.mark.parametrize('is_moved', [True, False])
-def test_a_removed_or_renamed_folder_is_created_again(run, tmp_path: Path, is_moved) -> None:
+def test_a_removed_or_renamed_folder_is_created_again(run, tmp_path, is_moved) -> None:
     run.writer.add_metadata('solver', {'tolerance': '1e-12'}, in_every_file=True)
     run.writer.attach('leg.yaml', 'text/yaml', b'l_ab: 0.12', 1, in_every_file=True)
     run.write(10).writer.split()
@@ -207,10 +201,8 @@ def test_a_removed_or_renamed_folder_is_created_again(run, tmp_path: Path, is_mo
         (lambda path: path.parent.rmdir(), 'no new file: No such file or directory'),
     ],
 )
-def test_the_run_ends_where_its_folder_cannot_be_created_again(
-    runs: ModuleType, tmp_path: Path, make, reason
-) -> None:
-    run = Run(runs, tmp_path / 'parent' / 'run')
+def test_the_run_ends_where_its_folder_cannot_be_created_again(tmp_path, make, reason) -> None:
+    run = Run(tmp_path / 'parent' / 'run')
     run.write(10).writer.split()
     run.write(10)
     shutil.rmtree(run.folder)
@@ -264,9 +256,7 @@ def test_files_without_read_permission_are_not_called_lost() -> None:
     assert len(errors) == 2  # and the error of closing
 
 
-def test_a_run_on_an_unmounted_disk_is_whole_there_and_continues_elsewhere(
-    tmp_path: Path,
-) -> None:
+def test_a_run_on_an_unmounted_disk_is_whole_there_and_continues_elsewhere(tmp_path) -> None:
     if not can_mount(tmp_path):
         pytest.skip('this machine cannot mount a tmpfs in a user namespace')
     on_disk, elsewhere, counts, errors = run_script(
@@ -278,12 +268,12 @@ def test_a_run_on_an_unmounted_disk_is_whole_there_and_continues_elsewhere(
     assert len(errors) == 2
 
 
-def test_a_with_block_raises_an_incomplete_run(runs: ModuleType, tmp_path: Path) -> None:
+def test_a_with_block_raises_an_incomplete_run(tmp_path) -> None:
     incomplete = pytest.raises(
         RunIncompleteError, match=r'run is incomplete: run_0\.mcap was removed'
     )
     with incomplete, RunWriter(tmp_path / 'run') as writer:
-        for message in runs.make_messages(5):
+        for message in make_messages(5):
             writer.write(message)
         writer.file.path.unlink()
     with pytest.raises(RunIncompleteError) as error, RunWriter(tmp_path / 'other') as writer:
@@ -294,11 +284,7 @@ def test_a_with_block_raises_an_incomplete_run(runs: ModuleType, tmp_path: Path)
 
 @pytest.mark.parametrize('moment', ['begin', 'end'])
 def test_a_recovery_reports_the_loss_of_its_output(
-    run_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    moment,
+    run_file, tmp_path, monkeypatch, capsys, moment
 ) -> None:
     output = tmp_path / 'again'
     method = RunWriter.attach if moment == 'begin' else RunWriter.close
@@ -316,9 +302,7 @@ def test_a_recovery_reports_the_loss_of_its_output(
     assert not output.exists()
 
 
-def test_a_failed_recovery_removes_no_foreign_folder(
-    run_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_recovery_removes_no_foreign_folder(run_file, tmp_path, monkeypatch) -> None:
     output = tmp_path / 'again'
     attach = RunWriter.attach
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import sys
 from threading import Event
 from time import monotonic, sleep, time_ns
-from types import ModuleType
 
+from crank_runs import BATCHES, make_messages, MESSAGES
 from klann_ros.log import write
 from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message
 from klann_ros.log.write import background_writer
 from klann_ros.log.write.background_writer import BackgroundWriter, SplitLimits
 from klann_ros.log.write.writer import RunWriter
@@ -39,20 +38,18 @@ def information(run):
     return yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
-def test_a_run_of_several_files_is_read_as_one(
-    tmp_path: Path, runs: ModuleType, batches: list[list[Message]]
-) -> None:
-    run = written_in(tmp_path / 'run', batches)
+def test_a_run_of_several_files_is_read_as_one(tmp_path) -> None:
+    run = written_in(tmp_path / 'run', BATCHES)
     with open_log(run) as log:
         assert [path.name for path in log.paths] == [f'run_{n}.mcap' for n in range(6)]
-        assert list(log.messages()) == runs.joined(batches)
+        assert list(log.messages()) == MESSAGES
         assert log.complete, log.problem
     with AnyReader([run]) as reader:
         assert reader.message_count == 240
 
 
-def test_metadata_yaml_counts_every_file(tmp_path: Path, batches: list[list[Message]]) -> None:
-    about = information(written_in(tmp_path / 'run', batches))
+def test_metadata_yaml_counts_every_file(tmp_path) -> None:
+    about = information(written_in(tmp_path / 'run', BATCHES))
     assert about['relative_file_paths'] == [f'run_{n}.mcap' for n in range(6)]
     assert [file['message_count'] for file in about['files']] == [40] * 6
     assert about['message_count'] == 240
@@ -60,33 +57,27 @@ def test_metadata_yaml_counts_every_file(tmp_path: Path, batches: list[list[Mess
     assert topic['message_count'] == 240
 
 
-def test_every_file_explains_itself_and_the_run_says_it_once(
-    tmp_path: Path, batches: list[list[Message]]
-) -> None:
-    run = written_in(tmp_path / 'run', batches)
+def test_every_file_explains_itself_and_the_run_says_it_once(tmp_path) -> None:
+    run = written_in(tmp_path / 'run', BATCHES)
     for path in (*run.glob('*.mcap'), run):
         with open_log(path) as log:
             assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
             assert [attachment.data for attachment in log.attachments] == [b'l_ab: 0.12']
 
 
-def test_metadata_yaml_names_every_file_while_it_is_written(
-    tmp_path: Path, batches: list[list[Message]]
-) -> None:
+def test_metadata_yaml_names_every_file_while_it_is_written(tmp_path) -> None:
     with RunWriter(tmp_path / 'run') as writer:
-        writer.write(batches[0][0])
+        writer.write(BATCHES[0][0])
         writer.split()
         about = information(writer.path)
         assert about['relative_file_paths'] == ['run_0.mcap', 'run_1.mcap']
         assert writer.next_name == 'run_2.mcap'
 
 
-def test_a_file_without_a_message_is_not_split(
-    tmp_path: Path, batches: list[list[Message]]
-) -> None:
+def test_a_file_without_a_message_is_not_split(tmp_path) -> None:
     with RunWriter(tmp_path / 'run') as writer:
         writer.split()
-        writer.write(batches[0][0])
+        writer.write(BATCHES[0][0])
         writer.split()
         writer.split()
     assert sorted(path.name for path in writer.path.glob('*.mcap')) == ['run_0.mcap', 'run_1.mcap']
@@ -100,11 +91,9 @@ def test_limits_are_of_size_and_time() -> None:
     assert SplitLimits(size=1001, duration=2.0).are_reached(*file)
 
 
-def test_the_files_of_a_split_run_follow_each_other_in_time(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path) -> None:
     # Two topics are taken one after the other, so the second one's messages come late.
-    one, two = (runs.make_messages(1, name)[0] for name in ('/one', '/two'))
+    one, two = (make_messages(1, name)[0] for name in ('/one', '/two'))
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.02, on_failure=lambda: None)
     for k in range(20):
@@ -126,22 +115,20 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(
     assert writer.counts == {'/one': 200, '/two': 200}
 
 
-def test_a_split_keeps_the_order(
-    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
     """What is received while it settles is written in the order in which it came."""
     settled = Event()
 
     def settle(seconds: float) -> None:
         if seconds == background_writer.REORDER_DELAY:
-            for message in runs.make_messages(20):
+            for message in make_messages(20):
                 background.put(replace(message, log_time=2**62))
             settled.set()
 
     monkeypatch.setattr(background_writer, 'sleep', settle)
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
-    background.put(runs.make_messages(1)[0])
+    background.put(make_messages(1)[0])
     while writer.file_is_empty:
         sleep(0.01)
     background.split()
@@ -152,9 +139,7 @@ def test_a_split_keeps_the_order(
         assert [message.sequence for *_, message in found] == [*range(1, 21)]
 
 
-def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(
-    tmp_path: Path, batches: list[list[Message]]
-) -> None:
+def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(tmp_path) -> None:
     seen = []
 
     def look(frame, *_):
@@ -164,7 +149,7 @@ def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(
         return None
 
     with RunWriter(tmp_path / 'run') as writer:
-        for message in batches[0][:5]:
+        for message in BATCHES[0][:5]:
             writer.write(message)
         before = sys.gettrace()
         # Another thread may come between any two lines.
@@ -178,15 +163,13 @@ def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(
 
 
 @pytest.mark.parametrize('hours', [-1, 1])
-def test_a_clock_that_is_set_costs_a_split_and_no_message(
-    tmp_path: Path, runs: ModuleType, hours
-) -> None:
+def test_a_clock_that_is_set_costs_a_split_and_no_message(tmp_path, hours) -> None:
     writer = RunWriter(tmp_path / 'run')
     limits = SplitLimits(duration=600.0)
     background = BackgroundWriter(
         writer, flush_period=0.01, on_failure=lambda: None, limits=limits
     )
-    for number, message in enumerate(runs.make_messages(200)):
+    for number, message in enumerate(make_messages(200)):
         shift = hours * 3_600_000_000_000 if number >= 100 else 0
         background.put(replace(message, log_time=message.log_time + shift))
         if number % 10 == 0:

@@ -1,9 +1,8 @@
 """Runs that a crash left unfinished."""
 
 import os
-from pathlib import Path
-from types import ModuleType
 
+from crank_runs import make_messages, write_run
 from klann_ros.log.errors import RunIncompleteError
 from klann_ros.log.write.run_folder import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
@@ -16,15 +15,13 @@ def leave(run):
     path.write_bytes(path.read_bytes()[:-30])
 
 
-def test_a_run_that_was_left_is_named_and_one_in_hand_is_not(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_a_run_that_was_left_is_named_and_one_in_hand_is_not(tmp_path) -> None:
     left, whole, in_hand, recovered = (tmp_path / name for name in ('a', 'b', 'c', 'd'))
     for folder in (left, whole, recovered):
-        runs.write_run(folder, [runs.make_messages(5)])
+        write_run(folder, [make_messages(5)])
     for folder in (left, recovered):
         leave(folder)
-    runs.write_run(tmp_path / 'd_recovered', [])
+    write_run(tmp_path / 'd_recovered', [])
     (tmp_path / 'other').mkdir()
     (tmp_path / 'other' / 'x.mcap').write_text('no log')
     writer = RunWriter(in_hand)
@@ -34,29 +31,25 @@ def test_a_run_that_was_left_is_named_and_one_in_hand_is_not(
     assert unfinished_runs(tmp_path / 'nowhere') == []
 
 
-def test_a_run_in_hand_is_not_left_whatever_became_of_its_earlier_files(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_a_run_in_hand_is_not_left_whatever_became_of_its_earlier_files(tmp_path) -> None:
     with pytest.raises(RunIncompleteError), RunWriter(tmp_path / 'run') as writer:
-        writer.write(runs.make_messages(1)[0])
+        writer.write(make_messages(1)[0])
         writer.split()
         (writer.path / 'run_0.mcap').write_bytes(b'')
         assert unfinished_runs(tmp_path) == []
     assert unfinished_runs(tmp_path) == [tmp_path / 'run']
 
 
-def test_what_is_no_plain_file_holds_nobody_up_and_hides_nothing(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_what_is_no_plain_file_holds_nobody_up_and_hides_nothing(tmp_path) -> None:
     left = tmp_path / 'left'
-    runs.write_run(left, [runs.make_messages(5)])
+    write_run(left, [make_messages(5)])
     leave(left)
     os.mkfifo(left / 'a.mcap')
     (left / 'b.mcap').mkdir()
     (left / '.copy.mcap').write_bytes(b'')
     (left / 'c.mcap').symlink_to('c.mcap')
     whole = tmp_path / 'whole'
-    runs.write_run(whole, [])
+    write_run(whole, [])
     os.mkfifo(whole / 'a.mcap')
     (whole / '.copy.mcap').write_bytes(b'')
     assert unfinished_runs(tmp_path) == [left]

@@ -8,8 +8,8 @@ import signal
 import subprocess
 import sys
 import textwrap
-from types import ModuleType
 
+from crank_runs import make_messages
 from klann_ros.log.errors import (
     MalformedQosError,
     RunClosedError,
@@ -25,7 +25,7 @@ import yaml
 ROOT = Path(__file__).parents[3]
 
 
-def test_header_and_metadata_yaml_are_on_the_disk_at_once(tmp_path: Path) -> None:
+def test_header_and_metadata_yaml_are_on_the_disk_at_once(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'deep' / 'run')
     try:
         assert writer.path == tmp_path / 'deep' / 'run'
@@ -46,7 +46,7 @@ THINGS = {
 
 
 @pytest.mark.parametrize('kind', THINGS)
-def test_what_exists_is_not_overwritten(tmp_path: Path, kind) -> None:
+def test_what_exists_is_not_overwritten(tmp_path, kind) -> None:
     path = tmp_path / 'run'
     THINGS[kind](path)
     before = path.lstat()
@@ -57,7 +57,7 @@ def test_what_exists_is_not_overwritten(tmp_path: Path, kind) -> None:
 
 
 @pytest.mark.parametrize('kind', sorted({*THINGS} - {'folder'}))
-def test_what_is_no_folder_has_no_run_in_it(tmp_path: Path, kind) -> None:
+def test_what_is_no_folder_has_no_run_in_it(tmp_path, kind) -> None:
     THINGS[kind](tmp_path / 'thing')
     reason = 'it is no folder, so no run can be made in it|Too many levels of symbolic links'
     with pytest.raises(OSError, match=reason):
@@ -65,39 +65,37 @@ def test_what_is_no_folder_has_no_run_in_it(tmp_path: Path, kind) -> None:
     assert len([*tmp_path.rglob('*')]) == 1
 
 
-def test_a_name_that_is_too_long_for_the_files_leaves_nothing(tmp_path: Path) -> None:
+def test_a_name_that_is_too_long_for_the_files_leaves_nothing(tmp_path) -> None:
     with pytest.raises(OSError, match='File name too long'):
         RunWriter(tmp_path / ('x' * 250))
     assert not [*tmp_path.iterdir()]
 
 
-def test_an_unknown_compression_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+def test_an_unknown_compression_is_refused_before_anything_is_made(tmp_path) -> None:
     with pytest.raises(UnwritableError, match="'zip', not one of"):
         RunWriter(tmp_path / 'run', compression='zip')
     assert not (tmp_path / 'run').exists()
 
 
-def test_counts_are_by_topic(tmp_path: Path, runs: ModuleType) -> None:
+def test_counts_are_by_topic(tmp_path) -> None:
     with RunWriter(tmp_path / 'run') as writer:
-        for message in runs.make_messages(3) + runs.make_messages(2, '/other'):
+        for message in make_messages(3) + make_messages(2, '/other'):
             writer.write(message)
         assert writer.counts == {'/crank_angle': 3, '/other': 2}
 
 
-def test_close_twice_is_fine_and_closed_runs_take_nothing(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_close_twice_is_fine_and_closed_runs_take_nothing(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     writer.close()
     writer.close()
     assert writer.closed
     with pytest.raises(RunClosedError, match='is closed'):
-        writer.write(runs.make_messages(1)[0])
+        writer.write(make_messages(1)[0])
     with pytest.raises(RunClosedError):
         writer.flush()
 
 
-def test_a_run_without_messages_is_whole(tmp_path: Path) -> None:
+def test_a_run_without_messages_is_whole(tmp_path) -> None:
     with RunWriter(tmp_path / 'run'):
         pass
     with open_log(tmp_path / 'run') as log:
@@ -105,11 +103,9 @@ def test_a_run_without_messages_is_whole(tmp_path: Path) -> None:
         assert list(log.messages()) == []
 
 
-def test_an_exception_in_the_block_passes_and_the_run_is_finished(
-    tmp_path: Path, runs: ModuleType
-) -> None:
+def test_an_exception_in_the_block_passes_and_the_run_is_finished(tmp_path) -> None:
     with pytest.raises(KeyError, match='mine'), RunWriter(tmp_path / 'run') as writer:
-        writer.write(runs.make_messages(1)[0])
+        writer.write(make_messages(1)[0])
         raise KeyError('mine')
     with open_log(tmp_path / 'run') as log:
         assert log.complete
@@ -117,10 +113,8 @@ def test_an_exception_in_the_block_passes_and_the_run_is_finished(
 
 
 @pytest.mark.parametrize('times', [(-1, 0), (0, -1), (2**64, 0), (0, 2**64)])
-def test_a_time_that_does_not_fit_is_refused_and_harms_nothing(
-    tmp_path: Path, runs: ModuleType, times
-) -> None:
-    first, second = runs.make_messages(2)
+def test_a_time_that_does_not_fit_is_refused_and_harms_nothing(tmp_path, times) -> None:
+    first, second = make_messages(2)
     with RunWriter(tmp_path / 'run') as writer:
         writer.write(first)
         with pytest.raises(UnwritableError, match='must be within'):
@@ -132,8 +126,8 @@ def test_a_time_that_does_not_fit_is_refused_and_harms_nothing(
         assert list(log.messages()) == [first, second]
 
 
-def test_a_malformed_qos_is_refused_and_harms_nothing(tmp_path: Path, runs: ModuleType) -> None:
-    (message,) = runs.make_messages(1)
+def test_a_malformed_qos_is_refused_and_harms_nothing(tmp_path) -> None:
+    (message,) = make_messages(1)
     with RunWriter(tmp_path / 'run') as writer:
         bad = replace(message.topic, qos='history: 1')
         with pytest.raises(MalformedQosError):
@@ -143,16 +137,16 @@ def test_a_malformed_qos_is_refused_and_harms_nothing(tmp_path: Path, runs: Modu
         assert list(log.messages()) == [message]
 
 
-def test_a_sequence_number_keeps_its_lower_32_bits(tmp_path: Path, runs: ModuleType) -> None:
+def test_a_sequence_number_keeps_its_lower_32_bits(tmp_path) -> None:
     with RunWriter(tmp_path / 'run') as writer:
-        writer.write(replace(runs.make_messages(1)[0], sequence=2**32 + 7))
+        writer.write(replace(make_messages(1)[0], sequence=2**32 + 7))
     with open_log(tmp_path / 'run') as log:
         assert next(log.messages()).sequence == 7
 
 
-def test_flushed_messages_are_in_the_file(tmp_path: Path, runs: ModuleType) -> None:
+def test_flushed_messages_are_in_the_file(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
-    for message in runs.make_messages(10):
+    for message in make_messages(10):
         writer.write(message)
     writer.flush()
     with open_log(tmp_path / 'run') as log:
@@ -161,15 +155,13 @@ def test_flushed_messages_are_in_the_file(tmp_path: Path, runs: ModuleType) -> N
     writer.close()
 
 
-def test_only_synced_messages_count_as_written_when_a_sync_fails(
-    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_synced_messages_count_as_written_when_a_sync_fails(tmp_path, monkeypatch) -> None:
     def refuse(_: int) -> None:
         raise OSError(5, 'Input/output error')
 
     writer = RunWriter(tmp_path / 'run')
     for count in (10, 7):
-        for message in runs.make_messages(count):
+        for message in make_messages(count):
             writer.write(message)
         if count == 10:
             writer.flush()
@@ -182,7 +174,7 @@ def test_only_synced_messages_count_as_written_when_a_sync_fails(
 
 
 def test_half_a_record_is_cut_off_where_nothing_else_looks_at_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path, monkeypatch
 ) -> None:
     write, pieces = os.write, []
 
@@ -237,9 +229,7 @@ print(flushed, error.errno)
 
 
 @pytest.mark.parametrize('limit', [20_000, 55_555, 100_001])
-def test_a_full_disk_is_an_os_error_and_costs_only_what_was_not_flushed(
-    tmp_path: Path, limit
-) -> None:
+def test_a_full_disk_is_an_os_error_and_costs_only_what_was_not_flushed(tmp_path, limit) -> None:
     code = textwrap.dedent(FULL).format(
         paths=[str(ROOT), str(ROOT / 'test')], folder=str(tmp_path / 'run'), limit=limit
     )
@@ -257,22 +247,20 @@ def test_a_full_disk_is_an_os_error_and_costs_only_what_was_not_flushed(
         assert 'not closed' in log.problem
 
 
-def test_the_error_of_a_full_disk_leaves_the_with_block(tmp_path: Path, runs: ModuleType) -> None:
+def test_the_error_of_a_full_disk_leaves_the_with_block(tmp_path) -> None:
     previous = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         with pytest.raises(OSError, match='File too large'), RunWriter(tmp_path / 'run') as writer:
             resource.setrlimit(resource.RLIMIT_FSIZE, (5000, previous[1]))
-            for message in runs.make_messages(5000):
+            for message in make_messages(5000):
                 writer.write(message)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, previous)
         signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_a_disk_that_is_full_from_the_start_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(tmp_path, monkeypatch) -> None:
     def refuse(*_):
         raise OSError(28, 'No space left on device')
 
@@ -282,15 +270,13 @@ def test_a_disk_that_is_full_from_the_start_leaves_nothing(
     assert not (tmp_path / 'run').exists()
 
 
-def test_a_folder_that_cannot_be_made_is_an_os_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_an_os_error(tmp_path) -> None:
     (tmp_path / 'file').write_text('mine')
     with pytest.raises(OSError, match='file'):
         RunWriter(tmp_path / 'file' / 'run')
 
 
-def test_a_full_disk_while_the_body_fails_is_reported_with_both(
-    tmp_path: Path, runs: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_while_the_body_fails_is_reported_with_both(tmp_path, monkeypatch) -> None:
     def refuse(*_):
         raise OSError(28, 'No space left on device')
 
@@ -298,7 +284,7 @@ def test_a_full_disk_while_the_body_fails_is_reported_with_both(
         pytest.raises(OSError, match='No space left') as caught,
         RunWriter(tmp_path / 'run') as run,
     ):
-        run.write(runs.make_messages(1)[0])
+        run.write(make_messages(1)[0])
         monkeypatch.setattr(os, 'write', refuse)
         raise KeyError('mine')
     assert isinstance(caught.value.__cause__, KeyError)
