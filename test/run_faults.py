@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from crank_runs import make_messages
 from klann_ros.log.errors import RunIncompleteError
 from klann_ros.log.reader import open_log
 from klann_ros.log.write.durable_file import RunFaults
@@ -13,11 +14,11 @@ import yaml
 class Run:
     """A run that is written message by message, and its reported faults."""
 
-    def __init__(self, runs, folder):
+    def __init__(self, folder):
         self.errors = []
         self.writer = RunWriter(folder, faults=RunFaults(self.errors.append), compression='none')
         self.folder = folder
-        self.messages = iter(runs.make_messages(10_000))
+        self.messages = iter(make_messages(10_000))
 
     def write(self, count=10):
         for _ in range(count):
@@ -61,6 +62,15 @@ def information(run):
 
 def listed(run):
     return information(run)['relative_file_paths']
+
+
+def disk_error(number):
+    """Return a function that fails as a disk does."""
+
+    def fail(*_):
+        raise OSError(number, os.strerror(number))
+
+    return fail
 
 
 def copy_over(path):

@@ -5,8 +5,6 @@ from pathlib import Path
 import re
 import socket
 import struct
-import subprocess
-import sys
 
 import fork_server
 from klann_ros.kinematics import KlannLeg
@@ -129,25 +127,6 @@ def test_a_file_of_limits_or_lengths_that_is_none_is_one_line(
     assert (code, said) == (2, '')
     assert complaint.startswith(f'review: {file} ')
     assert complaint.count('\n') == 1
-
-
-def test_a_pipe_beside_a_run_that_was_left_hides_it_from_nobody(run: Path, tmp_path) -> None:
-    (file,) = run.glob('*.mcap')
-    file.write_bytes(file.read_bytes()[:-20])
-    make('pipe', run / 'a.mcap')
-    (tmp_path / 'other').mkdir()
-    make('pipe', tmp_path / 'other' / 'x.mcap')
-    code = 'import sys; from klann_ros.log.write.run_folder import unfinished_runs as u; '
-    code += 'from pathlib import Path; print(*(path.name for path in u(Path(sys.argv[1]))))'
-    done = subprocess.run(
-        [sys.executable, '-c', code, str(tmp_path)],
-        env={**os.environ, 'PYTHONPATH': fork_server.PACKAGE},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert (done.stdout, done.stderr) == ('run\n', '')
 
 
 def record(opcode: int, content: bytes, length: int = 0) -> bytes:

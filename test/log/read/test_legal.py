@@ -1,13 +1,11 @@
 """What the specification allows is no damage: each freedom alone, and all of them at once."""
 
 import struct
-import zlib
 
-from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.log.reader import open_log
 from klann_ros.log.recovery import recover
 from mcap_bytes import records as mcap
-from mcap_bytes.legal import LegalFile, UNKNOWN
+from mcap_bytes.legal import UNKNOWN
 import pytest
 
 TIMES = range(100, 110)
@@ -112,60 +110,6 @@ def test_a_log_without_messages_is_sound(tmp_path, content) -> None:
         assert list(log.messages()) == []
         assert log.problems == ()
     assert recover(path, tmp_path / 'again').lost == []
-
-
-def make_file(*, chunked):
-    """Return a file that has of everything, with an index."""
-    data, places = HEADER, []
-    attached = mcap.attachment('a', 'text/plain', b'attached', (1, 2))
-    data += attached + (b'' if chunked else DEFINITIONS)
-    for n in range(4):
-        times = [10 * n + time for time in TIMES]
-        inner = (DEFINITIONS if n == 0 else b'') + messages(times)
-        if not chunked:
-            data += messages(times)
-            continue
-        chunk = mcap.chunk(inner, (times[0], times[-1]))
-        at = [inner.index(messages(times)) + 35 * k for k in range(10)]
-        index = mcap.message_index(1, list(zip(times, at, strict=True)))
-        indexes = {1: len(data) + len(chunk)}, len(index)
-        place = len(data), len(chunk)
-        places.append(((times[0], times[-1]), place, indexes, (len(inner), len(inner))))
-        data += chunk + index
-    note = mcap.metadata('note', {'a': 'b'})
-    noted, data = len(data), data + note
-    data += mcap.data_end(zlib.crc32(data))
-    summary = DEFINITIONS
-    summary += b''.join(mcap.chunk_index(*place) for place in places)
-    summary += mcap.attachment_index((len(HEADER), len(attached)), (1, 2), 8, 'a', 'text/plain')
-    summary += mcap.metadata_index((noted, len(note)), 'note')
-    summary += mcap.statistics((40, 1, 1, 1, 1, len(places)), (TIMES[0], 30 + TIMES[-1]), {1: 40})
-    return data + summary + mcap.footer(summary, len(data), 0) + mcap.MAGIC
-
-
-FILES = {'chunked': make_file(chunked=True), 'unchunked': make_file(chunked=False)}
-
-
-@pytest.mark.parametrize('kind', FILES)
-@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(chance=st.randoms(use_true_random=False))
-def test_all_of_them_at_once_are_taken(tmp_path, kind, chance) -> None:
-    parts = LegalFile(FILES[kind])
-    parts.change(chance)
-    path = tmp_path / 'x.mcap'
-    path.write_bytes(parts.joined())
-    with open_log(path) as log:
-        assert [message.log_time for message in log.messages()] == [*range(100, 140)]
-        assert sum(map(len, log.blocks())) == 40
-        assert [item.data for item in log.attachments] == [b'attached']
-        assert log.metadata == {'note': [{'a': 'b'}]}
-        assert log.problems == ()
-
-
-@pytest.mark.parametrize('kind', FILES)
-def test_nothing_changed_is_the_same_file(kind) -> None:
-    """The tests' own writer, which the other tests rely on."""
-    assert LegalFile(FILES[kind]).joined() == FILES[kind]
 
 
 def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path) -> None:

@@ -1,9 +1,9 @@
 """The writer's thread: what was put is in the run, or is counted."""
 
 from dataclasses import replace
+import errno
 import itertools
 import os
-from pathlib import Path
 import threading
 
 from crank_runs import make_messages
@@ -13,48 +13,7 @@ from klann_ros.log.write import background_writer
 from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
 from klann_ros.log.write.writer import RunWriter
 import pytest
-
-
-class SlowFile:
-    """A FIFO in the place of a run's file: it takes no more than a pipe holds until it is read."""
-
-    def __init__(self, path: Path, opened) -> None:
-        self.path = path
-        self.data = b''
-        os.mkfifo(path)
-        self._read_end = opened(path, os.O_RDONLY | os.O_NONBLOCK)
-        os.set_blocking(self._read_end, True)
-        self._thread = threading.Thread(target=self._read, daemon=True)
-
-    def _read(self) -> None:
-        while piece := os.read(self._read_end, 65536):
-            self.data += piece
-
-    def read_on(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._thread.join()
-        os.close(self._read_end)
-
-
-def slow_run(folder, monkeypatch):
-    """Return a run whose file is a FIFO, and that."""
-    opened = os.open
-    slow = []
-
-    def open_slowly(path, flags, *rest, **options):
-        if str(path).endswith('.mcap') and not slow:
-            slow.append(SlowFile(Path(path), opened))
-            return opened(path, os.O_WRONLY)
-        return opened(path, flags, *rest, **options)
-
-    monkeypatch.setattr(os, 'open', open_slowly)
-    # A pipe cannot be synced.
-    monkeypatch.setattr('klann_ros.log.write.durable_file._sync', lambda _: None)
-    writer = RunWriter(folder, compression='none')
-    monkeypatch.setattr(os, 'open', opened)
-    return writer, slow[0]
+from run_faults import disk_error
 
 
 def dropped(background, topic):
@@ -63,28 +22,25 @@ def dropped(background, topic):
     return background.counters.counts()[topic].dropped
 
 
-def test_a_slow_file_costs_what_does_not_fit_and_that_is_counted(tmp_path, monkeypatch) -> None:
-    writer, slow = slow_run(tmp_path / 'run', monkeypatch)
+def test_a_slow_disk_costs_what_does_not_fit_and_that_is_counted(tmp_path, monkeypatch) -> None:
+    ready, write = threading.Event(), os.write
+    writer = RunWriter(tmp_path / 'run')
+    monkeypatch.setattr(os, 'write', lambda *block: ready.wait(20.0) and write(*block))
     size = len(make_messages(1)[0].data) + MESSAGE_OVERHEAD
     background = BackgroundWriter(
         writer, flush_period=0.02, on_failure=lambda: None, capacity=3000 * size
     )
-    one, two = (make_messages(8000, name) for name in ('/one', '/two'))
-    for pair in zip(one, two, strict=True):
+    for pair in zip(make_messages(4000, '/one'), make_messages(4000, '/two'), strict=True):
         for message in pair:
             background.put(message)
-        threading.Event().wait(0.0001)
-    slow.read_on()
+    ready.set()
     assert background.close() is None
-    slow.close()
-    file = tmp_path / 'read.mcap'
-    file.write_bytes(slow.data)
-    with open_log(file) as log:
+    with open_log(writer.path) as log:
         assert log.complete, log.problem
         found = {t.name: len(list(log.messages([t.name]))) for t in log.topics}
     assert found == writer.counts
     for name in ('/one', '/two'):
-        assert found[name] + dropped(background, name) == 8000
+        assert found[name] + dropped(background, name) == 4000
         assert dropped(background, name) > 1000
 
 
@@ -140,10 +96,7 @@ def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(tmp_path, mo
     while writer.file.path.name != second:
         failed.wait(0.01)
 
-    def refuse(*_):
-        raise OSError(5, 'Input/output error')
-
-    monkeypatch.setattr('klann_ros.log.write.durable_file.os.write', refuse)
+    monkeypatch.setattr(os, 'write', disk_error(errno.EIO))
     for message in make_messages(300):
         background.put(message)
     assert failed.wait(5.0)

@@ -36,13 +36,25 @@ def message(number: int, topic: Topic = CRANK, size: int = 8) -> Message:
     return Message(topic, data, time.time_ns(), number, number)
 
 
-class Subscriber:
-    """A recorder's reception: counts each message, and passes it on."""
+class Stage:
+    """A session with a clock, a disk, its reports, and the reception of a recorder."""
 
-    def __init__(self, session: EventSession) -> None:
-        self.session, self.next = session, 1
+    def __init__(self, folder: Path, monkeypatch) -> None:
+        self.folder, self.now, self.next = folder, 1000.0, 1
+        monkeypatch.setattr('klann_ros.log.write.event_session.monotonic', lambda: self.now)
+        self.reports: list[tuple[bool, str]] = []
+        self.refusal: Exception | None = None
+        self.disk = Event()
+        self.disk.set()
+        self.session = EventSession(
+            folder,
+            EventSettings(3.0, 2.0, 10_000_000),
+            open_run=self.open_run,
+            on_status=lambda ok, text: self.reports.append((ok, text)),
+        )
 
     def receive(self, count: int = 1, topic: Topic = CRANK) -> range:
+        """Count each message as received, and pass it on."""
         first = self.next
         for _ in range(count):
             counters = self.session.counters[topic.name]
@@ -52,42 +64,6 @@ class Subscriber:
                 self.session.put(message(self.next, topic))
             self.next += 1
         return range(first, self.next)
-
-
-class Clock:
-    """A time that advances on request."""
-
-    def __init__(self) -> None:
-        self.now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock(monkeypatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr('klann_ros.log.write.event_session.monotonic', made)
-    return made
-
-
-class Stage:
-    """A session, who hears for it, and what it says."""
-
-    def __init__(self, folder: Path, clock: Clock, settings: EventSettings) -> None:
-        self.folder, self.clock = folder, clock
-        self.reports: list[tuple[bool, str]] = []
-        self.refusal: Exception | None = None
-        self.disk = Event()
-        self.disk.set()
-        self.session = EventSession(
-            folder,
-            settings,
-            open_run=self.open_run,
-            on_status=lambda ok, text: self.reports.append((ok, text)),
-        )
-        self.subscriber = Subscriber(self.session)
-        self.receive = self.subscriber.receive
 
     def open_run(self, path: Path) -> tuple[RunWriter, BackgroundWriter]:
         if self.refusal is not None:
@@ -99,7 +75,7 @@ class Stage:
     def wait(self, seconds: float) -> None:
         """Let time pass, as a recorder does: tick by tick."""
         for _ in range(round(seconds / 0.25)):
-            self.clock.now += 0.25
+            self.now += 0.25
             self.session.tick()
 
     def until_closed(self) -> None:
@@ -112,10 +88,16 @@ class Stage:
     def runs(self) -> list[Path]:
         return sorted(self.folder.iterdir())
 
+    def event(self) -> Path:
+        """Let the event end; return its run, the last one."""
+        self.wait(2.5)
+        self.until_closed()
+        return self.runs()[-1]
+
 
 @pytest.fixture
-def stage(tmp_path, clock: Clock) -> Iterator[Stage]:
-    made = Stage(tmp_path, clock, EventSettings(3.0, 2.0, 10_000_000))
+def stage(tmp_path, monkeypatch) -> Iterator[Stage]:
+    made = Stage(tmp_path, monkeypatch)
     yield made
     made.session.finish()
 
@@ -129,6 +111,10 @@ def numbers(run: Path, topic: str = CRANK.name) -> list[int]:
 def metadata(run: Path) -> dict[str, list[dict[str, str]]]:
     with open_log(run) as log:
         return log.metadata
+
+
+def counts(run: Path) -> dict[str, TopicCount]:
+    return topic_counts(metadata(run)[LOSS_RECORD][0])
 
 
 GAP = RecordedFinding('gap', 'warning', 'nothing on /crank_angle', 17, '/crank_angle')
@@ -162,7 +148,7 @@ def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage
     assert recorded_finding(record) == GAP
     (event,) = metadata(run)[EVENT_RECORD]
     assert (event['cause'], event['evicted']) == ('gap', '0')
-    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    count = counts(run)[CRANK.name]
     assert count.received == count.written == len(found)
     assert (count.lost, count.dropped, count.skipped) == (0, 0, 0)
 
@@ -170,13 +156,10 @@ def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage
 def test_it_waits_again_and_the_next_run_has_what_came_before_it(stage: Stage) -> None:
     stage.receive(10)
     stage.session.add_finding(GAP)
-    stage.wait(2.5)
-    stage.until_closed()
+    first = stage.event()
     later = stage.receive(10)
     assert stage.session.trigger()[0]
-    stage.wait(2.5)
-    stage.until_closed()
-    first, second = stage.runs()
+    second = stage.event()
     assert numbers(first) == [*range(1, 11)]
     # What is not too long ago is in both.
     assert numbers(second) == [*range(1, 11), *later]
@@ -206,17 +189,15 @@ def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -
     stage.wait(100.0)
     stage.receive(10)
     stage.session.trigger()
-    stage.wait(2.5)
-    stage.until_closed()
-    (run,) = stage.runs()
+    run = stage.event()
     assert numbers(run, MODEL.name) == [1]
     (record,) = metadata(run)[SOLVER_RECORD]
     assert '2.0' in record['parameters']
     with open_log(run) as log:
         # As if it had been received then, so that the run does not begin long before.
         assert log.end_time - log.start_time < 10**9
-    counts = topic_counts(metadata(run)[LOSS_RECORD][0])
-    assert (counts[MODEL.name].received, counts[MODEL.name].written) == (1, 1)
+    count = counts(run)[MODEL.name]
+    assert (count.received, count.written) == (1, 1)
 
 
 def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
@@ -228,26 +209,24 @@ def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
     stage.session.add_pause(stage.session.pauses.take_last())
     stage.receive(5)
     stage.session.trigger()
-    stage.wait(2.5)
-    stage.until_closed()
-    (run,) = stage.runs()
-    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    run = stage.event()
+    count = counts(run)[CRANK.name]
     assert (count.received, count.written, count.skipped) == (17, 10, 7)
     assert len(metadata(run)[PAUSE_RECORD]) == 1
 
 
 def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
     stage.receive(5)
-    stage.subscriber.next += 100
+    stage.next += 100
     stage.receive(5)
     stage.wait(10.0)
     stage.receive(5)
-    stage.subscriber.next += 3
+    stage.next += 3
     stage.receive(5)
     stage.session.trigger()
     stage.session.finish()
     (run,) = stage.runs()
-    count = topic_counts(metadata(run)[LOSS_RECORD][0])[CRANK.name]
+    count = counts(run)[CRANK.name]
     assert (count.received, count.written, count.lost) == (10, 10, 3)
 
 
@@ -258,8 +237,7 @@ def test_a_disk_that_says_no_is_reported_and_the_next_event_is_recorded(stage: S
     assert stage.session.trigger()[0] is False
     stage.refusal = None
     stage.session.add_finding(GAP)
-    stage.wait(2.5)
-    stage.until_closed()
+    stage.event()
     assert len(stage.runs()) == 1
     assert stage.session.state().faults == ()
     # Something is missing all the same.
@@ -308,8 +286,7 @@ def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:
 def test_two_events_within_a_second_have_names_of_their_own(stage: Stage) -> None:
     for _ in range(3):
         stage.session.trigger()
-        stage.wait(2.5)
-        stage.until_closed()
+        stage.event()
     assert len(stage.runs()) == 3
 
 

@@ -18,7 +18,7 @@ from klann_ros.log.write.durable_file import DurableFile, FileFault
 from klann_ros.log.write.mcap_file import McapFile
 from klann_ros.log.write.writer import RunWriter
 import pytest
-from run_faults import CHANGES, found_in, GONE, listed, Run
+from run_faults import CHANGES, disk_error, found_in, GONE, listed, Run
 
 HERE = Path(__file__).parent
 
@@ -108,12 +108,9 @@ def test_a_file_truncated_while_its_end_is_written_is_not_claimed(run, monkeypat
 
 
 def test_a_message_is_counted_once_after_a_disk_error_and_a_removal(run, monkeypatch) -> None:
-    def refuse(*_):
-        raise OSError(errno.EIO, 'Input/output error')
-
     run.write(10)
     run.writer.write(next(run.messages))
-    monkeypatch.setattr(os, 'write', refuse)
+    monkeypatch.setattr(os, 'write', disk_error(errno.EIO))
     with pytest.raises(OSError, match='Input/output error'):
         run.writer.flush()
     monkeypatch.undo()

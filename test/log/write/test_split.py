@@ -16,7 +16,7 @@ from klann_ros.log.write.writer import RunWriter
 from mcap.reader import make_reader
 import pytest
 from rosbags.highlevel import AnyReader
-import yaml
+from run_faults import information
 
 WRITING = str(Path(write.__file__).parent)
 
@@ -32,10 +32,6 @@ def written_in(run, parts):
             for message in part:
                 writer.write(message)
     return run
-
-
-def information(run):
-    return yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
 def test_a_run_of_several_files_is_read_as_one(tmp_path) -> None:
