@@ -60,6 +60,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
+        f'{NAME}.exercises': ['texts.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
@@ -109,6 +110,7 @@ setup(
                 'export',
                 'describe',
                 'calibrate',
+                'exercise',
             )
         ],
     },

@@ -146,3 +146,5 @@ export = partial(_tool, 'export', 'klann_ros.export.command', report_failed=3)
 describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)
 # Finds the dimensions of a leg as it was built.
 calibrate = partial(_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
+# Makes and marks the exercises of a class.
+exercise = partial(_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)

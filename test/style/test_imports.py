@@ -35,6 +35,7 @@ ALLOWED = {
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
     'calibration': {'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},
+    'exercises': {'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'},
     'stop_signals': set(),
     'nodes': {
         *('sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'twin', 'plotting', 'log'),

@@ -1,0 +1,41 @@
+"""
+Exercises of both courses: a variant for each student, its key and steps, and its marking.
+
+>>> from klann_ros.exercises import KINDS, make_variant, mark
+>>> variant = make_variant(KINDS['four-bar-position'], '12345')
+>>> sorted(variant.givens)
+['L_1', 'L_2', 'L_3', 'L_4', 'theta_2']
+>>> right = variant.answers['theta_4']
+>>> [each.slip for each in mark(variant, {'theta_4': f'{right * 3.14159265 / 180:.4g}'})][-2:]
+['radians', 'empty']
+
+======================  ===================================================================
+Variants                `KINDS`, `make_variant`: `Kind`, `Question`, `Variant`, `Step`
+Marking                 `mark`: `Mark`; `Marked`, `statistics`
+Errors                  `ExerciseError`
+======================  ===================================================================
+"""
+
+from . import four_bar, klann, sliders, synthesis
+from .calculation import Step
+from .marking import Mark, mark, Marked, statistics
+from .variant import ExerciseError, Kind, make_variant, Question, Variant
+
+KINDS: dict[str, Kind] = {
+    kind.name: kind for kind in (*klann.KINDS, *four_bar.KINDS, *sliders.KINDS, *synthesis.KINDS)
+}
+"""The kinds of exercises by their name."""
+
+__all__ = [
+    'KINDS',
+    'ExerciseError',
+    'Kind',
+    'Mark',
+    'Marked',
+    'Question',
+    'Step',
+    'Variant',
+    'make_variant',
+    'mark',
+    'statistics',
+]

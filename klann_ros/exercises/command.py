@@ -1,0 +1,188 @@
+"""`exercise`: exercises of both courses for a class, their keys, and the marking of answers."""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+import json
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
+from klann_ros.sanitize.outputs import finite, Output, OutputError, outputs, save_all
+from klann_ros.sanitize.text import counted, printable
+
+from . import KINDS
+from .marking import Marked, statistics
+from .sheet import answer_text, key, sheets
+from .tables import mark_answers, read_students, save_marks, save_template
+from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, Variant
+
+ROWS_REFUSED = 1
+ERROR_CODES = dict.fromkeys((ExerciseError, OSError), NOT_READ)
+DESCRIPTION = """\
+Exercises of both courses: every student gets numbers of their own, drawn from the student number
+and the kind alone, with a figure; the key and the marking know the usual slips."""
+EPILOG = """\
+Exit code: 0 done, 1 rows of ANSWERS are refused (listed), 2 an input or an argument is refused,
+3 an OUT cannot be written."""
+# A file of a format: its path within the folder, and its content.
+Files = Mapping[str, bytes]
+Format = Callable[[Sequence[Variant], Sequence[str], str], Files]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; return the exit code."""
+    return _parser().run(lambda options: int(options.command(options)), ERROR_CODES, argv)
+
+
+def _list(options: argparse.Namespace) -> int:
+    words = texts()['kinds']
+    width = max(map(len, KINDS))
+    for name in KINDS:
+        print(f'{name:{width}}  {words[name][options.language]["title"]}')
+    return 0
+
+
+def _make(options: argparse.Namespace) -> int:
+    kind = known(options.kind, KINDS, 'kind')
+    students = read_students(options.students)
+    variants = [make_variant(kind, student.number) for student in students]
+    names = [student.name for student in students]
+    files = dict(FORMATS[options.format](variants, names, options.language))
+    folder = Path(options.output)
+    places = [Output('-o', str(folder / name)) for name in files]
+    template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
+    try:
+        for place in (*places, template):
+            Path(place.path).parent.mkdir(parents=True, exist_ok=True)
+            place.check([options.students])
+    except OSError as error:
+        reason = f'-o {printable(options.output)} cannot be written: {error.strerror}'
+        raise OutputError(reason) from error
+    for place, content in zip(places, files.values(), strict=True):
+        place.save(partial(_write, content))
+    template.save(partial(save_template, kind, students))
+    print(f'{counted(len(students), "variant")} of {kind.name} in {printable(folder)}:')
+    print('\n'.join(f'  {name}' for name in [*files][:10]))
+    if len(files) > 10:
+        print(f'  ... and {len(files) - 10} more')
+    print(f'  {kind.name}_answers.csv  (to be filled in for exercise mark)')
+    return 0
+
+
+def _write(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
+
+
+def _mark(options: argparse.Namespace) -> int:
+    files = outputs(options, ('csv', 'json'), (options.answers,))
+    marked, refused = mark_answers(options.answers, KINDS)
+    counts = statistics(marked)
+    for student, exercises in groupby(marked, key=lambda each: each.student):
+        for each in exercises:
+            print(f'{printable(student)}  {each.kind}  {each.points:g} of {len(each.marks)}')
+            for mark in each.marks:
+                if mark.points < 1.0 or mark.carried:
+                    given = printable(mark.given, 40) or '-'
+                    reason = mark.reason(options.language)
+                    print(f'    {mark.question} = {given}: {mark.points:g}, {reason}')
+    for kind, count in counts.items():
+        slips = ', '.join(f'{name} {value:g}' for name, value in [*count.items()][2:])
+        share = 100.0 * count['part']
+        print(f'{kind}: {counted(int(count["students"]), "student")}, {share:.0f} %; {slips}')
+    for line in refused:
+        print(f'refused: {line}')
+    report = partial(_report, marked, counts, refused, options.language)
+    marks = partial(save_marks, marked, options.language)
+    save_all(files, {'--csv': marks, '--json': report})
+    return ROWS_REFUSED if refused else 0
+
+
+def _report(
+    marked: Sequence[Marked],
+    counts: Mapping[str, Any],
+    refused: Sequence[str],
+    language: str,
+    file: BinaryIO,
+) -> None:
+    students = [
+        {
+            'student': each.student,
+            'kind': each.kind,
+            'points': each.points,
+            'maximum': len(each.marks),
+            'marks': [{**mark._asdict(), 'reason': mark.reason(language)} for mark in each.marks],
+        }
+        for each in marked
+    ]
+    whole = finite({'students': students, 'statistics': counts, 'refused': refused})
+    file.write(_json(whole))
+
+
+def _key(options: argparse.Namespace) -> int:
+    variant = make_variant(known(options.kind, KINDS, 'kind'), options.student)
+    for name, value in variant.givens.items():
+        unit = variant.kind.units.get(name, 'mm')
+        print(f'{name} = {value:g} {"" if unit == "1" else unit}'.rstrip())
+    print()
+    for step in variant.steps:
+        unit = '' if step.unit == '1' else step.unit
+        print(f'{step.symbol} = {step.value:.6g} {unit}'.rstrip() + f'    {step.formula}')
+    print()
+    for question in variant.kind.questions:
+        answer = variant.answers[question.name]
+        shown = answer_text(variant, question, answer, options.language)
+        unit = '' if question.unit in ('1', 'count', 'choice') else question.unit
+        print(f'{question.name} = {shown} {unit}'.rstrip())
+    return 0
+
+
+def _json(data: Any) -> bytes:
+    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
+    return f'{text}\n'.encode()
+
+
+def _html(variants: Sequence[Variant], names: Sequence[str], language: str) -> Files:
+    kind = variants[0].kind.name
+    return {
+        f'{kind}.html': sheets(variants, names, language).encode(),
+        f'{kind}_key.html': key(variants, names, language).encode(),
+    }
+
+
+def _as_json(variants: Sequence[Variant], _names: Sequence[str], _language: str) -> Files:
+    return {f'{variants[0].kind.name}.json': _json([each.as_dict() for each in variants])}
+
+
+FORMATS: dict[str, Format] = {'html': _html, 'json': _as_json}
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser('exercise', DESCRIPTION, EPILOG)
+    commands = parser.add_subparsers(metavar='COMMAND', required=True)
+
+    def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> Any:
+        added: Any = commands.add_parser(name, help=text, description=f'{text}.', epilog=EPILOG)
+        added.set_defaults(command=run)
+        added.add_argument(
+            '--language', choices=LANGUAGES, default='en', help='of the texts (default: en)'
+        )
+        return added.add_argument
+
+    command('list', _list, 'List the kinds of exercises')
+    add = command('make', _make, 'Make the exercises of a class')
+    add('--kind', metavar='KIND', required=True, help='see exercise list')
+    students = 'the class: a column student, and optional name'
+    add('--students', metavar='FILE.csv', type=path, required=True, help=students)
+    add('--format', choices=[*FORMATS], default='html', help='(default: html)')
+    add('-o', '--output', metavar='FOLDER', type=path, required=True, help='for the files')
+    add = command('mark', _mark, 'Mark the answers of a class')
+    answers = 'columns student, kind, question, answer'
+    add('answers', metavar='ANSWERS.csv', type=path, help=answers)
+    add('--csv', metavar='OUT', help='the marks with their reasons, a row an answer')
+    add('--json', metavar='OUT', help='the marks and the statistics of the class')
+    add = command('key', _key, "Print a student's key with all steps")
+    add('--kind', metavar='KIND', required=True, help='see exercise list')
+    add('--student', metavar='ID', required=True, help='the student number')
+    return parser

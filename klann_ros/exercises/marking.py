@@ -1,0 +1,240 @@
+"""Marking: answers as students write them, points, and the slip that explains a wrong one."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import degrees, isfinite, radians
+import re
+from typing import NamedTuple
+import unicodedata
+
+from .calculation import Answer, slip_of
+from .variant import difference, Question, texts, Variant
+
+# Points of an answer with a named slip; one that follows from the same slip before has all.
+SLIP_CREDIT = {'rounding': 0.8, 'units': 0.8, 'short': 0.7}
+DEFAULT_CREDIT = 0.5
+RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
+# A wrong answer this near (in units of the last digit) was rounded on the way.
+ROUNDING_REACH = 30.0
+# Longest answer [characters].
+MAX_ANSWER = 64
+NUMBER = re.compile(
+    r'([+-]?(?:\d[\d.,]*|[.,]\d+))\s*(?:(?:e|[x*·×]\s*10\s*\^?)\s*([+-]?\d{1,3}))?\s*(.*)'
+)
+SUPERSCRIPT = re.compile('10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)')
+EXPONENTS = str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-')
+# Units as students write them, and factors to the unit asked for.
+SPELLINGS = {'º': 'deg', '°': 'deg', 'graus': 'deg', 'grau': 'deg', 'degrees': 'deg', 'nm': 'n m'}
+FACTORS: dict[str, dict[str, float]] = {
+    'deg': {'deg': 1.0, 'rad': degrees(1.0)},
+    'mm': {'mm': 1.0, 'cm': 10.0, 'm': 1e3},
+    'mm/s': {'mm/s': 1.0, 'cm/s': 10.0, 'm/s': 1e3},
+    'mm/s²': {'mm/s²': 1.0, 'mm/s2': 1.0, 'cm/s²': 10.0, 'm/s²': 1e3, 'm/s2': 1e3},
+    'rad/s': {'rad/s': 1.0, 'deg/s': radians(1.0), '1/s': 1.0},
+    'rad/s²': {'rad/s²': 1.0, 'rad/s2': 1.0, 'deg/s²': radians(1.0), 'deg/s2': radians(1.0)},
+    'N m': {'n m': 1.0, 'n·m': 1.0, 'n.m': 1.0, 'n mm': 1e-3, 'n·mm': 1e-3, 'n.mm': 1e-3},
+}
+
+
+class Mark(NamedTuple):
+    """
+    The mark of an answer.
+
+    Attributes
+    ----------
+    question : str
+        The question's name.
+    given : str
+        The answer as written.
+    points : float
+        0 to 1.
+    slip : str
+        'right', 'wrong', 'empty', 'unreadable', or the slip, such as 'radians'.
+    carried : bool
+        Whether it follows from the same slip in an earlier answer.
+
+    """
+
+    question: str
+    given: str
+    points: float
+    slip: str
+    carried: bool = False
+
+    def reason(self, language: str) -> str:
+        """Return the reason in words."""
+        words = texts()
+        found = (words['marks'].get(self.slip) or words['slips'][self.slip])[language]
+        return f'{found}; {words["marks"]["carried"][language]}' if self.carried else str(found)
+
+
+def read_answer(text: str, question: Question) -> Answer | None:
+    """
+    Return an answer as a number in the unit asked for, or a word; None where it is neither.
+
+    A decimal comma, a true minus, an exponent, and the unit or a convertible one are legal.
+    """
+    text = SUPERSCRIPT.sub(lambda found: f'10^{found[1].translate(EXPONENTS)}', text)
+    text = ' '.join(text.replace('\N{MINUS SIGN}', '-').replace('\N{EN DASH}', '-').split())
+    if not text or len(text) > MAX_ANSWER:
+        return None
+    if question.choices:
+        return _choice(text, question)
+    found = NUMBER.fullmatch(text.casefold())
+    if not found:
+        return None
+    number, exponent, unit = found.groups()
+    factor = _factor(unit, question.unit)
+    try:
+        value = float(f'{_decimal(number)}e{exponent or 0}') * (factor or 0.0)
+    except ValueError:
+        return None
+    return value if factor is not None and isfinite(value) else None
+
+
+def _factor(unit: str, asked: str) -> float | None:
+    unit = ' '.join(SPELLINGS.get(unit, unit).replace('°', 'deg').replace('º', 'deg').split())
+    return 1.0 if not unit else FACTORS.get(asked, {}).get(unit)
+
+
+def _decimal(number: str) -> str:
+    """Return a number with a decimal point; the last of both separators is the decimal one."""
+    if ',' in number and '.' in number:
+        thousands = ',' if number.rindex('.') > number.rindex(',') else '.'
+        whole, *groups = re.split(r'[.,]', number)[:-1]
+        if not all(len(group) == 3 for group in groups) or len(whole.lstrip('+-')) > 3:
+            raise ValueError(number)
+        number = number.replace(thousands, '')
+    return number.replace(',', '.')
+
+
+def _choice(text: str, question: Question) -> str | None:
+    folded = _plain(text).removeprefix('class ').removeprefix('classe ')
+    words = texts()['choices']
+    for k, choice in enumerate(question.choices, 1):
+        names = {choice, *words.get(choice, {}).values()}
+        if folded in {_plain(name) for name in names} or (
+            choice not in words and folded == str(k)
+        ):
+            return choice
+    return None
+
+
+def _plain(text: str) -> str:
+    folded = unicodedata.normalize('NFD', text.casefold()).replace('-', ' ')
+    return ''.join(c for c in folded if not unicodedata.combining(c))
+
+
+def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
+    """
+    Return the marks of a student's answers, in the order of the questions.
+
+    A wrong answer is explained by the mistake that explains most wrong answers of the exercise.
+
+    Parameters
+    ----------
+    variant : Variant
+        The exercise.
+    answers : mapping of str to str
+        The answers as written, by question; a question without one has no points.
+
+    """
+    questions = variant.kind.questions
+    read = {
+        question.name: read_answer(answers.get(question.name, ''), question)
+        for question in questions
+    }
+    wrong = [
+        question
+        for question in questions
+        if (value := read[question.name]) is not None and not variant.is_right(question, value)
+    ]
+    fitting = {
+        question.name: _fitting(variant, question, read[question.name]) for question in wrong
+    }
+    weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
+    marks: list[Mark] = []
+    for question in questions:
+        text, value = answers.get(question.name, '').strip(), read[question.name]
+        if not text:
+            marks.append(Mark(question.name, text, 0.0, EMPTY))
+        elif value is None:
+            marks.append(Mark(question.name, text, 0.0, UNREADABLE))
+        elif question not in wrong:
+            marks.append(Mark(question.name, text, 1.0, RIGHT))
+        else:
+            slip = _slip(variant, question, value, fitting[question.name], weights)
+            carried = slip != WRONG and any(each.slip == slip for each in marks)
+            points = 0.0 if slip == WRONG else SLIP_CREDIT.get(slip, DEFAULT_CREDIT)
+            marks.append(Mark(question.name, text, 1.0 if carried else points, slip, carried))
+    return marks
+
+
+def _fitting(variant: Variant, question: Question, answer: Answer | None) -> dict[str, float]:
+    """Return the mistakes that give an answer, and their distances from it."""
+    found = {}
+    for mistake, wrong in variant.mistaken.items():
+        value = wrong.get(question.name)
+        if value is None or answer is None or not variant.is_near(question, answer, value):
+            continue
+        words = isinstance(value, str) or isinstance(answer, str)
+        found[mistake] = 0.0 if words else difference(question, float(answer), float(value))
+    return found
+
+
+def _slip(
+    variant: Variant,
+    question: Question,
+    answer: Answer,
+    fitting: Mapping[str, float],
+    weights: Mapping[str, int],
+) -> str:
+    if fitting:
+        order = [*variant.mistaken]
+        best = min(fitting, key=lambda each: (-weights[each], fitting[each], order.index(each)))
+        return slip_of(best)
+    right = variant.answers[question.name]
+    if not isinstance(answer, str) and not isinstance(right, str):
+        reach = ROUNDING_REACH * variant.tolerance(question)
+        if difference(question, answer, right) <= reach:
+            return 'rounding'
+    return WRONG
+
+
+@dataclass(frozen=True)
+class Marked:
+    """
+    The marks of a student in one exercise.
+
+    Attributes
+    ----------
+    student, kind : str
+        Whose exercise it is.
+    marks : tuple of Mark
+        A mark for each question.
+
+    """
+
+    student: str
+    kind: str
+    marks: tuple[Mark, ...]
+
+    @property
+    def points(self) -> float:
+        """Return the sum of points; each question has at most 1."""
+        return sum(each.points for each in self.marks)
+
+
+def statistics(marked: Iterable[Marked]) -> dict[str, dict[str, float]]:
+    """Return for each kind: students, mean part of the points, and answers with each slip."""
+    found: dict[str, dict[str, float]] = {}
+    by_kind: dict[str, list[Marked]] = {}
+    for each in marked:
+        by_kind.setdefault(each.kind, []).append(each)
+    for kind, several in by_kind.items():
+        total = sum(len(each.marks) for each in several)
+        slips = Counter(mark.slip for each in several for mark in each.marks)
+        part = sum(each.points for each in several) / total
+        found[kind] = {'students': len(several), 'part': part, **dict(slips.most_common())}
+    return found

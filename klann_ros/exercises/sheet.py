@@ -1,0 +1,288 @@
+"""Exercises as printable pages: sheets of a class, their key, and the parts of every format."""
+
+from collections.abc import Iterable, Sequence
+from math import ceil, floor, log10
+from pathlib import Path
+import re
+from typing import Any
+
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.plotting.drawing import line_directions, PIVOT, PoseDrawing
+from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web.parts import Parts
+import numpy as np
+
+from .calculation import Answer
+from .variant import label, Question, texts, Variant
+
+PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
+GREEK = {
+    'alpha': 'α',
+    'beta': 'β',
+    'gamma': 'γ',
+    'delta': 'δ',
+    'epsilon': 'ε',
+    'theta': 'θ',
+    'mu': 'μ',
+    'phi': 'φ',
+    'psi': 'ψ',
+    'omega': 'ω',
+    'Phi': 'Φ',
+    'dtheta': 'Δθ',
+    'angle': '∠',
+}
+# Quantities that have words in place of a symbol, and symbols of their own.
+WORDS_ONLY = {'class', 'motion', 'iterations', 'stride', 'lift', 'swing', 'stroke'}
+SPECIAL = {'s_l': 's + l', 'p_q': 'p + q', 'h_x': 'dx_H/dα', 'h_y': 'dy_H/dα'}
+UNIT_SIGNS = {'deg': '°', '1': '', 'count': '', 'choice': ''}
+SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
+SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
+# Size of a drawing and its margin [px], half a support and a joint's radius [px].
+WIDTH, HEIGHT, MARGIN, SUPPORT, JOINT = 420.0, 320.0, 42.0, 11.0, 4.0
+# Digits of intermediate results.
+STEP_DIGITS = 6
+
+
+def sheets(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
+    """Return the page of all sheets, one printed page or more a student."""
+    parts = [
+        element('section', *_heading(variant, name, language), *_sheet(variant, language))
+        for variant, name in zip(variants, names, strict=True)
+    ]
+    return _page(texts()['kinds'][variants[0].kind.name][language]['title'], parts, language)
+
+
+def key(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
+    """Return the page of all worked solutions."""
+    words = texts()['sheet']
+    parts = [
+        element(
+            'section',
+            *_heading(variant, name, language),
+            _answers(variant, language, solved=True),
+            element('h3', words['solution'][language]),
+            element('table', *_steps(variant, language), class_='steps'),
+        )
+        for variant, name in zip(variants, names, strict=True)
+    ]
+    return _page(words['key'][language], parts, language)
+
+
+def _page(title: str, parts: Iterable[Markup], language: str) -> str:
+    head = (
+        element('meta', charset='utf-8'),
+        PARTS.policy(),
+        element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
+        element('title', title),
+        PARTS.style_elements(),
+    )
+    body = element('body', element('main', *parts))
+    return f'<!doctype html>\n{element("html", element("head", *head), body, lang=language)}\n'
+
+
+def _heading(variant: Variant, name: str, language: str) -> Iterable[Markup]:
+    words = texts()
+    yield element('h1', words['kinds'][variant.kind.name][language]['title'])
+    student = variant.student if name in ('', variant.student) else f'{name} ({variant.student})'
+    yield element('p', f'{words["sheet"]["student"][language]}: {student}', class_='student')
+
+
+def _sheet(variant: Variant, language: str) -> Iterable[Markup]:
+    yield problem(variant, language)
+    yield element('h3', texts()['sheet']['asked'][language])
+    yield _answers(variant, language, solved=False)
+
+
+def problem(variant: Variant, language: str) -> Markup:
+    """Return the text of an exercise with its givens and its drawing."""
+    words = texts()
+    rows = (
+        element('tr', element('th', symbol(name)), element('td', with_unit(value, unit, language)))
+        for name, value in variant.givens.items()
+        for unit in [variant.kind.units.get(name, 'mm')]
+    )
+    drawing = picture(variant)
+    return joined(
+        [
+            element('p', rich(words['kinds'][variant.kind.name][language]['task'])),
+            element('p', rich(words['sheet']['degrees'][language]), class_='note'),
+            element('div', drawing, element('table', *rows), class_='given'),
+        ]
+    )
+
+
+def _answers(variant: Variant, language: str, *, solved: bool) -> Markup:
+    rows = []
+    for question in variant.kind.questions:
+        answer = variant.answers[question.name]
+        shown = answer_text(variant, question, answer, language) if solved else ''
+        cells = [
+            element('th', question_markup(question, language)),
+            element('td', shown, class_='answer'),
+            element('td', UNIT_SIGNS.get(question.unit, question.unit)),
+            element('td', asked(variant, question, language), class_='note'),
+        ]
+        rows.append(element('tr', *cells))
+    return element('table', *rows, class_='answers')
+
+
+def asked(variant: Variant, question: Question, language: str) -> str:
+    """Return the precision asked for, or the choices."""
+    words = texts()
+    if question.choices:
+        names = (words['choices'].get(each, {}).get(language, each) for each in question.choices)
+        return ' / '.join(names)
+    if question.unit == 'count':
+        return str(words['sheet']['whole'][language])
+    return str(words['sheet']['digits'][language].format(variant.kind.digits))
+
+
+def _steps(variant: Variant, language: str) -> Iterable[Markup]:
+    for step in variant.steps:
+        cells = (rich(step.formula), symbol(step.symbol))
+        value = with_unit(_digits(step.value), step.unit, language)
+        yield element('tr', *(element('td', cell) for cell in cells), element('td', value))
+
+
+def question_markup(question: Question, language: str) -> Markup:
+    """Return a question's symbol and words."""
+    words = rich(label(question, language))
+    if question.name in WORDS_ONLY:
+        return words
+    return joined([symbol(question.name), *([Markup(', '), words] if words else [])])
+
+
+def answer_text(variant: Variant, question: Question, answer: Answer, language: str) -> str:
+    """Return an answer to the digits asked for."""
+    if isinstance(answer, str):
+        return str(texts()['choices'].get(answer, {}).get(language, answer))
+    tolerance = variant.tolerance(question)
+    return localised(f'{answer:.{decimals(tolerance)}f}', language)
+
+
+def decimals(tolerance: float) -> int:
+    """Return the decimals of a number whose last digit is worth a tolerance."""
+    return max(0, -floor(log10(tolerance) + 1e-9)) if tolerance else 0
+
+
+def _digits(value: float) -> str:
+    return f'{value:.{STEP_DIGITS}g}' if abs(value) < 1e6 else f'{value:.0f}'
+
+
+def localised(number: str, language: str) -> str:
+    """Return a number with the language's decimal separator and a true minus."""
+    text = number.replace('-', '\N{MINUS SIGN}')
+    return text.replace('.', ',') if language == 'pt' else text
+
+
+def with_unit(value: float | str, unit: str, language: str) -> str:
+    """Return a number with its unit."""
+    number = localised(value if isinstance(value, str) else f'{value:.6g}', language)
+    sign = UNIT_SIGNS.get(unit, unit)
+    return f'{number}{sign}' if sign in ('', '°') else f'{number} {sign}'
+
+
+def symbol(name: str) -> Markup:
+    """Return the symbol of a quantity, such as 'theta_2', with its subscript."""
+    if name in SPECIAL:
+        return rich(SPECIAL[name])
+    base, *subs = name.split('_')
+    parts = [GREEK.get(part, part) for part in (base, *subs)]
+    if base == 'angle':
+        return Markup(''.join(parts))
+    sub = element('sub', ','.join(parts[1:])) if subs else Markup('')
+    return joined([element('i', parts[0]), sub])
+
+
+def rich(text: str) -> Markup:
+    """Return a text whose underscores are subscripts."""
+    parts = SUBSCRIPT.split(
+        text.replace(' -', ' \N{MINUS SIGN}').replace('= -', '= \N{MINUS SIGN}')
+    )
+    return joined(
+        element('sub', part.strip('()')) if k % 2 else part for k, part in enumerate(parts)
+    )
+
+
+def picture(variant: Variant) -> Markup:
+    """Return the drawing of the linkage as SVG; empty where it would show the answer."""
+    leg, angle = variant.kind.leg(variant.givens)
+    if leg is None:
+        return Markup('')
+    arcs = leg.reachable_arcs()
+    if not any(start <= angle % (2.0 * np.pi) <= end for start, end in arcs):
+        start, end = arcs[0]
+        angle = start + 0.4 * (end - start)
+    pose = leg.closed_form(angle)
+    return drawing_of(pose, _bar_names(variant))
+
+
+def _bar_names(variant: Variant) -> dict[int, str]:
+    """Return the names of numbered lengths, by their micrometres."""
+    return {
+        round(1e3 * value): name
+        for name, value in variant.givens.items()
+        if name.startswith('L_') and name[2:].isdigit()
+    }
+
+
+def drawing_of(pose: Any, bar_names: dict[int, str]) -> Markup:
+    """Return a pose as SVG, its points lettered, and its bars named by their length."""
+    drawn = PoseDrawing.of(pose)
+    places = np.array([*drawn.points.values()])
+    low, span = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
+    scale = min((WIDTH - 2.0 * MARGIN) / span[0], (HEIGHT - 2.0 * MARGIN) / span[1])
+    height = ceil(scale * span[1] + 2.0 * MARGIN)
+    width = ceil(scale * span[0] + 2.0 * MARGIN)
+
+    def at(place: FloatArray) -> tuple[float, float]:
+        x, y = scale * (place - low)
+        return round(MARGIN + float(x), 1), round(height - MARGIN - float(y), 1)
+
+    shapes, names = [], []
+    directions = iter(line_directions(pose))
+    for body in drawn.bodies:
+        if len(body.points) > 2:
+            corners = ' '.join('{:.1f},{:.1f}'.format(*at(p)) for p in drawn.outline(body))
+            shapes.append(element('polygon', points=corners, fill=body.colour, opacity='0.2'))
+        if body.line:
+            ends = [at(p) for p in drawn.guide(body, next(directions))]
+            shapes.append(_line(ends, stroke=body.colour, stroke_dasharray='6 4'))
+            x, y = at(drawn.points[body.line[1]])
+            box = {'x': x - 9.0, 'y': y - 6.0, 'width': 18.0, 'height': 12.0}
+            shapes.append(element('rect', **box, fill='#fff', stroke=body.colour))
+        for start, end in body.bars:
+            first, last = drawn.points[start], drawn.points[end]
+            style: dict[str, Any] = {'stroke': body.colour, 'stroke_width': '5'}
+            shapes.append(_line([at(first), at(last)], **style, stroke_linecap='round'))
+            # The library's lengths are in m, or in mm where the exercise's are.
+            length = float(np.hypot(*(last - first)))
+            name = bar_names.get(round(1e6 * length)) or bar_names.get(round(1e3 * length))
+            if name:
+                x, y = at((first + last) / 2.0)
+                names.append(
+                    _letter(x + 9.0, y - 7.0, name.replace('_', '').translate(SUBSCRIPTS))
+                )
+    for name, place in drawn.points.items():
+        x, y = at(place)
+        if name in drawn.joints[PIVOT]:
+            base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
+            shapes.append(element('polygon', points=f'{x},{y} {base}', fill='#ccc', stroke='#000'))
+        shapes.append(element('circle', cx=x, cy=y, r=JOINT, fill='#fff', stroke='#000'))
+        u, v = drawn.free_side(name)
+        names.append(_letter(x + 16.0 * u, y - 16.0 * v, name))
+    view = f'0 0 {width} {height}'
+    return element(
+        'svg', *shapes, *names, xmlns='http://www.w3.org/2000/svg', viewBox=view,
+        width=width, height=height, role='img', aria_label='linkage',
+    )  # fmt: skip
+
+
+def _line(ends: Sequence[tuple[float, float]], **style: Any) -> Markup:
+    (x, y), (p, q) = ends
+    return element('line', x1=x, y1=y, x2=p, y2=q, fill='none', **style)
+
+
+def _letter(x: float, y: float, text: str) -> Markup:
+    style = {'text_anchor': 'middle', 'dominant_baseline': 'middle', 'font_size': '14'}
+    return element('text', text, x=round(x, 1), y=round(y, 1), font_family='sans-serif', **style)

@@ -1,0 +1,169 @@
+"""Tables of a class: students, answers and marks, as spreadsheets of any locale write them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+import csv
+from io import StringIO, TextIOWrapper
+from typing import BinaryIO, NamedTuple
+
+from klann_ros.sanitize.files import open_regular
+from klann_ros.sanitize.text import listed, printable
+
+from .marking import mark, Marked
+from .variant import ExerciseError, Kind, known, make_variant
+
+# Largest table [bytes], and students of one.
+MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
+DELIMITERS = ',;\t'
+ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
+MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
+# A spreadsheet takes a cell with this start for a formula.
+FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
+
+
+class Student(NamedTuple):
+    """
+    A row of a class list.
+
+    Attributes
+    ----------
+    number, name : str
+        The student number, from which the variant is drawn, and the name.
+
+    """
+
+    number: str
+    name: str
+
+
+def read_students(path: str) -> list[Student]:
+    """
+    Return the students of a class list, with the columns student and, optional, name.
+
+    Raises
+    ------
+    ExerciseError
+        The file is no such table, or has a student twice.
+    OSError
+        It cannot be read.
+
+    """
+    rows = _rows(path, ('student',))
+    found = [Student(row['student'].strip(), row.get('name', '').strip()) for _, row in rows]
+    found = [student for student in found if student.number]
+    if not 0 < len(found) <= MAX_STUDENTS:
+        raise ExerciseError(
+            f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
+        )
+    numbers = [student.number for student in found]
+    twice = dict.fromkeys(number for number in numbers if numbers.count(number) > 1)
+    if twice:
+        raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
+    return found
+
+
+def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], list[str]]:
+    """
+    Return the marks of a table of answers, and the rows that are refused, with their reasons.
+
+    Raises
+    ------
+    ExerciseError
+        The file is no table of answers.
+    OSError
+        It cannot be read.
+
+    """
+    answers: dict[tuple[str, str], dict[str, str]] = {}
+    refused = []
+    for line, row in _rows(path, ANSWER_COLUMNS):
+        student, kind, question = (row[name].strip() for name in ANSWER_COLUMNS[:3])
+        try:
+            names = {each.name for each in known(kind, kinds, 'kind').questions}
+            known(question, dict.fromkeys(names), f'question of {kind}')
+        except ExerciseError as error:
+            refused.append(f'line {line}: {error}')
+            continue
+        if question in answers.setdefault((student, kind), {}):
+            refused.append(f'line {line}: {printable(student)} answers {question} twice')
+        else:
+            answers[student, kind][question] = row['answer']
+    marked = []
+    for (student, kind), given in answers.items():
+        try:
+            marks = mark(make_variant(kinds[kind], student), given)
+            marked.append(Marked(student, kind, tuple(marks)))
+        except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
+            refused.append(str(error))
+    return marked, refused
+
+
+def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
+    """Return the rows of a table with these columns, each with its line number."""
+    with open_regular(path) as file:
+        data = file.read(MAX_TABLE + 1)
+    if len(data) > MAX_TABLE:
+        raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
+    try:
+        text = data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        # A spreadsheet's own encoding in western Europe and Brazil; every byte is a letter.
+        text = data.decode('cp1252', errors='replace')
+    head = text.partition('\n')[0]
+    delimiter = max(DELIMITERS, key=head.count)
+    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter)
+    try:
+        heads = [cell.strip().casefold() for cell in next(reader, [])]
+        missing = [name for name in columns if name not in heads]
+        if missing:
+            raise ExerciseError(
+                f'{printable(path)} has no column {listed(missing)}: its first line must have '
+                f'{", ".join(columns)}'
+            )
+        found = []
+        for row in reader:
+            if not any(cell.strip() for cell in row):
+                continue
+            if len(row) > len(heads):
+                raise ExerciseError(
+                    f'{printable(path)}, line {reader.line_num}: {len(row)} cells for '
+                    f'{len(heads)} columns; put a number with a comma in quotes'
+                )
+            cells = [*row, *[''] * (len(heads) - len(row))]
+            found.append((reader.line_num, dict(zip(heads, cells, strict=True))))
+    except csv.Error as error:
+        raise ExerciseError(f'{printable(path)}, line {reader.line_num}: {error}') from error
+    return found
+
+
+def save_template(kind: Kind, students: Iterable[Student], file: BinaryIO) -> None:
+    """Write an empty table of answers."""
+    rows = ((each.number, kind.name, question.name, '') for each in students
+            for question in kind.questions)  # fmt: skip
+    _save(ANSWER_COLUMNS, rows, file)
+
+
+def save_marks(marked: Iterable[Marked], language: str, file: BinaryIO) -> None:
+    """Write the marks, a row an answer."""
+    rows = (
+        (each.student, each.kind, mark.question, mark.given, f'{mark.points:g}',
+         mark.reason(language))
+        for each in marked for mark in each.marks
+    )  # fmt: skip
+    _save(MARK_COLUMNS, rows, file)
+
+
+def _save(heads: Sequence[str], rows: Iterable[Sequence[str]], file: BinaryIO) -> None:
+    text = TextIOWrapper(file, encoding='utf-8-sig', newline='')
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(heads)
+    writer.writerows([_harmless(cell) for cell in row] for row in rows)
+    text.flush()
+    text.detach()
+
+
+def _harmless(cell: str) -> str:
+    """Return a cell that no spreadsheet takes for a formula; a number is none."""
+    number = cell.lstrip('+-').replace(',', '.', 1)
+    if cell.startswith(FORMULA_STARTS) and not number.replace('.', '', 1).isdigit():
+        return f"'{cell}"
+    return cell

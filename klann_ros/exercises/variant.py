@@ -1,0 +1,361 @@
+"""
+Kinds of exercises and their variants: one for each student, drawn from the student's number.
+
+A variant depends on its kind and student alone. Its key is computed by the library, its steps by
+the course's formulas; a draw is accepted if both agree and the numbers are fit for a person.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import floor, isfinite, log10
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import KinematicsError
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.yaml_text import parse_file
+import numpy as np
+
+from .calculation import (
+    Answer,
+    ANSWER_MISTAKES,
+    Calculation,
+    CALCULATION_MISTAKES,
+    slip_of,
+    Step,
+    TURN_DEG,
+)
+
+LANGUAGES = ('en', 'pt')
+TEXTS_FILE = 'texts.yaml'
+# Longest student number [characters], and tries to draw a fit variant.
+MAX_STUDENT, MAX_DRAWS = 64, 5000
+# Significant digits asked for. Smaller answers count as this one: it has no sign worth asking.
+DIGITS = 4
+SMALLEST = {'deg': 3.0, 'mm': 3.0, 'mm/s': 10.0, 'mm/s²': 30.0, 'count': 1.0}
+SMALLEST_NUMBER = 0.03
+# Key and course's formulas agree within this part of their size; rounding to this many digits
+# between steps leaves every answer right.
+AGREEMENT, GUARD_DIGITS = 1e-9, 'rounding:6'
+
+
+class ExerciseError(ValueError):
+    """An unknown kind or language, or a student number that is refused."""
+
+
+class Draw:
+    """
+    Numbers from a text: FNV-1a gives the seed, mulberry32 the numbers, which the lab repeats.
+
+    References
+    ----------
+    Fowler, Noll, Vo: FNV hash; T. Ettinger: mulberry32 (public domain).
+
+    """
+
+    def __init__(self, text: str) -> None:
+        state = 0x811C9DC5
+        for byte in text.encode():
+            state = (state ^ byte) * 0x01000193 & 0xFFFFFFFF
+        self._state = state
+
+    def unit(self) -> float:
+        """Return a number in [0, 1)."""
+        self._state = (self._state + 0x6D2B79F5) & 0xFFFFFFFF
+        t = self._state
+        t = (t ^ t >> 15) * (t | 1) & 0xFFFFFFFF
+        t ^= t + ((t ^ t >> 7) * (t | 61) & 0xFFFFFFFF) & 0xFFFFFFFF
+        return ((t ^ t >> 14) & 0xFFFFFFFF) / 2.0**32
+
+    def value(self, low: float, high: float, step: float = 1.0) -> float:
+        """Return one of low, low + step, ... high."""
+        count = floor((high - low) / step + 1.5)
+        return low + step * floor(self.unit() * count)
+
+    def near(self, value: float, part: float = 0.15, step: float = 5.0) -> float:
+        """Return a multiple of the step within a part of a value."""
+        steps = floor(part * abs(value) / step + 0.5)
+        return value + step * self.value(-steps, steps)
+
+
+class Question(NamedTuple):
+    """
+    A question of an exercise.
+
+    Attributes
+    ----------
+    name : str
+        Its quantity, such as 'theta_4'.
+    unit : str
+        'deg', 'mm', ...; '1' for a number, 'count' for a whole one, 'choice' for a word.
+    choices : tuple of str
+        The words of a choice.
+
+    """
+
+    name: str
+    unit: str
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """
+    A kind of exercise.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    draw : callable
+        Givens from a Draw, in mm, deg, s and N.
+    work : callable
+        The course's formulas on a Calculation, which answers every question.
+    key : callable
+        The answers by the library, for givens.
+    questions : tuple of Question
+        The questions.
+    units : mapping of str to str
+        Unit of each given; mm where none is named.
+    leg : callable
+        Leg and its crank angle [rad] for the drawing, for givens.
+    input_angle : str
+        The given angle to which mistakes of the input apply.
+    mistakes : tuple of str
+        Mistakes beside those of every calculation.
+    digits : int
+        Significant digits asked for.
+    agreement : float
+        Largest relative difference of key and formulas.
+
+    """
+
+    name: str
+    draw: Callable[[Draw], dict[str, float]]
+    work: Callable[[Calculation], None]
+    key: Callable[[Mapping[str, float]], Mapping[str, Answer]]
+    questions: tuple[Question, ...]
+    units: Mapping[str, str]
+    leg: Callable[[Mapping[str, float]], tuple[Any, float]]
+    input_angle: str = ''
+    mistakes: tuple[str, ...] = ()
+    digits: int = DIGITS
+    agreement: float = AGREEMENT
+
+    def calculated(self, givens: Mapping[str, float], mistake: str = '') -> Calculation | None:
+        """Return the calculation with a mistake; None where it leads nowhere."""
+        calculation = Calculation(givens, mistake, self.input_angle)
+        try:
+            with np.errstate(all='ignore'):
+                self.work(calculation)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+        return calculation
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """
+    The exercise of a student.
+
+    Attributes
+    ----------
+    kind : Kind
+        Its kind.
+    student : str
+        The student's number.
+    givens : mapping of str to float
+        The given numbers, in the units of the kind.
+    answers : mapping of str to (float or str)
+        The key, in the units of the questions.
+    steps : tuple of Step
+        The worked solution.
+
+    """
+
+    kind: Kind
+    student: str
+    givens: Mapping[str, float]
+    answers: Mapping[str, Answer]
+    steps: tuple[Step, ...]
+
+    @cached_property
+    def mistaken(self) -> dict[str, dict[str, Answer]]:
+        """Return the wrong answers of each mistake, by question."""
+        found: dict[str, dict[str, Answer]] = {}
+        for mistake in (*self.kind.mistakes, *CALCULATION_MISTAKES):
+            calculation = self.kind.calculated(self.givens, mistake)
+            if calculation:
+                found[mistake] = self._wrong(calculation.answers)
+        for question in self.kind.questions:
+            right = self.answers[question.name]
+            for mistake, change in ANSWER_MISTAKES.get(question.unit, {}).items():
+                if isinstance(right, float):
+                    wrong = self._wrong({question.name: change(right)})
+                    found.setdefault(mistake, {}).update(wrong)
+        return found
+
+    def _wrong(self, answers: Mapping[str, Answer]) -> dict[str, Answer]:
+        return {
+            question.name: answers[question.name]
+            for question in self.kind.questions
+            if question.name in answers
+            and _is_finite(answers[question.name])
+            and not self.is_right(question, answers[question.name])
+        }
+
+    def tolerance(self, question: Question, value: Answer | None = None) -> float:
+        """Return a unit of the last digit asked for, of the right answer or of a value."""
+        value = self.answers[question.name] if value is None else value
+        if isinstance(value, str) or question.unit == 'count':
+            return 0.0
+        least = SMALLEST.get(question.unit, SMALLEST_NUMBER)
+        size = floor(log10(max(abs(value), least)))
+        return float(10.0 ** (size + 1 - self.kind.digits))
+
+    def is_right(self, question: Question, answer: Answer) -> bool:
+        """Return whether an answer is right to the digits asked for."""
+        return self.is_near(question, answer, self.answers[question.name])
+
+    def is_near(self, question: Question, answer: Answer, value: Answer) -> bool:
+        """Return whether an answer is a value, to the digits asked for."""
+        if isinstance(answer, str) or isinstance(value, str):
+            return answer == value
+        # Rounding of the last digit itself.
+        tolerance = self.tolerance(question, value) * (1.0 + 1e-6)
+        return difference(question, answer, value) <= tolerance
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all that a page or a platform needs to show and mark it, ready for JSON."""
+        leg, angle = self.kind.leg(self.givens)
+        words = texts()
+        return {
+            'kind': self.kind.name,
+            'student': self.student,
+            'texts': words['kinds'][self.kind.name],
+            'givens': [
+                {'name': name, 'value': value, 'unit': self.kind.units.get(name, 'mm')}
+                for name, value in self.givens.items()
+            ],
+            'crank_angle': angle,
+            'dimensions': dict(leg.linkage.dimensions),
+            'questions': [
+                {
+                    **question._asdict(),
+                    'digits': self.kind.digits,
+                    'tolerance': self.tolerance(question),
+                    'text': {each: label(question, each) for each in LANGUAGES},
+                    'answer': self.answers[question.name],
+                    'slips': {
+                        mistake: wrong[question.name]
+                        for mistake, wrong in self.mistaken.items()
+                        if question.name in wrong
+                    },
+                }
+                for question in self.kind.questions
+            ],
+            'steps': [step._asdict() for step in self.steps],
+            'reasons': words['slips'],
+        }
+
+
+def difference(question: Question, answer: float, value: float) -> float:
+    """Return the distance of two answers, of angles modulo a turn."""
+    gap = abs(answer - value)
+    if question.unit == 'deg':
+        gap %= TURN_DEG
+        return min(gap, TURN_DEG - gap)
+    return gap
+
+
+def make_variant(kind: Kind, student: str) -> Variant:
+    """
+    Return the variant of a student.
+
+    Raises
+    ------
+    ExerciseError
+        The student's number is empty, too long or not printable.
+
+    """
+    if not student or len(student) > MAX_STUDENT or printable(student) != student:
+        shown = printable(student, MAX_STUDENT)
+        raise ExerciseError(
+            f'student {shown!r} is refused: it must be 1 to {MAX_STUDENT} printable characters'
+        )
+    draw = Draw(f'{kind.name}:{student}')
+    for _ in range(MAX_DRAWS):
+        variant = _fit(kind, student, kind.draw(draw))
+        if variant:
+            return variant
+    raise AssertionError(f'{kind.name}: no fit variant')
+
+
+def _fit(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
+    """Return the variant of givens if it assembles, is well conditioned and has fair answers."""
+    worked = kind.calculated(givens)
+    guarded = kind.calculated(givens, GUARD_DIGITS) if worked else None
+    if worked is None or guarded is None or not all(map(_is_fair(worked), kind.questions)):
+        return None
+    try:
+        key = kind.key(givens)
+    except KinematicsError:
+        return None
+    variant = Variant(kind, student, givens, dict(key), tuple(worked.steps))
+    for question in kind.questions:
+        right, by_hand = key[question.name], worked.answers[question.name]
+        if isinstance(right, str) or isinstance(by_hand, str):
+            if right != by_hand:
+                return None
+            continue
+        allowed = kind.agreement * max(abs(right), 1.0)
+        if difference(question, right, by_hand) > allowed:
+            return None
+        rounded = guarded.answers[question.name]
+        if isinstance(rounded, str) or (
+            difference(question, rounded, right) > 0.2 * variant.tolerance(question)
+        ):
+            return None
+    return variant
+
+
+def _is_fair(worked: Calculation) -> Callable[[Question], bool]:
+    def check(question: Question) -> bool:
+        answer = worked.answers[question.name]
+        least = SMALLEST.get(question.unit, SMALLEST_NUMBER)
+        return isinstance(answer, str) or (isfinite(answer) and abs(answer) >= least)
+
+    return check
+
+
+def _is_finite(answer: Answer) -> bool:
+    return isinstance(answer, str) or isfinite(answer)
+
+
+@lru_cache
+def texts() -> dict[str, Any]:
+    """Return the texts of the exercises, by subject and language."""
+    from pathlib import Path  # noqa: PLC0415
+
+    found: dict[str, Any] = parse_file(Path(__file__).with_name(TEXTS_FILE))
+    return found
+
+
+def label(question: Question, language: str) -> str:
+    """Return the words of a question; empty where its symbol says all."""
+    return str(texts()['questions'].get(question.name, {}).get(language, ''))
+
+
+def reason(mistake: str, language: str) -> str:
+    """Return the words of a mistake's slip."""
+    return str(texts()['slips'][slip_of(mistake)][language])
+
+
+def known(name: str, names: Mapping[str, Any], what: str) -> Any:
+    """Return what a name stands for; an ExerciseError lists the known names."""
+    if name not in names:
+        listing = ', '.join(names)
+        raise ExerciseError(
+            f'{what} {printable(name)!r} is unknown: {listing}{did_you_mean(name, names)}'
+        )
+    return names[name]

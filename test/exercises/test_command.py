@@ -1,0 +1,144 @@
+"""`exercise` as a professor uses it: a class list in, sheets and key out, answers marked."""
+
+import csv
+import json
+from pathlib import Path
+import re
+
+from klann_ros.exercises import KINDS, make_variant
+from klann_ros.exercises.command import main
+import pytest
+
+CLASS = 'student;name\n0011;João\n0012;<b>Eve</b>\n=cmd;x\n'
+
+
+@pytest.fixture
+def students(tmp_path: Path) -> Path:
+    path = tmp_path / 'class.csv'
+    # As a spreadsheet in Brazil writes it.
+    path.write_bytes(CLASS.encode('cp1252'))
+    return path
+
+
+def make(students: Path, folder: Path, kind: str, *more: str) -> int:
+    place = ['--students', str(students), '-o', str(folder)]
+    return main(['make', '--kind', kind, *place, *more])
+
+
+def code_of(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main([*arguments])
+    return int(end.value.code or 0)
+
+
+@pytest.mark.parametrize('language', ['en', 'pt'])
+def test_sheets_and_key_are_made_for_a_class(
+    students: Path, tmp_path: Path, language: str
+) -> None:
+    assert make(students, tmp_path / 'out', 'limits', '--language', language) == 0
+    sheets = (tmp_path / 'out/limits.html').read_text()
+    key = (tmp_path / 'out/limits_key.html').read_text()
+    assert sheets.count('<section>') == key.count('<section>') == 3
+    assert sheets.count('<svg') == 3
+    assert 'João' in sheets
+    assert '<b>Eve</b>' not in sheets
+    assert '<script' not in sheets + key
+    swing = make_variant(KINDS['limits'], '0011').answers['swing']
+    shown = f'{swing:.2f}'.replace('.', ',' if language == 'pt' else '.')
+    assert shown in key
+    assert shown not in sheets
+
+
+def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path) -> None:
+    make(students, tmp_path, 'toggle')
+    rows = [*csv.DictReader((tmp_path / 'toggle_answers.csv').read_text('utf-8-sig').splitlines())]
+    assert [row['student'] for row in rows] == ['0011'] * 3 + ['0012'] * 3 + ["'=cmd"] * 3
+    key = make_variant(KINDS['toggle'], '0011').answers
+    lines = ['student,kind,question,answer']
+    lines += [f'0011,toggle,{name},"{value:.5g} mm"' for name, value in key.items()]
+    lines += ['0012,toggle,Z,1', '0012,toggle,Y,1', '0012,jump,Z,1', '0011,toggle,Z,1']
+    answers = tmp_path / 'answers.csv'
+    answers.write_text('\n'.join(lines))
+    outputs = ['--csv', str(tmp_path / 'marks.csv'), '--json', str(tmp_path / 'marks.json')]
+    assert main(['mark', str(answers), *outputs]) == 1
+    report = json.loads((tmp_path / 'marks.json').read_text())
+    assert [(each['student'], each['points']) for each in report['students']] == [
+        ('0011', 3.0),
+        ('0012', 0.0),
+    ]
+    assert len(report['refused']) == 3
+    assert report['statistics']['toggle']['right'] == 3
+    marks = [*csv.DictReader((tmp_path / 'marks.csv').read_text('utf-8-sig').splitlines())]
+    assert [row['points'] for row in marks] == ['1', '1', '1', '0', '0', '0']
+
+
+@pytest.mark.parametrize(
+    ('content', 'message'),
+    [
+        ('id\n1\n', 'has no column student'),
+        ('student\n', 'has 0 students'),
+        ('student\n1\n1\n', 'has students twice: 1'),
+        ('student\n1,2\n', '2 cells for 1 columns'),
+    ],
+)
+def test_a_class_list_that_is_none_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, message: str
+) -> None:
+    path = tmp_path / 'class.csv'
+    path.write_text(content)
+    assert make(path, tmp_path / 'out', 'toggle') == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+def test_an_unknown_kind_is_refused(
+    students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert make(students, tmp_path, 'newtn') == 2
+    assert 'did you mean newton?' in capsys.readouterr().err
+
+
+def test_the_class_list_is_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / 'toggle_answers.csv'
+    path.write_text(CLASS)
+    assert make(path, tmp_path, 'toggle') == 3
+    assert 'which is only read' in capsys.readouterr().err
+    assert path.read_text() == CLASS
+
+
+def test_a_file_in_place_of_the_folder_is_refused(
+    students: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert make(students, students, 'toggle') == 3
+    assert 'cannot be written' in capsys.readouterr().err
+
+
+def test_a_key_shows_every_step(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['key', '--kind', 'newton', '--student', '0011']) == 0
+    shown = capsys.readouterr().out
+    for name in ('Phi_44', 'gamma_2', 'theta_3', 'iterations'):
+        assert re.search(rf'^{name} = ', shown, re.MULTILINE)
+
+
+def test_the_kinds_are_listed_in_portuguese(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['list', '--language', 'pt']) == 0
+    assert capsys.readouterr().out.count('\n') == len(KINDS)
+
+
+@pytest.mark.parametrize('arguments', [[], ['make'], ['mark'], ['key', '--kind', 'x']])
+def test_missing_arguments_are_refused(arguments: list[str]) -> None:
+    assert code_of(*arguments) == 2
+
+
+def test_json_has_all_that_a_page_needs(students: Path, tmp_path: Path) -> None:
+    assert make(students, tmp_path, 'newton', '--format', 'json') == 0
+    exercises = json.loads((tmp_path / 'newton.json').read_text())
+    assert [each['student'] for each in exercises] == ['0011', '0012', '=cmd']
+    question = exercises[0]['questions'][0]
+    assert question['name'] == 'f_1'
+    assert question['slips']
+    assert exercises[0]['reasons']['radians']['pt']

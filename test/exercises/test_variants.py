@@ -1,0 +1,165 @@
+"""Variants of exercises: distinct, solvable, repeatable, and their key held against others."""
+
+from collections.abc import Callable
+from math import isfinite
+
+from klann_ros.exercises import ExerciseError, KINDS, make_variant
+from klann_ros.exercises.calculation import Calculation
+from klann_ros.exercises.variant import difference, Draw, GUARD_DIGITS, LANGUAGES, texts
+from klann_ros.kinematics import KinematicsError
+import pytest
+
+SEEDS = 12
+# The exercise of SEM 104, lecture 7: givens, and x_2 and x as printed [deg].
+SEM104 = {
+    'L_AB': 120,
+    'L_BC': 350,
+    'L_DC': 140,
+    'L_CG': 360,
+    'L_EF': 270,
+    'L_FG': 360,
+    'L_GH': 430,
+    'x_D': 350,
+    'y_A': 90,
+    'x_E': 290,
+    'y_E': 230,
+    'angle_BCG': 10,
+    'angle_FGH': 40,
+    'alpha': 60,
+    'gamma_1': 15,
+    'beta_1': 60,
+    'delta_1': 45,
+    'theta_1': 60,
+}
+SEM104_X = {
+    'gamma_2': 10.5138,
+    'beta_2': 67.0074,
+    'delta_2': 36.7323,
+    'theta_2': 45.7048,
+    'gamma': 10.6570,
+    'beta': 67.3283,
+    'delta': 34.4634,
+    'theta': 45.7220,
+}
+# The four-bar of the other course's examples 1 and 2: as printed there.
+FOUR_BAR = {'L_1': 180, 'L_2': 80, 'L_3': 200, 'L_4': 150, 'theta_2': 60}
+FOUR_BAR_POSE = {'Z': 156.20, 'mu': 50.58, 'alpha': 81.53, 'beta': 26.33, 'theta_4': 72.14}
+FOUR_BAR_NEWTON = {
+    'f_1': -27.138,
+    'f_2': 26.675,
+    'theta_3_2': 21.812,
+    'theta_4_2': 71.864,
+    'theta_3': 21.5576353,
+    'theta_4': 72.1376951,
+}
+
+
+@pytest.mark.parametrize('name', KINDS)
+def test_students_get_distinct_variants_that_are_the_same_for_ever(name: str) -> None:
+    kind = KINDS[name]
+    variants = [make_variant(kind, str(seed)) for seed in range(SEEDS)]
+    assert len({tuple(each.givens.items()) for each in variants}) == SEEDS
+    again = make_variant(kind, '3')
+    assert again.givens == variants[3].givens
+    assert again.answers == variants[3].answers
+
+
+@pytest.mark.parametrize('name', KINDS)
+def test_the_key_of_the_library_is_what_the_courses_formulas_give(name: str) -> None:
+    kind, draw, compared = KINDS[name], Draw(f'oracle of {name}'), 0
+    while compared < SEEDS:
+        givens = kind.draw(draw)
+        worked, guarded = kind.calculated(givens), kind.calculated(givens, GUARD_DIGITS)
+        try:
+            key = kind.key(givens) if worked and guarded else {}
+        except KinematicsError:
+            continue
+        # A crank-rocker's limits are asked of a crank-rocker alone.
+        if not worked or {each.name for each in kind.questions} > set(key):
+            continue
+        compared += 1
+        for question in kind.questions:
+            right, by_hand = key[question.name], worked.answers[question.name]
+            if isinstance(right, str) or isinstance(by_hand, str):
+                assert right == by_hand
+            else:
+                # An iteration that leads to another root is no variant.
+                if question.name == 'iterations' or name.endswith('newton'):
+                    continue
+                allowed = max(1e-8, kind.agreement) * max(abs(right), 1.0)
+                assert difference(question, right, by_hand) <= allowed, question.name
+
+
+@pytest.mark.parametrize(
+    ('name', 'givens', 'printed', 'digits'),
+    [
+        ('newton', SEM104, SEM104_X, 5e-3),
+        ('four-bar-position', FOUR_BAR, FOUR_BAR_POSE, 6e-3),
+        ('four-bar-newton', FOUR_BAR | {'theta_3_1': 15, 'theta_4_1': 80}, FOUR_BAR_NEWTON, 3e-3),
+    ],
+)
+def test_steps_and_key_are_the_printed_ones(
+    name: str, givens: dict[str, float], printed: dict[str, float], digits: float
+) -> None:
+    kind = KINDS[name]
+    worked = kind.calculated(givens)
+    assert worked is not None
+    for answers in (worked.answers, kind.key(givens)):
+        found = {question: answers[question] for question in printed}
+        assert found == pytest.approx(printed, abs=digits)
+
+
+@pytest.mark.parametrize('name', KINDS)
+def test_every_text_exists_in_both_languages(name: str) -> None:
+    variant, words = make_variant(KINDS[name], '1'), texts()
+    for language in LANGUAGES:
+        assert words['kinds'][name][language]['title']
+        assert words['kinds'][name][language]['task']
+        assert all(words['slips'][slip][language] for slip in words['slips'])
+    assert variant.steps
+    assert all(isfinite(step.value) for step in variant.steps)
+
+
+def test_a_draw_is_repeatable_on_every_machine() -> None:
+    """FNV-1a and mulberry32 as their authors publish them, here from an independent run."""
+    draw = Draw('newton:12345')
+    assert [draw.unit() for _ in range(3)] == [_reference('newton:12345')() for _ in range(1)] + [
+        pytest.approx(each) for each in _sequence('newton:12345')[1:]
+    ]
+
+
+def _sequence(text: str) -> list[float]:
+    following = _reference(text)
+    return [following() for _ in range(3)]
+
+
+def _reference(text: str) -> Callable[[], float]:
+    """Return mulberry32 in signed 32-bit steps, as JavaScript computes it."""
+
+    def imul(a: int, b: int) -> int:
+        return (a * b) & 0xFFFFFFFF
+
+    seed = 2166136261
+    for byte in text.encode():
+        seed = imul(seed ^ byte, 16777619)
+    state = [seed]
+
+    def following() -> float:
+        state[0] = (state[0] + 0x6D2B79F5) % 2**32
+        t = imul(state[0] ^ (state[0] >> 15), 1 | state[0])
+        t = ((t + imul(t ^ (t >> 7), 61 | t)) % 2**32) ^ t
+        return (t ^ (t >> 14)) / 4294967296
+
+    return following
+
+
+@pytest.mark.parametrize('student', ['', 'a' * 65, 'a\nb', '\u202e1'])
+def test_a_student_number_that_cannot_be_printed_is_refused(student: str) -> None:
+    with pytest.raises(ExerciseError, match='student'):
+        make_variant(KINDS['toggle'], student)
+
+
+def test_a_calculation_reads_its_input_with_one_mistake() -> None:
+    assert Calculation({'alpha': 30.0}, 'clockwise:input', 'alpha')['alpha'] == -30.0
+    assert Calculation({'alpha': 30.0}, 'side:input', 'alpha')['alpha'] == 150.0
+    assert Calculation({'beta': 30.0}, 'side:input', 'alpha')['beta'] == 30.0
