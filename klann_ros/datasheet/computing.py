@@ -45,8 +45,11 @@ DEFAULT_SPEED = TURN
 SHEET_SAMPLES = 720
 # Limits of the crank's rate [rad/s] and of the load [N].
 MIN_SPEED, MAX_SPEED, MAX_LOAD = 1e-6, 1e6, 1e9
-# A robot with fewer legs cannot stand.
-MIN_WALKING_LEGS = 3
+# A robot with fewer legs cannot stand; the supports of one with more take minutes, as they grow
+# with the third power.
+MIN_WALKING_LEGS, MAX_WALKING_LEGS = 3, 24
+# A sheet takes a time proportional to the legs that differ.
+MAX_SHEET_LEGS = 100
 COUPLED = 'of coupled loops they take seconds: --margins'
 
 
@@ -80,9 +83,12 @@ def data_sheet(
     Raises
     ------
     SheetError
-        A number is invalid; there is a load but no stance, or a motor but neither masses nor load.
+        A number is invalid; the legs are too many; there is a load but no stance, or a motor but
+        neither masses nor load.
 
     """
+    if len(robot.legs) > MAX_SHEET_LEGS:
+        raise SheetError(f'{len(robot.legs)} legs are refused: at most {MAX_SHEET_LEGS}')
     if not (isfinite(speed) and MIN_SPEED <= abs(speed) <= MAX_SPEED):
         raise SheetError(
             f'speed = {speed!r} rad/s is refused: a number whose size is {MIN_SPEED:g} to '
@@ -214,8 +220,11 @@ def _crank(  # noqa: PLR0917 - the parameters of `data_sheet`
 
 
 def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
-    if len(robot.legs) < MIN_WALKING_LEGS:
+    count = len(robot.legs)
+    if count < MIN_WALKING_LEGS:
         return None, ''
+    if count > MAX_WALKING_LEGS:
+        return None, f'no gait is computed of {count} legs: at most {MAX_WALKING_LEGS}'
     try:
         return walk_figures(robot), ''
     except NoWalkerError as error:

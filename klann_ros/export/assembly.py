@@ -9,7 +9,7 @@ from klann_ros.sanitize.text import counted, printable
 
 from .drawing import MM, path_data, svg_file
 from .layers import Layers, Shaft
-from .outline import Outline, outlines
+from .outline import Outline, outlines, Segment
 from .plates import Hole, Plate
 
 # Lengths of screws up to 60 mm, then every 10 mm (ISO 4762) [mm].
@@ -21,6 +21,8 @@ COLUMNS, PANEL, TITLE, TEXT = 3, 88.0, 5.0, 3.2
 MARGIN, LINE = 8.0, 1.6
 # Mean width of a letter, as a part of the font's size.
 LETTER_WIDTH = 0.6
+# Rows above and below a pin that are tried for its label.
+LABEL_ROWS = 6
 LAYER_COLOURS = ('#1f77b4', '#d95f02', '#1b9e77', '#7570b3', '#a6761d', '#e7298a')
 # Columns of the table of pins, and their widths [mm].
 HEADS = ('Pin', 'Hole', 'Layers', 'Spacers', 'Washers', 'Grip', 'Screw', 'Ends')
@@ -177,37 +179,41 @@ class _View:
         self.scale = (PANEL - 2.0 * TEXT) / (MM * max(size.real, size.imag))
 
     def draw(self, panel: Element, layer: int) -> None:
-        """Draw a layer, and the layers below it in grey."""
-        of = self._of
+        """Draw a layer, and the layers below it in grey; its labels lie clear of each other."""
+        of, taken = self._of, list[_Box]()
+        own = [p for p in range(len(of.plates)) if of.layer[p] == layer]
         for p in sorted(range(len(of.plates)), key=lambda p: of.layer[p]):
             if of.layer[p] <= layer:
-                self._plate(panel, p, is_new=of.layer[p] == layer)
-        for shaft in of.shafts:
-            low, high = of.span(shaft)
-            if low <= layer <= high:
-                self._pin(panel, shaft, layer)
+                self._plate(panel, p, is_new=p in own)
+        spans = [(shaft, *of.span(shaft)) for shaft in of.shafts]
+        shafts = [shaft for shaft, low, high in spans if low <= layer <= high]
+        for shaft in shafts:
+            self._pin(panel, shaft, layer)
+        for shaft in shafts:
+            at = self._mm(of.plates[shaft.carrier], shaft.at)
+            _label(panel, shaft.name, [], (at, self._length(shaft.diameter / 2.0)), taken)
+        for p in own:
+            plate = of.plates[p]
+            start, end = max(self._links(plate), key=lambda link: abs(link[1] - link[0]))
+            holes = [self._mm(plate, hole.at) for hole in plate.holes]
+            places = [start + part * (end - start) for part in (0.5, 0.4, 0.6, 0.3, 0.7)]
+            places.sort(key=lambda at: -min((abs(at - hole) for hole in holes), default=0.0))
+            around = places[0], self._length(plate.width / 2.0)
+            _label(panel, plate.name, places if start != end else [], around, taken)
 
     def _plate(self, panel: Element, p: int, *, is_new: bool) -> None:
         plate = self._of.plates[p]
         colour = LAYER_COLOURS[p % len(LAYER_COLOURS)] if is_new else '#b8b8b8'
         style = {'fill': colour, 'fill-opacity': '0.35' if is_new else '0.15', 'stroke': colour}
-        links = [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
-        cuts: list[Outline] = [*outlines(links, self._length(plate.width / 2.0))]
+        cuts: list[Outline] = [*outlines(self._links(plate), self._length(plate.width / 2.0))]
         round_cuts = [(slot.start, slot.end, slot.diameter) for slot in plate.slots]
         round_cuts += [(hole.at, hole.at, hole.diameter) for hole in plate.holes]
         for start, end, diameter in round_cuts:
             line = self._mm(plate, start), self._mm(plate, end)
             cuts += outlines([line], self._length(diameter / 2.0))
         data = ' '.join(path_data(cut, PANEL) for cut in cuts)
-        SubElement(
-            panel, 'path', {'d': data, 'fill-rule': 'evenodd', 'stroke-width': '0.25', **style}
-        )
-        if is_new:
-            start, end = max(links, key=lambda link: abs(link[1] - link[0]))
-            holes = [self._mm(plate, hole.at) for hole in plate.holes]
-            places = [start + part * (end - start) for part in (0.5, 0.4, 0.6, 0.3, 0.7)]
-            clear = max(places, key=lambda at: min((abs(at - h) for h in holes), default=0.0))
-            _label(panel, plate.name, clear)
+        shape = {'d': data, 'fill-rule': 'evenodd', 'stroke-width': '0.25'}
+        SubElement(panel, 'path', {**shape, **style})
 
     def _pin(self, panel: Element, shaft: Shaft, layer: int) -> None:
         of = self._of
@@ -219,7 +225,9 @@ class _View:
             style = {'fill': '#ffffff', 'stroke': '#000000', 'stroke-width': '0.3'}
             SubElement(panel, 'circle', {**place, 'r': ring, **style})
         SubElement(panel, 'circle', {**place, 'r': f'{radius:.3f}', 'fill': '#000000'})
-        _label(panel, shaft.name, at + complex(1.2, 1.2) * radius + 0.5)
+
+    def _links(self, plate: Plate) -> list[Segment]:
+        return [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
 
     def _at(self, plate: Plate, place: complex) -> complex:
         return complex(self._of.motion.place(plate, place)[self._of.motion.shown])
@@ -231,11 +239,36 @@ class _View:
         return metres * MM * self.scale
 
 
-def _label(panel: Element, text: str, at: complex) -> None:
+# The lower left and the upper right corner of a label [mm].
+_Box = tuple[complex, complex]
+
+
+def _label(
+    panel: Element,
+    text: str,
+    places: Sequence[complex],
+    around: tuple[complex, float],
+    taken: list[_Box],
+) -> None:
+    """Write a label at the first place, or else around a disc, that no other label has taken."""
+    shown, (centre, radius) = printable(text, 24), around
+    size = complex(LETTER_WIDTH * len(shown), 1.0) * TEXT
+    far = 1.2 * radius + 0.5
+    rows = [y for n in range(LABEL_ROWS) for y in (far + n * TEXT, -far - (n + 1) * TEXT)]
+    beside = [centre + complex(x, y) for y in rows for x in (far, -far - size.real)]
+    boxes = [(at, at + size) for at in (*places, *beside)]
+    box = next((box for box in boxes if not any(_overlap(box, one) for one in taken)), boxes[0])
+    taken.append(box)
+    at = box[0]
     place = {'x': f'{at.real:.3f}', 'y': f'{PANEL - at.imag:.3f}', 'font-size': f'{TEXT:g}'}
     style = {'fill': '#000000', 'font-family': 'sans-serif', 'paint-order': 'stroke'}
     halo = {'stroke': '#ffffff', 'stroke-width': '0.6'}
-    SubElement(panel, 'text', {**place, **style, **halo}).text = printable(text, 24)
+    SubElement(panel, 'text', {**place, **style, **halo}).text = shown
+
+
+def _overlap(one: _Box, other: _Box) -> bool:
+    wide = one[0].real < other[1].real and other[0].real < one[1].real
+    return wide and one[0].imag < other[1].imag and other[0].imag < one[1].imag
 
 
 def _text(

@@ -126,7 +126,7 @@ def test_a_load_takes_what_virtual_work_says(sheet: DataSheet) -> None:
 )
 def test_peaks_are_those_of_dense_sampling(name: str) -> None:
     robot = weighed(robot_of(str(ROOT / name) if '/' in name else name))
-    coarse, dense = (data_sheet(robot, load=40.0, **s) for s in ({}, {'samples': 40_000}))
+    coarse, dense = (data_sheet(robot, load=40.0, **s) for s in ({}, {'samples': 10_000}))
     for one, other in zip(peaks(coarse), peaks(dense), strict=True):
         assert one == pytest.approx(other, rel=1e-4)
 
@@ -196,6 +196,16 @@ def test_legs_that_differ_have_a_sheet_each() -> None:
 
 
 LENGTHS = KlannGeometry.sem104().as_dict()
+
+
+def test_the_gait_of_many_legs_is_not_computed_and_more_legs_are_refused() -> None:
+    (leg,) = robot_of('sem104').legs
+    many = [replace(leg, name=f'leg_{n}', phase=0.1 * n) for n in range(101)]
+    sheet = data_sheet(Robot('centipede', tuple(many[:25])), samples=30)
+    assert sheet.walk is None
+    assert sheet.no_walk == 'no gait is computed of 25 legs: at most 24'
+    with pytest.raises(SheetError, match='101 legs are refused: at most 100'):
+        data_sheet(Robot('centipede', tuple(many)))
 
 
 def test_the_angle_of_a_joint_is_not_that_of_a_leg_with_a_phase() -> None:

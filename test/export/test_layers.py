@@ -11,7 +11,7 @@ from klann_ros.kinematics import LinkageLeg, shipped_linkages
 from klann_ros.robot import robot_of
 import numpy as np
 import pytest
-from shapely import LineString, Point, STRtree, transform, union_all
+from shapely import box, LineString, Point, STRtree, transform, union_all
 from shapely.geometry.base import BaseGeometry
 
 SHIPPED = ['sem104', 'patent', *shipped_linkages()]
@@ -141,6 +141,18 @@ def test_the_title_of_a_layer_is_no_wider_than_its_panel() -> None:
     titles = [text for text in texts if text.text.startswith('Layer ')]
     assert max(len(title.text) for title in titles) > 45
     assert all(0.6 * len(one.text) * float(one.get('font-size')) < 88 for one in titles)
+
+
+@pytest.mark.parametrize('name', SHIPPED)
+def test_no_label_of_a_layer_lies_over_another(name: str) -> None:
+    root = ET.fromstring(assembly([arranged(name)], thickness=3e-3, washer=0.0))  # noqa: S314
+    for panel in root.iter('{http://www.w3.org/2000/svg}g'):
+        boxes = []
+        for text in panel.iter('{http://www.w3.org/2000/svg}text'):
+            x, y, size = (float(text.get(key)) for key in ('x', 'y', 'font-size'))
+            boxes.append(box(x, y - size, x + 0.6 * size * len(text.text), y))
+        assert boxes
+        assert union_all(boxes).area == pytest.approx(sum(one.area for one in boxes))
 
 
 def test_the_sheet_shows_each_layer_and_names_each_pin() -> None:
