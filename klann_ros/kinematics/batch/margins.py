@@ -175,8 +175,7 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
         )
         # A mere brace is bounded by its triangle, and that by its loops.
         most = min(totals) - value if own else sum(totals) + 2.0 * value
-        sides = _other_sides(linkage, dimension)
-        return max([0.0, *(abs(p - q) for p, q in sides)]), min([most, *(p + q for p, q in sides)])
+        return 0.0, most
     ranges = []
     for k in loops:
         terms, _ = linkage.rows[k]
@@ -186,23 +185,6 @@ def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
         origin = sum((p.real if dimension.kind == 'x' else p.imag for p in at), 0.0)
         ranges.append((origin - reach, origin + reach))
     return max(low for low, _ in ranges), min(high for _, high in ranges)
-
-
-def _other_sides(linkage: Linkage, dimension: Dimension) -> list[tuple[float, float]]:
-    """Return the other two sides of each braced triangle with a length as a side."""
-    bars, found = linkage.structure.bars, []
-    lengths = dict(zip(linkage.structure.slots, linkage.numbers, strict=True))
-    for number, (body, bar) in enumerate(bars):
-        if bar.brace is None:
-            continue
-        ends = {bar.start, bar.brace.start}
-        bases = (n for n, (of, b) in enumerate(bars) if of == body and {b.start, b.end} == ends)
-        sides = {('length', number), ('brace', number), *(('length', base) for base in bases)}
-        own = (dimension.kind, dimension.place)
-        if len(sides) == 3 and own in sides:
-            p, q = (lengths[side] for side in sides - {own})
-            found.append((p, q))
-    return found
 
 
 class TurnLosses:

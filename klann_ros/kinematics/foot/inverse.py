@@ -92,7 +92,7 @@ def slope_range(track: Track, s: Coordinate, t_0: float, t_1: float) -> tuple[fl
     candidates = [t_0, t_1, *(t for t in _steepest(track, s, t_0, t_1) if t_0 < t < t_1)]
     # At the end of an arc a dyad is singular, and the slope is rounding.
     ends = () if track.span.is_turn else (track.t[0], track.t[-1])
-    steepness = [inf if t in ends else abs(track.slope(s, t)) for t in candidates]
+    steepness = [inf if t in ends else abs(track.value(s, t, 1)) for t in candidates]
     return min(steepness), max(steepness)
 
 
@@ -104,9 +104,9 @@ def _steepest(track: Track, s: Coordinate, t_0: float, t_1: float) -> Iterator[f
         rows = [(rows[-1][0] - pi, rows[-1][1]), *rows, *((t + pi, slope) for t, slope in rows)]
     for (left, before), (t, slope), (right, after) in zip(rows, rows[1:], rows[2:], strict=False):
         if (slope - before) * (after - slope) <= 0.0 and left < t_1 and right > t_0:
-            bends = (left, track.curvature(s, left)), (right, track.curvature(s, right))
+            bends = (left, track.value(s, left, 2)), (right, track.value(s, right, 2))
             hidden = bends[0][1] * bends[1][1] < 0.0
-            yield root(lambda t: track.curvature(s, t), *bends) if hidden else t
+            yield root(lambda t: track.value(s, t, 2), *bends) if hidden else t
 
 
 def _neighbours(track: Track, s: Coordinate) -> list[Sample]:
@@ -118,7 +118,7 @@ def _neighbours(track: Track, s: Coordinate) -> list[Sample]:
         # At the ends dalpha/dt is 0 and ds/dalpha, mostly, infinite.
         for end, beside in ((0, 1), (-1, -2)):
             t = ts[end] + END_OFFSET * (ts[beside] - ts[end])
-            rows[end] = t, track.slope_t(s, t)
+            rows[end] = t, track.value_t(s, t, 1)
     rows = [(t, slope) for t, slope in rows if not isnan(slope) and slope != 0.0]
     if track.span.is_turn and rows:
         (t_0, slope_0), (t_1, slope_1) = rows[0], rows[-1]
@@ -130,7 +130,7 @@ def _crossings(track: Track, s: Coordinate, rows: list[Sample]) -> Iterator[floa
     # Of a turn the last pair repeats the first.
     for left, right in pairwise(rows[:-1] if track.span.is_turn else rows):
         if left[1] * right[1] < 0.0:
-            yield root(lambda t: track.slope_t(s, t), left, right)
+            yield root(lambda t: track.value_t(s, t, 1), left, right)
     for before, middle, after in zip(rows, rows[1:], rows[2:], strict=False):
         same = before[1] * middle[1] > 0.0 and middle[1] * after[1] > 0.0
         if same and abs(before[1]) >= abs(middle[1]) <= abs(after[1]):
@@ -139,14 +139,14 @@ def _crossings(track: Track, s: Coordinate, rows: list[Sample]) -> Iterator[floa
 
 def _hidden(track: Track, s: Coordinate, before: Sample, after: Sample) -> Iterator[float]:
     """Yield the two crossings of ds/dt, if any, between two samples of the same sign."""
-    bends = [(t, track.curvature_t(s, t)) for t, _ in (before, after)]
+    bends = [(t, track.value_t(s, t, 2)) for t, _ in (before, after)]
     if not bends[0][1] * bends[1][1] < 0.0:
         return
-    t = root(lambda t: track.curvature_t(s, t), *bends)
-    dip = t, track.slope_t(s, t)
+    t = root(lambda t: track.value_t(s, t, 2), *bends)
+    dip = t, track.value_t(s, t, 1)
     if dip[1] * before[1] < 0.0:
         for left, right in ((before, dip), (dip, after)):
-            yield root(lambda t: track.slope_t(s, t), left, right)
+            yield root(lambda t: track.value_t(s, t, 1), left, right)
 
 
 def parameters_at(track: Track, s: Coordinate, value: float, rounding: float) -> list[float]:
@@ -183,7 +183,7 @@ def nearest(tracks: Iterable[Track], point: tuple[float, float], size: float) ->
     candidates = []
     for track in tracks:
         for t in (*turning_points(track, s), float(track.t[0]), float(track.t[-1])):
-            h_x, h_y = track.h_at(t).tolist()
+            h_x, h_y = track.foot_t(t)[0].tolist()
             candidates.append((hypot(h_x - x, h_y - y), track.crank_angle(t)))
     distance = min(candidates)[0]
     ties = distinct(alpha for d, alpha in candidates if d <= distance + TIE * size)

@@ -203,5 +203,7 @@ def _deviation(track: Track, t_0: float, t_1: float) -> float:
     normal = Coordinate((float(axes[0, 0]), float(axes[1, 0])))
     turns = [t + k * pi for t in turning_points(track, normal) for k in (0, 1)]
     inside = [t for t in turns if t_0 < t < t_1]
-    offsets = [track.value(normal, t) - float(normal.value(centre)) for t in (t_0, t_1, *inside)]
+    offsets = [
+        track.value(normal, t) - float(normal.derivative(centre)) for t in (t_0, t_1, *inside)
+    ]
     return max(map(abs, offsets))

@@ -24,19 +24,13 @@ class Coordinate:
     point: tuple[float, float] = (0.0, 0.0)
     k: float = 0.0
 
-    def value(self, h: FloatArray) -> FloatArray:
-        """Return s(H)."""
+    def derivative(self, h: FloatArray, *by: FloatArray) -> FloatArray:
+        """Return s for H, ds for H and dH, or d2s for H, dH and d2H."""
         from_p = h - self.point
-        return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
-
-    def slope(self, h: FloatArray, h_1: FloatArray) -> FloatArray:
-        """Return ds/dalpha for H and dH/dalpha."""
-        return _dot(self.along, h_1) + self.k * _dot(h - self.point, h_1)
-
-    def curvature(self, h: FloatArray, h_1: FloatArray, h_2: FloatArray) -> FloatArray:
-        """Return d2s/dalpha2 for H and its first two derivatives."""
-        round_p = _dot(h_1, h_1) + _dot(h - self.point, h_2)
-        return _dot(self.along, h_2) + self.k * round_p
+        if not by:
+            return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
+        squares = _dot(by[0], by[0]) if len(by) > 1 else 0.0
+        return _dot(self.along, by[-1]) + self.k * (squares + _dot(from_p, by[-1]))
 
 
 X, Y = Coordinate((1.0, 0.0)), Coordinate((0.0, 1.0))
@@ -116,44 +110,42 @@ class Track:
         self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)
         self.h_1 = np.array([self._h_1(pose) for _, pose in solved]).reshape(-1, 2)
 
-    def h_at(self, t: float) -> FloatArray:
-        """Return H, shape (2,) [m]."""
-        return np.array(self._pose(t).h)
-
-    def h_t_at(self, t: float) -> FloatArray:
-        """Return dH/dt, shape (2,)."""
-        return self._h_1(self._pose(t)) * self.span.alpha_1(t)
-
     def crank_angle(self, t: float) -> float:
         """Return the solvable crank angle in [0, 2 pi) [rad]."""
         return float(self._pose(t, wrapped=True).crank_angle)
 
-    def value(self, s: Coordinate, t: float) -> float:
-        """Return a coordinate of the foot."""
-        return float(s.value(self.h_at(t)))
-
-    def slope(self, s: Coordinate, t: float) -> float:
-        """Return ds/dalpha; NaN at a singular pose."""
-        pose = self._pose(t)
-        return float(s.slope(np.array(pose.h), self._h_1(pose)))
-
-    def slope_t(self, s: Coordinate, t: float) -> float:
-        """Return ds/dt by the chain rule."""
-        return self.slope(s, t) * self.span.alpha_1(t)
-
     def slopes(self, s: Coordinate) -> FloatArray:
         """Return ds/dalpha at the samples, shape (k,)."""
-        return s.slope(self.h, self.h_1)
+        return s.derivative(self.h, self.h_1)
 
-    def curvature(self, s: Coordinate, t: float) -> float:
-        """Return d2s/dalpha2; NaN at a singular pose."""
+    def value(self, s: Coordinate, t: float, order: int = 0) -> float:
+        """Return a coordinate of the foot, or a derivative by alpha; NaN at a singular pose."""
+        return float(s.derivative(*self._foot(t, order)))
+
+    def value_t(self, s: Coordinate, t: float, order: int) -> float:
+        """Return a derivative by t."""
+        return float(s.derivative(*self.foot_t(t, order)))
+
+    def foot_t(self, t: float, order: int = 0) -> list[FloatArray]:
+        """Return H and its derivatives by t, by the chain rule, shape (2,) each [m]."""
+        found, alpha_1 = self._foot(t, order), self.span.alpha_1(t)
+        if order > 1:
+            found[2] = found[2] * alpha_1**2 + found[1] * self.span.alpha_2(t)
+        if order:
+            found[1] = found[1] * alpha_1
+        return found
+
+    def _foot(self, t: float, order: int) -> list[FloatArray]:
+        """Return H and its derivatives by alpha."""
         pose = self._pose(t)
-        return float(s.curvature(np.array(pose.h), self._h_1(pose), self._h_2(pose)))
-
-    def curvature_t(self, s: Coordinate, t: float) -> float:
-        """Return d2s/dt2 by the chain rule."""
-        alpha_1, alpha_2 = self.span.alpha_1(t), self.span.alpha_2(t)
-        return self.curvature(s, t) * alpha_1**2 + self.slope(s, t) * alpha_2
+        found = [np.array(pose.h)]
+        if order:
+            found.append(self._h_1(pose))
+        if order > 1:
+            singular = np.isnan(found[1][0])
+            h_2 = (nan, nan) if singular else self._leg.acceleration(pose, 1.0, 0.0).h
+            found.append(np.array(h_2))
+        return found
 
     def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
@@ -171,12 +163,6 @@ class Track:
     def _h_1(self, pose: Any) -> FloatArray:
         try:
             return np.array(self._leg.velocity(pose, 1.0).h)
-        except SingularPoseError:
-            return np.array((nan, nan))
-
-    def _h_2(self, pose: Any) -> FloatArray:
-        try:
-            return np.array(self._leg.acceleration(pose, 1.0, 0.0).h)
         except SingularPoseError:
             return np.array((nan, nan))
 
@@ -199,7 +185,7 @@ def nodes(
     edges = np.linspace(t_0, t_1, panels + 1)
     half = (t_1 - t_0) / (2 * panels)
     ts = (edges[:-1, None] + half * (1.0 + x)).ravel().tolist()
-    h, h_t = (np.array([of(t) for t in ts]) for of in (track.h_at, track.h_t_at))
+    h, h_t = np.array([track.foot_t(t, 1) for t in ts]).swapaxes(0, 1)
     return h, h_t, np.tile(half * w, panels)
 
 
