@@ -6,19 +6,15 @@ import math
 from typing import Any
 
 from four_bars import COURSE, NAMES
-from hypothesis import given, settings, strategies as st
 from klann_ros import kinematics
 from klann_ros.kinematics import (
     FourBar,
     GeometryError,
     KlannGeometry,
-    KlannLeg,
     reachable_arcs,
-    UnreachableError,
 )
 from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import pytest
-from strategies import legs
 
 Make = Callable[..., Any]
 FULL_TURN = [(0.0, 2 * math.pi)]
@@ -141,11 +137,6 @@ def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
         KlannGeometry(**change)
 
 
-@pytest.mark.parametrize('geometry', [KlannGeometry.sem104(), KlannGeometry.patent()])
-def test_both_known_legs_turn_fully(geometry: KlannGeometry) -> None:
-    assert reachable_arcs(geometry) == FULL_TURN
-
-
 def test_the_limit_of_the_full_turn_is_where_the_textbook_leg_has_it() -> None:
     # BD reaches 481.39 of BC + DC = 490 mm.
     limit = 0.12 + math.hypot(0.35, 0.09) - 0.14
@@ -174,35 +165,3 @@ def test_an_extremum_beside_zero_is_not_missed(
 def test_an_arc_through_zero_is_one_arc() -> None:
     ((start, end),) = reachable_arcs(replace(KlannGeometry.patent(), l_fg=0.4842))
     assert start < 2 * math.pi < end
-
-
-def closes(geometry: KlannGeometry, alpha: float, leg: KlannLeg | None = None) -> bool:
-    try:
-        (leg or KlannLeg(geometry)).closed_form(alpha)
-    except UnreachableError:
-        return False
-    return True
-
-
-@settings(max_examples=60)
-@given(geometry=legs(change=0.5), offset=st.floats(0.0, 0.03))
-def test_the_arcs_are_where_the_closed_form_closes(geometry: KlannGeometry, offset: float) -> None:
-    arcs, leg = reachable_arcs(geometry), KlannLeg(geometry)
-    assert arcs
-    for k in range(209):
-        alpha = offset + 3 * k / 100
-        from_an_end = min(
-            abs(math.remainder(alpha - end, 2 * math.pi)) for arc in arcs for end in arc
-        )
-        inside = any(
-            start <= angle <= end for start, end in arcs for angle in (alpha, alpha + 2 * math.pi)
-        )
-        if from_an_end > 1e-9:
-            assert closes(geometry, alpha, leg) is inside
-
-
-def test_the_ends_of_an_arc_are_sharp() -> None:
-    geometry = KlannGeometry(l_bc=0.33)
-    for start, end in reachable_arcs(geometry):
-        assert [closes(geometry, start + step) for step in (1e-9, -1e-9)] == [True, False]
-        assert [closes(geometry, end - step) for step in (1e-9, -1e-9)] == [True, False]

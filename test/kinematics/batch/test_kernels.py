@@ -6,12 +6,10 @@ import shutil
 import subprocess
 import sys
 
-from hypothesis import given, strategies as st
 from klann_ros import kinematics
 from klann_ros.kinematics import klann_poses, KlannGeometry, linkage_poses, shipped_linkage
 import numpy as np
 import pytest
-from strategies import crank_angles, legs
 
 PACKAGE = Path(kinematics.__file__).parents[1]
 SOLVE = """
@@ -39,27 +37,6 @@ def run(script: str, folder: Path, **variables: str) -> subprocess.CompletedProc
         cwd=folder,
         env=os.environ | {'PYTHONPATH': str(folder), **variables},
     )
-
-
-@given(
-    geometries=st.lists(legs(), min_size=1, max_size=4),
-    alphas=st.lists(crank_angles, max_size=9),
-)
-def test_both_kernels_agree(geometries: list[KlannGeometry], alphas: list[float]) -> None:
-    numpy, numba = (
-        klann_poses(geometries, alphas, angles=True, points=True, kernel=kernel)
-        for kernel in ('numpy', 'numba')
-    )
-    np.testing.assert_array_equal(numpy.reason, numba.reason)
-    for name in ('h', 'points'):
-        np.testing.assert_allclose(
-            getattr(numpy, name), getattr(numba, name), rtol=0, atol=1e-11, equal_nan=True
-        )
-    # Modulo a turn.
-    for function in (np.cos, np.sin):
-        np.testing.assert_allclose(
-            function(numpy.angles), function(numba.angles), rtol=0, atol=1e-11, equal_nan=True
-        )
 
 
 def test_both_kernels_agree_to_the_last_digits_on_the_course_leg() -> None:

@@ -4,61 +4,21 @@ from dataclasses import replace
 import math
 import tracemalloc
 
-from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import (
-    CrankAngleError,
     klann_poses,
     KlannGeometry,
     KlannLeg,
     Reason,
-    UnreachableError,
 )
 from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 import numpy as np
 import pytest
-from strategies import crank_angles, legs
 
 KERNELS = ['numpy', 'numba']
 SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
 # Its crank does not turn fully.
 STUCK = replace(SEM104, l_bc=0.33)
 both_kernels = pytest.mark.parametrize('kernel', KERNELS)
-
-
-def reason_of(geometry: KlannGeometry, alpha: float) -> Reason:
-    """Return what the closed form says about a pose."""
-    try:
-        KlannLeg(geometry).closed_form(alpha)
-    except CrankAngleError:
-        return Reason.CRANK_ANGLE
-    except UnreachableError as error:
-        # Where rounding decides, each method may say what it likes.
-        assume(error.shortfall > 1e-12)
-        return Reason[f'DYAD_{error.dyad}_TOO_{"FAR" if error.stretched else "CLOSE"}']
-    return Reason.SOLVED
-
-
-@given(geometry=legs(), alphas=st.lists(crank_angles, max_size=5), kernel=st.sampled_from(KERNELS))
-def test_a_batch_is_the_closed_form(
-    geometry: KlannGeometry, alphas: list[float], kernel: str
-) -> None:
-    poses = klann_poses(geometry, alphas, angles=True, points=True, kernel=kernel)
-    for k, alpha in enumerate(alphas):
-        reason = reason_of(geometry, alpha)
-        assert poses.reason[k] == reason
-        if reason is not Reason.SOLVED:
-            assert np.isnan(poses.h[k]).all()
-            assert np.isnan(poses.angles[k]).all()
-            assert np.isnan(poses.points[k]).all()
-            continue
-        pose = KlannLeg(geometry).solve(alpha)
-        tolerance = 1e-12 / min(1.0, *(math.sin(mu) for mu in pose.transmission_angles))
-        np.testing.assert_allclose(poses.h[k], pose.h, rtol=0, atol=tolerance)
-        np.testing.assert_allclose(poses.points[k], pose.points, rtol=0, atol=tolerance)
-        assert (-math.pi < poses.angles[k]).all()
-        assert (poses.angles[k] <= math.pi).all()
-        turned = np.remainder(poses.angles[k] - pose.x + math.pi, 2 * math.pi) - math.pi
-        np.testing.assert_allclose(turned, 0.0, atol=tolerance)
 
 
 def test_half_a_turn_is_plus_pi() -> None:

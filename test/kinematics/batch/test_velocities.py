@@ -70,20 +70,6 @@ def test_each_is_that_of_the_leg(name: str) -> None:
                 assert (abs(error) <= allowed).all()
 
 
-@pytest.mark.parametrize('name', ['sem104', 'jansen', 'stephenson'])
-def test_they_are_the_slopes_of_the_poses(name: str) -> None:
-    linkage, step = fresh(name).linkage, 1e-5
-    poses = linkage_poses(linkage, ALPHAS, **EVERYTHING)
-    up, down = (
-        linkage_poses(linkage, ALPHAS + s, angles=True, points=True) for s in (step, -step)
-    )
-    for values, slopes in (('h', 'h_1'), ('points', 'points_1')):
-        slope = (getattr(up, values) - getattr(down, values)) / (2 * step)
-        np.testing.assert_allclose(getattr(poses, slopes), slope, rtol=0, atol=1e-8)
-    turned = np.exp(1j * up.angles) * np.exp(-1j * down.angles)
-    np.testing.assert_allclose(poses.angles_1, np.angle(turned) / (2 * step), rtol=0, atol=1e-7)
-
-
 def test_variants_have_each_their_own() -> None:
     base = KlannGeometry().linkage
     lengths = np.array([0.345, 0.35, -1.0, 0.36])

@@ -166,17 +166,6 @@ def test_an_extreme_beside_the_end_of_an_arc_is_found() -> None:
     assert path.y_range[0] == pytest.approx(lowest, abs=1e-9)
 
 
-def test_a_linkage_of_the_same_lengths_has_the_same_path() -> None:
-    linkage = foot_path(LinkageLeg(shipped_linkage('klann')))
-    path = path_of(KlannGeometry.sem104())
-    assert linkage.x_range == pytest.approx(path.x_range, abs=1e-12)
-    assert linkage.length == pytest.approx(path.length, abs=1e-12)
-    for one, other in zip(
-        linkage.crank_angles_at_x(0.6), path.crank_angles_at_x(0.6), strict=True
-    ):
-        assert one == pytest.approx(other, abs=1e-12)
-
-
 @pytest.mark.parametrize('name', ['chebyshev_lambda', 'jansen'])
 def test_other_legs_have_a_path_and_a_stance(name: str) -> None:
     leg = LinkageLeg(shipped_linkage(name))
