@@ -5,7 +5,9 @@ from pathlib import Path
 import re
 import sys
 
+from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 from catkin_pkg.package import Package, parse_package
+import klann_ros
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,3 +84,30 @@ def test_the_manifest_names_repository_bug_tracker_and_licences(package: Package
     assert {url.type for url in package.urls} == {'repository', 'bugtracker'}
     assert package.licenses == ['Apache-2.0', 'MIT']
     assert package.licenses[0].file == 'LICENSE'
+
+
+def test_versions_agree_and_the_changelog_is_catkins(package: Package) -> None:
+    package.validate()
+    assert package.version == klann_ros.__version__
+    assert f"version='{package.version}'" in (ROOT / 'setup.py').read_text()
+    # What catkin_prepare_release does to the next version.
+    text = (
+        (ROOT / 'CHANGELOG.rst')
+        .read_text()
+        .replace(
+            'Forthcoming\n-----------', f'{package.version} (2026-11-24)\n------------------', 1
+        )
+    )
+    changelog = populate_changelog_from_rst(Changelog(), text)
+    version, _, entries = next(changelog.foreach_version())
+    assert version == package.version
+    assert len(entries) > 20
+
+
+def test_the_launchers_are_the_entry_points() -> None:
+    named = re.findall(
+        r"^                '(\w+)',$", (ROOT / 'setup.py').read_text(), re.MULTILINE
+    )
+    launchers = list((ROOT / 'scripts' / 'launchers').iterdir())
+    assert sorted(path.name for path in launchers) == sorted(named)
+    assert all(path.stat().st_mode & 0o111 for path in launchers)

@@ -1,0 +1,1 @@
+"""A package of launch and parameter files only."""
