@@ -9,9 +9,9 @@ import asyncio
 from collections.abc import Iterator
 import os
 from pathlib import Path
-import shutil
 
 from ament_index_python.packages import PackageNotFoundError
+from klann_ros.kinematics import linkage_from_file, LinkageFileError
 from launch import LaunchContext, LaunchDescription
 from launch.actions import OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit, OnShutdown
@@ -24,11 +24,7 @@ from launch_ros.substitutions import ExecutableInPackage
 
 def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     """Yield the external programs to start: the reason, the package, the executable."""
-    if given.get('linkage'):
-        yield 'linkage:=FILE', 'tf2_ros', 'static_transform_publisher'
-    else:
-        yield 'a leg with a URDF', 'robot_state_publisher', 'robot_state_publisher'
-        yield 'a leg with a URDF', 'xacro', 'xacro'
+    yield 'every launch', 'robot_state_publisher', 'robot_state_publisher'
     if 'sim' in given:  # an argument of ros2_control.launch.py alone
         yield 'ros2_control', 'controller_manager', 'ros2_control_node'
         yield 'ros2_control', 'controller_manager', 'spawner'
@@ -44,8 +40,6 @@ def files(given: dict[str, str]) -> Iterator[str]:
     """Yield the arguments that name an input file."""
     if 'params_file' in given:  # absent where only the checks are launched
         yield 'params_file'
-    if given.get('linkage'):
-        yield 'linkage'
     if asked(given, 'rviz'):
         yield 'rviz_config'
 
@@ -56,9 +50,7 @@ def asked(given: dict[str, str], flag: str) -> bool:
 
 
 def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
-    """Tell whether launch_ros, or a shell, finds a program."""
-    if package == 'xacro':
-        return shutil.which(executable) is not None
+    """Tell whether launch_ros finds a program."""
     try:
         ExecutableInPackage(package=package, executable=executable).perform(context)
     except (PackageNotFoundError, SubstitutionFailure):
@@ -79,6 +71,11 @@ def check(context: LaunchContext) -> None:
         if not path.is_file():
             reason = 'it is not a regular file' if path.exists() else 'there is no such file'
             raise RuntimeError(f'{name}:={path}: {reason}')
+    if given.get('linkage'):
+        try:
+            linkage_from_file(given['linkage'])
+        except LinkageFileError as error:
+            raise RuntimeError(f'linkage:={error}') from None
 
 
 def end_if_failed(event: ProcessExited, context: LaunchContext) -> None:

@@ -1,18 +1,21 @@
 """
 The frames of the legs, from their URDF and joint_states; optional RViz.
 
-The other launch files include it. A linkage file has no URDF: only its plane gets a parent frame.
+The other launch files include it. The URDF is that of `export`, for any linkage.
 """
 
-from itertools import takewhile
 from pathlib import Path
-import subprocess
 
+from klann_ros.export import urdf
+from klann_ros.robot import robot_from_parameters, solver_section
+from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.text import printable_line
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, LogInfo, OpaqueFunction
-from launch.conditions import IfCondition, UnlessCondition
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -29,7 +32,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'linkage',
         default_value='',
-        description="A linkage's YAML file, solved instead of the Klann leg; it has no URDF.",
+        description="A linkage's YAML file or shipped name, instead of that of params_file.",
     ),
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
@@ -60,29 +63,29 @@ ARGUMENTS = (
 )
 
 
-def frames(context: LaunchContext) -> list[LogInfo | Node]:
-    """Return the publisher of the legs' frames, and xacro's warnings; nothing for a linkage."""
+def urdf_of(params_file: Path, linkage: str, **names: str) -> str:
+    """Return the URDF of the legs that solver_node has with these parameters."""
+    try:
+        own = solver_section(parse(read_regular(str(params_file), MAX_FILE_SIZE)))
+        # The node's default, one leg, where the file has no geometry.
+        parameters = {'legs': [''], **own, **({'linkage': linkage} if linkage else {})}
+        robot = robot_from_parameters(parameters, folders=(params_file.parent,), weigh=False)
+        return urdf(robot, joint_separator=own.get('joint_separator', '/'), **names)
+    except (OSError, TypeError, ValueError) as error:
+        source = linkage or params_file
+        raise RuntimeError(f'{source}: there is no URDF of it: {printable_line(error)}') from None
+
+
+def frames(context: LaunchContext) -> list[Node]:
+    """Return the publisher of the legs' frames."""
 
     def value(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    if value('linkage'):
-        return []
-    # A relative path starts in the user's folder; for xacro, in that of its input file.
-    params_file = Path.cwd() / value('params_file')
-    command = ['xacro', PathJoinSubstitution([SHARE, 'urdf', 'klann.urdf.xacro']).perform(context)]
-    command.append(f'params_file:={params_file}')
-    command += [f'{name}:={value(name)}' for name in ('base_frame', 'frame_id', 'frame_prefix')]
-    # No shell, and no Command, which splits as a shell does: a path may have spaces and quotes.
-    urdf = subprocess.run(  # noqa: S603
-        command, capture_output=True, check=False, errors='replace', text=True
-    )
-    said = [''.join(filter(str.isprintable, line)).strip() for line in urdf.stderr.splitlines()]
-    if urdf.returncode:
-        # The lines after it are the position in klann.urdf.xacro.
-        reason = ' '.join(takewhile(lambda line: not line.startswith('when '), said))
-        raise RuntimeError(f'{params_file}: xacro makes no URDF of it: {reason}')
-    joint_states = '/'.join(filter(None, ['', value('namespace').strip('/'), 'joint_states']))
+    names = {name: value(name) for name in ('base_frame', 'frame_id', 'frame_prefix')}
+    # A relative path starts in the user's folder.
+    description = urdf_of(Path.cwd() / value('params_file'), value('linkage'), **names)
+    joint_states = '/'.join(['', *filter(None, [value('namespace').strip('/')]), 'joint_states'])
     publisher = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
@@ -92,7 +95,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
         parameters=[
             {
                 # Without a type the URDF would be read as YAML.
-                'robot_description': ParameterValue(urdf.stdout, value_type=str),
+                'robot_description': ParameterValue(description, value_type=str),
                 # The default, 20 Hz, is not smooth.
                 'publish_frequency': 200.0,
                 # The default of 5 messages loses messages at every stall above 50 ms.
@@ -101,7 +104,7 @@ def frames(context: LaunchContext) -> list[LogInfo | Node]:
             }
         ],
     )
-    return [*(LogInfo(msg=f'xacro: {line}') for line in said), publisher]
+    return [publisher]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -111,20 +114,6 @@ def generate_launch_description() -> LaunchDescription:
     )
     namespace = LaunchConfiguration('namespace')
     use_sim_time = LaunchConfiguration('use_sim_time')
-    # The plane's axes are the textbook's, x right and y up; base_link has z up.
-    upright = Node(
-        package='tf2_ros',
-        executable='static_transform_publisher',
-        name='leg_plane_publisher',
-        namespace=namespace,
-        arguments=[
-            *('--roll', '1.5707963267948966'),
-            *('--frame-id', LaunchConfiguration('base_frame')),
-            '--child-frame-id',
-            [LaunchConfiguration('frame_prefix'), LaunchConfiguration('frame_id')],
-        ],
-        condition=UnlessCondition(EqualsSubstitution(LaunchConfiguration('linkage'), '')),
-    )
     rviz = Node(
         package='rviz2',
         executable='rviz2',
@@ -136,4 +125,4 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[{'use_sim_time': use_sim_time}],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
-    return LaunchDescription([*ARGUMENTS, checks, OpaqueFunction(function=frames), upright, rviz])
+    return LaunchDescription([*ARGUMENTS, checks, OpaqueFunction(function=frames), rviz])

@@ -9,8 +9,8 @@ All arguments, also those of description.launch.py: ros2 launch klann_ros leg.la
 
 from pathlib import Path
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -29,7 +29,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         'linkage',
         default_value='',
-        description="A linkage's YAML file, solved instead of the Klann leg; it has no URDF.",
+        description="A linkage's YAML file or shipped name, instead of that of params_file.",
     ),
     DeclareLaunchArgument(
         'namespace', default_value='', description='Namespace of the nodes and their topics.'
@@ -72,6 +72,31 @@ ARGUMENTS = (
 )
 
 
+def solver(context: LaunchContext) -> list[Node]:
+    """Return the solver; a linkage that was not given is that of the parameter file."""
+    linkage = LaunchConfiguration('linkage').perform(context)
+    return [
+        Node(
+            package='klann_ros',
+            executable='solver_node',
+            name='solver_node',
+            namespace=LaunchConfiguration('namespace'),
+            output='screen',
+            parameters=[
+                PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')]),
+                {
+                    'frame_id': ParameterValue(
+                        [LaunchConfiguration('frame_prefix'), LaunchConfiguration('frame_id')],
+                        value_type=str,
+                    ),
+                    'use_sim_time': LaunchConfiguration('use_sim_time'),
+                    **({'linkage': linkage} if linkage else {}),
+                },
+            ],
+        )
+    ]
+
+
 def generate_launch_description() -> LaunchDescription:
     """Describe the solver and its optional companions."""
     namespace = LaunchConfiguration('namespace')
@@ -82,25 +107,6 @@ def generate_launch_description() -> LaunchDescription:
             PathJoinSubstitution([SHARE, 'launch', 'description.launch.py'])
         ),
         launch_arguments={name: LaunchConfiguration(name) for name in names}.items(),
-    )
-    solver = Node(
-        package='klann_ros',
-        executable='solver_node',
-        name='solver_node',
-        namespace=namespace,
-        output='screen',
-        parameters=[
-            PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration('params_file')]),
-            {
-                # Without a type an empty text would be read as YAML's null.
-                'linkage': ParameterValue(LaunchConfiguration('linkage'), value_type=str),
-                'frame_id': ParameterValue(
-                    [LaunchConfiguration('frame_prefix'), LaunchConfiguration('frame_id')],
-                    value_type=str,
-                ),
-                'use_sim_time': use_sim_time,
-            },
-        ],
     )
     recorder = Node(
         package='klann_ros',
@@ -137,4 +143,6 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[{'rate': 50, 'use_sim_time': use_sim_time}],
         condition=IfCondition(LaunchConfiguration('slider')),
     )
-    return LaunchDescription([*ARGUMENTS, description, solver, recorder, view, slider])
+    return LaunchDescription(
+        [*ARGUMENTS, description, OpaqueFunction(function=solver), recorder, view, slider]
+    )

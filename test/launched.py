@@ -5,13 +5,13 @@ import json
 import os
 from pathlib import Path
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
 import time
 
 import klann_ros
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
@@ -25,7 +25,7 @@ OTHERS = {
     'joint_state_publisher_gui': 'joint_state_publisher_gui',
     'robot_state_publisher': 'robot_state_publisher',
     'rviz2': 'rviz2',
-    'tf2_ros': 'static_transform_publisher',
+    'robot_localization': 'ekf_node',
 }
 # As `ros2 launch` does it: an included file, its arguments, the service's code. Here for many
 # lists of arguments, one after the other; each code goes into the list of what was started.
@@ -100,10 +100,7 @@ class Prefix:
             if package not in without:
                 self._install(package, name, '' if brief else 'exec sleep 1000')
         (folder / 'bin').mkdir()
-        for name in ('sleep', 'xacro'):
-            if name not in without:
-                found = shutil.which(name) or Path(sys.executable).with_name(name)
-                (folder / 'bin' / name).symlink_to(found)
+        (folder / 'bin' / 'sleep').symlink_to('/bin/sleep')
         self._variables = {
             **os.environ,
             'AMENT_PREFIX_PATH': str(folder),
@@ -114,6 +111,12 @@ class Prefix:
             'ROS_LOG_DIR': str(folder / 'log'),
             'TMPDIR': str(folder),
         }
+
+    def add_share(self, package: Path) -> None:
+        """Add the share folder of another package."""
+        (self.folder / 'share' / package.name).symlink_to(package)
+        index = self.folder / 'share' / 'ament_index' / 'resource_index' / 'packages'
+        (index / package.name).touch()
 
     def launch(self, name: str | Path, *runs: list[str]) -> subprocess.Popen[str]:
         """Launch a file of ours or of a user, once for each list of arguments."""
@@ -146,6 +149,12 @@ class Prefix:
     def given(self, name: str) -> list[str]:
         """Return the arguments that a program was last started with."""
         return (self.folder / name).read_text().splitlines()
+
+    def parameters(self, name: str) -> dict[str, object]:
+        """Return the parameters that launch wrote for a node."""
+        written = yaml.safe_load(Path(self.given(name)[-1]).read_text())
+        (node,) = written.values()
+        return dict(node['ros__parameters'])
 
     def left(self) -> list[str]:
         """Return what was started and has not ended."""

@@ -10,7 +10,13 @@ simulation and control all read robots by this package; it is without ROS.
 ('H', 'crank')
 """
 
-from .file import robot_from_file, robot_from_parameters, robot_of, RobotFileError
+from .file import (
+    robot_from_file,
+    robot_from_parameters,
+    robot_of,
+    RobotFileError,
+    solver_section,
+)
 from .robot import Mount, Robot, RobotLeg, WalkerBody
 
 __all__ = [
@@ -22,4 +28,5 @@ __all__ = [
     'robot_from_file',
     'robot_from_parameters',
     'robot_of',
+    'solver_section',
 ]

@@ -1,13 +1,17 @@
-"""The walker of the manual's page "Your own walker", written to files and described."""
+"""The walker of the manual's page "Your own walker", and its package in examples/my_walker."""
 
 from pathlib import Path
 import re
+import subprocess
+import sys
 
 from klann_ros.robot import robot_of
 from klann_ros.walker import Feet, Steering, walk_figures
 import pytest
 
-PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'your_own_walker.md'
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / 'docs' / 'your_own_walker.md'
+EXAMPLE = ROOT / 'examples' / 'my_walker'
 
 
 def test_the_walker_of_the_page_stands_walks_and_turns(tmp_path: Path) -> None:
@@ -23,3 +27,17 @@ def test_the_walker_of_the_page_stands_walks_and_turns(tmp_path: Path) -> None:
     steering = Steering(Feet(robot))
     assert steering.is_mirrored
     assert steering.turn_plan.is_possible
+
+
+def test_the_example_package_has_the_files_of_the_page_and_is_built_by_colcon(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip('colcon_core')
+    leg, walker = re.findall(r'```yaml\n(.*?)```', PAGE.read_text(), re.DOTALL)
+    build = [sys.executable, '-m', 'colcon', '--log-base', 'log', 'build', '--paths', EXAMPLE]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    share = tmp_path / 'install' / 'my_walker' / 'share' / 'my_walker'
+    assert (share / 'config' / 'desk_leg.yaml').read_text() == leg
+    assert (share / 'config' / 'desk_walker.yaml').read_text() == walker
+    assert (share / 'launch' / 'walk.launch.py').is_file()
+    assert len(robot_of(str(share / 'config' / 'desk_walker.yaml')).legs) == 8

@@ -13,7 +13,6 @@ from bags import write_bag
 from domain import own_domain
 from launched import OTHERS, PATIENCE, Prefix, ROOT
 import pytest
-import yaml
 
 pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
 
@@ -25,12 +24,11 @@ DESCRIPTION = {
 LEG = DESCRIPTION | {'record', 'output', 'slider', 'view', 'view_port'}
 DEMO = LEG | {'speed', 'rate'}
 ARGUMENTS = {
-    'checks': set(),
     'description': DESCRIPTION,
     'leg': LEG,
     'demo': DEMO,
     'walker': DEMO | {'walker', 'crank'},
-    'walk': LEG | {'linear', 'friction', 'slope'},
+    'walk': LEG | {'linear', 'friction', 'slope', 'fuse'},
     'ros2_control': {'params_file', 'sim'},
     'replay': DESCRIPTION | {'log', 'play_rate', 'start_offset', 'loop'},
 }
@@ -92,15 +90,14 @@ def prefix(tmp_path: Path) -> Iterator[Callable[..., Prefix]]:
         ('joint_state_publisher_gui', ['slider:=true']),
         ('robot_state_publisher', []),
         ('rviz2', ['rviz:=True']),
-        ('tf2_ros', [f'linkage:={JANSEN}']),
-        ('xacro', []),
+        ('robot_localization', ['fuse:=ekf']),
     ],
 )
 def test_what_is_missing_is_named_before_anything_starts(
     package: str, arguments: list[str], prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix(without=(package,))
-    launch = made.launch('demo', arguments)
+    launch = made.launch('walk' if 'fuse:=ekf' in arguments else 'demo', arguments)
     output = launch.communicate(timeout=PATIENCE)[0]
     wanted = f'needs {package}: sudo apt install ros-jazzy-{package.replace("_", "-")}\n'
     assert output.count(wanted) == 1, output
@@ -113,9 +110,11 @@ def test_what_is_missing_is_named_before_anything_starts(
         ('leg', ['params_file:=no.yaml'], 'params_file:=no.yaml: there is no such file'),
         ('leg', ['params_file:=.'], 'params_file:=.: it is not a regular file'),
         ('leg', ['params_file:=pipe'], 'params_file:=pipe: it is not a regular file'),
-        ('leg', ['params_file:=list.yaml'], 'list.yaml: xacro makes no URDF of it: error: '),
+        ('leg', ['params_file:=list.yaml'], 'list.yaml: there is no URDF of it: '),
         ('leg', ['params_file:=open.yaml'], "expected ',' or ']'"),
-        ('leg', ['linkage:=jansen'], 'linkage:=jansen: there is no such file'),
+        ('leg', ['params_file:=short.yaml'], 'short.yaml: there is no URDF of it: l_ab = -1 m'),
+        ('leg', ['linkage:=janson'], 'linkage:=janson cannot be read: No such file or directory'),
+        ('leg', ['linkage:=pipe'], 'linkage:=pipe cannot be read: '),
         ('leg', ['rviz:=true', 'rviz_config:=no.rviz'], 'rviz_config:=no.rviz: there is no such'),
         ('leg', ['slider:=yes'], '"slider" provided value "yes" is not valid'),
         ('leg', ['namespace:=a b'], 'Invalid namespace'),
@@ -131,6 +130,7 @@ def test_what_is_misspelt_is_refused_before_anything_starts(
     made = prefix()
     (made.folder / 'list.yaml').write_text('- 1\n')
     (made.folder / 'open.yaml').write_text('a: [1\n')
+    (made.folder / 'short.yaml').write_text('/**: {ros__parameters: {l_ab: -1.0}}\n')
     os.mkfifo(made.folder / 'pipe')
     output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
     assert words in output
@@ -141,11 +141,11 @@ def test_what_is_misspelt_is_refused_before_anything_starts(
 @pytest.mark.parametrize(
     ('name', 'arguments', 'failed'),
     [
-        ('leg', ['params_file:=short.yaml'], 'solver_node'),
-        ('walker', ['params_file:=short.yaml', 'crank:=true', 'rviz:=true'], 'solver_node'),
+        ('leg', ['params_file:=wrong.yaml'], 'solver_node'),
+        ('walker', ['params_file:=wrong.yaml', 'crank:=true', 'rviz:=true'], 'solver_node'),
         ('demo', ['record:=true', 'output:=there'], 'recorder_node'),
         ('demo', ['speed:=nan', 'slider:=true'], 'crank_node'),
-        ('replay', ['log:=short.yaml', 'rviz:=true'], 'player_node'),
+        ('replay', ['log:=wrong.yaml', 'rviz:=true'], 'player_node'),
         ('replay', ['log:=bag.mcap', 'play_rate:=fast'], 'player_node'),
     ],
 )
@@ -153,7 +153,7 @@ def test_a_node_that_fails_ends_the_launch_with_an_error(
     name: str, arguments: list[str], failed: str, prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix()
-    (made.folder / 'short.yaml').write_text('/**: {ros__parameters: {l_ab: -1.0}}\n')
+    (made.folder / 'wrong.yaml').write_text('/**: {ros__parameters: {max_crank_step: -1.0}}\n')
     (made.folder / 'there').mkdir()
     write_bag(made.folder / 'bag.mcap')
     output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
@@ -260,8 +260,8 @@ def test_every_combination_of_flags_starts_what_it_asks_for(
         asked = [flag for flag, value in zip(flags, values[1:], strict=True) if value == 'true']
         runs.append([f'{flag}:={value}' for flag, value in zip(flags, values[1:], strict=True)])
         runs[-1] += [f'log:={ROOT}'] * (name == 'replay') + [f'linkage:={JANSEN}'] * has_linkage
-        frames = 'static_transform_publisher' if has_linkage else 'robot_state_publisher'
-        expected.append(ALWAYS[name].union({frames}, *(FLAGS[flag] for flag in asked)))
+        always = ALWAYS[name] | {'robot_state_publisher'}
+        expected.append(always.union(*(FLAGS[flag] for flag in asked)))
     launch = made.launch(name, *runs)
     output = launch.communicate(timeout=5 * PATIENCE)[0]
     assert [names for names, _ in made.started()] == expected, output
@@ -277,6 +277,30 @@ def test_a_walker_is_solved_with_its_own_file(walker: str, prefix: Callable[...,
     )
 
 
+def test_the_linkage_of_a_params_file_is_solved_and_drawn(
+    prefix: Callable[..., Prefix],
+) -> None:
+    made = prefix(brief=True)
+    made.launch('walk', [f'params_file:={ROOT}/config/walker_jansen.yaml']).communicate(
+        timeout=PATIENCE
+    )
+    files = [Path(word) for word in made.given('solver_node') if word.startswith('/')]
+    assert not any("linkage: ''" in file.read_text() for file in files)
+    assert 'front_left_inner/' in made.parameters('robot_state_publisher')['robot_description']
+
+
+def test_a_launch_file_of_a_users_package_starts_the_users_walker(
+    prefix: Callable[..., Prefix],
+) -> None:
+    made = prefix(brief=True)
+    made.add_share(ROOT / 'examples' / 'my_walker')
+    launch = made.launch(ROOT / 'examples' / 'my_walker' / 'launch' / 'walk.launch.py', [])
+    output = launch.communicate(timeout=PATIENCE)[0]
+    ((started, code),) = made.started()
+    assert (started, code) == (ALWAYS['walk'] | {'robot_state_publisher'}, 0), output
+    assert any('config/desk_walker.yaml' in word for word in made.given('sim_node'))
+
+
 def test_a_path_may_hold_what_it_likes(prefix: Callable[..., Prefix]) -> None:
     made = prefix(brief=True)
     folder = made.folder / 'it\'s a "folder" of $(mine)'
@@ -288,9 +312,7 @@ def test_a_path_may_hold_what_it_likes(prefix: Callable[..., Prefix]) -> None:
     assert launch.communicate(timeout=PATIENCE)[0]
     assert launch.returncode == 0
     assert str(made.folder / path) in made.given('solver_node')
-    (description,) = (made.folder / word for word in made.given('robot_state_publisher')[-1:])
-    urdf = yaml.safe_load(description.read_text())
-    (parameters,) = (node['ros__parameters'] for node in urdf.values())
+    parameters = made.parameters('robot_state_publisher')
     assert 'left/leg_plane' in parameters['robot_description']
     # A publisher of frames that is held up for a second loses no joint state.
     assert parameters['qos_overrides./left/joint_states.subscription.depth'] >= 100
