@@ -101,7 +101,7 @@ def test_versions_agree_and_the_changelog_is_catkins(package: Package) -> None:
     changelog = populate_changelog_from_rst(Changelog(), text)
     version, _, entries = next(changelog.foreach_version())
     assert version == package.version
-    assert len(entries) > 20
+    assert len(entries) > 10
 
 
 def test_the_launchers_are_the_entry_points() -> None:
