@@ -54,6 +54,8 @@ class Output:
                 return
             if is_regular_file(self.path):
                 _check_old(self.path)
+            if Path(self.path).is_symlink():
+                raise OutputError('it is a symbolic link: name the file itself')
             descriptor, probe = _new_beside(_place(self.path))
             os.close(descriptor)
             probe.unlink()

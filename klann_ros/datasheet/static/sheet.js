@@ -1,7 +1,7 @@
 'use strict';
 /* The legs of the sheet in motion: a slider and a button for each, and a mark in its charts. */
 
-// Whatever the sheet's speed is, one sees a turn in so long [ms].
+// Duration of an animated turn, at any speed of the sheet [ms].
 const TURN_TIME = 4000;
 // Where a leg stands when the page is opened, as a part of its turn.
 const OPENED_AT = 1 / 6;
@@ -65,7 +65,7 @@ class LegView {
     requestAnimationFrame(frame);
   }
 
-  /** Go on; what does not turn fully goes there and back. */
+  /** Advance; a crank that does not turn fully goes back and forth. */
   advance(step) {
     const part = this.part + step;
     if (part >= 0 && part < 1) this.go(part);

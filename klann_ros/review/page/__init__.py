@@ -33,7 +33,10 @@ PARTS = Parts(
     scripts=(
         _UPLOT / 'uPlot.iife.min.js',
         *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
-        *(_OWN / f'{name}.js' for name in ('packed', 'leg', 'run', 'player', 'picture', 'way')),
+        *(
+            _OWN / f'{name}.js'
+            for name in ('packed', 'leg', 'run', 'player', 'picture', 'walk_path')
+        ),
         *(_OWN / f'{name}.js' for name in ('axes', 'legend', 'chart', 'envelope', 'leg_charts')),
         *(_OWN / f'{name}.js' for name in ('path_lines', 'path_chart', 'timing_chart')),
         *(_OWN / f'{name}.js' for name in ('controls', 'page')),

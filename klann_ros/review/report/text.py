@@ -91,11 +91,11 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
 
 def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
     rows = (
-        ('way of the body', walk.distance, 1.0, 'm'),
+        ('distance of the body', walk.distance, 1.0, 'm'),
         ('odometry, worst', walk.odometry_error, 1.0, 'm off the ground truth'),
         ('heading, worst', walk.heading_error, degrees(1.0), 'deg off the ground truth'),
         ('crank, worst', walk.crank_lag, degrees(1.0), 'deg off its command'),
-        ('phases, worst', walk.phase_error, degrees(1.0), 'deg off those commanded'),
+        ('phase of two cranks, worst', walk.phase_error, degrees(1.0), 'deg off its command'),
     )
     known = [(what, value * scale, unit) for what, value, scale, unit in rows if not isnan(value)]
     if known:

@@ -2,7 +2,7 @@
 /* Colours come from the style sheet, so that charts follow the page into the dark and onto paper. */
 
 const BODY_COLOURS = 7;
-// Beside the colour, a line of its own: some see none.
+// A dash pattern beside each colour, for readers who cannot tell colours apart.
 const DASHES = [[], [8, 3], [2, 3], [10, 3, 2, 3], [5, 2], [1, 2], [12, 3]];
 
 function themeColour(name) {
@@ -13,7 +13,7 @@ function bodyColour(index) {
   return themeColour(`body-${index % BODY_COLOURS}`);
 }
 
-/** Have a function called when all must be drawn in other colours: at night, or for paper. */
+/** Call a function when the colours change: in dark mode, or on paper. */
 function onThemeChange(redraw) {
   for (const query of ['(prefers-color-scheme: dark)', 'print']) {
     matchMedia(query).addEventListener('change', redraw);

@@ -188,12 +188,12 @@ def test_each_leg_of_a_walker_is_drawn_at_its_own_phase(visit, runs) -> None:
 def test_a_robot_that_walks_is_seen_from_above_where_it_was(visit) -> None:
     opened = visit('walk')
     opened.slide(2.0)
-    text = opened.page.locator('#ways figcaption').text_content()
+    text = opened.page.locator('#walks figcaption').text_content()
     assert text.startswith('The robot /x\'"><img src=http://a.test/ onerror=bad()></script>')
     assert 'goes 2.0' in text
     # Odometry begins where the truth does, however far it was, and goes a tenth further.
     places = opened.page.eval_on_selector_all(
-        '#ways .robot',
+        '#walks .robot',
         """(marks) => marks.map((mark) => {
             const { left, top, scale } = mark.ownerSVGElement.dataset;
             const { e, f } = mark.transform.baseVal[0].matrix;
@@ -201,7 +201,7 @@ def test_a_robot_that_walks_is_seen_from_above_where_it_was(visit) -> None:
         })""",
     )
     assert places == [pytest.approx([1.0, 0.0], abs=0.01), pytest.approx([1.1, 0.0], abs=0.01)]
-    assert opened.page.locator('#ways .scale-text').text_content() == '0.5 m'
+    assert opened.page.locator('#walks .scale-text').text_content() == '0.5 m'
     assert opened.complaints == []
 
 
@@ -222,7 +222,7 @@ def test_two_runs_lie_over_each_other(visit, runs) -> None:
 def test_missing_data_is_named(visit) -> None:
     feet, bare = visit('feet'), visit('bare')
     note = feet.page.locator('#picture-note').text_content()
-    assert note == 'Not drawn: the run tells no geometry.'
+    assert note == 'Not drawn: the run contains no geometry.'
     assert not feet.page.locator('#curves').is_visible()
     titles = bare.page.locator('#charts h3').all_text_contents()
     assert titles == ['Joint angles']
@@ -242,7 +242,7 @@ def test_a_leg_is_not_drawn_in_a_shape_that_it_had_not_yet(visit, runs) -> None:
 def test_numbers_that_are_none_are_gaps(visit) -> None:
     opened = visit('garbled')
     assert opened.page.locator('#picture-note').text_content() == (
-        'Not drawn: an angle of this pose is no number.'
+        'Not drawn: an angle of this pose is not a number.'
     )
     opened.page.keyboard.press('ArrowRight')
     assert is_drawn(opened.points(), KlannLeg().solve(LegRun().alpha(1)).points)

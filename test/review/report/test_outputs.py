@@ -90,10 +90,8 @@ def test_no_other_log_is_overwritten(run: Path, refused, tmp_path: Path) -> None
 
 
 def test_two_outputs_are_two_files(run: Path, refused, tmp_path: Path) -> None:
-    one, link = tmp_path / 'page', tmp_path / 'link'
+    one = tmp_path / 'page'
     assert '--json and --html are the same file' in refused(run, '--html', one, '--json', one)
-    link.symlink_to(one)
-    assert 'the same file' in refused(run, '--html', one, '--csv', link)
     one.write_text('old')
     (tmp_path / 'hard').hardlink_to(one)
     assert 'the same file' in refused(run, '--html', one, '--csv', tmp_path / 'hard')
@@ -157,15 +155,23 @@ def test_a_full_disk_leaves_the_page_of_before(run: Path, tmp_path: Path) -> Non
     assert sorted(path.name for path in tmp_path.iterdir()) == ['page.html', 'run', 'run.csv']
 
 
-def test_a_link_and_its_permissions_stay(run: Path, tmp_path: Path) -> None:
-    real, link = tmp_path / 'real', tmp_path / 'link'
-    real.write_text('old')
-    real.chmod(0o640)
-    link.symlink_to(real)
-    assert main([str(run), '--json', str(link)]) == 0
-    assert link.is_symlink()
-    assert real.read_text().startswith('{')
-    assert real.stat().st_mode & 0o777 == 0o640
+def test_the_permissions_of_a_file_stay(run: Path, tmp_path: Path) -> None:
+    file = tmp_path / 'file'
+    file.write_text('old')
+    file.chmod(0o640)
+    assert main([str(run), '--json', str(file)]) == 0
+    assert file.read_text().startswith('{')
+    assert file.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.parametrize('target', ['file', 'nothing'])
+def test_no_target_of_a_link_is_written(run: Path, refused, tmp_path: Path, target: str) -> None:
+    (tmp_path / 'file').write_text('old')
+    (tmp_path / 'link').symlink_to(target)
+    error = refused(run, '--json', tmp_path / 'link')
+    assert 'it is a symbolic link: name the file itself' in error
+    assert (tmp_path / 'file').read_text() == 'old'
+    assert not (tmp_path / 'nothing').exists()
 
 
 def test_a_pipe_is_written_in_place_and_not_awaited_without_a_reader(

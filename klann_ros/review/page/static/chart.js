@@ -6,7 +6,7 @@ const HEIGHT = 220;
 const CRANK_STEPS = [1, 2, 5, 10, 15, 30, 45, 90];
 const FONT = '12px system-ui, sans-serif';
 
-/** What all charts have: a title, a plot as wide as there is room, a sentence about it. */
+/** The base of all charts: a title, a plot as wide as its place, a sentence about it. */
 class PlotFigure {
   constructor(holder, className, title, text) {
     this.figure = document.createElement('figure');
@@ -141,7 +141,7 @@ class Chart extends PlotFigure {
     for (const column of columns) this.plot.setSeries(column, { show: isShown });
   }
 
-  /** Mark the moment that the page shows. */
+  /** Mark the time that the page shows. */
   mark(x) {
     this.x = x;
     this.moveNow();
@@ -202,7 +202,7 @@ function drawLimits(u, limits) {
   ctx.restore();
 }
 
-/** Have a function called for a click that is no drag. */
+/** Call a function on a click that is not a drag. */
 function pickByClick(plot, pick) {
   let from = null;
   plot.over.addEventListener('mousedown', (event) => {

@@ -1,7 +1,7 @@
 'use strict';
 /* What turns and stops the leg: buttons, the slider, and keys. */
 
-// So many poses on with the shift key.
+// Poses of a step with the shift key.
 const STRIDE = 10;
 
 class Controls {
@@ -21,7 +21,7 @@ class Controls {
     player.listen(() => this.update());
   }
 
-  /** Put marks beside the slider where something was found. */
+  /** Put marks beside the slider at the times of findings. */
   mark(times) {
     const marks = document.getElementById('marks');
     for (const time of times) {
@@ -70,7 +70,7 @@ class Controls {
     };
   }
 
-  /** Go some recorded poses on. */
+  /** Step by a number of recorded poses. */
   step(poses) {
     const leg = this.leg();
     if (!leg || !leg.count) return;

@@ -1,12 +1,12 @@
 'use strict';
-/* What values were at each crank angle over all turns: the least and the greatest. */
+/* The minimum and the maximum of values at each crank angle, over all turns. */
 
-const MOST_BINS = 720;
+const MAX_BINS = 720;
 
-/** Return bins of the crank angle [deg], and of each column its least and its greatest value. */
+/** Return bins of the crank angle [deg], and the minimum and the maximum of each column. */
 function envelope(angles, columns) {
   // Some poses to a bin, so that few of them are empty.
-  const bins = Math.min(MOST_BINS, Math.max(36, Math.floor(angles.length / 4)));
+  const bins = Math.min(MAX_BINS, Math.max(36, Math.floor(angles.length / 4)));
   const places = Array.from(angles, (angle) => {
     const part = angle / TURN;
     return Number.isFinite(part) ? Math.floor((part - Math.floor(part)) * bins) % bins : -1;

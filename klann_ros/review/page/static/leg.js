@@ -61,16 +61,16 @@ class Leg {
     return at.every(Number.isFinite) ? at : null;
   }
 
-  /** Return why the leg is not drawn at a row; '' where it is. */
+  /** Return the reason why the leg is not drawn at a row; '' where it is. */
   hiddenBecause(row) {
-    if (!this.shape) return 'the run tells no geometry';
-    if (!this.hasPoses) return 'the run tells no pose';
+    if (!this.shape) return 'the run contains no geometry';
+    if (!this.hasPoses) return 'the run contains no pose';
     // Times are known to a microsecond.
     if (this.times[row] < this.since - 2e-6)
       return `before ${this.since.toFixed(3)} s it had other dimensions`;
     return this.angles.every((angle) => Number.isFinite(angle[row]))
       ? ''
-      : 'an angle of this pose is no number';
+      : 'an angle of this pose is not a number';
   }
 
   /** Return the points (x, y) at a recorded pose [m]; null where the leg cannot be drawn. */
@@ -83,7 +83,7 @@ class Leg {
   }
 }
 
-/** Return the index of the nearest of numbers that rise; -1 of none. */
+/** Return the index of the nearest of sorted numbers; -1 for none. */
 function nearestIn(numbers, wanted) {
   let low = 0;
   let high = numbers.length - 1;

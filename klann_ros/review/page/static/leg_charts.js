@@ -2,11 +2,11 @@
 /* The charts of a leg, over time or over its crank angle; of two runs over each other. */
 
 const DEGREES = 360 / TURN;
-// A logarithm knows no 0: what is below this is rounding of rounding [m].
-const LEAST_RESIDUAL = 1e-17;
+// Smaller residuals are rounding, and a logarithm has no 0 [m].
+const MIN_RESIDUAL = 1e-17;
 const CLOSE_TO_SINGULAR = [20, 160];
 
-/** What charts there are; `columns` returns the lines of a leg, none where it has no such values. */
+/** The kinds of charts; `columns` returns the lines of a leg, none without such values. */
 const KINDS = [
   {
     key: 'angles',
@@ -64,7 +64,7 @@ const KINDS = [
     isLog: true,
     columns: (leg) => {
       const isKnown = leg.residuals.some(Number.isFinite);
-      const shown = leg.residuals.map((value) => Math.max(value, LEAST_RESIDUAL));
+      const shown = leg.residuals.map((value) => Math.max(value, MIN_RESIDUAL));
       return isKnown ? [column('residual', shown, 1)] : [];
     },
   },
@@ -131,7 +131,7 @@ class LegCharts {
   }
 
   line({ name, colour, isHidden }, i, run) {
-    // Of two runs the line tells which it is; of one it helps the colour.
+    // The dash tells two runs apart; for one run it supports the colour.
     const dash = this.legs.length > 1 ? [[], [6, 4]][run] : DASHES[i % DASHES.length];
     return { name: `${this.runName(run)}${name}`, colour, isHidden, dash, isSecond: run > 0 };
   }

@@ -1,5 +1,5 @@
 'use strict';
-/* The names of a chart's lines, with their values at the pointer or at the moment. */
+/* The names of a chart's lines, with their values at the pointer or at the shown time. */
 
 /** The names of a chart's lines, with their values; buttons that hide them. */
 class Legend {
@@ -26,7 +26,7 @@ class Legend {
     return value;
   }
 
-  /** Show the values under the pointer, or else at the moment. */
+  /** Show the values under the pointer, or else at the shown time. */
   showAt(plot, x) {
     const under = plot.cursor && plot.cursor.left >= 0 ? plot.cursor.idx : null;
     const index = under === null || under === undefined ? nearestIn(plot.data[0], x) : under;

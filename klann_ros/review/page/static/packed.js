@@ -1,15 +1,15 @@
 'use strict';
-/* Columns of numbers, as packed.py writes them. */
+/* Columns of numbers, as data.py packs them. */
 
-// What stands for a number that there is none of.
-const NONE = -(2 ** 31);
+// Marks a missing number.
+const MISSING = -(2 ** 31);
 
 /** Return a column as numbers; NaN where there is none. */
 function unpacked(column) {
   const bytes = decoded(column.data);
   if (column.kind === 'f32') return new Float32Array(bytes.buffer);
   const counts = new Int32Array(bytes.buffer);
-  return Float64Array.from(counts, (count) => (count === NONE ? NaN : count * column.scale));
+  return Float64Array.from(counts, (count) => (count === MISSING ? NaN : count * column.scale));
 }
 
 function decoded(base64) {

@@ -11,7 +11,7 @@ class Page {
     this.controls = new Controls(this.player, () => this.legs[0]);
     this.controls.mark(runs.flatMap((run) => run.marks));
     this.timing = new TimingCharts(document.getElementById('timing'), runs);
-    const showWay = showWays(runs);
+    const showWay = showWalks(runs);
     this.player.listen(() => showWay(this.player.time));
     this.player.listen(() => this.show());
     this.listen();
@@ -42,20 +42,20 @@ class Page {
       this.describe(leg, ghost);
       this.drawCharts();
     }
-    this.player.tell();
+    this.player.notify();
   }
 
   describe(leg, ghost) {
     const name = leg.title ? `The leg ${leg.title}` : 'The leg';
     const path = leg.path ? '; dashed: its path by the geometry' : '';
     document.getElementById('picture-text').textContent =
-      `${name} at the chosen moment. Cross: the recorded foot; thick: its trail${path}.`;
+      `${name} at the chosen time. Cross: the recorded foot; thick: its trail${path}.`;
     const what = leg.hasPoses ? 'poses' : 'feet';
-    const kept =
+    const sampling =
       leg.count < leg.of
-        ? `The page holds ${leg.count} of the ${leg.of} recorded ${what}: even ones, and the extremes of every stretch.`
+        ? `The page holds ${leg.count} of the ${leg.of} recorded ${what}: evenly spaced ones, and the extremes of each part.`
         : `The page holds each of the ${leg.of} recorded ${what}.`;
-    document.getElementById('kept').textContent = kept;
+    document.getElementById('sampling').textContent = sampling;
     this.note = document.getElementById('picture-note');
     this.ghostText = document.getElementById('ghost-text');
     this.ghostText.hidden = !ghost;
@@ -77,7 +77,7 @@ class Page {
     }
   }
 
-  /** Show the moment everywhere. */
+  /** Show the time everywhere. */
   show() {
     const [leg, ghost] = this.legs;
     if (!leg || !this.picture) return;
@@ -146,10 +146,10 @@ class Page {
     this.isOverCrank = isOverCrank;
     if (!this.legs.length) return;
     this.drawCharts();
-    this.player.tell();
+    this.player.notify();
   }
 
-  /** Go to where something was found, and look at it closely. */
+  /** Go to the time of a finding, and zoom in. */
   jump({ time, leg }) {
     if (leg && leg !== this.title && this.runs[0].leg(leg)) this.choose(leg);
     if (this.isOverCrank) this.switchTo(false);

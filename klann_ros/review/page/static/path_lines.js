@@ -1,5 +1,5 @@
 'use strict';
-/* The lines of the foot's path: what they are, how far they reach, how they are painted. */
+/* The lines of the foot's path: their data, extent and drawing. */
 
 function pathLines(leg, run, isOneOfTwo) {
   const name = isOneOfTwo ? `${'AB'[run]}: ` : '';

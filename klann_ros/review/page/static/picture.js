@@ -1,13 +1,13 @@
 'use strict';
-/* The leg of a run in its plane, with the path of its foot and what lies behind it. */
+/* The leg of a run in its plane, with the path and the trail of its foot. */
 
-// So many points of a path are drawn; the chart of the path has them all.
-const MOST_POINTS = 4000;
-// The trail is what the foot did in so long [s].
-const TRAIL = 0.6;
+// Maximum number of drawn points of a path; the path chart has all of them.
+const MAX_DRAWN_POINTS = 4000;
+// Duration of the trail behind the foot [s].
+const TRAIL_TIME = 0.6;
 
 class Picture {
-  /** Make the picture of a leg; the ghost is its like in another run, or null. */
+  /** Make the picture of a leg; `ghost` is the leg of another run, or null. */
   constructor(svg, leg, ghost, { small = false } = {}) {
     this.leg = leg;
     this.ghost = ghost;
@@ -51,15 +51,15 @@ class Picture {
   }
 }
 
-/** Return rows of a leg, evenly spaced and no more than can be drawn. */
+/** Return rows of a leg, evenly spaced, at most as many as are drawn. */
 function evenRows(count) {
-  const step = Math.max(count / MOST_POINTS, 1);
+  const step = Math.max(count / MAX_DRAWN_POINTS, 1);
   return Array.from({ length: Math.floor(count / step) }, (_, i) => Math.floor(i * step));
 }
 
 function trailRows(leg, row) {
   const rows = [];
-  const begin = leg.times[row] - TRAIL;
+  const begin = leg.times[row] - TRAIL_TIME;
   for (let i = row; i >= 0 && leg.times[i] >= begin; i -= 1) rows.push(i);
   return rows;
 }

@@ -1,5 +1,5 @@
 'use strict';
-/* The moment that the page shows, and how it moves on. */
+/* The time that the page shows, and its playback. */
 
 class Player {
   constructor(duration) {
@@ -10,21 +10,21 @@ class Player {
     this.listeners = [];
   }
 
-  /** Have a function called whenever the moment changes, or begins or ceases to move. */
+  /** Call a function when the time changes, or playback starts or stops. */
   listen(listener) {
     this.listeners.push(listener);
   }
 
   go(time) {
     this.time = Math.min(Math.max(time, 0), this.duration);
-    this.tell();
+    this.notify();
   }
 
   play() {
     if (this.isPlaying) return;
     if (this.time >= this.duration) this.time = 0;
     this.isPlaying = true;
-    this.tell();
+    this.notify();
     let last = null;
     const frame = (now) => {
       if (!this.isPlaying) return;
@@ -37,7 +37,7 @@ class Player {
 
   pause() {
     this.isPlaying = false;
-    this.tell();
+    this.notify();
   }
 
   toggle() {
@@ -50,7 +50,7 @@ class Player {
     this.go(this.time + seconds);
   }
 
-  tell() {
+  notify() {
     for (const listener of this.listeners) listener();
   }
 }

@@ -1,11 +1,11 @@
 'use strict';
-/* The way of a walking robot from above, and where it is at the moment: told, and in truth. */
+/* The path of a walking robot from above, by odometry and by ground truth. */
 
 // The robot is a mark of this size, in the drawing's units; it looks along its x axis.
 const ROBOT = 'M16 0L-10 10L-5 0L-10 -10Z';
 const COLOURS = { odometry: 'accent', 'ground truth': 'second' };
 
-class Way {
+class WalkPath {
   constructor(holder, data, number) {
     this.lines = data.lines.map((line) => ({
       name: line.name,
@@ -17,9 +17,9 @@ class Way {
     figure.className = 'card';
     const svg = document.createElementNS(SVG, 'svg');
     const caption = document.createElement('figcaption');
-    caption.id = `way-text-${number}`;
+    caption.id = `walk-text-${number}`;
     caption.textContent = `${data.text}. A square is where it began, the arrow where it is.`;
-    svg.setAttribute('class', 'way');
+    svg.setAttribute('class', 'walk-path');
     svg.setAttribute('role', 'img');
     svg.setAttribute('aria-labelledby', caption.id);
     figure.append(this.legend(), svg, caption);
@@ -44,10 +44,10 @@ class Way {
     const points = this.lines.map(({ at: [xs, ys] }) => Array.from(xs, (x, i) => [x, ys[i]]));
     this.drawing = new Drawing(svg, planeAround([[0, 0], ...points.flat()]));
     const size = scaleBar(this.drawing);
-    // The truth below, so that odometry is seen where they agree.
+    // The ground truth below, so that odometry is seen where they agree.
     [...this.lines.keys()].reverse().forEach((i) => {
       const { name } = this.lines[i];
-      const kind = `way-line ink-${COLOURS[name]} ${name === 'odometry' ? '' : 'way-truth'}`;
+      const kind = `walk-line ink-${COLOURS[name]} ${name === 'odometry' ? '' : 'walk-truth'}`;
       this.drawing.add('path', kind).setAttribute('d', this.drawing.line(points[i]));
       this.lines[i].mark = this.drawing.add('path', `robot ink-${COLOURS[name]}`);
       this.lines[i].mark.setAttribute('d', ROBOT);
@@ -70,7 +70,7 @@ class Way {
   }
 }
 
-/** Draw how long a round number of metres is; return that number. */
+/** Draw a scale bar of a round number of metres; return that number. */
 function scaleBar(drawing) {
   const { scale, height } = drawing.plane;
   const most = 160 / scale;
@@ -85,11 +85,11 @@ function scaleBar(drawing) {
   return metres;
 }
 
-/** Show the ways of all robots; return what shows them at a time. */
-function showWays(runs) {
-  const ways = runs.flatMap((run) => run.walks);
-  document.getElementById('ways').hidden = !ways.length;
-  const holder = document.getElementById('way-figures');
-  const shown = ways.map((way, number) => new Way(holder, way, number));
-  return (time) => shown.forEach((way) => way.show(time));
+/** Show the paths of all robots; return a function that shows them at a time. */
+function showWalks(runs) {
+  const walks = runs.flatMap((run) => run.walks);
+  document.getElementById('walks').hidden = !walks.length;
+  const holder = document.getElementById('walk-figures');
+  const shown = walks.map((walk, number) => new WalkPath(holder, walk, number));
+  return (time) => shown.forEach((path) => path.show(time));
 }
