@@ -9,7 +9,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
@@ -98,9 +98,10 @@ def linkage_text(path: str | Path) -> str:
         return read_regular(path, MAX_FILE_SIZE)
     except (OSError, ValueError) as error:
         hint, names = '', shipped_linkages()
+        # A folder of that name, such as a run, hides no shipped linkage.
+        if str(path) in names and not is_regular_file(path):
+            return (SHIPPED / f'{path}.yaml').read_text(encoding='utf-8')
         if isinstance(error, FileNotFoundError):
-            if str(path) in names:
-                return (SHIPPED / f'{path}.yaml').read_text(encoding='utf-8')
             stem = Path(path).stem
             hint = f'; shipped are {", ".join(names)}{did_you_mean(stem, names)}'
             hint = f'; the shipped one is called {stem}' if stem in names else hint

@@ -114,6 +114,14 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         linkage_from_file(tmp_path / 'binary.yaml')
 
 
+def test_a_folder_hides_no_shipped_linkage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'jansen').mkdir()
+    assert linkage_from_file('jansen') == shipped_linkage('jansen')
+
+
 def test_a_linkage_that_is_not_shipped_is_refused_with_those_that_are() -> None:
     with pytest.raises(LinkageFileError, match=r'called hoeken is shipped: there are .*jansen'):
         shipped_linkage('hoeken')
