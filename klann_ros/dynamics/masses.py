@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.linkage.equations import body_points
 from klann_ros.kinematics.linkage.file import LENGTH_UNITS, linkage_text
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.sanitize.text import did_you_mean, printable
@@ -129,7 +130,7 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     given = as_linkage(linkage)
     _not_negative('density', density, 'kg/m')
     _not_negative('foot_mass', foot_mass, 'kg')
-    places = body_places(given)
+    places = body_points(given.structure, given.bars)
     bodies = []
     for j, body in enumerate(given.structure.bodies):
         total = BodyMass()
@@ -144,18 +145,6 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     foot = given.structure.foot
     owner = given.structure.first_owner(foot)
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
-
-
-def body_places(linkage: Linkage) -> dict[tuple[int, str], complex]:
-    """Return the points of each body from its first point, x along the body [m]."""
-    found: dict[tuple[int, str], complex] = {}
-    for number, (j, bar) in enumerate(linkage.structure.bars):
-        if number in linkage.structure.lines:
-            found[j, bar.end] = 0j
-            continue
-        start = found.setdefault((j, bar.start), 0j)
-        found[j, bar.end] = start + complex(linkage.bars[number])
-    return found
 
 
 def masses_from_file(path: str | Path, linkage: Linkage) -> Masses:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import isfinite
 
-from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.linkage.equations import body_points
 from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import counted, did_you_mean
@@ -205,7 +205,7 @@ def slot_conflict(plate: Plate) -> str:
 def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> Iterator[Plate]:
     """Yield the plates of a leg, the ground's first."""
     structure, lines = linkage.structure, list(slide_lines(linkage))
-    places, hole = body_places(linkage), sizes['']
+    places, hole = body_points(linkage.structure, linkage.bars), sizes['']
     drilled = {
         j: [Hole(point, places[j, point], sizes.get(point, hole)) for point in body.points]
         for j, body in enumerate(structure.bodies)

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from klann_ros.dynamics.masses import body_places
 from klann_ros.kinematics import Linkage, linkage_poses, reachable_arcs
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.linkage.equations import body_points
 from klann_ros.kinematics.linkage.structure import FIXED
 import numpy as np
 
@@ -58,7 +58,7 @@ def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
 
 def slide_lines(linkage: Linkage) -> Iterator[SlideLine]:
     """Yield the lines that bodies slide along."""
-    structure, places = linkage.structure, body_places(linkage)
+    structure, places = linkage.structure, body_points(linkage.structure, linkage.bars)
     pivots = dict(zip(structure.pivots, map(complex, linkage.pivots), strict=True))
     for j, (least, greatest) in travel(linkage).items():
         body, along = structure.bodies[j], structure.along[j]

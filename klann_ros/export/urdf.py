@@ -13,7 +13,7 @@ from cmath import phase
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
-from klann_ros.dynamics.masses import body_places
+from klann_ros.kinematics.linkage.equations import body_points
 from klann_ros.kinematics.linkage.structure import Bar, FIXED
 from klann_ros.plotting.drawing import colour_of
 from klann_ros.robot import Robot, RobotLeg
@@ -93,7 +93,8 @@ class _LegWriter:
         self._root, self._leg, self._links = root, leg, links
         self._separator = separator
         self._linkage, self._structure = leg.linkage, leg.linkage.structure
-        self._places, self._travel = body_places(leg.linkage), travel(leg.linkage)
+        self._places = body_points(leg.linkage.structure, leg.linkage.bars)
+        self._travel = travel(leg.linkage)
         self._width = BAR_WIDTH * max(
             (abs(bar) for n, bar in enumerate(map(complex, leg.linkage.bars))
              if n not in self._structure.lines),

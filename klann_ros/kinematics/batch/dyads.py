@@ -9,7 +9,7 @@ from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
 from .kernels import NumpyKernel
-from .program import compile_program, constants, Derived, differentiate, PathTerms, Program
+from .program import compile_program, constants, PathTerms, Program
 from .results import LinkagePoses, part_of, Reason, unreachable
 
 # The x and the y of vectors of many poses.
@@ -34,12 +34,12 @@ class PinnedDyads:
             for name in others
             if name.endswith('_gradient')
         )
-        program = compile_program(structure, links=bool(others), gradients=gradients)
-        derived = differentiate(program) if rates else Derived(program, {})
-        self._program = derived.program
+        self._program = program = compile_program(
+            structure, links=bool(others), gradients=gradients, rates=rates
+        )
         kind = bool(others), rates, gradients
         self._terms, self._constants = _terms_of(variants, self._program, kind)
-        self._wanted = _wanted(program, derived, others)
+        self._wanted = _wanted(program, others)
         names = (name for some in self._wanted.values() for name in some)
         self._kernel = kernel(self._program, (*program.foot, *names), BLOCK_SIZE)
         self._block_crank: tuple[slice, Any] | None = None
@@ -135,9 +135,7 @@ class PinnedDyads:
         return found
 
 
-def _wanted(
-    program: Program, derived: Derived, others: AbstractSet[str]
-) -> dict[str, Sequence[str]]:
+def _wanted(program: Program, others: AbstractSet[str]) -> dict[str, Sequence[str]]:
     """Return the numbers that the kernel computes besides the foot, by the results."""
     derivatives = {name for name in others if name.endswith(('_1', '_gradient'))}
     links = [*chain(*program.links)]
@@ -152,7 +150,7 @@ def _wanted(
         of = name.removesuffix('_gradient')
         base = of.removesuffix('_1')
         own = program.gradients[base] if name.endswith('_gradient') else numbers[base]
-        wanted[name] = derived.of(own) if of.endswith('_1') else own
+        wanted[name] = [program.rates[each] for each in own] if of.endswith('_1') else own
     return wanted
 
 

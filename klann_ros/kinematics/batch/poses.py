@@ -100,25 +100,20 @@ def linkage_poses(
     shape = flat.shape if one else (count, *flat.shape)
     structure = None if variants is None else variants.base.structure
     bodies = 0 if structure is None else len(structure.bodies) - 1
-    axes = {
-        'angles': (bodies,) if angles else None,
-        'points': (len(structure.points) if structure else 0, 2) if points else None,
-        'transmission_angles': (len(structure.groups) if structure else 0,)
-        if transmission_angles
-        else None,
-    }
-    if velocities:
-        axes |= {'h_1': (2,), 'angles_1': axes['angles'], 'points_1': axes['points']}
+    wanted: dict[str, tuple[int, ...]] = {'h': (2,)}
+    if angles:
+        wanted['angles'] = (bodies,)
+    if points:
+        wanted['points'] = (len(structure.points) if structure else 0, 2)
     names = tuple(d.name for d in structure.dimensions) if gradients and structure else ()
+    moving = {f'{name}_1': own for name, own in wanted.items() if velocities}
     if gradients:
-        last = (len(names),)
-        axes |= {'h_gradient': (2, *last), 'h_1_gradient': (2, *last) if velocities else None}
-        axes |= {
-            f'{name}_gradient': (*own, *last)
-            for name, own in axes.items()
-            if name in {'angles', 'points'} and own
-        }
-    wanted = {name: each for name, each in axes.items() if each is not None}
+        differentiated = {**wanted, **{name: (2,) for name in moving if name == 'h_1'}}
+        moving |= {f'{n}_gradient': (*own, len(names)) for n, own in differentiated.items()}
+    wanted |= moving
+    del wanted['h']
+    if transmission_angles:
+        wanted['transmission_angles'] = (len(structure.groups) if structure else 0,)
     made: dict[str, Any] = {name: _empty(shape, each) for name, each in wanted.items()}
     poses = LinkagePoses(
         np.empty((*shape, 2)) if out is None else out,

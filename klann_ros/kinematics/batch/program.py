@@ -30,7 +30,7 @@ these add m . (i W_j u_j) to their g_j. So dy is the direct part of y, plus m . 
 """
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set as AbstractSet
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from sys import float_info
 from typing import Any, NamedTuple
@@ -85,6 +85,8 @@ class Program:
     # Derivatives by the dimensions of what is asked for: of 'h', shape (2, d), of 'points', shape
     # (p, 2, d), and of 'angles', shape (n - 1, d), as flat lists.
     gradients: dict[str, tuple[str, ...]]
+    # The derivative of each number by the crank angle, if requested.
+    rates: dict[str, str]
 
 
 class PathTerms:
@@ -139,21 +141,22 @@ class PathTerms:
         return self._rows[path]
 
 
+@cache
 def compile_program(
-    structure: Structure, *, links: bool, gradients: AbstractSet[str] = frozenset()
+    structure: Structure,
+    *,
+    links: bool,
+    gradients: AbstractSet[str] = frozenset(),
+    rates: bool = False,
 ) -> Program:
     """
     Return the program of a structure whose blocks are all dyads, cached.
 
-    With `links` it also computes the links and the points, and with `gradients` the derivatives by
-    the dimensions of some of 'h', 'points' and 'angles'.
+    With `links` it also computes the links and the points, with `gradients` the derivatives by the
+    dimensions of some of 'h', 'points' and 'angles', and with `rates` those by the crank angle.
     """
-    return _compile(structure, links, tuple(sorted(gradients)))
-
-
-@cache
-def _compile(structure: Structure, links: bool, gradients: tuple[str, ...]) -> Program:
-    return _Compiler(structure).program(links=links or bool(gradients), gradients=gradients)
+    wanted = sorted(gradients)
+    return _Compiler(structure).program(links or bool(wanted), wanted, rates=rates)
 
 
 class _Compiler:
@@ -172,7 +175,7 @@ class _Compiler:
         # Operations and constants that are there already.
         self._known: dict[Hashable, str] = {}
 
-    def program(self, *, links: bool, gradients: Sequence[str]) -> Program:
+    def program(self, links: bool, gradients: Sequence[str], *, rates: bool) -> Program:
         distances = []
         for k, (loop,) in enumerate(self._paths.rows):
             # M = W_a u_a + W_b u_b is minus the rest of the loop.
@@ -194,6 +197,7 @@ class _Compiler:
         ]
         found = {name: tuple(self._gradient(name)) for name in gradients}
         determinants = [self._determinant(k) for k in blocks] if links else ()
+        derivatives = self._rates() if rates else {}
         return Program(
             operations=tuple(self._operations),
             constants=tuple(self._constants),
@@ -203,7 +207,28 @@ class _Compiler:
             points=tuple(points),
             determinants=tuple(determinants),
             gradients=found,
+            rates=derivatives,
         )
+
+    def _rates(self) -> dict[str, str]:
+        """Append the derivatives of all numbers by the crank angle; return their names."""
+        found: dict[str, Number] = {f'k{k}': None for k in range(len(self._constants))}
+        found |= {'sin': 'cos', 'cos': self._add(None, 'sin', '-')}
+        for name, operator, one, other in self._operations[:]:
+            d_one, d_other = found.get(one), found.get(other)
+            if operator in '+-':
+                found[name] = self._add(d_one, d_other, operator)
+            elif operator == '*':
+                left = self._times(d_one, other)
+                right = left if one == other else self._times(one, d_other)
+                found[name] = self._add(left, right)
+            elif operator == '/':
+                # (a / b)' = (a' - (a / b) b') / b
+                above = self._add(d_one, self._times(name, d_other), '-')
+                found[name] = above and self._apply('/', above, other)
+            else:
+                found[name] = d_one and self._apply('/', d_one, self._apply('+', name, name))
+        return {name: rate or self._zero for name, rate in found.items()}
 
     # Paths.
 
@@ -529,71 +554,3 @@ def constants(program: Program, terms: PathTerms, count: int) -> FloatArray:
         for row, make in zip(table, program.constants, strict=True):
             row[:] = make(terms)
     return table
-
-
-class Derived(NamedTuple):
-    """A program with derivatives, and their names by the names of its numbers."""
-
-    program: Program
-    names: dict[str, str]
-
-    def of(self, numbers: Sequence[str]) -> list[str]:
-        """Return the names of the derivatives of numbers."""
-        return [self.names[name] for name in numbers]
-
-
-@cache
-def differentiate(program: Program) -> Derived:
-    """Return a program with the derivatives of all its numbers by the crank angle, cached."""
-    writer = _Differentiator(program)
-    for step in program.operations:
-        writer.derive(step)
-    full = replace(
-        program,
-        operations=(*program.operations, *writer.operations),
-        constants=(*program.constants, lambda _: 0.0),
-    )
-    known = [*(f'k{k}' for k in range(len(program.constants))), *writer.derivatives]
-    return Derived(full, {name: writer.derivatives.get(name) or writer.zero for name in known})
-
-
-class _Differentiator:
-    """Generates derivatives; one that is 0 costs no operation."""
-
-    def __init__(self, program: Program) -> None:
-        self.zero = f'k{len(program.constants)}'
-        self.operations: list[Operation] = []
-        self.derivatives: dict[str, Number] = {'sin': 'cos'}
-        self.derivatives['cos'] = self._apply('-', self.zero, 'sin')
-
-    def derive(self, step: Operation) -> None:
-        """Append the derivative of an operation."""
-        self.derivatives[step.name] = self._rule(step)
-
-    def _rule(self, step: Operation) -> Number:
-        name, operator, one, other = step
-        d_one, d_other = self.derivatives.get(one), self.derivatives.get(other)
-        if operator == '+':
-            return self._sum(d_one, d_other)
-        if operator == '-':
-            return self._difference(d_one, d_other)
-        if operator == '*':
-            left = d_one and self._apply('*', d_one, other)
-            right = left if one == other else d_other and self._apply('*', one, d_other)
-            return self._sum(left, right)
-        if operator == '/':
-            # (a / b)' = (a' - (a / b) b') / b
-            above = self._difference(d_one, d_other and self._apply('*', name, d_other))
-            return above and self._apply('/', above, other)
-        return d_one and self._apply('/', d_one, self._apply('+', name, name))
-
-    def _sum(self, one: Number, other: Number) -> Number:
-        return self._apply('+', one, other) if one and other else one or other
-
-    def _difference(self, one: Number, other: Number) -> Number:
-        return self._apply('-', one or self.zero, other) if other else one
-
-    def _apply(self, operator: str, one: str, other: str) -> str:
-        name = f'd{len(self.operations)}'
-        self.operations.append(Operation(name, operator, one, other))
-        return name

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from .equations import body_points
 from .structure import Dimension, FIXED, Structure
 from .topology import Path
 
@@ -58,9 +59,9 @@ def bar_derivatives(structure: Structure, bars: Sequence[Any], dimension: Dimens
         if bar.brace is None:
             moved[number] = z / abs(z) if dimension.kind == 'length' else dimension.sense * 1j * z
             continue
-        places, changed = _positions(structure, body, bars), _positions(structure, body, moved)
-        z_q = z - (places[bar.brace.start] - places[bar.start])
-        d_base = changed[bar.brace.start] - changed[bar.start]
+        places, changed = body_points(structure, bars), body_points(structure, moved)
+        z_q = z - (places[body, bar.brace.start] - places[body, bar.start])
+        d_base = changed[body, bar.brace.start] - changed[body, bar.start]
         p = abs(z) if own and dimension.kind == 'length' else 0.0
         q = np.real(np.conj(z_q) * d_base)
         if own and dimension.kind == 'brace':
@@ -92,14 +93,3 @@ def direct_terms(
             if place == dimension.place:
                 found[FIXED] = times * pivots[place]
     return found
-
-
-def _positions(structure: Structure, body: int, bars: Sequence[Any]) -> dict[str, Any]:
-    """Return the points of a body in its frame, by the vectors of all bars."""
-    places: dict[str, Any] = {}
-    for number, (owner, bar) in enumerate(structure.bars):
-        if owner == body:
-            is_line = number in structure.lines
-            start = 0.0 if is_line else places.setdefault(bar.start, 0.0)
-            places[bar.end] = start + (0.0 if is_line else bars[number])
-    return places

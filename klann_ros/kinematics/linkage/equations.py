@@ -62,6 +62,17 @@ def link_vectors(
     return pivots, bars
 
 
+def body_points(structure: Structure, bars: Sequence[Vector]) -> dict[tuple[int, str], Vector]:
+    """Return the points of each body in its frame, from its first point, by all bars [m]."""
+    places: dict[tuple[int, str], Vector] = {}
+    for number, (body, bar) in enumerate(structure.bars):
+        if number in structure.lines:
+            places[body, bar.end] = 0j
+        else:
+            places[body, bar.end] = places.setdefault((body, bar.start), 0j) + bars[number]
+    return places
+
+
 def polar(length: Any, angle: Any) -> Vector:
     """Return length e^(i angle)."""
     if isinstance(length, float) and isinstance(angle, float):

@@ -199,7 +199,10 @@ def schema_error(content: Any) -> str:
     if error is None:
         return ''
     place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
-    text = _WORDS.get(str(error.validator), _fallback)(error)
+    shown = _shown(error.instance)
+    text = f'{shown} is not allowed by the rule {error.validator}'
+    if error.validator in _TEXTS:
+        text = _TEXTS[error.validator](error, shown)
     return f'{place.lstrip(".")}: {text}' if place else text
 
 
@@ -216,12 +219,12 @@ def _shown(instance: Any) -> str:
     return shortener.repr(instance)
 
 
-def _missing(error: Any) -> str:
+def _missing(error: Any, _: str) -> str:
     names = [name for name in error.validator_value if name not in error.instance]
     return f'{", ".join(names)} {"are" if len(names) > 1 else "is"} missing'
 
 
-def _unknown(error: Any) -> str:
+def _unknown(error: Any, _: str) -> str:
     known = list(error.schema['properties'])
     unknown = [key for key in error.instance if key not in known]
     hint = did_you_mean(unknown[0], known)
@@ -229,52 +232,35 @@ def _unknown(error: Any) -> str:
     return f'{shown} is unknown here: there can be {", ".join(known)}{hint}'
 
 
-def _type(error: Any) -> str:
+def _type(error: Any, shown: str) -> str:
     if 'propertyNames' in error.absolute_schema_path:
-        return f'the name {_shown(error.instance)} is no text: write it in quotation marks'
-    return f'{_shown(error.instance)} must be {TYPES[error.validator_value]}'
+        return f'the name {shown} is no text: write it in quotation marks'
+    return f'{shown} must be {TYPES[error.validator_value]}'
 
 
-def _name(error: Any) -> str:
-    return f'{_shown(error.instance)} is no name: letters, digits and _, a letter first'
-
-
-def _bound(error: Any) -> str:
-    words = {'exclusiveMinimum': '>', 'minimum': '>=', 'maximum': '<='}
-    return f'{_shown(error.instance)} must be {words[error.validator]} {error.validator_value:g}'
-
-
-def _count(error: Any) -> str:
+def _count(error: Any, shown: str) -> str:
     limits = error.schema
     if limits.get('minItems') == limits.get('maxItems'):
-        return f'{_shown(error.instance)} must be [x, y]'
+        return f'{shown} must be [x, y]'
     return f'there must be {limits.get("minItems", limits.get("minProperties"))} or more'
 
 
-def _choice(error: Any) -> str:
-    return f'{_shown(error.instance)} must be one of {", ".join(map(str, error.validator_value))}'
-
-
-def _fallback(error: Any) -> str:
-    return f'{_shown(error.instance)} is not allowed by the rule {error.validator}'
-
-
-_WORDS: dict[str, Callable[[Any], str]] = {
+# By the rule of the schema: of an error, and of the value as shown.
+_TEXTS: dict[str, Callable[[Any, str], str]] = {
     'required': _missing,
     'additionalProperties': _unknown,
     'type': _type,
-    'pattern': _name,
-    'minLength': _name,
-    'maxLength': _name,
-    'exclusiveMinimum': _bound,
-    'minimum': _bound,
-    'maximum': _bound,
-    'minItems': _count,
-    'maxItems': _count,
-    'minProperties': _count,
-    'enum': _choice,
-    'not': lambda _: 'bend and brace exclude each other',
-    'anyOf': lambda _: (
+    'exclusiveMinimum': lambda error, shown: f'{shown} must be > {error.validator_value:g}',
+    'minimum': lambda error, shown: f'{shown} must be >= {error.validator_value:g}',
+    'maximum': lambda error, shown: f'{shown} must be <= {error.validator_value:g}',
+    'enum': lambda e, shown: f'{shown} must be one of {", ".join(map(str, e.validator_value))}',
+    'not': lambda *_: 'bend and brace exclude each other',
+    'anyOf': lambda *_: (
         'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
+    ),
+    **dict.fromkeys(('minItems', 'maxItems', 'minProperties'), _count),
+    **dict.fromkeys(
+        ('pattern', 'minLength', 'maxLength'),
+        lambda _, shown: f'{shown} is no name: letters, digits and _, a letter first',
     ),
 }
