@@ -10,10 +10,10 @@ from browser import find
 from hostile_leg import HOSTILE, LINKAGE
 from klann_ros.datasheet import data_sheet, DataSheet, motor_from_file
 from klann_ros.datasheet.page import page
-from klann_ros.dynamics import rods
 from klann_ros.kinematics import KlannLeg
 from klann_ros.robot import Robot, robot_from_file, robot_of
 import numpy as np
+from opened_page import OpenedPage, visitor
 import pytest
 
 pytest.importorskip('playwright')
@@ -22,29 +22,16 @@ if find() is None:
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL = ('leg', 'cannot', 'walker', 'massless', 'partial', 'hostile')
-PLACES = """(svg) => [...svg.querySelectorAll('.leg [data-point]')].map((node) => {
-    const at = (name) => Number(node.getAttribute(name));
-    const middle = node.tagName === 'circle'
-        ? [at('cx'), at('cy')]
-        : [at('x') + at('width') / 2, at('y') + at('height') / 2];
-    const plane = ['left', 'top', 'scale'].map((name) => Number(svg.dataset[name]));
-    return [node.dataset.point, middle, ...plane];
-})"""
-
-
-def weighed(robot: Robot) -> Robot:
-    legs = (replace(leg, masses=rods(leg.linkage, 1.0)) for leg in robot.legs)
-    return replace(robot, legs=tuple(legs))
 
 
 def sheets(folder: Path) -> dict[str, DataSheet]:
     motor = motor_from_file(str(ROOT / 'config' / 'motor_example.yaml'))
-    leg, hostile = weighed(robot_of('sem104')), folder / 'hostile.yaml'
+    leg, hostile = robot_of('sem104'), folder / 'hostile.yaml'
     hostile.write_text(LINKAGE)
-    walker = weighed(robot_from_file(ROOT / 'config' / 'walker6.yaml'))
+    walker = robot_from_file(ROOT / 'config' / 'walker6.yaml')
     klann = robot_of('klann_patent')
     massless = replace(klann, legs=(replace(klann.legs[0], masses=None),))
-    one = weighed(robot_from_file(hostile))
+    one = robot_from_file(hostile).with_rods(1.0)
     named = replace(one.legs[0], name=HOSTILE, crank_joint=HOSTILE)
     return {
         'leg': data_sheet(leg, load=10.0, motor=motor),
@@ -67,50 +54,15 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return made
 
 
-class Opened:
-    """A page, with everything that it asked for and complained about."""
-
-    def __init__(self, shown: Any) -> None:
-        self.page = shown
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        shown.on('request', lambda request: self.requests.append(request.url))
-        shown.on('console', lambda said: self.complaints.append(said.text))
-        shown.on('pageerror', lambda error: self.complaints.append(str(error)))
-
-    def points(self) -> dict[str, np.ndarray]:
-        """Return where the points are drawn, in metres of the leg's plane."""
-        found = self.page.eval_on_selector('.drawing', PLACES)
-        return {
-            name: np.array([left + x / scale, top - y / scale])
-            for name, (x, y), left, top, scale in found
-        }
-
-    def is_wide(self) -> bool:
-        wide = 'document.documentElement.scrollWidth > document.documentElement.clientWidth'
-        return bool(self.page.evaluate(wide))
-
-
 @pytest.fixture
-def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., Opened]]:
-    """Return what opens a page; options are those of a browser's context."""
-    contexts = []
-
-    def open_page(name: str, **options: Any) -> Opened:
-        context = browser.new_context(**options)
-        contexts.append(context)
-        opened = Opened(context.new_page())
-        opened.page.goto(pages[name].as_uri())
-        return opened
-
-    yield open_page
-    for context in contexts:
-        context.close()
+def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
+    with visitor(browser, pages) as open_page:
+        yield open_page
 
 
 @pytest.mark.parametrize('name', ALL)
 def test_it_asks_for_nothing_has_no_error_and_fits_on_a_telephone(
-    visit: Callable[..., Opened], pages: dict[str, Path], name: str
+    visit: Callable[..., OpenedPage], pages: dict[str, Path], name: str
 ) -> None:
     opened = visit(name, viewport={'width': 360, 'height': 760})
     for button in opened.page.locator('button:visible').all():
@@ -118,13 +70,14 @@ def test_it_asks_for_nothing_has_no_error_and_fits_on_a_telephone(
         button.click()
     assert opened.requests == [pages[name].as_uri()]
     assert opened.complaints == []
-    assert not opened.is_wide()
+    wide = 'document.documentElement.scrollWidth > document.documentElement.clientWidth'
+    assert not opened.page.evaluate(wide)
 
 
 @pytest.mark.parametrize(
     ('name', 'scheme'), [('leg', 'dark'), ('walker', 'light'), ('cannot', 'light')]
 )
-def test_axe_finds_no_barrier(visit: Callable[..., Opened], name: str, scheme: str) -> None:
+def test_axe_finds_no_barrier(visit: Callable[..., OpenedPage], name: str, scheme: str) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
     found = axe.Axe().run(visit(name, color_scheme=scheme).page).response['violations']
     assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in found] == []
@@ -132,12 +85,12 @@ def test_axe_finds_no_barrier(visit: Callable[..., Opened], name: str, scheme: s
 
 @pytest.mark.parametrize('degrees', [0.0, 60.0, 200.0])
 def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(
-    visit: Callable[..., Opened], degrees: float
+    visit: Callable[..., OpenedPage], degrees: float
 ) -> None:
     opened = visit('leg')
     opened.page.locator('.angle').fill(repr(degrees / 360.0 + 1e-4))
     pose = KlannLeg().solve(np.radians(degrees))
-    points = opened.points()
+    points = opened.points('.drawing')
     for name, at in zip('ABCDEFGH', pose.points, strict=True):
         assert np.abs(points[name] - at).max() <= 1e-5
     assert opened.page.locator('.at').text_content() == f'{degrees:.1f}°'
@@ -146,7 +99,7 @@ def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(
 
 
 def test_it_plays_and_pauses_in_the_direction_of_the_crank(
-    visit: Callable[..., Opened],
+    visit: Callable[..., OpenedPage],
 ) -> None:
     for name, way in (('leg', 1.0), ('cannot', -1.0)):
         opened = visit(name)
@@ -166,19 +119,19 @@ def test_it_plays_and_pauses_in_the_direction_of_the_crank(
         assert slider.input_value() == after
 
 
-def test_what_cannot_be_turned_is_said_first(visit: Callable[..., Opened]) -> None:
+def test_what_cannot_be_turned_is_said_first(visit: Callable[..., OpenedPage]) -> None:
     said = visit('cannot').page.locator('header .verdict.bad')
     assert 'The motor cannot turn it' in said.inner_text()
     assert 'turns no faster than' in said.inner_text()
 
 
-def test_charts_are_there_without_scripts(visit: Callable[..., Opened]) -> None:
+def test_charts_are_there_without_scripts(visit: Callable[..., OpenedPage]) -> None:
     opened = visit('leg', java_script_enabled=False)
     assert opened.page.locator('.chart svg[role=img]').count() == 4
     assert 'switched off' in opened.page.locator('noscript').inner_text()
 
 
-def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., Opened]) -> None:
+def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., OpenedPage]) -> None:
     opened = visit('leg', color_scheme='dark')
     opened.page.emulate_media(media='print')
     paper = opened.page.evaluate('getComputedStyle(document.body).backgroundColor')
@@ -188,7 +141,7 @@ def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., Open
 
 @pytest.mark.parametrize(('name', 'sides', 'height'), [('leg', 1, 3000), ('walker', 2, 4500)])
 def test_it_is_short_on_paper_and_on_a_telephone(
-    visit: Callable[..., Opened], name: str, sides: int, height: int
+    visit: Callable[..., OpenedPage], name: str, sides: int, height: int
 ) -> None:
     opened = visit(name, viewport={'width': 390, 'height': 844})
     assert opened.page.evaluate('document.documentElement.scrollHeight') <= height
@@ -196,7 +149,7 @@ def test_it_is_short_on_paper_and_on_a_telephone(
     assert len(re.findall(rb'/Type\s*/Page\b', printed)) == sides
 
 
-def test_a_hostile_name_is_but_text(visit: Callable[..., Opened]) -> None:
+def test_a_hostile_name_is_but_text(visit: Callable[..., OpenedPage]) -> None:
     opened = visit('hostile')
     assert opened.page.locator('img').count() == 0
     assert opened.page.evaluate('document.scripts.length') == 4

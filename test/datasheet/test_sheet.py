@@ -11,7 +11,6 @@ import klann_ros.datasheet
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
-from klann_ros.dynamics import rods
 from klann_ros.kinematics import (
     foot_path,
     KlannGeometry,
@@ -27,13 +26,12 @@ ROOT = Path(__file__).resolve().parents[2]
 TURN = 2.0 * pi
 
 
-def weighed(robot: Robot, density: float = 1.0) -> Robot:
-    legs = (replace(leg, masses=rods(leg.linkage, density)) for leg in robot.legs)
-    return replace(robot, legs=tuple(legs))
-
-
 def bare(robot: Robot) -> Robot:
     return replace(robot, legs=tuple(replace(leg, masses=None) for leg in robot.legs))
+
+
+def weighed(robot: Robot) -> Robot:
+    return bare(robot).with_rods(1.0)
 
 
 @pytest.fixture(scope='module')

@@ -1,7 +1,7 @@
 """Pages of real runs, opened from their files in a real browser: one for all tests."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 import math
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from klann_ros.review.model.compare import compare
 from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
-import numpy as np
+from opened_page import OpenedPage, visitor
 import pytest
 from walk_runs import Walking
 
@@ -24,16 +24,6 @@ KLANN = KlannLeg().geometry
 LONG = 'run_' + 60 * '2026' + '_end'
 LONGER = replace(KLANN, l_ab=1.01 * KLANN.l_ab)
 PHASES = {name: k * math.pi / 2 for k, name in enumerate(LEGS)}
-
-# Of a picture: its points' names, where they are in it, and how it is scaled.
-PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].map((node) => {
-    const at = (name) => Number(node.getAttribute(name));
-    const middle = node.tagName === 'circle'
-        ? [at('cx'), at('cy')]
-        : [at('x') + at('width') / 2, at('y') + at('height') / 2];
-    const plane = ['left', 'top', 'scale'].map((name) => Number(svg.dataset[name]));
-    return [node.dataset.point, middle, ...plane];
-})"""
 
 RUNS = {
     'klann': LegRun(parameters=KLANN.as_dict()),
@@ -66,42 +56,6 @@ RUNS = {
 }
 
 
-@dataclass
-class Opened:
-    """A page in the browser, with its requests and its errors."""
-
-    page: Any
-    requests: list[str] = field(default_factory=list)
-    complaints: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.page.on('request', lambda request: self.requests.append(request.url))
-        self.page.on('console', lambda entry: self.complaints.append(entry.text))
-        self.page.on('pageerror', lambda error: self.complaints.append(str(error)))
-
-    def slide(self, time: float) -> None:
-        self.page.locator('#time').fill(repr(time))
-
-    def until(self, expression: str) -> None:
-        """Wait for something; playwright's own waiting needs what the policy forbids."""
-        for _ in range(2000):
-            if self.page.evaluate(expression):
-                return
-            self.page.wait_for_timeout(10)
-        raise AssertionError(expression)
-
-    def time(self) -> float:
-        return float(self.page.locator('#time').input_value())
-
-    def points(self, within: str = '#picture', group: str = 'leg') -> dict[str, np.ndarray]:
-        """Return where the points are drawn, in metres of the leg's plane."""
-        found = self.page.eval_on_selector(within, PLACES, group)
-        return {
-            name: np.array([left + x / scale, top - y / scale])
-            for name, (x, y), left, top, scale in found
-        }
-
-
 def linkage_run(name: str) -> LegRun:
     """Return a run of a shipped linkage."""
     file = Path(klann_ros.__file__).parent / 'linkages' / f'{name}.yaml'
@@ -128,15 +82,14 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope='module')
-def klann_page(browser: Any, pages: dict[str, Path]) -> Iterator[Opened]:
-    opened = Opened(browser.new_page(viewport={'width': 1280, 'height': 900}))
-    opened.page.goto(pages['klann'].as_uri())
-    yield opened
-    opened.page.close()
+def klann_page(browser: Any, pages: dict[str, Path]) -> Iterator[OpenedPage]:
+    page = browser.new_page(viewport={'width': 1280, 'height': 900})
+    yield OpenedPage(page, pages['klann'].as_uri())
+    page.close()
 
 
 @pytest.fixture
-def klann(klann_page: Opened) -> Opened:
+def klann(klann_page: OpenedPage) -> OpenedPage:
     """Return the page of the run klann as it is at first: to open it takes longer than a test."""
     klann_page.page.evaluate(
         'page.player.speed = 1; page.player.pause(); page.player.go(0); page.switchTo(false)'
@@ -146,20 +99,9 @@ def klann(klann_page: Opened) -> Opened:
 
 
 @pytest.fixture
-def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., Opened]]:
-    """Return what opens the page of a run; options are those of a browser's context."""
-    contexts = []
-
-    def open_page(name: str, **options: Any) -> Opened:
-        context = browser.new_context(viewport=options.pop('viewport', None), **options)
-        contexts.append(context)
-        opened = Opened(context.new_page())
-        opened.page.goto(pages[name].as_uri())
-        return opened
-
-    yield open_page
-    for context in contexts:
-        context.close()
+def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
+    with visitor(browser, pages) as open_page:
+        yield open_page
 
 
 @pytest.fixture(scope='session')
