@@ -11,20 +11,16 @@ Exercises of both courses: a variant for each student, its key and steps, and it
 
 ======================  ===================================================================
 Variants                `KINDS`, `make_variant`: `Kind`, `Question`, `Variant`, `Step`
-Marking                 `mark`: `Mark`; `Marked`, `statistics`
+Marking                 `mark`: `Mark`; `Marked`, `statistics`; `check` one answer
 Errors                  `ExerciseError`
 ======================  ===================================================================
 """
 
-from . import four_bar, klann, sliders, synthesis
 from .calculation import Step
+from .kinds import KINDS
 from .marking import Mark, mark, Marked, statistics
+from .platforms import check
 from .variant import ExerciseError, Kind, make_variant, Question, Variant
-
-KINDS: dict[str, Kind] = {
-    kind.name: kind for kind in (*klann.KINDS, *four_bar.KINDS, *sliders.KINDS, *synthesis.KINDS)
-}
-"""The kinds of exercises by their name."""
 
 __all__ = [
     'KINDS',
@@ -35,6 +31,7 @@ __all__ = [
     'Question',
     'Step',
     'Variant',
+    'check',
     'make_variant',
     'mark',
     'statistics',

@@ -8,18 +8,20 @@ import json
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path
 from klann_ros.sanitize.outputs import finite, Output, OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
+from klann_ros.web.browser import print_page, PrintError
 
-from . import KINDS
+from .kinds import KINDS
 from .marking import Marked, statistics
+from .platforms import moodle, notebooks, prairielearn
 from .sheet import answer_text, key, sheets
 from .tables import mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, Variant
 
 ROWS_REFUSED = 1
-ERROR_CODES = dict.fromkeys((ExerciseError, OSError), NOT_READ)
+ERROR_CODES = {**dict.fromkeys((ExerciseError, OSError), NOT_READ), PrintError: NOT_WRITTEN}
 DESCRIPTION = """\
 Exercises of both courses: every student gets numbers of their own, drawn from the student number
 and the kind alone, with a figure; the key and the marking know the usual slips."""
@@ -155,7 +157,19 @@ def _as_json(variants: Sequence[Variant], _names: Sequence[str], _language: str)
     return {f'{variants[0].kind.name}.json': _json([each.as_dict() for each in variants])}
 
 
-FORMATS: dict[str, Format] = {'html': _html, 'json': _as_json}
+def _pdf(variants: Sequence[Variant], names: Sequence[str], language: str) -> Files:
+    pages = _html(variants, names, language)
+    return {name.replace('.html', '.pdf'): print_page(page) for name, page in pages.items()}
+
+
+FORMATS: dict[str, Format] = {
+    'html': _html,
+    'pdf': _pdf,
+    'moodle': moodle,
+    'prairielearn': prairielearn,
+    'notebook': notebooks,
+    'json': _as_json,
+}
 
 
 def _parser() -> ArgumentParser:

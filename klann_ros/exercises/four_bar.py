@@ -156,7 +156,7 @@ def _work_grashof(c: Calculation) -> None:
         raise ValueError('it does not close')
     c.answer('s_l', c.step('s_l', s + l, 'mm', 's + l'))
     c.answer('p_q', c.step('p_q', p + q, 'mm', 'p + q'))
-    c.answer('class', 'III' if s + l == p + q else 'I' if s + l < p + q else 'II')
+    c.answer('grashof', 'III' if s + l == p + q else 'I' if s + l < p + q else 'II')
     turns = [s + l <= p + q and length == s for length in lengths]
     if turns[0] or (turns[1] and turns[3]):
         motion = 'double crank'
@@ -168,7 +168,7 @@ def _work_grashof(c: Calculation) -> None:
 def _key_grashof(givens: Givens) -> dict[str, Answer]:
     grashof, lengths = four_bar_of(givens).grashof, sorted(givens[name] for name in LENGTHS)
     sums = {'s_l': lengths[0] + lengths[3], 'p_q': lengths[1] + lengths[2]}
-    return {**sums, 'class': grashof.class_, 'motion': grashof.motion}
+    return {**sums, 'grashof': grashof.class_, 'motion': grashof.motion}
 
 
 def _work_limits(c: Calculation) -> None:
@@ -178,11 +178,14 @@ def _work_limits(c: Calculation) -> None:
     found = {}
     for name, far, rule in (('S', l_3 + l_2, 'L_3 + L_2'), ('F', l_3 - l_2, 'L_3 - L_2')):
         crank = c.acos((l_1**2 + far**2 - l_4**2) / (2.0 * l_1 * far))
-        law = f'law of cosines: L_1, {rule}, L_4'
+        laws = {
+            f'theta_2_{name}': f'cos φ = (L_1² + ({rule})² - L_4²) / (2 L_1 ({rule}))',
+            f'theta_4_{name}': f'cos ψ = (L_1² + L_4² - ({rule})²) / (2 L_1 L_4)',
+        }
         found[f'theta_2_{name}'] = crank + (c.half_turn if name == 'F' else 0.0)
         rocker = c.acos((l_1**2 + l_4**2 - far**2) / (2.0 * l_1 * l_4))
         found[f'theta_4_{name}'] = c.half_turn - c.sign() * rocker
-        for quantity in (f'theta_2_{name}', f'theta_4_{name}'):
+        for quantity, law in laws.items():
             c.answer(quantity, c.step(quantity, found[quantity], 'deg', law))
     swing = abs(found['theta_4_F'] - found['theta_4_S'])
     c.answer('swing', swing, 'deg', '|θ_4,F - θ_4,S|')
@@ -206,7 +209,10 @@ def _work_dead_points(c: Calculation) -> None:
     s, p, q, l = sorted((l_1, l_2, l_3, l_4))  # noqa: E741 - the law's own letters
     if s + l <= p + q:
         raise ValueError('it is not class II')
-    for driver, other, rest in (('C', l_2, l_3 + l_4), ('R', l_4, l_2 + l_3)):
+    for driver, other, rest, law in (
+        ('C', l_2, l_3 + l_4, 'cos φ = (L_1² + L_2² - (L_3 + L_4)²) / (2 L_1 L_2)'),
+        ('R', l_4, l_2 + l_3, 'cos φ = (L_1² + L_4² - (L_2 + L_3)²) / (2 L_1 L_4)'),
+    ):
         cosine = (l_1**2 + other**2 - rest**2) / (2.0 * l_1 * other)
         if not c.mistake and abs(cosine) > MAX_COSINE:
             raise ValueError('it has no such dead point')
@@ -216,9 +222,7 @@ def _work_dead_points(c: Calculation) -> None:
         across = c.atan2(y, x)
         driven, driving = ('theta_4', 'theta_2') if driver == 'C' else ('theta_2', 'theta_4')
         angles = (inner, c.half_turn - across) if driver == 'C' else (c.half_turn - inner, across)
-        sums = 'L_3 + L_4' if driver == 'C' else 'L_2 + L_3'
         for name, angle in zip((driving, driven), angles, strict=True):
-            law = f'law of cosines with {sums} in line'
             c.answer(f'{name}_{driver}', c.step(f'{name}_{driver}', angle, 'deg', law))
 
 
@@ -291,7 +295,7 @@ KINDS = (
         (_draw_grashof, _work_grashof, _key_grashof),
         Question('s_l', 'mm'),
         Question('p_q', 'mm'),
-        Question('class', 'choice', ('I', 'II', 'III')),
+        Question('grashof', 'choice', ('I', 'II', 'III')),
         Question('motion', 'choice', MOTIONS),
     ),
     POSITION,

@@ -127,7 +127,7 @@ def _corner(
     cosine = (far**2 + c[first] ** 2 - c[second] ** 2) / (2.0 * far * c[first])
     rule = f'cos φ = ({diagonal}² + {first}² - {second}²) / (2 {diagonal} {first})'
     angle = c.step(f'phi_{diagonal}', c.acos(cosine), 'deg', rule)
-    base = c.step(f'psi_{diagonal}', c.atan2(y, x), 'deg', f'direction of {diagonal}')
+    base = c.step(f'psi_{diagonal}', c.atan2(y, x), 'deg', f'∠({diagonal})')
     return c.wrapped(base - sign * angle)
 
 

@@ -32,7 +32,7 @@ GREEK = {
     'angle': '∠',
 }
 # Quantities that have words in place of a symbol, and symbols of their own.
-WORDS_ONLY = {'class', 'motion', 'iterations', 'stride', 'lift', 'swing', 'stroke'}
+WORDS_ONLY = {'grashof', 'motion', 'iterations', 'stride', 'lift', 'swing', 'stroke'}
 SPECIAL = {'s_l': 's + l', 'p_q': 'p + q', 'h_x': 'dx_H/dα', 'h_y': 'dy_H/dα'}
 UNIT_SIGNS = {'deg': '°', '1': '', 'count': '', 'choice': ''}
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
@@ -285,4 +285,5 @@ def _line(ends: Sequence[tuple[float, float]], **style: Any) -> Markup:
 
 def _letter(x: float, y: float, text: str) -> Markup:
     style = {'text_anchor': 'middle', 'dominant_baseline': 'middle', 'font_size': '14'}
+    style |= {'stroke': '#fff', 'stroke_width': '4', 'paint_order': 'stroke'}
     return element('text', text, x=round(x, 1), y=round(y, 1), font_family='sans-serif', **style)

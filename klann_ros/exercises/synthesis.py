@@ -64,12 +64,12 @@ def _work_function(c: Calculation) -> None:
     for k in (1, 2, 3):
         spacing = half * c.cos((2.0 * k - 1.0) * 30.0)
         x = middle - spacing
-        c.answer(f'x_{k}', x, '1', 'Chebyshev: (x_0 + x_4)/2 - (x_4 - x_0)/2 cos((2k - 1) 30°)')
+        c.answer(f'x_{k}', x, '1', '(x_0 + x_4)/2 - (x_4 - x_0)/2 cos((2k - 1) 30°)')
         along = (x**n - start**n) / (end**n - start**n)
         first = c['theta_2_0'] + c['dtheta_2'] * (x - start) / (end - start)
-        crank.append(c.step(f'theta_2_{k}', first, 'deg', 'θ_2 of x_k'))
+        crank.append(c.step(f'theta_2_{k}', first, 'deg', 'θ_2,0 + Δθ_2 (x_k - x_0)/(x_4 - x_0)'))
         last = c['theta_4_0'] + c['dtheta_4'] * along
-        rocker.append(c.step(f'theta_4_{k}', last, 'deg', 'θ_4 of y_k'))
+        rocker.append(c.step(f'theta_4_{k}', last, 'deg', 'θ_4,0 + Δθ_4 (y_k - y_0)/(y_4 - y_0)'))
     pairs = [*zip(crank, rocker, strict=True)]
     system = np.array([[c.cos(b), -c.cos(a), 1.0] for a, b in pairs])
     right = np.array([c.cos(a - b) for a, b in pairs])
@@ -134,7 +134,7 @@ def _work_poses(c: Calculation) -> None:
         ):
             raise ValueError('the three places of the pin are nearly in line')
         centre = c.solve(matrix, np.array(sums)).tolist()
-        rule = f'centre of the circle through {pin}_1, {pin}_2, {pin}_3'
+        rule = f'|{pin}_1 {pivot}| = |{pin}_2 {pivot}| = |{pin}_3 {pivot}|'
         for name, value in zip('xy', centre, strict=True):
             c.answer(f'{name}_{pivot}', c.step(f'{name}_{pivot}', value, 'mm', rule))
         length = sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2)
@@ -207,17 +207,15 @@ def _draw_cognates(draw: Draw) -> dict[str, float]:
 
 
 def _work_cognates(c: Calculation) -> None:
-    l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
-    u, v = c.many('u', 'v')
+    l_3, u, v = c.many('L_3', 'u', 'v')
     # A triangle similar to that of the coupler stands on each bar.
     to_a = c.step('AP', sqrt(u**2 + v**2), 'mm', '√(u² + v²)')
     to_b = c.step('BP', sqrt((l_3 - u) ** 2 + v**2), 'mm', '√((L_3 - u)² + v²)')
-    rule = 'similar to the triangle of the coupler A B P'
-    names = ('a_1', 'a_2', 'a_3', 'a_4', 'b_1', 'b_2', 'b_3', 'b_4')
-    first = (l_1 * to_a / l_3, to_a, l_2 * to_a / l_3, l_4 * to_a / l_3)
-    second = (l_1 * to_b / l_3, l_2 * to_b / l_3, l_4 * to_b / l_3, to_b)
-    for name, value in zip(names, (*first, *second), strict=True):
-        c.answer(name, value, 'mm', rule)
+    cognates = (('a', 'AP', to_a, (1, 3, 2, 4)), ('b', 'BP', to_b, (1, 2, 4, 3)))
+    for letter, side, bar, order in cognates:
+        for k, link in enumerate(order, 1):
+            rule = f'L_{link} {side} / L_3'
+            c.answer(f'{letter}_{k}', c[f'L_{link}'] * bar / l_3, 'mm', rule)
 
 
 def _key_cognates(givens: Givens) -> Givens:
@@ -240,11 +238,11 @@ def _work_centres(c: Calculation) -> None:
     a = l_2 * c.cos(c['theta_2']), l_2 * c.sin(c['theta_2'])
     # O2 A and O4 B meet in I13; A B meets the ground in I24.
     far = l_1 * c.sin(theta_4) / c.sin(theta_4 - c['theta_2'])
-    rule = 'lines O2 A and O4 B: |O2 I13| = L_1 sin θ_4 / sin(θ_4 - θ_2)'
+    rule = '|O2 I13| = L_1 sin θ_4 / sin(θ_4 - θ_2)'
     c.answer('x_I13', far * c.cos(c['theta_2']), 'mm', rule)
     c.answer('y_I13', far * c.sin(c['theta_2']), 'mm', rule)
     ground = a[0] - a[1] * c.cos(theta_3) / c.sin(theta_3)
-    c.answer('x_I24', c.step('x_I24', ground, 'mm', 'line A B at y = 0: x_A - y_A / tan θ_3'))
+    c.answer('x_I24', c.step('x_I24', ground, 'mm', 'x_A - y_A / tan θ_3'))
     rate = c['omega_2'] * ground / (ground - l_1)
     c.answer('omega_4', rate, 'rad/s', 'ω_4 = ω_2 |I12 I24| / |I14 I24|')
     if not c.mistake and max(abs(far), abs(ground)) > 20.0 * l_3:
@@ -312,9 +310,9 @@ def _work_return(c: Calculation) -> None:
     c.answer('L_3', l_3)
     # O2 from the middle of the chord, along it and across; O4 is on the other side.
     along = (l_3 + l_2) ** 2 - (l_3 - l_2) ** 2
-    along = c.step('y', along / (2.0 * chord), 'mm', 'O2 along the chord, from its middle')
+    along = c.step('y', along / (2.0 * chord), 'mm', '2 L_2 L_3 / C')
     across = sqrt((l_3 - l_2) ** 2 - (chord / 2.0 - along) ** 2)
-    across = c.step('x', across, 'mm', 'O2 across the chord')
+    across = c.step('x', across, 'mm', 'x² + (C/2 - y)² = (L_3 - L_2)²')
     height = c.step('h', l_4 * c.cos(swing / 2.0), 'mm', 'L_4 cos(swing / 2)')
     ground = sqrt((height - c.sign() * across) ** 2 + along**2)
     c.answer('L_1', ground, 'mm', '|O2 O4|')
