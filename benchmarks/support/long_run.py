@@ -14,7 +14,7 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
 )
 from klann_ros.log.write.writer import RunWriter
-from klann_ros.nodes.solver.cdr import JointStateTemplate, PointTemplate
+from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate
 import numpy as np
 
 START = 1_700_000_000_000_000_000

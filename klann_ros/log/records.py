@@ -54,6 +54,10 @@ class Topic:
         return Topic, self._values()
 
 
+# Entry of a channel's metadata: a review wrote the topic beside those of the run.
+ANNOTATION = ('klann_ros', 'review --annotate')
+
+
 # Not frozen, which would take three times as long to create.
 @dataclass(slots=True, unsafe_hash=True)
 class Message:

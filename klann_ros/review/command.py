@@ -18,7 +18,7 @@ from klann_ros.review.report.picture import picture_format, save_picture
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
 from klann_ros.sanitize.arguments import ArgumentParser, command_words, NOT_READ, path, UsageError
-from klann_ros.sanitize.outputs import outputs, save_all
+from klann_ros.sanitize.outputs import check_new_folder, outputs, save_all
 from klann_ros.sanitize.text import printable
 from klann_ros.web.browser import is_opened
 from tqdm import tqdm
@@ -26,6 +26,7 @@ from tqdm import tqdm
 from .fleet import command as each
 from .page import save
 from .report import text
+from .report.annotations import annotate
 from .report.data import save_csv, save_json
 from .reviewing import Progress, review_run
 
@@ -76,14 +77,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _review(options: argparse.Namespace) -> int:
-    if options.follow and options.log2:
-        raise UsageError('--follow takes one run')
+    if options.log2 and (options.follow or options.annotate):
+        raise UsageError(f'{"--follow" if options.follow else "--annotate"} takes one run')
     if options.open and not options.html:
         # It stays: the browser may read it after this process.
         folder = tempfile.mkdtemp(prefix='klann_ros-review-')
         options.html = str(Path(folder, f'{Path(options.log).name or "run"}.html'))
     inputs = options.log, options.log2, options.geometry, options.limits
     files = outputs(options, ('json', 'html', 'csv', 'picture'), inputs)
+    if options.annotate:
+        check_new_folder('--annotate', options.annotate, inputs)
     form = picture_format(options.picture) if options.picture else ''
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
@@ -101,6 +104,8 @@ def _review(options: argparse.Namespace) -> int:
     print('\n\n'.join(text.report(review, colour=colour) for review in reviews))
     if comparison is not None:
         print(f'\n{text.differences(comparison, colour=colour)}')
+    if options.annotate:
+        annotate(reviews[0], options.annotate)
     save_all(
         files,
         {
@@ -149,6 +154,10 @@ def _parser() -> ArgumentParser:
     add('--open', action='store_true', help='open the page in a browser')
     add('--csv', metavar='FILE', help='a row a pose, for spreadsheets and pandas')
     sources = 'a parameter file, a file of lengths, a linkage'
+    annotated = (
+        'a copy of the run, a new folder, with the findings and the right answers beside it'
+    )
+    add('--annotate', metavar='OUT', type=path, help=annotated)
     geometry = f'hold the run against this leg: {sources}, or one of {", ".join(preset_names())}'
     add('--geometry', metavar='FILE', help=geometry)
     add('--limits', metavar='FILE', help='other limits of the checks')

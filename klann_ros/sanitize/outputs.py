@@ -138,6 +138,16 @@ def outputs(
     return found
 
 
+def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
+    """Raise an OutputError if a folder is there already, or would be in an input."""
+    what = f'{option} {printable(path)} cannot be written'
+    if os.path.lexists(path):
+        raise OutputError(f'{what}: it exists already, not overwriting; choose a new name')
+    for given in filter(None, inputs):
+        if is_within(path, given):
+            raise OutputError(f'{what}: it is inside {printable(given)}, which is only read')
+
+
 def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
     """Write each file by the saver of its option; an OutputError of all failures comes last."""
     errors: list[Any] = []

@@ -120,7 +120,12 @@ class McapStorage:
 
     def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
         """Open the file, or its unpacked copy."""
-        return open_regular(self._unpacked.path if self._unpacked else self.path)
+        return open_regular(self.plain_path)
+
+    @property
+    def plain_path(self) -> Path:
+        """Return its path, or that of its unpacked copy."""
+        return self._unpacked.path if self._unpacked else self.path
 
     def close(self) -> None:
         """Remove the unpacked copy."""

@@ -8,9 +8,7 @@ A message begins with four bytes, the second of which is the byte order. All els
 there on: a number begins at a multiple of its size, strings and sequences begin with their length.
 Bytes behind the end of a message are ignored, as by rclpy: `serialize_message()` leaves some.
 
-`Publisher.publish` takes the result of a template's `fill`, and a subscriber receives the bytes of
-the published message. Only the padding between fields differs: a typed publish leaves any bytes
-there, a template zeros.
+The templates of the answers are in :mod:`klann_ros.sanitize.cdr`.
 """
 
 from collections.abc import Sequence
@@ -23,8 +21,6 @@ from klann_ros.sanitize.text import printable
 # Names in the refusal of a message without the joint, and their length [characters].
 _MAX_NAMES, _MAX_NAME_LENGTH = 5, 40
 _FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
-# Written little-endian, as on every machine that ROS 2 supports.
-_CDR_HEADER = b'\0\1\0\0'
 
 
 class JointReading(NamedTuple):
@@ -120,59 +116,3 @@ def _layout(data: bytes, joint: str) -> _Layout:
         tuple(begin for begin, _ in spans),
         struct.Struct(numbers),
     )
-
-
-class JointStateTemplate:
-    """A sensor_msgs/JointState of which only stamp, positions and velocities change."""
-
-    def __init__(self, names: Sequence[str], frame_id: str = '') -> None:
-        count = len(names)
-        head = _aligned(_string(b'', frame_id), 4) + struct.pack('<I', count)
-        for name in names:
-            head = _string(head, name)
-        self._head = _aligned(_aligned(head, 4) + struct.pack('<I', count), 8)
-        self._middle = struct.pack('<I4x', count)
-        layout = f'<4siI{len(self._head)}s{count}d'
-        self._without = struct.Struct(f'{layout}8x')
-        self._with = struct.Struct(f'{layout}8s{count}d4x')
-
-    def fill(
-        self, sec: int, nanosec: int, positions: Sequence[float], velocities: Sequence[float] = ()
-    ) -> bytes:
-        """Return the message; there are as many velocities as names, or none."""
-        if velocities:
-            return self._with.pack(
-                _CDR_HEADER, sec, nanosec, self._head, *positions, self._middle, *velocities
-            )
-        return self._without.pack(_CDR_HEADER, sec, nanosec, self._head, *positions)
-
-
-class PointTemplate:
-    """A geometry_msgs/PointStamped of which only stamp, x and y change; z is 0."""
-
-    _rest = 8
-
-    def __init__(self, frame_id: str) -> None:
-        self._head = _aligned(_string(b'', frame_id), 8)
-        self._layout = struct.Struct(f'<4siI{len(self._head)}s2d{self._rest}x')
-
-    def fill(self, sec: int, nanosec: int, x: float, y: float) -> bytes:
-        """Return the message."""
-        return self._layout.pack(_CDR_HEADER, sec, nanosec, self._head, x, y)
-
-
-class TwistTemplate(PointTemplate):
-    """A geometry_msgs/TwistStamped of which only stamp, linear x and y change; the rest is 0."""
-
-    _rest = 32
-
-
-def _string(head: bytes, text: str) -> bytes:
-    """Append a string to what stands before it."""
-    encoded = text.encode() + b'\0'
-    return _aligned(head, 4) + struct.pack('<I', len(encoded)) + encoded
-
-
-def _aligned(head: bytes, size: int) -> bytes:
-    """Fill up to where a number of a size begins; the stamp stands before, and fills 8 bytes."""
-    return head + bytes(-len(head) % size)

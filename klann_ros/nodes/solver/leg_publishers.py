@@ -11,13 +11,13 @@ from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, leg_description, Sol
 from klann_ros.nodes.endpoints import create_publisher, LATCHED
 from klann_ros.nodes.parameters import plain
 from klann_ros.plotting.drawing import PoseDrawing
+from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from .cdr import JointStateTemplate, PointTemplate, TwistTemplate
 from .crank_inputs import Stamp
 from .declarations import DESCRIBED
 from .driven_leg import DrivenLeg

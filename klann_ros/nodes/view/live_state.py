@@ -1,6 +1,6 @@
 """State of the live page from ROS topics, and the commands of pages: service calls and drives."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -242,17 +242,18 @@ class LiveState(PageState):
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'
                 found[key] = replayed_solver(node, topic.name, self._replays[node])
-            elif described := self._described(topic):
-                key = f'{node} {topic.name}'
-                found[key] = replayed_solver(node, topic.name, described)
             else:
                 names = [name for _, message in topic.newest() for name in message.name[:200]]
-                if names:
+                records = self._described(topic)
+                described = replayed_solver(node, topic.name, records) if records else None
+                if described and any({*names} >= {*leg.joint_names} for leg in described.legs):
+                    found[f'{node} {topic.name}'] = described
+                elif names:
                     found[node] = assumed_solver(node, names)
         return found
 
-    def _described(self, topic: SubscribedTopic) -> list[SolverParameters]:
-        """Return the solvers described beside a topic, or by the only description."""
+    def _described(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
+        """Return the solvers described beside a topic, or else in another namespace."""
         topics = self._subscriptions.of_kind(STRING_TYPE)
         beside = [each for each in topics if parent(each.name) == parent(topic.name)]
         texts = [m.data for each in beside or topics[:1] for _, m in each.newest()]
@@ -345,7 +346,7 @@ class LiveState(PageState):
 
 
 @lru_cache(maxsize=8)
-def _described_solvers(texts: tuple[str, ...]) -> list[SolverParameters]:
+def _described_solvers(texts: tuple[str, ...]) -> Sequence[SolverParameters]:
     """Return the solvers that texts describe, without malformed ones; cached, as texts repeat."""
     found = []
     for text in texts:

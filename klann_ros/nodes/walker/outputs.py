@@ -5,7 +5,7 @@ from math import cos, isfinite, sin
 from typing import Any
 
 from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
-from klann_ros.nodes.solver.cdr import JointStateTemplate
+from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.walker import CrankCommand, OdometryEstimate
 from nav_msgs.msg import Odometry
 from rclpy.node import Node

@@ -14,7 +14,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, print_error
-from klann_ros.sanitize.outputs import OutputError, outputs, save_all
+from klann_ros.sanitize.outputs import check_new_folder, OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
@@ -72,10 +72,12 @@ def _each(options: argparse.Namespace) -> int:
     inputs.append(expectations.baseline)
     files = outputs(options, ('table', 'junit', 'html'), inputs)
     pages = _pages(options.html, runs)
+    annotated = _annotated(options, runs)
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     tasks = [
-        Task(run, robot, limits, expectations, page) for run, page in zip(runs, pages, strict=True)
+        Task(run, robot, limits, expectations, page, copy)
+        for run, page, copy in zip(runs, pages, annotated, strict=True)
     ]
     rows = _resumed(tasks, options.table) if options.resume else {}
     is_whole, faults = _judge(tasks, rows, options)
@@ -127,7 +129,7 @@ def _judge(
         try:
             for number, found in bar:
                 rows[left[number]] = found.row
-                faults += [found.page_fault] if found.page_fault else []
+                faults += found.faults
         except KeyboardInterrupt:
             # Finished rows are written; a second Ctrl-C must not interrupt that.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -151,24 +153,38 @@ def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
 
 
 def _is_valid(row: Row, task: Task) -> bool:
-    """Return whether run, settings and page are those of a row."""
+    """Return whether run, settings and outputs are those of a row."""
     files = {'size': row.size, 'modified': row.modified}
     is_same = row.settings == task.settings and written(task.run) == files
-    return is_same and (not task.page or Path(task.page).exists())
+    return is_same and all(Path(path).exists() for path in (task.page, task.annotated) if path)
 
 
 def _pages(index: str | None, runs: Sequence[FoundRun]) -> list[str]:
     if not index:
         return [''] * len(runs)
-    folder = Path(index).with_name(f'{Path(index).stem}_runs')
+    return _paths(Path(index).with_name(f'{Path(index).stem}_runs'), runs, '.html')
+
+
+def _annotated(options: argparse.Namespace, runs: Sequence[FoundRun]) -> list[str]:
+    """Return the path of each annotated copy; a resumed command goes on in its folder."""
+    if not options.annotate:
+        return [''] * len(runs)
+    if not options.resume:
+        check_new_folder('--annotate', options.annotate, [*options.logs])
+    return _paths(Path(options.annotate), runs, '')
+
+
+def _paths(folder: Path, runs: Sequence[FoundRun], suffix: str) -> list[str]:
+    """Return a path in a folder for each run, '' for what is none."""
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise OutputError(f'{printable(folder)} cannot be made: {error.strerror}') from error
     digits = len(str(len(runs)))
+    names = (f'{n:0{digits}}_{_plain(Path(run.path).name)}' for n, run in enumerate(runs, 1))
     return [
-        '' if run.fault else str(folder / f'{number:0{digits}}_{_plain(Path(run.path).name)}.html')
-        for number, run in enumerate(runs, 1)
+        '' if run.fault else str(folder / f'{name}{suffix}')
+        for name, run in zip(names, runs, strict=True)
     ]
 
 
@@ -205,6 +221,8 @@ def _parser() -> ArgumentParser:
     add('--table', metavar='FILE', help='a row a run (.csv, .parquet)')
     add('--junit', metavar='FILE', help='a test case a run, as XML for CI')
     add('--html', metavar='FILE', help="an index page, which leads to each run's own")
+    copies = 'a new folder: a copy of each run with its findings and right answers'
+    add('--annotate', metavar='FOLDER', type=path, help=copies)
     add('--geometry', metavar='FILE', help='hold all runs against this leg, as for one run')
     add('--limits', metavar='FILE', help='other limits of the checks, as for one run')
     add('--engine', choices=ENGINES, default='local', help='who works on it (local)')

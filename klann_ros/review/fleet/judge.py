@@ -1,6 +1,6 @@
 """Find runs, review each of them in parallel, and hold them against expectations."""
 
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 import hashlib
@@ -21,6 +21,7 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.topics import TopicFigures
 from klann_ros.review.page import save
+from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
 from klann_ros.sanitize.outputs import Output, OutputError
@@ -233,6 +234,7 @@ class Task:
     limits: Limits = field(default_factory=Limits)
     expectations: Expectations = field(default_factory=Expectations)
     page: str = ''  # path of its page; '' for none
+    annotated: str = ''  # path of its annotated copy; '' for none
 
     @property
     def settings(self) -> str:
@@ -254,7 +256,7 @@ class Judged:
     """The result of a task."""
 
     row: Row
-    page_fault: str = ''  # why its page could not be written; '' for none
+    faults: tuple[str, ...] = ()  # why its page or its copy could not be written
 
 
 def judge_runs(
@@ -295,7 +297,7 @@ def _unreadable(task: Task, reason: object) -> Judged:
 
 
 def judge(task: Task) -> Judged:
-    """Return the row of a run, and write its page if it has a path."""
+    """Return the row of a run, and write its outputs."""
     if task.run.fault:
         return _unreadable(task, task.run.fault)
     known = {**written(task.run), 'settings': task.settings}
@@ -306,15 +308,24 @@ def judge(task: Task) -> Judged:
     except (LogError, OSError, MemoryError) as error:
         return _unreadable(task, str(error) or 'there is not memory enough for it')
     findings = (*review.findings, *task.expectations.unmet(review, baseline))
-    review, page_fault = replace(review, findings=findings), ''
+    review = replace(review, findings=findings)
     row = reviewed_row(task.run.path, review, findings, task.expectations.allow, **known)
-    if task.page:
-        page = partial(save, [review], None, max_bytes=MAX_PAGE_DATA)
+    return Judged(row, tuple(_write_outputs(task, review)))
+
+
+def _write_outputs(task: Task, review: Review) -> Iterator[str]:
+    """Write the page and the annotated copy of a run; yield the faults."""
+    page = partial(save, [review], None, max_bytes=MAX_PAGE_DATA)
+    writers: dict[str, Callable[[], None]] = {
+        task.page: lambda: Output('--html', task.page).save(page),
+        task.annotated: lambda: annotate(review, task.annotated),
+    }
+    for path, write in writers.items():
         try:
-            Output('--html', task.page).save(page)
-        except OutputError as error:
-            page_fault = str(error)
-    return Judged(row, page_fault)
+            if path:
+                write()
+        except OutputError as error:  # noqa: PERF203, RUF100 - of each output
+            yield str(error)
 
 
 def written(run: FoundRun) -> dict[str, int]:

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
+from klann_ros.log.records import ANNOTATION, Topic
 from klann_ros.log.run_parameters import (
     FAULT_RECORD,
     FINDING_RECORD,
@@ -99,6 +99,8 @@ def load(
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
             topics_.add(topic, block, rows)
+            if ANNOTATION in topic.extra:
+                continue
             pieces = legs_.add(topic, block, rows)
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)

@@ -59,6 +59,8 @@ class SolvedBlock(NamedTuple):
     # with the solver; NaN for an unreachable crank angle.
     recorded: FloatArray
     solved: FloatArray
+    # Shape (k, 2): the foot of the solved poses [m].
+    solved_feet: FloatArray
     # Rows of the recorded feet that belong to them, and their poses in the block.
     of_feet: IndexArray
     of_poses: IndexArray
@@ -83,6 +85,7 @@ def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
             slice(begin, end),
             recorded,
             np.column_stack([recorded[:, 0], angles]),
+            solved.h,
             of_feet[paired],
             of_poses[paired] - begin,
         )

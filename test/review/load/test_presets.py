@@ -13,9 +13,9 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
 )
 from klann_ros.log.write.writer import RunWriter
-from klann_ros.nodes.solver.cdr import JointStateTemplate, PointTemplate
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotLeg
+from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate
 from leg_runs import START, topic_of
 import numpy as np
 import pytest

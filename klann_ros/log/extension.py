@@ -1,0 +1,386 @@
+"""
+Copy a log and append messages to the copy, at little more than the cost of copying its bytes.
+
+A closed MCAP file is a header, data and a summary. Chunks are appended to the data, and a new
+summary replaces the old one: no old message is read. A log of several files, of another format or
+without such a summary is first copied message by message.
+"""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+import shutil
+import struct
+from typing import BinaryIO, NamedTuple
+import zlib
+
+from klann_ros.sanitize.files import is_within
+from klann_ros.sanitize.text import printable
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+import numpy as np
+from numpy.typing import NDArray
+import zstandard
+
+from .bag_metadata import (
+    bag_metadata,
+    FILE_NAME,
+    FileSummary,
+    metadata_record,
+    metadata_yaml,
+    RECORD_NAME,
+)
+from .errors import AnyPath, DamagedError, MalformedQosError, RunExistsError, UnwritableError
+from .mcap.mcap_storage import McapStorage
+from .mcap.records import find_footer, INDEX_HEAD, MAGIC, parse, RECORD_HEAD, span_at, spans
+from .mcap.summary import read_summary, Summary
+from .read.opening import open_files
+from .read.storage import Storage
+from .records import Topic
+from .recovery import recover
+
+# Size of a chunk's messages [bytes], the fast level of zstd, and chunks in memory.
+_CHUNK_SIZE, _ZSTD_LEVEL, _MAX_CHUNKS = 1024 * 1024, -1, 8
+_HEAD = [
+    ('opcode', 'u1'),
+    ('length', '<u8'),
+    ('channel', '<u2'),
+    ('sequence', '<u4'),
+    ('log_time', '<u8'),
+    ('publish_time', '<u8'),
+]
+_CRC_SIZE = 4
+_DISTRO = 'jazzy'
+# Private opcode of a record that no longer holds; every reader skips it.
+_VOID = bytes([0xFF])
+_MAX_NUMBER = 2**16 - 1
+# Summary records in the order of the file.
+_GROUPS = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TopicMessages:
+    """Messages of one layout on a topic; several of them may have the same topic."""
+
+    topic: Topic
+    # Log times [ns], shape (n,).
+    times: NDArray[np.int64]
+    # A serialized message, and the parts of it that change: offset [bytes], and bytes (n, size).
+    template: bytes
+    changes: Sequence[tuple[int, NDArray[np.uint8]]] = ()
+
+
+def extend(log: AnyPath, output: AnyPath, messages: Sequence[TopicMessages]) -> None:
+    """
+    Write a copy of a log with further messages, as a run's folder with one MCAP file.
+
+    Parameters
+    ----------
+    log
+        A run's folder or a file of it, in any state; it is not changed.
+    output
+        The new folder. If the copy fails or is interrupted, it is removed again.
+    messages
+        The further messages, on topics that the log does not have.
+
+    Raises
+    ------
+    NotALogError
+        Nothing in the log can be read.
+    RunExistsError
+        The output exists.
+    UnwritableError
+        The output is inside the log, or a topic is in the log.
+    OSError
+        The disk refused.
+
+    """
+    folder = Path(output).absolute()
+    if is_within(folder, log):
+        what = f'{printable(output)} is inside {printable(log)}'
+        raise UnwritableError(f'{what}, which is only read')
+    target = folder / f'{folder.name}_0.mcap'
+    files, found = open_files(log)
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        raise RunExistsError(output) from None
+    try:
+        if found.missing or len(files) > 1 or not _extend_copy(files[0], target, messages):
+            # A recovery makes the folder.
+            shutil.rmtree(folder)
+            recover(log, folder)
+            _extend_run(target, messages)
+    except BaseException:
+        # Half a copy looks like a whole run.
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    finally:
+        for file in files:
+            file.close()
+
+
+def _extend_copy(file: Storage, target: Path, messages: Sequence[TopicMessages]) -> bool:
+    """Copy a file and extend the copy; return whether that was possible."""
+    if file.problems or not (isinstance(file, McapStorage) and _can_extend(file.summary)):
+        return False
+    shutil.copyfile(file.plain_path, target)
+    try:
+        _extend_run(target, messages)
+    except (DamagedError, MalformedQosError):
+        # A recovery leaves out what is malformed.
+        return False
+    return True
+
+
+def _can_extend(summary: Summary) -> bool:
+    """Return whether a summary names everything in its file, with the number of messages."""
+    statistics = summary.statistics
+    return (
+        statistics is not None
+        and summary.is_index
+        and sum(statistics.channel_message_counts.values()) == statistics.message_count
+    )
+
+
+def _extend_run(path: Path, messages: Sequence[TopicMessages]) -> None:
+    with path.open('r+b') as file:
+        content = _Extension(file, path.name).run(messages)
+    text = metadata_yaml(bag_metadata([content], _DISTRO))
+    path.with_name(FILE_NAME).write_text(text, encoding='utf-8')
+
+
+class _Extension:
+    """Append messages to an open file that is closed and has a summary."""
+
+    def __init__(self, file: BinaryIO, name: str) -> None:
+        self._file, self._name = file, name
+        footer = find_footer(file, file.seek(0, 2))
+        self._summary = Summary() if footer is None else read_summary(file, footer)
+        if footer is None or self._summary.statistics is None:
+            raise DamagedError('there is no summary', 0)
+        self._data_end = self._summary.start - len(_packed(DataEnd(0)))
+        if span_at(file, self._data_end, self._summary.start).opcode != Opcode.DATA_END:
+            raise DamagedError('the summary does not follow the data', self._data_end)
+        self._statistics = self._summary.statistics
+        self._groups: dict[int, list[bytes]] = {opcode: [] for opcode in _GROUPS}
+        for span in spans(file, footer.summary_start, footer.offset):
+            file.seek(span.offset)
+            if span.opcode in self._groups:
+                self._groups[span.opcode].append(file.read(span.end - span.offset))
+        self._channels: dict[Topic, int] = {}
+
+    def run(self, messages: Sequence[TopicMessages]) -> FileSummary:
+        """Append the messages; return the content of the file."""
+        definitions = self._register(messages)
+        content = self._content(messages)
+        # An error of the metadata leaves the file as it was.
+        metadata = _packed(
+            Metadata(RECORD_NAME, metadata_record(bag_metadata([content], _DISTRO)))
+        )
+        self._void_metadata()
+        self._file.seek(self._data_end)
+        self._file.truncate()
+        self._file.write(definitions)
+        for chunk in _chunks(messages, self._channels):
+            self._write_chunk(chunk)
+        index = MetadataIndex(self._file.tell(), len(metadata), RECORD_NAME)
+        self._groups[Opcode.METADATA_INDEX].append(_packed(index))
+        self._file.write(metadata + _packed(DataEnd(0)))
+        self._write_summary(content)
+        return content
+
+    def _register(self, messages: Sequence[TopicMessages]) -> bytes:
+        """Assign numbers behind the file's own; return the schemas and channels."""
+        known = {topic.name for topic in self._summary.channels.topics()}
+        schemas = (_number(record) for record in self._groups[Opcode.SCHEMA])
+        last = max((*self._summary.channels.numbers(), *schemas), default=0)
+        for topic in dict.fromkeys(part.topic for part in messages):
+            if topic.name in known:
+                raise UnwritableError(f'{printable(topic.name)} is in the log already')
+            number = self._channels[topic] = last + 1 + len(self._channels)
+            if number > _MAX_NUMBER:
+                raise UnwritableError('the log has too many topics')
+            definition = topic.definition.encode()
+            schema = Schema(number, definition, topic.schema_encoding, topic.type)
+            channel = Channel(
+                number, topic.name, topic.message_encoding, dict(topic.extra), number
+            )
+            self._groups[Opcode.SCHEMA].append(_packed(schema))
+            self._groups[Opcode.CHANNEL].append(_packed(channel))
+        new = slice(-len(self._channels), None)
+        both = (self._groups[kind][new] for kind in (Opcode.SCHEMA, Opcode.CHANNEL))
+        return b''.join(chain(*both)) if self._channels else b''
+
+    def _content(self, messages: Sequence[TopicMessages]) -> FileSummary:
+        """Return the content of the file with the messages, which the statistics count then."""
+        counts: dict[Topic, int] = {}
+        statistics, channels = self._statistics, self._summary.channels
+        for number, count in statistics.channel_message_counts.items():
+            topic = channels.topic(number)
+            if topic is not None:
+                counts[topic] = counts.get(topic, 0) + count
+        times = [part.times for part in messages if len(part.times)]
+        for part in messages:
+            number, count = self._channels[part.topic], len(part.times)
+            counts[part.topic] = counts.get(part.topic, 0) + count
+            of_channel = statistics.channel_message_counts
+            of_channel[number] = of_channel.get(number, 0) + count
+        ends = [statistics.message_start_time, statistics.message_end_time]
+        both = [*ends * bool(statistics.message_count), *(int(t.min()) for t in times)]
+        both += [int(t.max()) for t in times]
+        start, end = (min(both), max(both)) if both else (0, 0)
+        return FileSummary(self._name, counts, start, end)
+
+    def _void_metadata(self) -> None:
+        """Make rosbag2's old record a private one, which readers skip, and forget its index."""
+        kept = []
+        for record in self._groups[Opcode.METADATA_INDEX]:
+            index = parse(MetadataIndex, record[slice(RECORD_HEAD.size, None)])
+            if index.name != RECORD_NAME:
+                kept.append(record)
+                continue
+            self._file.seek(index.offset)
+            self._file.write(_VOID)
+        self._groups[Opcode.METADATA_INDEX] = kept
+
+    def _write_chunk(self, made: '_PackedChunk') -> None:
+        start = self._file.tell()
+        self._file.write(made.record + made.message_index)
+        index = ChunkIndex(
+            message_index_offsets={made.channel: start + len(made.record)},
+            chunk_start_offset=start,
+            chunk_length=len(made.record),
+            compression='zstd',
+            compressed_size=made.compressed_size,
+            message_end_time=made.end_time,
+            message_index_length=len(made.message_index),
+            message_start_time=made.start_time,
+            uncompressed_size=made.size,
+        )
+        self._groups[Opcode.CHUNK_INDEX].append(_packed(index))
+
+    def _write_summary(self, content: FileSummary) -> None:
+        groups, counts = self._groups, self._statistics.channel_message_counts
+        statistics = Statistics(
+            attachment_count=len(groups[Opcode.ATTACHMENT_INDEX]),
+            channel_count=len(groups[Opcode.CHANNEL]),
+            channel_message_counts=counts,
+            chunk_count=len(groups[Opcode.CHUNK_INDEX]),
+            message_count=sum(counts.values()),
+            message_end_time=content.end_time,
+            message_start_time=content.start_time,
+            metadata_count=len(groups[Opcode.METADATA_INDEX]),
+            schema_count=len(groups[Opcode.SCHEMA]),
+        )
+        groups[Opcode.STATISTICS] = [_packed(statistics)]
+        start = self._file.tell()
+        summary, offsets = b'', b''
+        for opcode, records in groups.items():
+            if records:
+                group = b''.join(records)
+                offsets += _packed(SummaryOffset(opcode, start + len(summary), len(group)))
+                summary += group
+        footer = _packed(Footer(start, start + len(summary), 0))[:-_CRC_SIZE]
+        end = summary + offsets + footer
+        self._file.write(end + struct.pack('<I', zlib.crc32(end)) + MAGIC)
+
+
+class _PackedChunk(NamedTuple):
+    """A chunk of one channel, and the index of its messages, as records."""
+
+    channel: int
+    start_time: int
+    end_time: int
+    # Before and after the compression [bytes].
+    size: int
+    compressed_size: int
+    record: bytes
+    message_index: bytes
+
+
+def _chunks(
+    messages: Sequence[TopicMessages], channels: Mapping[Topic, int]
+) -> Iterator[_PackedChunk]:
+    """Yield the chunks; another thread compresses while the next ones are made."""
+    waiting: deque[Future[_PackedChunk]] = deque()
+    with ThreadPoolExecutor(1) as pool:
+        for part in messages:
+            for times, records in _message_records(part, channels[part.topic]):
+                channel, size = channels[part.topic], records.itemsize
+                chunk = pool.submit(_packed_chunk, channel, times, records.tobytes(), size)
+                waiting.append(chunk)
+                if len(waiting) == _MAX_CHUNKS:
+                    yield waiting.popleft().result()
+        for left in waiting:
+            yield left.result()
+
+
+def _packed_chunk(channel: int, times: NDArray[np.int64], data: bytes, size: int) -> _PackedChunk:
+    """Return the chunk of messages whose records have one size [bytes]."""
+    compressed = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data)
+    start, end = int(times.min()), int(times.max())
+    record = _packed(Chunk('zstd', compressed, end, start, zlib.crc32(data), len(data)))
+    entries = np.empty((len(times), 2), '<u8')
+    entries[:, 0] = times
+    entries[:, 1] = size * np.arange(len(times))
+    head = RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + entries.nbytes)
+    index = head + struct.pack('<HI', channel, entries.nbytes) + entries.tobytes()
+    return _PackedChunk(channel, start, end, len(data), len(compressed), record, index)
+
+
+def _message_records(
+    part: TopicMessages, channel: int
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
+    """Yield the times and records of the messages of each chunk, in an array used again."""
+    size, count = len(part.template), len(part.times)
+    kind = np.dtype([*_HEAD, ('data', 'u1', (size,))])
+    rows = max(1, min(count, _CHUNK_SIZE // kind.itemsize))
+    records = np.empty(rows, kind)
+    records['opcode'], records['channel'] = Opcode.MESSAGE, channel
+    records['length'] = kind.itemsize - RECORD_HEAD.size
+    records['data'] = np.frombuffer(part.template, np.uint8)
+    for begin in range(0, count, rows):
+        some = slice(begin, begin + rows)
+        times = part.times[some]
+        chunk = records[: len(times)]
+        chunk['sequence'] = np.arange(begin + 1, begin + 1 + len(times))
+        chunk['log_time'] = chunk['publish_time'] = times
+        for offset, changed in part.changes:
+            chunk['data'][:, slice(offset, offset + changed.shape[1])] = changed[some]
+        yield times, chunk
+
+
+def _packed(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    packed: bytes = builder.end()  # type: ignore[no-untyped-call] # theirs
+    return packed
+
+
+def _number(record: bytes) -> int:
+    """Return the number of a schema or a channel."""
+    return int.from_bytes(record[slice(RECORD_HEAD.size, RECORD_HEAD.size + 2)], 'little')

@@ -1,0 +1,183 @@
+"""An annotated run has every message of the log byte for byte, and the truth beside it."""
+
+from pathlib import Path
+from typing import Any
+
+from findings import checks
+from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.log import open_log
+from klann_ros.log.recovery import recover
+from klann_ros.review.command import main
+from klann_ros.review.reviewing import review_run
+from mcap.reader import make_reader, NonSeekingReader
+from mcap_ros2.decoder import DecoderFactory
+import numpy as np
+import pytest
+from rosbag2_bags import convert, KINDS, NAMES
+from rosbags.highlevel import AnyReader
+import yaml
+
+OWN = ['/review/findings', '/review/joint_states', '/review/point_h']
+
+
+@pytest.fixture
+def faulty(make_script: Any, make_run: Any) -> Path:
+    """Return a run of 400 poses with a wrong angle, a wrong foot and a crank out of reach."""
+    script = make_script()
+    script.answers[100].pose[2] += 1e-3
+    script.change(200, foot=(1.0, 1.0))
+    return make_run(script)
+
+
+def annotated(run: Path, folder: Path) -> Path:
+    assert main([str(run), '--annotate', str(folder)]) in (0, 1)
+    (file,) = folder.glob('*.mcap')
+    return file
+
+
+def messages(run: Path) -> list[Any]:
+    """Return topic, times, number and bytes of all messages by time."""
+    with open_log(run) as log:
+        found = [
+            (m.topic.name, m.log_time, m.publish_time, m.sequence, m.data) for m in log.messages()
+        ]
+    return sorted(found)
+
+
+def test_the_messages_are_those_of_the_run_and_the_answers_right(
+    faulty: Path, tmp_path: Path
+) -> None:
+    file = annotated(faulty, tmp_path / 'out')
+    own = [each for each in messages(file.parent) if each[0] in OWN]
+    assert sorted({*messages(file.parent)} - {*own}) == messages(faulty)
+    leg, of_run = KlannLeg(), review_run(faulty)
+    with file.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        decoded = [(c.topic, m.log_time, d) for _, c, m, d in reader.iter_decoded_messages()]
+    poses = {time: d for topic, time, d in decoded if topic == '/joint_states'}
+    states = {time: d for topic, time, d in decoded if topic == OWN[1]}
+    feet = {time: d for topic, time, d in decoded if topic == OWN[2]}
+    assert poses.keys() == states.keys() == feet.keys()
+    assert len(poses) == 400
+    for time, recorded in poses.items():
+        right = leg.closed_form(recorded.position[0])
+        assert states[time].name == recorded.name
+        stamps = {str(d.header.stamp) for d in (states[time], recorded, feet[time])}
+        assert len(stamps) == 1
+        np.testing.assert_allclose(states[time].position, right.joints, atol=1e-12)
+        point = feet[time].point
+        np.testing.assert_allclose((point.x, point.y, point.z), (*right.h, 0.0), atol=1e-12)
+    told = [(time, d.status[0]) for topic, time, d in decoded if topic == OWN[0]]
+    start = of_run.recording.start
+    assert {(t, s.name, s.message, s.level) for t, s in told} == {
+        (start + round(1e9 * (f.time or 0)), f'review: {f.check}', f.text, int(f.severity))
+        for f in of_run.findings
+    }
+    assert checks(review_run(file.parent)) == checks(of_run)
+
+
+@pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
+def test_foreign_readers_and_the_recovery_read_all_of_it(
+    faulty: Path, tmp_path: Path, write_messages: Any, compression: str
+) -> None:
+    run = write_messages(faulty, write_messages.read(faulty), compression=compression)
+    file = annotated(run, tmp_path / 'out')
+    with open_log(file.parent) as log:
+        counts = {t.name: sum(1 for _ in log.messages([t.name])) for t in log.topics}
+        assert log.complete
+    with AnyReader([file.parent]) as reader:
+        assert {c.topic: c.msgcount for c in reader.connections} == counts
+        assert sum(1 for _ in reader.messages()) == sum(counts.values())
+    with file.open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        statistics = reader.get_summary().statistics
+        times = [message.log_time for _, _, message in reader.iter_messages()]
+        names = [record.name for record in reader.iter_metadata()]
+    assert times == sorted(times)
+    assert len(times) == statistics.message_count == sum(counts.values())
+    assert sorted(names) == ['klann_ros.solver', 'rosbag2']
+    with file.open('rb') as stream:
+        # It takes the records as they stand in the file.
+        assert len(list(NonSeekingReader(stream).iter_messages())) == len(times)
+    metadata = yaml.safe_load((file.parent / 'metadata.yaml').read_text(encoding='utf-8'))
+    information = metadata['rosbag2_bagfile_information']
+    assert information['message_count'] == len(times)
+    assert information['relative_file_paths'] == [file.name]
+    recovery = recover(file.parent, tmp_path / 'recovered')
+    assert (recovery.messages, recovery.lost) == (len(times), [])
+
+
+@pytest.mark.parametrize(('storage', 'mode'), KINDS, ids=NAMES)
+def test_every_kind_of_bag_is_annotated(
+    faulty: Path, tmp_path: Path, storage: Any, mode: Any
+) -> None:
+    bag = convert(faulty, tmp_path / 'bag', storage, mode)
+    geometry = tmp_path / 'leg.yaml'
+    geometry.write_text(yaml.safe_dump(KlannGeometry.sem104().as_dict()), encoding='utf-8')
+    arguments = ['--geometry', str(geometry), '--annotate', str(tmp_path / 'out')]
+    assert main([str(bag), *arguments]) == 1
+    with open_log(bag) as log, open_log(tmp_path / 'out') as copy:
+        expected = [(m.topic.name, m.log_time, m.data) for m in log.messages()]
+        kept = [m for m in copy.messages() if m.topic.name not in OWN]
+        assert sorted((m.topic.name, m.log_time, m.data) for m in kept) == sorted(expected)
+        assert sum(m.topic.name == OWN[1] for m in copy.messages()) == 400
+
+
+def test_a_damaged_run_and_one_without_messages_are_annotated(
+    faulty: Path, tmp_path: Path, make_script: Any, make_run: Any, write_messages: Any
+) -> None:
+    faulty = write_messages(faulty, write_messages.read(faulty), chunk_size=2000)
+    (file,) = faulty.glob('*.mcap')
+    data = file.read_bytes()
+    # Killed: without the summary, and in the middle of a chunk.
+    file.write_bytes(data[: len(data) // 2])
+    kept = messages(annotated(faulty, tmp_path / 'out').parent)
+    assert [each for each in kept if each[0] not in OWN] == messages(faulty)
+    assert {each[0] for each in kept} >= {*OWN}
+    script = make_script()
+    script.answers.clear()
+    empty = make_run(script, 'empty')
+    copy = annotated(empty, tmp_path / 'out_of_empty')
+    assert {each[0] for each in messages(copy.parent)} <= {OWN[0]}
+
+
+def test_what_exists_or_is_read_is_no_output(
+    faulty: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = messages(faulty)
+    copy = annotated(faulty, tmp_path / 'out').parent
+    (tmp_path / 'dangling').symlink_to(tmp_path / 'nowhere')
+    capsys.readouterr()
+    for run, output, reason in (
+        (faulty, copy, 'exists already'),
+        (faulty, faulty, 'exists already'),
+        (faulty, faulty / 'in_it', 'which is only read'),
+        (faulty, tmp_path / 'dangling', 'exists already'),
+        (copy, tmp_path / 'twice', '/review/findings is in the log already'),
+    ):
+        assert main([str(run), '--annotate', str(output)]) == 3
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith('review: --annotate ')
+        assert reason in line
+    assert messages(faulty) == before
+    assert not (tmp_path / 'twice').exists()
+    with pytest.raises(SystemExit):
+        main([str(faulty), str(copy), '--annotate', str(tmp_path / 'two')])
+    assert '--annotate takes one run' in capsys.readouterr().err
+
+
+def test_many_runs_have_a_folder_of_annotated_copies(
+    faulty: Path, tmp_path: Path, make_script: Any, make_run: Any, capsys: Any
+) -> None:
+    make_run(make_script(), 'healthy')
+    arguments = ['--each', str(faulty), str(tmp_path / 'healthy'), '--jobs', '1']
+    folder = tmp_path / 'copies'
+    assert main([*arguments, '--annotate', str(folder)]) == 1
+    copies = sorted(folder.iterdir())
+    assert [each.name for each in copies] == ['1_run', '2_healthy']
+    expected = messages(faulty), messages(tmp_path / 'healthy')
+    for copy, run in zip(copies, expected, strict=True):
+        assert [each for each in messages(copy) if each[0] not in OWN] == run
+    capsys.readouterr()
+    assert main([*arguments, '--annotate', str(folder)]) == 3
+    assert 'exists already' in capsys.readouterr().err
