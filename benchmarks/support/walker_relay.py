@@ -15,8 +15,8 @@ from klann_ros.nodes.endpoints import INPUT, OUTPUT
 from klann_ros.nodes.process import run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReader
-from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.nodes.walker.messages import odometry_template
+from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.stop_signals import StopSignals
 from nav_msgs.msg import Odometry
 import rclpy

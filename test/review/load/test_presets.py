@@ -66,7 +66,9 @@ def write(folder: Path, namespace: str, robot: Robot, recorded: dict, count: int
     ]
     state, point = JointStateTemplate(robot.joint_names('/')), PointTemplate('leg_plane')
     with RunWriter(folder) as run:
-        solver = SolverParameters(f'{namespace}/solver_node', START, recorded)
+        # The solver holds the text of the linkage's file.
+        text = {LINKAGE_PARAMETER: robot.legs[0].description}
+        solver = SolverParameters(f'{namespace}/solver_node', START, {**recorded, **text})
         run.add_metadata(SOLVER_RECORD, solver_record(solver))
         for n, alpha in enumerate(crank_angles(robot.legs[0], count)):
             stamp = START + n * PERIOD
