@@ -8,7 +8,7 @@ MalformedQosError; rosbag2 cannot open a file with one.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -43,6 +43,7 @@ POLICIES = {
     ),
 }  # fmt: skip
 
+_DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 # Infinite durations of middlewares of Foxy (sec, nsec).
 _OLD_INFINITE = {(0x7FFFFFFF, 0xFFFFFFFF), (0x7FFFFFFF, 0x7FFFFFFF)}
 
@@ -68,25 +69,13 @@ def qos_to_data(profile: Qos) -> dict[str, object]:
 
     A MalformedQosError for a word that is none of rosbag2's, a negative depth or duration.
     """
+    data: dict[str, object] = asdict(profile)
     for key, words in POLICIES.items():
-        word = getattr(profile, key)
-        if word not in words:
-            raise MalformedQosError(f'{key} is {_shown(word)}, not one of {words}')
+        if data[key] not in words:
+            raise MalformedQosError(f'{key} is {_shown(data[key])}, not one of {words}')
     if profile.depth < 0:
         raise MalformedQosError(f'depth is {profile.depth}, not at least 0')
-    return {
-        'history': profile.history,
-        'depth': profile.depth,
-        'reliability': profile.reliability,
-        'durability': profile.durability,
-        'deadline': _time('deadline', profile.deadline),
-        'lifespan': _time('lifespan', profile.lifespan),
-        'liveliness': profile.liveliness,
-        'liveliness_lease_duration': _time(
-            'liveliness_lease_duration', profile.liveliness_lease_duration
-        ),
-        'avoid_ros_namespace_conventions': profile.avoid_ros_namespace_conventions,
-    }
+    return data | {key: _time(key, getattr(profile, key)) for key in _DURATIONS}
 
 
 def qos_to_yaml(profiles: Iterable[Qos]) -> str:
@@ -184,15 +173,10 @@ def _profile(item: object) -> Qos:
     if not isinstance(item, dict):
         raise MalformedQosError(f'a profile is {_shown(item)}, not a mapping')
     return Qos(
-        history=_word(item, 'history'),
         depth=_count(item, 'depth'),
-        reliability=_word(item, 'reliability'),
-        durability=_word(item, 'durability'),
-        deadline=_duration(item, 'deadline'),
-        lifespan=_duration(item, 'lifespan'),
-        liveliness=_word(item, 'liveliness'),
-        liveliness_lease_duration=_duration(item, 'liveliness_lease_duration'),
         avoid_ros_namespace_conventions=bool(_value(item, 'avoid_ros_namespace_conventions')),
+        **{key: _word(item, key) for key in POLICIES},
+        **{key: _duration(item, key) for key in _DURATIONS},
     )
 
 

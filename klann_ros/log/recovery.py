@@ -21,14 +21,14 @@ from .bag_metadata import RECORD_NAME
 from .errors import AnyPath, MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
 from .read.opening import open_files
-from .read.storage import Storage
+from .read.storage import SalvageReport, Storage
 from .reader import attachment_key, metadata_key, Repetitions
-from .records import Topic
+from .records import Attachment, Message, Topic
 from .write.writer import RunWriter
 
 
 @dataclass
-class Recovery:
+class Recovery(SalvageReport):
     """
     The result of a recovery.
 
@@ -49,8 +49,6 @@ class Recovery:
     attachments: int = 0
     metadata: int = 0
     counts: dict[str, int] = field(default_factory=dict)
-    lost: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
 
 
 def recover(log: AnyPath, output: AnyPath) -> Recovery:
@@ -120,26 +118,22 @@ class _FileRecovery:
 
     def run(self) -> None:
         """Write the intact content, and report the rest."""
-        recovery, salvage = self._recovery, self._file.salvage()
-        for message in salvage.messages():
-            topic = self._topics.get(message.topic) or self._writable(message.topic)
-            self._writer.write(
-                message if topic is message.topic else replace(message, topic=topic)
-            )
-            recovery.messages += 1
-        for found in salvage.attachments():
-            if not self._is_repeated(attachment_key(found)):
-                self._writer.attach(
-                    found.name, found.media_type, found.data, found.log_time, found.create_time
-                )
-                recovery.attachments += 1
-        for name, content in salvage.metadata():
+        recovery, writer = self._recovery, self._writer
+        for item in self._file.salvage(recovery):
+            if isinstance(item, Message):
+                topic = self._topics.get(item.topic) or self._writable(item.topic)
+                writer.write(item if topic is item.topic else replace(item, topic=topic))
+                recovery.messages += 1
+            elif isinstance(item, Attachment):
+                if not self._is_repeated(attachment_key(item)):
+                    writer.attach(
+                        item.name, item.media_type, item.data, item.log_time, item.create_time
+                    )
+                    recovery.attachments += 1
             # The writer adds rosbag2's own.
-            if name != RECORD_NAME and not self._is_repeated(metadata_key(name, content)):
-                self._writer.add_metadata(name, content)
+            elif item[0] != RECORD_NAME and not self._is_repeated(metadata_key(*item)):
+                writer.add_metadata(*item)
                 recovery.metadata += 1
-        recovery.lost += salvage.lost
-        recovery.remarks += salvage.remarks
 
     def _is_repeated(self, key: Hashable) -> bool:
         return self._repetitions.is_one(self._file.path, key)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 import json
 from typing import Any
 
@@ -256,12 +256,6 @@ def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
 
 def _topic_count(data: Mapping[str, Any]) -> TopicCount:
     missed = data['missed']
-    return TopicCount(
-        int(data['received']),
-        int(data['written']),
-        int(data['dropped']),
-        int(data['skipped']),
-        None if missed is None else int(missed),
-        int(data['before_discovery']),
-        int(data['departed']),
-    )
+    names = [field.name for field in fields(TopicCount) if field.name != 'missed']
+    counts = {name: int(data[name]) for name in names}
+    return TopicCount(**counts, missed=None if missed is None else int(missed))

@@ -1,16 +1,16 @@
 """One MCAP file of any recorder and in any state, as a storage."""
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 import heapq
 from itertools import accumulate
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 from klann_ros.log.errors import DamagedError, NotALogError
 from klann_ros.log.read.block import block_of, MessageBlock
-from klann_ros.log.read.storage import Overview, Problems, Source, Topics
+from klann_ros.log.read.storage import Item, Overview, Problems, SalvageReport, Source, Topics
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.files import open_regular
@@ -30,11 +30,12 @@ from .records import (
     parse,
     parse_attachment,
     read,
-    RecordSpan,
     span_at,
 )
 from .recovery import gaps, RecordScan
 from .summary import ContentCount, read_summary, Summary
+
+Parsed = TypeVar('Parsed')
 
 # A log time later than any.
 _NEVER = 2**64
@@ -195,14 +196,16 @@ class McapStorage:
             self.survey()
         return self._channels or self.summary.channels
 
-    def _content_at(self, offset: int, opcode: Opcode) -> bytes | None:
-        """Return the content of a record; None, and a problem, if it is not there."""
+    def _parsed_at(
+        self, offset: int, opcode: Opcode, parse_one: Callable[[bytes, int], Parsed]
+    ) -> Parsed | None:
+        """Return a record; None, and a problem, if it is not there or damaged."""
         try:
             with self.open() as file:
                 end = self.summary.end_of(offset) or self._end
                 span = span_at(file, offset, min(end, self._end))
                 if span.opcode == opcode:
-                    return read(file, span)
+                    return parse_one(read(file, span), offset)
                 self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
         except DamagedError as damage:
             self.note(offset, damage.reason)
@@ -210,34 +213,23 @@ class McapStorage:
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
-        content = self._content_at(offset, Opcode.METADATA)
-        try:
-            record = None if content is None else parse(Metadata, content, offset)
-        except DamagedError as damage:
-            self.note(offset, damage.reason)
-            return None
+        record = self._parsed_at(offset, Opcode.METADATA, partial(parse, Metadata))
         return None if record is None else (record.name, record.metadata)
 
     def attachment_at(self, offset: int) -> Attachment | None:
         """Return an attachment; None if it is damaged."""
-        content = self._content_at(offset, Opcode.ATTACHMENT)
-        try:
-            return None if content is None else parse_attachment(content, offset)
-        except DamagedError as damage:
-            self.note(offset, damage.reason)
-            return None
+        return self._parsed_at(offset, Opcode.ATTACHMENT, parse_attachment)
 
     def _chunk_at(self, offset: int) -> Content | None:
         """Return the content of an indexed chunk; None, and a problem, if it is damaged."""
-        record = None if offset in self._damaged else self._content_at(offset, Opcode.CHUNK)
-        if record is None:
+        if offset in self._damaged:
             return None
-        try:
-            return chunk_content(record, offset, self._budget)
-        except DamagedError as damage:
+        content = self._parsed_at(
+            offset, Opcode.CHUNK, lambda record, at: chunk_content(record, at, self._budget)
+        )
+        if content is None:
             self._damaged.add(offset)
-            self.note(offset, damage.reason)
-            return None
+        return content
 
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
@@ -374,85 +366,59 @@ class McapStorage:
         if wrong and not scan.losses:
             self.note(self.size, wrong)
 
-    def salvage(self) -> 'McapSalvage':
-        """Return a pass over all that is intact in it."""
-        return McapSalvage(self)
-
-
-class McapSalvage:
-    """The intact content of an MCAP file; see :class:`~klann_ros.log.read.storage.Salvage`."""
-
-    def __init__(self, file: McapStorage) -> None:
-        self.lost: list[str] = []
-        self.remarks = [f'{file.name}: {item.text}' for item in file.problems.values()]
-        self._file = file
-        self._attachments = list[RecordSpan]()
-        self._metadata = list[RecordSpan]()
-
-    def messages(self) -> Iterator[Message]:
-        """Yield all intact messages in the order of the file."""
-        file = self._file
+    def salvage(self, report: SalvageReport) -> Iterator[Item]:
+        """Yield all that is intact, messages first in the order of the file; add the rest."""
+        report.remarks += [f'{self.name}: {item.text}' for item in self.problems.values()]
         # Of all messages; without a CRC; of unknown channels, from an offset on; of other records.
         count = unverified = unknown = unknown_offset = others = 0
-        if not (file.summary.is_index and file.summary.verified):
-            file.survey()
-        self.remarks += [f'{file.name}: {text}' for text in file.channels().contradictions]
-        with file.open() as stream:
-            scan = file.scan(stream)
+        if not (self.summary.is_index and self.summary.verified):
+            self.survey()
+        report.remarks += [f'{self.name}: {text}' for text in self.channels().contradictions]
+        with self.open() as file:
+            scan = self.scan(file)
             for offset, content in scan.contents():
                 others += content.unknown
                 unverified += 0 if content.verified else len(content)
                 missing = len(content)
-                for message in file.messages_in(offset, content, None):
+                for message in self.messages_in(offset, content, None):
                     missing -= 1
                     count += 1
                     yield message
                 if missing and not unknown:
                     unknown_offset = offset
                 unknown += missing
-        self._attachments, self._metadata = scan.attachments, scan.metadata
-        for loss in scan.losses:
-            self._lose(loss.offset, str(loss))
+        lost = [(loss.offset, str(loss)) for loss in scan.losses]
         if unknown:
             what = f'{counted(unknown, "message")} of topics whose description is lost'
-            self._lose(unknown_offset, what)
-        self._remark(scan, others + scan.unknown, 0 if scan.verified else unverified)
-        statistics = file.summary.statistics
+            lost.append((unknown_offset, what))
+        statistics = self.summary.statistics
         if statistics is not None and statistics.message_count > count and not scan.losses:
             missing = statistics.message_count - count
-            self._lose(file.size, f'{missing} of the messages that it counts are not there')
+            lost.append((self.size, f'{missing} of the messages that it counts are not there'))
+        report.remarks += self._remarks(scan, others, 0 if scan.verified else unverified)
+        for spans, item_at in (
+            (scan.attachments, self.attachment_at),
+            (scan.metadata, self.metadata_at),
+        ):
+            for span in spans:
+                item = item_at(span.offset)
+                if item is not None:
+                    yield item
+                else:
+                    lost.append((span.offset, self.problems[span.offset].text))
+        report.lost += [f'{self.name} at byte {offset}: {what}' for offset, what in lost]
 
-    def attachments(self) -> Iterator[Attachment]:
-        """Yield the intact attachments."""
-        for span in self._attachments:
-            found = self._file.attachment_at(span.offset)
-            if found is not None:
-                yield found
-            else:
-                self._lose(span.offset, self._file.problems[span.offset].text)
-
-    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield the names and contents of the intact metadata records."""
-        for span in self._metadata:
-            found = self._file.metadata_at(span.offset)
-            if found is not None:
-                yield found
-            else:
-                self._lose(span.offset, self._file.problems[span.offset].text)
-
-    def _lose(self, offset: int, what: str) -> None:
-        self.lost.append(f'{self._file.name} at byte {offset}: {what}')
-
-    def _remark(self, scan: RecordScan, others: int, unverified: int) -> None:
-        name = self._file.name
-        self.remarks += [f'{name}{problem.place}: {problem.text}' for problem in scan.problems]
-        self.remarks += [f'{name} {remark}' for remark in scan.remarks]
+    def _remarks(self, scan: RecordScan, others: int, unverified: int) -> Iterator[str]:
+        for problem in scan.problems:
+            yield f'{self.name}{problem.place}: {problem.text}'
+        for remark in scan.remarks:
+            yield f'{self.name} {remark}'
+        others += scan.unknown
         if others:
-            self.remarks.append(
-                f'{name}: {counted(others, "record")} of kinds that are private, or of a later '
-                f'version of MCAP, {verb(others, "is", "are")} left out'
+            yield (
+                f'{self.name}: {counted(others, "record")} of kinds that are private, or of a '
+                f'later version of MCAP, {verb(others, "is", "are")} left out'
             )
         if unverified:
             have = verb(unverified, 'message has', 'messages have')
-            text = f'{unverified} {have} no CRC, so damage in them is unknown'
-            self.remarks.append(f'{name}: {text}')
+            yield f'{self.name}: {unverified} {have} no CRC, so damage in them is unknown'

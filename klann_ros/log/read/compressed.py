@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.decompression import (
@@ -19,7 +19,7 @@ from klann_ros.sanitize.text import printable
 import zstandard
 
 from .block import block_of_messages, MessageBlock
-from .storage import Overview, Problems, Salvage, Source, Storage, Topics
+from .storage import Item, Overview, Problems, SalvageReport, Source, Storage, Topics
 from .temporary import TemporaryFile
 
 COMPRESSED_SUFFIXES = ('.zstd', '.zst')
@@ -91,7 +91,8 @@ class _Unpacking:
         self.damage = ''
         self._path = path
         self._file = file
-        self._limit = max(MIN_FILE_LIMIT, MAX_FILE_RATIO * file.seek(0, 2))
+        self._size = file.seek(0, 2)
+        self._limit = max(MIN_FILE_LIMIT, MAX_FILE_RATIO * self._size)
         self._is_log = is_log
 
     def pieces(self) -> Iterator[bytes]:
@@ -112,57 +113,45 @@ class _Unpacking:
             raise NotALogError(self._path, f'it is a zstd file, but {reason}')
 
     def _unpacked(self) -> Iterator[bytes]:
-        unpacker = zstandard.ZstdDecompressor().decompressobj()
-        is_complete = True
-        for part in _parts(self._file):
-            is_complete = part.is_last
-            if part.is_first:
+        is_end = True
+        for part, ends in _parts(self._file, self._size):
+            if is_end:
                 unpacker = zstandard.ZstdDecompressor().decompressobj()
             try:
-                yield unpacker.decompress(part.data) if part.data else b''
+                yield unpacker.decompress(part) if part else b''
             except (zstandard.ZstdError, MemoryError) as error:
                 self.damage = f'it can be unpacked in part only: {printable(error)}'
                 return
-        if not is_complete:
+            is_end = ends
+        if not is_end:
             self.damage = 'it is cut off: its last zstd frame has no end'
 
 
-class _Part(NamedTuple):
-    """Some blocks of a frame, and whether they are its first and its last."""
-
-    data: bytes
-    is_first: bool
-    is_last: bool
-
-
-def _parts(file: BinaryIO) -> Iterator[_Part]:
-    """
-    Yield a file in parts that unpack to 1 MiB each at most.
-
-    The last part is no end if the file is truncated, or continues with something else.
-    """
+def _parts(file: BinaryIO, size: int) -> Iterator[tuple[bytes, bool]]:
+    """Yield parts that unpack to 1 MiB each at most, and whether each is the end of a frame."""
     offset = 0
-    while True:
+    while offset < size:
         file.seek(offset)
         head = file.read(_MAX_FRAME_HEADER)
         if head[1:4] == _SKIPPABLE_MAGIC and head[0] >> 4 == 5:
             offset += _SKIPPABLE_HEAD + int.from_bytes(head[4:8], 'little')
             continue
-        if not head:
+        start, last, count = offset, False, 0
+        offset += _header_size(head)
+        if offset == start:
+            yield b'', False
             return
-        size = _header_size(head)
-        if not size:
-            yield _Part(b'', is_first=False, is_last=False)
-            return
-        part = _Part(b'', is_first=True, is_last=False)
-        for start, end, is_last in _ranges(file, offset, size, has_checksum=bool(head[4] & 4)):
-            file.seek(start)
-            data = file.read(end - start)
-            part = _Part(data, start == offset, is_last and len(data) == end - start)
-            yield part
-        if not part.is_last:
-            return
-        offset = end
+        while not last and offset < size:
+            file.seek(offset)
+            block = int.from_bytes(file.read(_BLOCK_HEAD), 'little')
+            last, kind, length = bool(block & 1), block >> 1 & 3, block >> 3
+            offset += _BLOCK_HEAD + (1 if kind == _RLE_BLOCK else length)
+            offset += _CHECKSUM if last and head[4] & 4 else 0
+            count += 1
+            if last or offset >= size or count % _BLOCKS_AT_ONCE == 0:
+                file.seek(start)
+                yield file.read(offset - start), last and offset <= size
+                start = offset
 
 
 def _header_size(head: bytes) -> int:
@@ -171,26 +160,6 @@ def _header_size(head: bytes) -> int:
         return zstandard.frame_header_size(head) if head.startswith(ZSTD_MAGIC) else 0
     except zstandard.ZstdError:
         return 0
-
-
-def _ranges(
-    file: BinaryIO, start: int, size: int, *, has_checksum: bool
-) -> Iterator[tuple[int, int, bool]]:
-    """Yield begin and end of some blocks of a frame, and whether they are the last."""
-    end, last, count = start + size, False, 0
-    while not last:
-        file.seek(end)
-        head = file.read(_BLOCK_HEAD)
-        block = int.from_bytes(head, 'little')
-        last, kind, length = bool(block & 1), block >> 1 & 3, block >> 3
-        end += _BLOCK_HEAD + (1 if kind == _RLE_BLOCK else length)
-        count += 1
-        if len(head) < _BLOCK_HEAD:
-            break
-        if count == _BLOCKS_AT_ONCE and not last:
-            yield start, end, False
-            start, count = end, 0
-    yield start, end + (_CHECKSUM if has_checksum and last else 0), last
 
 
 def is_compressed(data: bytes) -> bool:
@@ -221,28 +190,19 @@ class CompressedMessages:
             for unpacked in _unpacked_blocks(block, self.problems):
                 yield offset, unpacked
 
-    def salvage(self) -> Salvage:
-        """Return a pass over all that is intact in it."""
-        return _CompressedSalvage(self._storage.salvage(), self.name)
+    def salvage(self, report: SalvageReport) -> Iterator[Item]:
+        """Yield all that is intact, messages first in the order of the file; add the rest."""
+        damaged: Counter[str] = Counter()
+        unpacker = _Unpacker(lambda text: damaged.update((text,)))
+        for item in self._storage.salvage(report):
+            found = unpacker.message(item) if isinstance(item, Message) else item
+            if found is not None:
+                yield found
+        report.lost += [f'{self.name}: {count} {text}' for text, count in damaged.items()]
 
     def _read(self, source: Source, topics: Topics) -> Iterator[Message]:
         unpacker = _Unpacker(self.problems.note_whole)
         return filter(None, map(unpacker.message, source.read(topics)))
-
-
-class _CompressedSalvage:
-    """The intact content; see :class:`~klann_ros.log.read.storage.Salvage`."""
-
-    def __init__(self, salvage: Salvage, name: str) -> None:
-        self.lost, self.remarks = salvage.lost, salvage.remarks
-        self.attachments, self.metadata = salvage.attachments, salvage.metadata
-        self._salvage, self._name = salvage, name
-
-    def messages(self) -> Iterator[Message]:
-        damaged: Counter[str] = Counter()
-        unpacker = _Unpacker(lambda text: damaged.update((text,)))
-        yield from filter(None, map(unpacker.message, self._salvage.messages()))
-        self.lost += [f'{self._name}: {count} {text}' for text, count in damaged.items()]
 
 
 class _Unpacker:

@@ -1,7 +1,7 @@
 """The interface of all files of a log, whatever their format."""
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -10,6 +10,8 @@ from klann_ros.sanitize.text import printable_line
 
 from .block import MessageBlock
 
+# A message, an attachment, or the name and content of a metadata record.
+Item: TypeAlias = Message | Attachment | tuple[str, dict[str, str]]
 # Names of topics; None for all.
 Topics: TypeAlias = Collection[str] | None
 
@@ -62,6 +64,14 @@ class Overview:
     attachments: list[int]
 
 
+@dataclass
+class SalvageReport:
+    """What was left out of a file, and other remarks, one line each."""
+
+    lost: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
 class Storage(Protocol):
     """
     A file of a log, open for reading; its content never raises an error.
@@ -102,25 +112,8 @@ class Storage(Protocol):
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
 
-    def salvage(self) -> 'Salvage':
-        """Return a pass over all that is intact in it."""
+    def salvage(self, report: SalvageReport) -> Iterator[Item]:
+        """Yield all that is intact, messages first in the order of the file; add the rest."""
 
     def close(self) -> None:
         """Remove its unpacked or copied files."""
-
-
-class Salvage(Protocol):
-    """The intact content of a file, for a new run; messages first."""
-
-    # What was left out so far, and other remarks, one line each.
-    lost: list[str]
-    remarks: list[str]
-
-    def messages(self) -> Iterator[Message]:
-        """Yield all intact messages in the order of the file."""
-
-    def attachments(self) -> Iterator[Attachment]:
-        """Yield the intact attachments."""
-
-    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield the names and contents of the intact metadata records."""

@@ -18,7 +18,7 @@ import struct
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.read.storage import Overview, Problems, Source, Topics
+from klann_ros.log.read.storage import Item, Overview, Problems, SalvageReport, Source, Topics
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message
 from klann_ros.sanitize.files import is_regular_file, open_regular
@@ -141,21 +141,41 @@ class SqliteStorage:
         """Return None: the format has no attachments."""
         return None
 
-    def salvage(self) -> 'SqliteSalvage':
-        """Return a pass over all that is intact in it."""
-        return SqliteSalvage(self)
+    def salvage(self, report: SalvageReport) -> Iterator[Item]:
+        """Yield all intact messages in the order of the file; add the rest."""
+        remarks = [*self.remarks, 'SQLite keeps no CRC, so damage in messages is unknown']
+        taken = [kind for kind, words in self.description.installed.items() if words]
+        if taken:
+            types = listed(taken)
+            remarks.append(f'the definitions of {types} are those installed here: it has none')
+        report.remarks += [f'{self.name}: {text}' for text in remarks]
+        lost = [*self.losses]
+        damaged = unknown = 0
+        for rows in self.rows.ranges:
+            try:
+                found = self.rows.read(rows)
+            except DatabaseError as error:
+                lost.append(f'{rows}: {error}')
+                continue
+            damaged += rows.count - len(found)
+            for number, time, data in found:
+                topic = self.description.topics.get(number)
+                if topic is None:
+                    unknown += 1
+                else:
+                    # The format has one time only, and no sequence numbers.
+                    yield Message(topic, data, time, time, 0)
+        if damaged:
+            are = verb(damaged, 'message is', 'messages are')
+            lost.append(f'{damaged} {are} not all there')
+        if unknown:
+            lost.append(f'{counted(unknown, "message")} of topics whose description is lost')
+        report.lost += [f'{self.name}: {text}' for text in lost]
 
     def close(self) -> None:
         """Remove its unpacked or copied files."""
         if self._copy is not None:
             self._copy.close()
-
-    def message(self, row: Row) -> Message | None:
-        """Return a row as a message; None if its topic is unknown."""
-        number, time, data = row
-        topic = self.description.topics.get(number)
-        # The format has one time only, and no sequence numbers.
-        return None if topic is None else Message(topic, data, time, time, 0)
 
     def _messages(self, rows: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a range whose topics are known."""
@@ -187,55 +207,6 @@ class SqliteStorage:
         heads['log_time'] = heads['publish_time'] = np.fromiter(times, 'u8', count)
         topics = dict(enumerate(self.description.topics.values()))
         return block_of_messages(heads, data, topics)
-
-
-class SqliteSalvage:
-    """The intact content of such a file; see :class:`~klann_ros.log.read.storage.Salvage`."""
-
-    def __init__(self, file: SqliteStorage) -> None:
-        remarks = [*file.remarks, 'SQLite keeps no CRC, so damage in messages is unknown']
-        taken = [kind for kind, words in file.description.installed.items() if words]
-        if taken:
-            types = listed(taken)
-            remarks.append(f'the definitions of {types} are those installed here: it has none')
-        self.remarks = [f'{file.name}: {text}' for text in remarks]
-        self.lost: list[str] = []
-        self._file = file
-        for text in file.losses:
-            self._lose(text)
-
-    def _lose(self, text: str) -> None:
-        self.lost.append(f'{self._file.name}: {text}')
-
-    def messages(self) -> Iterator[Message]:
-        """Yield all intact messages in the order of the file."""
-        damaged = unknown = 0
-        for rows in self._file.rows.ranges:
-            try:
-                found = self._file.rows.read(rows)
-            except DatabaseError as error:
-                self._lose(f'{rows}: {error}')
-                continue
-            damaged += rows.count - len(found)
-            for row in found:
-                message = self._file.message(row)
-                if message is None:
-                    unknown += 1
-                else:
-                    yield message
-        if damaged:
-            are = verb(damaged, 'message is', 'messages are')
-            self._lose(f'{damaged} {are} not all there')
-        if unknown:
-            self._lose(f'{counted(unknown, "message")} of topics whose description is lost')
-
-    def attachments(self) -> Iterator[Attachment]:
-        """Yield nothing: the format has no attachments."""
-        return iter(())
-
-    def metadata(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield nothing: a new run gets its own metadata of rosbag2."""
-        return iter(())
 
 
 def _read_bag(path: Path, place: Path) -> tuple[BagDescription, MessageRows, list[str]]:

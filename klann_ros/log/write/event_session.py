@@ -2,12 +2,14 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 import re
 from threading import Thread
 from time import monotonic, time_ns
+from typing import TypeAlias
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
@@ -61,25 +63,20 @@ class EventOpening:
         self.path, self.causes = path, causes
         # Begin and end of the event, monotonic [s], and its begin [ns since the epoch].
         self.begin, self.end, self.time = monotonic(), end, time_ns()
-        self._open_run = open_run
-        self._opened: OpenedRun | None = None
-        self._error: Exception | None = None
-        self._thread = Thread(target=self._run, name='opening', daemon=True)
-        self._thread.start()
+        self._future: Future[OpenedRun] = Future()
+        Thread(target=self._run, args=(open_run,), name='opening', daemon=True).start()
 
     def result(self, timeout: float | None) -> OpenedRun | None:
         """Return the opened run, or None after a timeout [s]; raise the error of opening."""
-        self._thread.join(timeout)
-        if self._error is not None:
-            raise self._error
-        return self._opened
+        wait([self._future], timeout)
+        return self._future.result() if self._future.done() else None
 
-    def _run(self) -> None:
+    def _run(self, open_run: OpenRun) -> None:
         try:
-            self._opened = self._open_run(self.path)
+            self._future.set_result(open_run(self.path))
         # Raised by `result`, in the caller's thread.
         except Exception as error:
-            self._error = error
+            self._future.set_exception(error)
 
 
 class EventRun:
@@ -412,3 +409,7 @@ def _free_space(folder: Path) -> int | None:
         return free_space(folder)
     except OSError:
         return None
+
+
+Recording: TypeAlias = RecordingSession | EventSession
+"""Sink of a recorder."""

@@ -4,9 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
 
-from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
     FAULT_RECORD,
     fault_record,
@@ -107,38 +105,9 @@ class Pauses:
         return pause
 
 
-class Recording(Protocol):
-    """Sink of a recorder; see RecordingSession and EventSession."""
-
-    counters: DropCounters
-    pauses: Pauses
-
-    @property
-    def put(self) -> Callable[[Message], None]:
-        """Return the function that takes every message that no pause skips."""
-
-    def add_solver(self, solver: SolverParameters) -> None:
-        """Add the new parameters of a solver."""
-
-    def add_pause(self, pause: Pause) -> None:
-        """Add a pause that has ended, after all messages received in it were read."""
-
-    def add_finding(self, finding: RecordedFinding) -> None:
-        """Add a finding."""
-
-    def split(self) -> tuple[bool, str]:
-        """Begin a new file; return whether that was done, and its name or the reason."""
-
-    def state(self) -> RecordingState:
-        """Return the present state."""
-
-    def finish(self) -> tuple[bool, str]:
-        """Finish after the last message; return success and a message for the user."""
-
-
 class RecordingSession:
     """
-    Sink of a recorder that writes one run by its writer thread; see Recording.
+    Sink of a recorder that writes one run by its writer thread.
 
     `counts` returns what became of each topic's messages; by default the drop counters' counts.
     """

@@ -15,7 +15,7 @@ from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, RecordedFinding, RECORDER_RECORD, SolverParameters
 from klann_ros.log.write.background_writer import BackgroundWriter, QUEUE_CAPACITY, SplitLimits
 from klann_ros.log.write.durable_file import check_free_space, RunFaults
-from klann_ros.log.write.event_session import EventSession, EventSettings
+from klann_ros.log.write.event_session import EventSession, EventSettings, Recording
 from klann_ros.log.write.recording import RecordingSession
 from klann_ros.log.write.run_folder import unfinished_runs
 from klann_ros.log.write.writer import RunWriter
@@ -34,8 +34,6 @@ from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
 if TYPE_CHECKING:
-    from klann_ros.log.write.recording import Recording
-
     from .judging import Judging
 
 # Timeout at the end for requested solver parameters [s].
