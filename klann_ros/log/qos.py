@@ -172,10 +172,11 @@ def _read(text: str) -> tuple[tuple[Qos, ...], bool]:
 def _profile(item: object) -> Qos:
     if not isinstance(item, dict):
         raise MalformedQosError(f'a profile is {_shown(item)}, not a mapping')
-    values: dict[str, Any] = {key: _word(item, key) for key in POLICIES}
+    values: dict[str, Any] = {'depth': _count(item, 'depth')}
+    values |= {key: _word(item, key) for key in POLICIES}
     values |= {key: _duration(item, key) for key in _DURATIONS}
     key = 'avoid_ros_namespace_conventions'
-    return Qos(depth=_count(item, 'depth'), **values, **{key: bool(_value(item, key))})
+    return Qos(**values, **{key: bool(_value(item, key))})
 
 
 def _shown(value: object) -> str:
