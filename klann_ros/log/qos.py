@@ -176,7 +176,7 @@ def _profile(item: object) -> Qos:
     values |= {key: _word(item, key) for key in POLICIES}
     values |= {key: _duration(item, key) for key in _DURATIONS}
     key = 'avoid_ros_namespace_conventions'
-    return Qos(**values, **{key: bool(_value(item, key))})
+    return Qos(**values | {key: bool(_value(item, key))})
 
 
 def _shown(value: object) -> str:

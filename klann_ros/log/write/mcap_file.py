@@ -1,67 +1,76 @@
-"""One MCAP file being written: schemas, channels, chunks with checksums (CRC), and its index."""
+"""
+One MCAP file being written: schemas, channels, chunks with checksums (CRC), and its index.
 
+The records are the MCAP library's, but for messages and their index: its writer packs each field
+of a message by a call, which takes five times as long.
+"""
+
+from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+import struct
+import sys
+import zlib
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
+from klann_ros.log.mcap.records import INDEX_HEAD, MAGIC, RECORD_HEAD
 from klann_ros.log.qos import qos_for_writing
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.text import printable
+import lz4.frame  # type: ignore[import-untyped] # lz4 has no types
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.records import (
+    Attachment as AttachmentRecord,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+import zstandard
 
 from .durable_file import DiskReserve, DurableFile, FileFault
 
-COMPRESSIONS = {
-    'zstd': CompressionType.ZSTD,
-    'lz4': CompressionType.LZ4,
-    'none': CompressionType.NONE,
+# Name and function of each compression.
+COMPRESSIONS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
+    'zstd': ('zstd', zstandard.compress),
+    'lz4': ('lz4', lz4.frame.compress),
+    'none': ('', bytes),
 }
 
 _TIME_END = 2**64
 _SEQUENCE_MASK = 2**32 - 1
-_CHUNK = bytes([Opcode.CHUNK])
+# Opcode, length, channel, sequence number, log time and publish time, before a message's data.
+_MESSAGE = struct.Struct('<BQHIQQ')
+_MESSAGE_FIELDS = _MESSAGE.size - RECORD_HEAD.size
+# Opcode, length, channel and size of the entries, before those of a message index.
+_INDEX = struct.Struct('<BQHI')
 
 
 @dataclass(slots=True)
 class _Channel:
+    """A topic in the file."""
+
     metadata: dict[str, str]
-    number: int = 0  # not registered yet
+    # 0: not registered yet.
+    number: int = 0
+    # Messages passed to the file.
     count: int = 0
-
-
-class ChunkTrackingFile:
-    """
-    Output of the MCAP library that stores the file's content at the end of each chunk.
-
-    The summary of messages passed to the library is exact then: all of them are in chunks.
-    """
-
-    def __init__(self, file: DurableFile, summary: Callable[[], FileSummary]) -> None:
-        self.tell, self.flush = file.tell, file.flush
-        self._file, self._summary = file, summary
-        # End of each chunk [bytes], and the content of the file up to there.
-        self._chunks = deque([(0, summary())])
-
-    def write(self, data: bytes) -> int:
-        """Write data of the library, which writes each chunk's record by itself."""
-        if data[:1] == _CHUNK:
-            # Before writing, which may flush.
-            while len(self._chunks) > 1 and self._chunks[1][0] <= self._file.synced_size:
-                self._chunks.popleft()
-            self._chunks.append((self.tell() + len(data), self._summary()))
-        return self._file.write(data)
-
-    def last_durable_summary(self) -> FileSummary:
-        """Return the content that is known to be in the file after a failure."""
-        return [summary for end, summary in self._chunks if end <= self._file.written_size][-1]
+    # Log time and offset of each message in the open chunk, in turn.
+    index: 'array[int]' = field(default_factory=lambda: array('Q'))
 
 
 class McapFile:
@@ -82,27 +91,25 @@ class McapFile:
         reserve: DiskReserve | None = None,
     ) -> None:
         self.path = path
+        self._compression, self._compress = COMPRESSIONS[compression]
+        self._chunk_size = chunk_size
         self._start_time = self._end_time = 0
-        self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[Topic, _Channel] = {}
         self._last_topic: Topic | None = None
         self._last_channel = _Channel({})
+        # The open chunk, and the records of the summary.
+        self._chunk = bytearray()
+        self._schemas: dict[tuple[str, str, str], Schema] = {}
+        self._channel_records: list[Channel] = []
+        self._chunk_indexes: list[ChunkIndex] = []
+        self._attachment_indexes: list[AttachmentIndex] = []
+        self._metadata_indexes: list[MetadataIndex] = []
         self._file = DurableFile(path, reserve)
         self.find_fault: Callable[[], FileFault | None] = self._file.find_fault
-        self._chunks = ChunkTrackingFile(self._file, self._received)
-        self._writer = Writer(
-            # The library calls write, tell and flush only.
-            cast('Any', self._chunks),
-            chunk_size=chunk_size,
-            compression=COMPRESSIONS[compression],
-            index_types=IndexType.ALL,
-            use_chunking=True,
-            use_statistics=True,
-            use_summary_offsets=True,
-            enable_crcs=True,
-        )
+        # End of each chunk that may not be on the disk [bytes], and the content up to there.
+        self._ends = deque([(0, self._received())])
         try:
-            self._writer.start(profile, library)
+            self._file.write(MAGIC + _encoded(Header(profile, library)))
             self._file.sync()
         except BaseException:
             self._file.close()
@@ -118,62 +125,77 @@ class McapFile:
 
     def write(self, message: Message) -> None:
         """Add a message; see :meth:`klann_ros.log.write.writer.RunWriter.write`."""
-        self._file.raise_failure()
-        log_time = message.log_time
-        # The library would fail with half of the record in the chunk.
+        if self._file.failure is not None:
+            raise self._file.failure
+        topic, log_time, data = message.topic, message.log_time, message.data
         if not (0 <= log_time < _TIME_END and 0 <= message.publish_time < _TIME_END):
             raise UnwritableError(
-                f'{printable(message.topic.name)}: the times {log_time} ns and '
+                f'{printable(topic.name)}: the times {log_time} ns and '
                 f'{message.publish_time} ns must be within 0 and 2^64 - 1 ns'
             )
-        topic = message.topic
         if topic is not self._last_topic:
             # Cache: the lookup costs as much as writing, and the topic rarely changes.
             self._last_channel = self._channels.get(topic) or self._add_channel(message)
             self._last_topic = topic
         channel = self._last_channel
+        if log_time > self._end_time:
+            self._end_time = log_time
+        elif log_time < self._start_time:
+            self._start_time = log_time
         # From here on the message counts as one of this file, also if the disk fails.
         channel.count += 1
-        self._start_time = min(self._start_time, log_time)
-        self._end_time = max(self._end_time, log_time)
         if not channel.number:
             self._register(topic, channel)
-        sequence = message.sequence & _SEQUENCE_MASK
-        self._writer.add_message(
-            channel.number, log_time, message.data, message.publish_time, sequence
+        chunk = self._chunk
+        channel.index.extend((log_time, len(chunk)))
+        chunk += _MESSAGE.pack(
+            Opcode.MESSAGE,
+            _MESSAGE_FIELDS + len(data),
+            channel.number,
+            message.sequence & _SEQUENCE_MASK,
+            log_time,
+            message.publish_time,
         )
+        chunk += data
+        if len(chunk) > self._chunk_size:
+            self._finish_chunk()
 
     def attach(self, attachment: Attachment) -> None:
         """Add an attachment."""
         self._file.raise_failure()
-        if not (0 <= attachment.log_time < _TIME_END and 0 <= attachment.create_time < _TIME_END):
+        times = log_time, create_time = attachment.log_time, attachment.create_time
+        if min(times) < 0 or max(times) >= _TIME_END:
             raise UnwritableError(
-                f'{printable(attachment.name)}: the times {attachment.log_time} ns and '
-                f'{attachment.create_time} ns must be within 0 and 2^64 - 1 ns'
+                f'{printable(attachment.name)}: the times {log_time} ns and '
+                f'{create_time} ns must be within 0 and 2^64 - 1 ns'
             )
-        self._writer.add_attachment(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
+        name, kind, data = attachment.name, attachment.media_type, attachment.data
+        offset = self._file.tell()
+        record = AttachmentRecord(create_time, log_time, name, kind, data)
+        length = self._file.write(_encoded(record))
+        self._attachment_indexes.append(
+            AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
         )
 
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
         """Add a metadata record."""
         self._file.raise_failure()
-        self._writer.add_metadata(name, dict(mapping))
+        offset = self._file.tell()
+        length = self._file.write(_encoded(Metadata(name, dict(mapping))))
+        self._metadata_indexes.append(MetadataIndex(offset, length, name))
 
     def flush(self) -> None:
         """Finish the chunk and fsync."""
         self._file.raise_failure()
-        self._writer.flush()  # type: ignore[no-untyped-call] # theirs
+        self._finish_chunk()
         self._file.sync()
 
     def finish(self) -> None:
         """Write index, summary and footer, and fsync."""
         self._file.raise_failure()
-        self._writer.finish()  # type: ignore[no-untyped-call] # theirs
+        self._finish_chunk()
+        self._file.write(_encoded(DataEnd(0)))
+        self._file.write(self._summary_records(self._file.tell()) + MAGIC)
         self._file.sync()
 
     def close(self) -> None:
@@ -204,7 +226,7 @@ class McapFile:
         received = self._received()
         if self._file.failure is None:
             return received, Counter()
-        durable = self._chunks.last_durable_summary()
+        durable = [content for end, content in self._ends if end <= self._file.written_size][-1]
         return durable, Counter(received.counts) - Counter(durable.counts)
 
     def _received(self) -> FileSummary:
@@ -227,30 +249,123 @@ class McapFile:
 
     def _register(self, topic: Topic, channel: _Channel) -> None:
         """
-        Register a topic with its first message, and repeat its schema and channel outside chunks.
+        Add a topic's schema and channel to the open chunk, and repeat them outside of chunks.
 
-        The library writes them into the open chunk only. If that chunk is damaged in a file
-        without a summary, all later chunks would be undecodable.
+        If the first chunk is damaged in a file without a summary, all later chunks would be
+        undecodable without the repetition.
         """
-        schema, encoding = self._add_schema(topic), topic.message_encoding
-        channel.number = self._writer.register_channel(
-            topic.name, encoding, schema, channel.metadata
-        )
-        self._repeat(Channel(channel.number, topic.name, encoding, channel.metadata, schema))
-
-    def _add_schema(self, topic: Topic) -> int:
-        """Return the id of the schema, shared by the topics of a type; 0 without a type."""
         key = (topic.type, topic.schema_encoding, topic.definition)
-        if not any((topic.type, topic.definition)):
-            return 0
-        if key not in self._schemas:
-            data = topic.definition.encode()
-            number = self._writer.register_schema(topic.type, topic.schema_encoding, data)
-            self._repeat(Schema(number, data, topic.schema_encoding, topic.type))
-            self._schemas[key] = number
-        return self._schemas[key]
+        records: list[McapRecord] = []
+        if any((topic.type, topic.definition)) and key not in self._schemas:
+            schema = Schema(
+                len(self._schemas) + 1,
+                topic.definition.encode(),
+                topic.schema_encoding,
+                topic.type,
+            )
+            self._schemas[key] = schema
+            records.append(schema)
+        schema_number = self._schemas[key].id if key in self._schemas else 0
+        number = len(self._channel_records) + 1
+        record = Channel(
+            number, topic.name, topic.message_encoding, channel.metadata, schema_number
+        )
+        self._channel_records.append(record)
+        data = _encoded(*records, record)
+        self._chunk += data
+        self._file.write(data)
+        channel.number = number
 
-    def _repeat(self, record: Schema | Channel) -> None:
-        builder = RecordBuilder()
+    def _finish_chunk(self) -> None:
+        """Write the open chunk and its message indexes, unless it has no message."""
+        indexed = [channel for channel in self._channels.values() if channel.index]
+        if not indexed:
+            return
+        data, start = self._chunk, self._file.tell()
+        first = min(min(channel.index[::2]) for channel in indexed)
+        last = max(max(channel.index[::2]) for channel in indexed)
+        packed = self._compress(data)
+        record = Chunk(
+            compression=self._compression,
+            data=packed,
+            message_start_time=first,
+            message_end_time=last,
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
+        )
+        chunk = _encoded(record)
+        indexes, offsets = bytearray(), {}
+        for channel in indexed:
+            offsets[channel.number] = start + len(chunk) + len(indexes)
+            indexes += _message_index(channel)
+            channel.index = array('Q')
+        self._chunk = bytearray()
+        # Before writing, which may flush.
+        while len(self._ends) > 1 and self._ends[1][0] <= self._file.synced_size:
+            self._ends.popleft()
+        self._ends.append((start + len(chunk), self._received()))
+        self._file.write(chunk)
+        self._file.write(bytes(indexes))
+        self._chunk_indexes.append(
+            ChunkIndex(
+                chunk_start_offset=start,
+                chunk_length=len(chunk),
+                compression=self._compression,
+                compressed_size=len(packed),
+                message_start_time=first,
+                message_end_time=last,
+                message_index_offsets=offsets,
+                message_index_length=len(indexes),
+                uncompressed_size=len(data),
+            )
+        )
+
+    def _summary_records(self, start: int) -> bytes:
+        """Return the summary and the footer, to be written at an offset [bytes]."""
+        counts = {each.number: each.count for each in self._channels.values() if each.number}
+        statistics = Statistics(
+            attachment_count=len(self._attachment_indexes),
+            channel_count=len(self._channel_records),
+            channel_message_counts=counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(counts.values()),
+            message_end_time=self._end_time,
+            message_start_time=self._start_time,
+            metadata_count=len(self._metadata_indexes),
+            schema_count=len(self._schemas),
+        )
+        summary, offsets = b'', list[SummaryOffset]()
+        for group in (
+            self._schemas.values(),
+            self._channel_records,
+            [statistics],
+            self._chunk_indexes,
+            self._attachment_indexes,
+            self._metadata_indexes,
+        ):
+            data = _encoded(*group)
+            if data:
+                offsets.append(SummaryOffset(data[0], start + len(summary), len(data)))
+            summary += data
+        offset_start = start + len(summary)
+        summary += _encoded(*offsets)
+        footer = _encoded(Footer(start, offset_start, 0))
+        crc = zlib.crc32(summary + footer[:-4])
+        return summary + footer[:-4] + crc.to_bytes(4, 'little')
+
+
+def _message_index(channel: _Channel) -> bytes:
+    entries = channel.index
+    if sys.byteorder == 'big':
+        entries.byteswap()
+    size = len(entries) * entries.itemsize
+    head = _INDEX.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + size, channel.number, size)
+    return head + entries.tobytes()
+
+
+def _encoded(*records: McapRecord) -> bytes:
+    """Return records as they stand in a file."""
+    builder = RecordBuilder()
+    for record in records:
         record.write(builder)
-        self._file.write(builder.end())  # type: ignore[no-untyped-call] # theirs
+    return builder.end()  # type: ignore[no-any-return, no-untyped-call] # theirs

@@ -192,7 +192,8 @@ class RunWriter(AbstractContextManager['RunWriter']):
             The topic's quality of service is malformed, so that rosbag2 could not open the run.
 
         """
-        self._require_open()
+        if self._closed or self._content.current is None:
+            raise RunClosedError(self.path)
         self.file.write(message)
 
     def attach(
