@@ -192,8 +192,11 @@ class PlayerNode(ProcessNode):
             self.get_logger().warning(printable_line(warning))
 
     def _report(self) -> None:
-        """Report late messages and damage found while reading, each once."""
-        for text in (str(self._playback.transport.lateness), self._log.problem):
+        """Report late messages, damage found while reading, and other publishers, each once."""
+        shared = self._topics.shared_names()
+        also = f'other nodes publish on {listed(shared)} too; subscribers receive both'
+        lateness = str(self._playback.transport.lateness)
+        for text in (lateness, self._log.problem, also if shared else ''):
             if text not in self._reported:
                 self._reported.add(text)
                 self.get_logger().warning(printable_line(text))
@@ -208,6 +211,8 @@ def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:
     ]
 
 
+# Topics with several publishers in every system.
+_SHARED_TOPICS = {'/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static'}
 # Warnings about topics at the start.
 _MAX_WARNINGS = 20
 # Depth of a queue, as a damaged log may hold any number.
@@ -252,6 +257,11 @@ class PlayedTopics:
     def published_names(self) -> frozenset[str]:
         """Return the full names of the published topics."""
         return frozenset(publisher.topic_name for publisher in self._publishers.values())
+
+    def shared_names(self) -> list[str]:
+        """Return the topics on which other nodes publish as well, though one is usual."""
+        own = sorted(self.published_names - _SHARED_TOPICS)
+        return [name for name in own if self._node.count_publishers(name) > 1]
 
     def publish(self, message: Message) -> None:
         """Publish a message's bytes."""

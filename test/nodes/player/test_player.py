@@ -237,6 +237,19 @@ def test_a_player_that_was_stopped_goes_on_without_a_burst(ros: Domain, bag: Pat
     assert 'playback stalled for ' in process.errors
 
 
+def test_two_players_on_one_topic_play_both_and_report_each_other(ros: Domain, bag: Path) -> None:
+    heard = ros.probe.listen(Float64, 'number')
+    options = [str(bag), '--loop', '--rate', '5', '--ros-args', '-r']
+    players = [ros.start('player_node', *options, f'__node:={name}') for name in ('one', 'two')]
+    ros.probe.until(lambda: ros.probe.node.count_publishers('number') == 2)
+    heard.clear()
+    ros.probe.until(lambda: len(heard) >= 5 * COUNT)
+    assert max(values(heard).count(number) for number in range(COUNT)) >= 5
+    for player in players:
+        assert player.stop(signal.SIGINT) == 0
+        assert 'other nodes publish on /clock, /number, /robot_description too' in player.errors
+
+
 def test_two_topics_of_different_types_cannot_become_one(ros: Domain, bag: Path) -> None:
     process, heard = played(ros, bag, '--remap', 'robot_description:=number', '--rate', '9')
     assert heard == list(range(COUNT))
