@@ -45,7 +45,7 @@ import zstandard
 from .durable_file import DiskReserve, DurableFile, FileFault
 
 # Name and function of each compression.
-COMPRESSIONS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
+COMPRESSIONS: dict[str, tuple[str, Callable[[bytearray], bytes]]] = {
     'zstd': ('zstd', zstandard.compress),
     'lz4': ('lz4', lz4.frame.compress),
     'none': ('', bytes),
