@@ -39,11 +39,14 @@ def flat(parameters: dict) -> dict:
 
 
 def parameters_of(path: Path) -> dict:
+    """Return the parameters as solver_node records them: with the text of a linkage, not its name."""
     if path.parent.name == 'linkages':
         return {LINKAGE_PARAMETER: path.read_text()}
     (content,) = yaml.safe_load(path.read_text()).values()
-    geometry = KlannGeometry().as_dict()
-    return {**geometry, **flat(content['ros__parameters'])}
+    given = flat(content['ros__parameters'])
+    if 'linkage' in given:
+        return given | {LINKAGE_PARAMETER: robot_of(str(path)).legs[0].description}
+    return KlannGeometry().as_dict() | given
 
 
 def crank_angles(leg: RobotLeg, count: int) -> list[float]:
