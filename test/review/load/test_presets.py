@@ -39,7 +39,7 @@ def flat(parameters: dict) -> dict:
 
 
 def parameters_of(path: Path) -> dict:
-    """Return the parameters as solver_node records them: with the text of a linkage, not its name."""
+    """Return the parameters as solver_node records them: with the text of a linkage."""
     if path.parent.name == 'linkages':
         return {LINKAGE_PARAMETER: path.read_text()}
     (content,) = yaml.safe_load(path.read_text()).values()
