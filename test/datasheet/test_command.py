@@ -1,4 +1,4 @@
-"""What the command `describe` says, writes, refuses, and leaves alone."""
+"""The reports, outputs and refusals of the command `describe`."""
 
 import json
 import os

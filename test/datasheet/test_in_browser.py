@@ -119,10 +119,10 @@ def test_it_plays_and_pauses_in_the_direction_of_the_crank(
         assert slider.input_value() == after
 
 
-def test_what_cannot_be_turned_is_said_first(visit: Callable[..., OpenedPage]) -> None:
-    said = visit('cannot').page.locator('header .verdict.bad')
-    assert 'The motor cannot turn it' in said.inner_text()
-    assert 'turns no faster than' in said.inner_text()
+def test_a_motor_that_cannot_turn_the_crank_is_reported_first(visit: Callable[..., OpenedPage]) -> None:
+    verdict = visit('cannot').page.locator('header .verdict.bad')
+    assert 'The motor cannot turn it' in verdict.inner_text()
+    assert 'turns no faster than' in verdict.inner_text()
 
 
 def test_charts_are_there_without_scripts(visit: Callable[..., OpenedPage]) -> None:

@@ -223,8 +223,8 @@ def test_legs_that_differ_are_cut_each(tmp_path: Path) -> None:
 def test_holes_without_material_between_them_are_refused() -> None:
     robot = robot_of('andrews')
     assert plates(robot, hole=5e-3, width=9e-3)
-    said = 'K1: hole O and hole F are 7 mm apart, at least 7.5 mm are needed'
-    with pytest.raises(ExportError, match=said):
+    reason = 'K1: hole O and hole F are 7 mm apart, at least 7.5 mm are needed'
+    with pytest.raises(ExportError, match=reason):
         plates(robot, hole=6e-3, width=9e-3)
     with pytest.raises(ExportError, match='at least 12 mm'):
         plates(robot, hole=5e-3, width=9e-3, holes={'F': 8e-3})

@@ -154,13 +154,13 @@ def reviews(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Review]:
     return found
 
 
-def said(review: Review) -> list[Any]:
+def checks_and_texts(review: Review) -> list[Any]:
     return [(finding.check, finding.text) for finding in review.findings]
 
 
 def test_a_real_run_is_healthy(reviews) -> None:
     review = reviews['healthy']
-    assert said(review) == []
+    assert checks_and_texts(review) == []
     legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     walker = {f'walker/{leg}' for leg in LEGS}
     assert legs.keys() == {'', *walker}
@@ -207,8 +207,8 @@ def test_two_cranks_are_no_clock_set_back_and_named(reviews: dict[str, Review]) 
     assert (topic.lost, topic.shared) == (None, True)
     # There is no solver in this run.
     assert checks(review) == ['poses', 'jump']
-    said = 'multiple publishers set the crank at once (/crank_angle), each with its own angle'
-    assert review.findings[1].meaning == said
+    meaning = 'multiple publishers set the crank at once (/crank_angle), each with its own angle'
+    assert review.findings[1].meaning == meaning
 
 
 def test_what_was_latched_before_has_no_latency(reviews: dict[str, Review]) -> None:

@@ -15,7 +15,7 @@ import yaml
 import yourdfpy
 
 ANGLES = ('alpha', 'gamma', 'beta', 'delta', 'theta')
-CRANK = np.linspace(-np.pi, np.pi, 24, endpoint=False).tolist()
+CRANK = np.linspace(-np.pi, np.pi, 10, endpoint=False).tolist()
 PLAIN = {'klann': 'sem104', 'walker4': 'walker4', 'walker6': 'walker6'}
 
 # The point of the pose at which each link has its origin.

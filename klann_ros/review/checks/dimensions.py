@@ -25,7 +25,7 @@ def check_dimensions(review: Review) -> Iterator[Finding]:
         try:
             found = _calibrated(leg, points, review.recording.start)
         except (MeasurementError, ModuleNotFoundError):
-            # Other points, or no scipy; `calibrate` tells.
+            # Other points, or no scipy; `calibrate` reports the reason.
             continue
         yield from _finding(leg, found)
 

@@ -1,7 +1,7 @@
 'use strict';
 /*
- * The one renderer of legs: bodies, pivots and letters, and the lines that their feet draw. It asks
- * nobody where the numbers are from: a run (review), topics (view_node), or computed (the lab).
+ * The one renderer of legs: bodies, pivots and letters, and the lines that their feet draw. The
+ * numbers may be from a run (review), from topics (view_node), or computed (the lab).
  *
  *   pointsOf(shape, x) -> [[x, y], ...]       points [m] by the coordinates, the crank's first [rad, m]
  *   planeAround(points, {width, margin}) -> plane    what holds points [m]: {left, top, scale, width, height}
@@ -161,7 +161,7 @@ function place(joint, [x, y]) {
   joint.setAttribute('y', y - 5.5);
 }
 
-// Moved as a whole: a text that is placed anew is measured anew, too.
+// Moved as a whole: a text with new coordinates is measured again.
 function placeLetter(text, [x, y], [dx, dy]) {
   text.setAttribute('transform', `translate(${x + 19 * dx} ${y + 19 * dy})`);
 }
