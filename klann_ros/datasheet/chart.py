@@ -79,7 +79,11 @@ class Chart:
             *(_shade(frame, *span) for span in self.spans),
             *(_row(frame, value, rows) for value in rows),
             *(_column(frame, value) for value in angle_ticks(x_0, x_1)),
-            *(_limit(frame, value) for _, value in self.limits if low <= value <= high),
+            *(
+                element('path', d=f'M{LEFT} {frame.y(y):.1f}H{WIDTH - RIGHT}', class_='limit')
+                for _, y in self.limits
+                if low <= y <= high
+            ),
             *(self._path(frame, line) for line in self.lines),
             _text(self.axis, (LEFT + WIDTH - RIGHT) / 2.0, HEIGHT - 3.0, 'middle'),
             self._cursor(frame),
@@ -207,10 +211,6 @@ def _column(frame: _Frame, value: float) -> Markup:
     x = frame.x(value)
     line = element('path', d=f'M{x:.1f} {TOP}V{HEIGHT - BOTTOM}', class_='grid')
     return joined([line, _text(f'{value:g}', x, HEIGHT - BOTTOM + 13.0, 'middle')])
-
-
-def _limit(frame: _Frame, value: float) -> Markup:
-    return element('path', d=f'M{LEFT} {frame.y(value):.1f}H{WIDTH - RIGHT}', class_='limit')
 
 
 def _text(content: str, x: float, y: float, anchor: str) -> Markup:

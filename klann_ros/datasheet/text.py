@@ -98,7 +98,10 @@ def _table(table: Table, title: str = '') -> Iterator[str]:
     columns = list(zip(*rows, strict=True))
     widths = [min(max(map(len, column)), MAX_COLUMN) for column in columns]
     # Words are aligned left, numbers right.
-    alignments = ['<', *('>' if _is_number(column[-1]) else '<' for column in columns[1:])]
+    numbers = [
+        c[-1].lstrip('-')[:1].isdigit() or c[-1] in ('any', figures.UNKNOWN_VALUE) for c in columns
+    ]
+    alignments = ['<', *('>' if is_number else '<' for is_number in numbers[1:])]
     for row in rows:
         cells = [
             f'{cell:{side}{w}}' for cell, side, w in zip(row, alignments, widths, strict=True)
@@ -106,7 +109,3 @@ def _table(table: Table, title: str = '') -> Iterator[str]:
         yield f'  {"  ".join(cells)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'
-
-
-def _is_number(cell: str) -> bool:
-    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN_VALUE)

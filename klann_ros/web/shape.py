@@ -4,10 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from klann_ros.kinematics.linkage.linkage import as_linkage
-import numpy as np
-from numpy.typing import NDArray
-
-Complex = NDArray[np.complex128]
 
 
 def leg_shape(leg: Any) -> dict[str, Any]:
@@ -39,7 +35,11 @@ def leg_shape(leg: Any) -> dict[str, Any]:
         'pivots': _indices(structure.pivots, names),
         'foot': structure.foot,
         'points': [
-            {'name': name, 'at': [at.real, at.imag], 'terms': _terms(row)}
+            {
+                'name': name,
+                'at': [at.real, at.imag],
+                'terms': [(j, w.real, w.imag) for j, w in enumerate(row.tolist()) if w],
+            }
             for name, row, at in zip(names, q_u, q.tolist(), strict=True)
         ],
         'bodies': [
@@ -52,10 +52,6 @@ def leg_shape(leg: Any) -> dict[str, Any]:
             for body, label in bodies
         ],
     }
-
-
-def _terms(row: Complex) -> list[tuple[int, float, float]]:
-    return [(j, w.real, w.imag) for j, w in enumerate(row.tolist()) if w]
 
 
 def _indices(some: Sequence[str], names: Sequence[str]) -> list[int]:

@@ -130,8 +130,12 @@ def check_gaps(review: Review) -> Iterator[Finding]:
     gaps = [one for one in found if one not in restarts]
     if gaps:
         yield _gap(review, _join(gaps))
-    if restarts:
-        yield _restart(review, _join(restarts))
+    for first in _join(restarts)[:1]:
+        names, wait = listed(first.topics), f'{first.length:.3f} s'
+        text = f'another publisher of {names} began {wait} after the last'
+        meaning = 'a node was shut down and started again; the time between is no gap'
+        time = review.since_start(first.begin)
+        yield Finding('restart', Severity.NOTE, text, meaning, time)
     for stall in review.recording.stalls:
         meaning = 'the gap is explained; messages published meanwhile may be lost'
         time = review.since_start(stall.begin)
@@ -184,13 +188,6 @@ def _gap(review: Review, gaps: list[Gap]) -> Finding:
         what += f'; {count} {angles} not answered meanwhile'
     meaning = 'the publisher stalled, or messages could not reach the recorder'
     return Finding('gap', Severity.WARNING, what, meaning, review.since_start(gaps[0].begin))
-
-
-def _restart(review: Review, gaps: list[Gap]) -> Finding:
-    first = gaps[0]
-    text = f'another publisher of {listed(first.topics)} began {first.length:.3f} s after the last'
-    meaning = 'a node was shut down and started again; the time between is no gap'
-    return Finding('restart', Severity.NOTE, text, meaning, review.since_start(first.begin))
 
 
 def _unanswered(review: Review) -> int:

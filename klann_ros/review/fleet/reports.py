@@ -34,16 +34,14 @@ def save_junit(rows: Sequence[Row], file: BinaryIO) -> None:
         elif row.verdict == FINDINGS:
             check = row.reason.partition(':')[0]
             failure = SubElement(case, 'failure', type=check, message=_text(row.reason))
-            failure.text = '\n'.join(_text(line) for line in _lines(row))
+            failure.text = '\n'.join(
+                _text(
+                    printable_line(f'{each["severity"].upper()} {each["check"]}: {each["text"]}')
+                )
+                for each in json.loads(row.findings)
+            )
     indent(root)
     ElementTree(root).write(file, encoding='utf-8', xml_declaration=True)
-
-
-def _lines(row: Row) -> list[str]:
-    return [
-        printable_line(f'{each["severity"].upper()} {each["check"]}: {each["text"]}')
-        for each in json.loads(row.findings)
-    ]
 
 
 def _text(text: str) -> str:

@@ -80,13 +80,15 @@ def reviewed_row(
     counted = [each for each in findings if each.check not in allowed]
     faults = sorted((each for each in counted if each.is_fault), key=lambda each: -each.severity)
     recording, legs = review.recording, review.legs
+    gaps = (topic.longest_gap for topic in review.topics)
     values: dict[str, Any] = {
         'run': printable(path),
         'verdict': FINDINGS if faults else OK,
         'reason': _line(faults[0]) if faults else '',
-        'errors': _count(counted, Severity.ERROR),
-        'warnings': _count(counted, Severity.WARNING),
-        'notes': _count(counted, Severity.NOTE),
+        **{
+            f'{severity.name.lower()}s': sum(each.severity == severity for each in counted)
+            for severity in Severity
+        },
         'allowed': len(findings) - len(counted),
         'start_time': recording.start / 1e9,
         'duration': recording.duration,
@@ -95,7 +97,7 @@ def reviewed_row(
         'legs': len(legs),
         'poses': sum(len(leg.recording.poses) for leg in legs),
         'lost': sum(topic.lost or 0 for topic in review.topics),
-        'longest_gap': _most(topic.longest_gap for topic in review.topics),
+        'longest_gap': max(filter(isfinite, gaps), default=None),
         'turns': _of_legs(legs, 'turns', lambda found: max(found, key=abs)),
         **{name: _of_legs(legs, name, max) for name in _MAXIMA},
         'worst_transmission_angle': _of_legs(legs, 'worst_transmission_angle', min),
@@ -107,10 +109,6 @@ def reviewed_row(
 
 
 _MAXIMA = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
-
-
-def _count(findings: Iterable[Finding], severity: Severity) -> int:
-    return sum(each.severity == severity for each in findings)
 
 
 def _line(finding: Finding) -> str:
@@ -129,10 +127,6 @@ def _of_legs(
 ) -> float | None:
     known = [value for leg in legs if isfinite(value := getattr(leg.figures, name))]
     return chosen(known) if known else None
-
-
-def _most(values: Iterable[float]) -> float | None:
-    return max((value for value in values if isfinite(value)), default=None)
 
 
 # Spreadsheets compute cells with these first characters; a quote keeps them text.
@@ -170,7 +164,10 @@ def rows_from_table(path: str) -> list[Row]:
         # A size given to it would be allocated at once.
         data = file.read()
     try:
-        made = _parquet_rows(data) if path.lower().endswith('.parquet') else _csv_rows(data)
+        if path.lower().endswith('.parquet'):
+            made = _pyarrow()[1].read_table(BytesIO(data)).to_pylist()
+        else:
+            made = _csv_rows(data)
         return [Row(**{name: row[name] for name in NAMES}) for row in made]
     except (KeyError, ValueError, TypeError) as error:
         raise TableError(f'{printable(path)} is no table of runs: {error}') from error
@@ -216,12 +213,6 @@ def _save_parquet(rows: Iterable[Row], file: BinaryIO) -> None:
     schema = arrow.schema([*zip(NAMES, kinds, strict=True)])
     table = arrow.Table.from_pylist([*map(asdict, rows)], schema=schema)
     parquet.write_table(table, file, compression='zstd')
-
-
-def _parquet_rows(data: bytes) -> list[dict[str, Any]]:
-    _, parquet = _pyarrow()
-    made: list[dict[str, Any]] = parquet.read_table(BytesIO(data)).to_pylist()
-    return made
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -154,6 +154,11 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         turns = float(alphas[-1] - alphas[0]) / _TURN if len(alphas) else nan
     leg = recording.solver.leg
     stance = _stance(leg.linkage) if leg else None
+    duty_factor = straightness = nan
+    if stance is not None:
+        straightness = stance.straightness
+        turned = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
+        duty_factor = float(np.mean(turned)) if turned.size else nan
     worst = [nan] * 4
     if errors is not None:
         mu = errors.transmission_angles
@@ -163,8 +168,8 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         turns,
         float(stride),
         float(lift),
-        _duty_factor(alphas, stance) if stance else nan,
-        stance.straightness if stance else nan,
+        duty_factor,
+        straightness,
         *worst,
     )
 
@@ -198,11 +203,6 @@ def _stance(linkage: Linkage) -> Stance | None:
         return path.stance() if path is not None else None
     except KinematicsError:
         return None
-
-
-def _duty_factor(alphas: FloatArray, stance: Stance) -> float:
-    turned = np.mod(alphas - stance.start, _TURN)
-    return float(np.mean(turned < stance.end - stance.start)) if turned.size else nan
 
 
 def _worst(values: FloatArray) -> float:

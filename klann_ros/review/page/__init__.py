@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
+from itertools import starmap
 from math import degrees, isnan
 from pathlib import Path
 from string import Template
@@ -220,7 +221,7 @@ def figures(reviews: Sequence[Review]) -> Markup:
         texts = ([title, *(value for _, value, _ in row)] for title, row in rows)
         content = scrolling_table('Figures', heads, texts)
     else:
-        content = element('dl', *map(_tile, rows[0][1]), class_='tiles')
+        content = element('dl', *starmap(_tile, rows[0][1]), class_='tiles')
     sources = {title: leg.recording.solver.source for title, leg in legs}
     known = {title: source for title, source in sources.items() if source}
     if len(set(known.values())) == 1:
@@ -242,8 +243,7 @@ def _leg_title(title: str, number: int, of: int) -> str:
     return ', '.join(filter(None, (_of_run('', number, of).removeprefix(' of '), title)))
 
 
-def _tile(figure: tuple[str, str, str]) -> Markup:
-    name, value, unit = figure
+def _tile(name: str, value: str, unit: str) -> Markup:
     number = element('dd', element('b', value), ' ', element('span', unit))
     return element('div', element('dt', name), number)
 
