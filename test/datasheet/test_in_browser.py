@@ -119,7 +119,7 @@ def test_it_plays_and_pauses_in_the_direction_of_the_crank(
         assert slider.input_value() == after
 
 
-def test_a_motor_that_cannot_turn_the_crank_is_reported_first(visit: Callable[..., OpenedPage]) -> None:
+def test_a_motor_that_is_too_weak_is_reported_first(visit: Callable[..., OpenedPage]) -> None:
     verdict = visit('cannot').page.locator('header .verdict.bad')
     assert 'The motor cannot turn it' in verdict.inner_text()
     assert 'turns no faster than' in verdict.inner_text()
