@@ -22,6 +22,7 @@ CALCULATION_MISTAKES = (
     'radians:step',
     'assembly:1',
     'assembly:2',
+    'assembly:12',
     'sign:step',
     'short:1',
     'short:2',
@@ -140,7 +141,8 @@ class Calculation:
 
     def sign(self, loop: int = 1) -> float:
         """Return +1, or -1 where this loop is closed in the other assembly mode."""
-        return -1.0 if self.mistake == f'assembly:{loop}' else 1.0
+        slip, _, loops = self.mistake.partition(':')
+        return -1.0 if slip == 'assembly' and str(loop) in loops else 1.0
 
     def cos(self, angle: float) -> float:
         """Return the cosine of an angle [deg]."""
@@ -238,6 +240,15 @@ class Calculation:
         for name, value in zip(names, last.tolist(), strict=True):
             self.answer(name, value)
         self.answer('iterations', float(count))
+
+    def use_other_root(
+        self, position: Callable[['Calculation'], object], names: tuple[str, ...]
+    ) -> None:
+        """Answer with the root of the other assembly mode, of who converged to that."""
+        if self.mistake.startswith('assembly'):
+            other = Calculation(self.givens, self.mistake, self._input)
+            position(other)
+            self.answers |= {name: other.answers[name] for name in names}
 
     def _all_rounded(self, values: FloatArray) -> FloatArray:
         if not self._digits:

@@ -131,6 +131,7 @@ def _jacobian(c: Calculation, x: FloatArray) -> FloatArray:
 def _work_newton(c: Calculation) -> None:
     guess = np.array(c.many('theta_3_1', 'theta_4_1'))
     c.newton(lambda x: _equations(c, x), lambda x: _jacobian(c, x), guess, ANGLES)
+    c.use_other_root(analytic, ANGLES)
 
 
 def _key_newton(givens: Givens) -> Givens:

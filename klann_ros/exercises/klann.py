@@ -182,6 +182,7 @@ def _draw_newton(draw: Draw) -> dict[str, float]:
 def _work_newton(c: Calculation) -> None:
     guess = np.array(c.many(*(f'{name}_1' for name in ANGLES)))
     c.newton(lambda x: _equations(c, x), lambda x: _jacobian(c, x), guess, ANGLES)
+    c.use_other_root(_geometric, ANGLES)
 
 
 def newton_key(run: FloatArray, f: FloatArray, phi: FloatArray, names: tuple[str, ...]) -> Givens:

@@ -34,9 +34,9 @@ MAX_STUDENT, MAX_DRAWS = 64, 5000
 DIGITS = 4
 SMALLEST = {'deg': 3.0, 'mm': 3.0, 'mm/s': 10.0, 'mm/s²': 30.0, 'count': 1.0}
 SMALLEST_NUMBER = 0.03
-# Key and course's formulas agree within this part of their size; rounding to this many digits
-# between steps leaves every answer right.
-AGREEMENT, GUARD_DIGITS = 1e-9, 'rounding:6'
+# Key and course's formulas agree within this part of their size; rounding to six digits between
+# steps moves no answer by more than this share of its tolerance.
+AGREEMENT, GUARD_DIGITS, GUARD_SHARE = 1e-9, 'rounding:6', 0.2
 
 
 class ExerciseError(ValueError):
@@ -301,22 +301,26 @@ def _fit(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
         key = kind.key(givens)
     except KinematicsError:
         return None
+    if any(question.name not in key for question in kind.questions):
+        # Not the linkage that the kind asks about, such as one without limits.
+        return None
     variant = Variant(kind, student, givens, dict(key), tuple(worked.steps))
-    for question in kind.questions:
-        right, by_hand = key[question.name], worked.answers[question.name]
-        if isinstance(right, str) or isinstance(by_hand, str):
-            if right != by_hand:
-                return None
-            continue
-        allowed = kind.agreement * max(abs(right), 1.0)
-        if difference(question, right, by_hand) > allowed:
-            return None
-        rounded = guarded.answers[question.name]
-        if isinstance(rounded, str) or (
-            difference(question, rounded, right) > 0.2 * variant.tolerance(question)
-        ):
-            return None
-    return variant
+    agrees = all(_agrees(variant, each, worked, guarded) for each in kind.questions)
+    return variant if agrees else None
+
+
+def _agrees(
+    variant: Variant, question: Question, worked: Calculation, guarded: Calculation
+) -> bool:
+    """Return whether key and formulas agree, and rounding between steps does no harm."""
+    right, by_hand = variant.answers[question.name], worked.answers[question.name]
+    rounded = guarded.answers[question.name]
+    if isinstance(right, str) or isinstance(by_hand, str) or isinstance(rounded, str):
+        return right == by_hand == rounded
+    allowed = variant.kind.agreement * max(abs(right), 1.0)
+    return difference(question, right, by_hand) <= allowed and (
+        difference(question, rounded, right) <= GUARD_SHARE * variant.tolerance(question)
+    )
 
 
 def _is_fair(worked: Calculation) -> Callable[[Question], bool]:
