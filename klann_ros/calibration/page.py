@@ -8,7 +8,7 @@ from klann_ros.datasheet.page import PAGE_PARTS
 from klann_ros.kinematics import linkage_poses
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.web.markup import element, Markup, scrolling_table
+from klann_ros.web.markup import element, joined, Markup, scrolling_table
 from klann_ros.web.parts import Parts
 import numpy as np
 
@@ -18,10 +18,10 @@ from .model import PHASE
 from .observability import Suggestion
 
 PARTS = Parts(styles=PAGE_PARTS.styles, scripts=())
-# Bins of the crank angle in the charts of residuals.
-BINS = 72
-# Size of the drawing, its margin, and of the largest drawn correction [px].
-WIDTH, MARGIN, LARGEST = 640.0, 40.0, 40.0
+# Bins of the crank angle in the charts of residuals, close enough to be one line.
+BINS = 120
+# Width of the drawing, its margin, the largest drawn correction and semi-axis of an ellipse [px].
+WIDTH, MARGIN, LARGEST_CORRECTION, LARGEST_ELLIPSE = 640.0, 40.0, 40.0, 20.0
 # Drawn radius of an ellipse of 95 %, as a factor of a standard deviation in two dimensions.
 ELLIPSE_95, ELLIPSE_POINTS = 2.4477, 48
 
@@ -32,7 +32,10 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     lines = [f'Unobservable: {text}' for text in report.combinations(calibration)]
     lines += map(str.strip, report.suggestion_lines(further))
     heads = ('Parameter', 'Drawn', 'Built', 'Standard error', 'Unit')
-    numbers = scrolling_table('Dimensions', heads, report.table(calibration))
+    rows = [[text.replace('+-', '±') for text in row] for row in report.table(calibration)]
+    numbers = scrolling_table('Dimensions', heads, rows)
+    leg_file = joined(part for line in built.splitlines() for part in (line, Markup('\n')))
+    scrolls = {'class_': 'card scrolls', 'tabindex': '0', 'role': 'region'}
     residuals = [
         grid([*_charts(calibration)]),
         *(element('p', report.series_line(fit), class_='quiet') for fit in calibration.series),
@@ -45,7 +48,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
         'Dimensions': [element('div', _drawing(calibration), numbers, class_='stage')],
         'Residuals': residuals,
         'Correlation': [_correlation(calibration)],
-        'Leg file': [element('pre', built)],
+        'Leg file': [element('div', element('pre', leg_file), **scrolls, aria_label='Leg file')],
     }
     title = element('div', element('h1', f'Calibration of {name}'), element('p', run))
     content = [element('section', element('h2', head), *own) for head, own in sections.items()]
@@ -91,10 +94,16 @@ def _drawing(calibration: Calibration) -> Markup:
     ]
     points, moves = poses[0].points[0], poses[1].points[0] - poses[0].points[0]
     covariances = _point_covariances(calibration, poses[1])
-    spread = max(np.abs(moves).max(), 3.0 * np.sqrt(np.abs(covariances).max()), 1e-9)
+    error = ELLIPSE_95 * np.sqrt(np.linalg.eigvalsh(covariances).max())
     low, size = points.min(axis=0), np.ptp(points, axis=0)
     scale = (WIDTH - 2.0 * MARGIN) / max(size[0], 1e-9)
-    enlarged = max(1.0, LARGEST / (scale * spread))
+    enlarged, ellipses = (
+        max(1.0, largest / (scale * max(actual, 1e-9)))
+        for largest, actual in (
+            (LARGEST_CORRECTION, np.abs(moves).max()),
+            (LARGEST_ELLIPSE, error),
+        )
+    )
     height = scale * size[1] + 2.0 * MARGIN
 
     def at(place: FloatArray) -> str:
@@ -112,7 +121,7 @@ def _drawing(calibration: Calibration) -> Markup:
         element('path', d=bars(moved), class_='curve colour-0'),
     ]
     angles = np.linspace(0.0, TURN, ELLIPSE_POINTS, endpoint=False)
-    circle = ELLIPSE_95 * enlarged * np.column_stack([np.cos(angles), np.sin(angles)])
+    circle = ELLIPSE_95 * ellipses * np.column_stack([np.cos(angles), np.sin(angles)])
     for name, place, covariance in zip(structure.points, moved, covariances, strict=True):
         sizes, axes = np.linalg.eigh(covariance)
         ellipse = place + (circle * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
@@ -120,8 +129,9 @@ def _drawing(calibration: Calibration) -> Markup:
         x, y = at(place).split()
         parts.append(element('text', name, x=x, y=y, dx='6', dy='-6'))
     text = (
-        f'Thin: as drawn. Thick: as built, corrections enlarged {enlarged:.3g} times, with the '
-        f'ellipse of 95 % of each point at the crank angle {np.degrees(alpha):.0f} deg.'
+        f'Thin: as drawn. Thick: as built, corrections enlarged {enlarged:.3g} times. Ellipses: '
+        f'95 % of the errors of each point, enlarged {ellipses:.3g} times. The crank is at '
+        f'{np.degrees(alpha):.0f} deg.'
     )
     view = f'0 0 {WIDTH:g} {height:.0f}'
     svg = element('svg', *parts, viewBox=view, role='img', aria_label=text)

@@ -1,8 +1,10 @@
 """What `calibrate` reads, writes, refuses, and returns."""
 
 from collections.abc import Callable
+from html import unescape
 import json
 from pathlib import Path
+import re
 from typing import Any
 
 from klann_ros.calibration.command import main
@@ -85,8 +87,12 @@ def test_a_maker_gets_a_leg_file_that_every_program_takes(
     assert export([str(built), '--urdf', str(tmp_path / 'leg.urdf')]) == 0
     text = page.read_text()
     assert text.startswith('<!doctype html>')
+    # The residuals are lines, and the leg file has the file's own lines.
+    curves = re.findall(r'<path d="M([^"]*)" class="curve colour-\d[ "]', text)
+    assert sum(curve.count('L') > 60 for curve in curves) >= 4
+    assert unescape(text.partition('<pre>')[2].partition('</pre>')[0]) == built.read_text()
     assert '<script' not in text
-    assert 'ellipse of 95 %' in text
+    assert 'Ellipses: 95 %' in text
 
 
 @pytest.mark.parametrize(
