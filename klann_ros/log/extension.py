@@ -13,27 +13,12 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 import shutil
-import struct
-from typing import BinaryIO, NamedTuple
-import zlib
+from typing import BinaryIO, TypeAlias
 
 from klann_ros.sanitize.files import is_within
 from klann_ros.sanitize.text import printable
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.records import Channel, DataEnd, Metadata, MetadataIndex, Schema
 import numpy as np
 from numpy.typing import NDArray
 import zstandard
@@ -48,8 +33,19 @@ from .bag_metadata import (
 )
 from .errors import AnyPath, DamagedError, MalformedQosError, RunExistsError, UnwritableError
 from .mcap.mcap_storage import McapStorage
-from .mcap.records import find_footer, INDEX_HEAD, MAGIC, parse, RECORD_HEAD, span_at, spans
+from .mcap.records import (
+    encoded,
+    encoded_chunk,
+    encoded_end,
+    find_footer,
+    parse,
+    RECORD_HEAD,
+    span_at,
+    spans,
+    SUMMARY_KINDS,
+)
 from .mcap.summary import read_summary, Summary
+from .read.block import HEAD
 from .read.opening import open_files
 from .read.storage import Storage
 from .records import Topic
@@ -57,28 +53,12 @@ from .recovery import recover
 
 # Size of a chunk's messages [bytes], the fast level of zstd, and chunks in memory.
 _CHUNK_SIZE, _ZSTD_LEVEL, _MAX_CHUNKS = 1024 * 1024, -1, 8
-_HEAD = [
-    ('opcode', 'u1'),
-    ('length', '<u8'),
-    ('channel', '<u2'),
-    ('sequence', '<u4'),
-    ('log_time', '<u8'),
-    ('publish_time', '<u8'),
-]
-_CRC_SIZE = 4
 _DISTRO = 'jazzy'
+# The messages of a chunk, compressed, their first and last time [ns], and their index entries.
+_PackedChunk: TypeAlias = tuple[bytes, bytes, tuple[int, int], bytes]
 # Private opcode of a record that no longer holds; every reader skips it.
 _VOID = bytes([0xFF])
 _MAX_NUMBER = 2**16 - 1
-# Summary records in the order of the file.
-_GROUPS = (
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.STATISTICS,
-    Opcode.CHUNK_INDEX,
-    Opcode.ATTACHMENT_INDEX,
-    Opcode.METADATA_INDEX,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +162,11 @@ class _Extension:
         self._summary = Summary() if footer is None else read_summary(file, footer)
         if footer is None or self._summary.statistics is None:
             raise DamagedError('there is no summary', 0)
-        self._data_end = self._summary.start - len(_packed(DataEnd(0)))
+        self._data_end = self._summary.start - len(encoded(DataEnd(0)))
         if span_at(file, self._data_end, self._summary.start).opcode != Opcode.DATA_END:
             raise DamagedError('the summary does not follow the data', self._data_end)
         self._statistics = self._summary.statistics
-        self._groups: dict[int, list[bytes]] = {opcode: [] for opcode in _GROUPS}
+        self._groups: dict[int, list[bytes]] = {opcode: [] for opcode in SUMMARY_KINDS}
         for span in spans(file, footer.summary_start, footer.offset):
             file.seek(span.offset)
             if span.opcode in self._groups:
@@ -198,19 +178,21 @@ class _Extension:
         definitions = self._register(messages)
         content = self._content(messages)
         # An error of the metadata leaves the file as it was.
-        metadata = _packed(
+        metadata = encoded(
             Metadata(RECORD_NAME, metadata_record(bag_metadata([content], _DISTRO)))
         )
         self._void_metadata()
         self._file.seek(self._data_end)
         self._file.truncate()
         self._file.write(definitions)
-        for chunk in _chunks(messages, self._channels):
-            self._write_chunk(chunk)
+        for channel, chunk in _chunks(messages, self._channels):
+            self._write_chunk(channel, chunk)
         index = MetadataIndex(self._file.tell(), len(metadata), RECORD_NAME)
-        self._groups[Opcode.METADATA_INDEX].append(_packed(index))
-        self._file.write(metadata + _packed(DataEnd(0)))
-        self._write_summary(content)
+        self._groups[Opcode.METADATA_INDEX].append(encoded(index))
+        self._file.write(metadata + encoded(DataEnd(0)))
+        counts = self._statistics.channel_message_counts
+        times = content.start_time, content.end_time
+        self._file.write(encoded_end(self._file.tell(), self._groups, counts, times))
         return content
 
     def _register(self, messages: Sequence[TopicMessages]) -> bytes:
@@ -229,8 +211,8 @@ class _Extension:
             channel = Channel(
                 number, topic.name, topic.message_encoding, dict(topic.extra), number
             )
-            self._groups[Opcode.SCHEMA].append(_packed(schema))
-            self._groups[Opcode.CHANNEL].append(_packed(channel))
+            self._groups[Opcode.SCHEMA].append(encoded(schema))
+            self._groups[Opcode.CHANNEL].append(encoded(channel))
         new = slice(-len(self._channels), None)
         both = (self._groups[kind][new] for kind in (Opcode.SCHEMA, Opcode.CHANNEL))
         return b''.join(chain(*both)) if self._channels else b''
@@ -267,89 +249,39 @@ class _Extension:
             self._file.write(_VOID)
         self._groups[Opcode.METADATA_INDEX] = kept
 
-    def _write_chunk(self, made: '_PackedChunk') -> None:
+    def _write_chunk(self, channel: int, packed: '_PackedChunk') -> None:
+        data, compressed, times, entries = packed
+        compression = 'zstd', compressed
         start = self._file.tell()
-        self._file.write(made.record + made.message_index)
-        index = ChunkIndex(
-            message_index_offsets={made.channel: start + len(made.record)},
-            chunk_start_offset=start,
-            chunk_length=len(made.record),
-            compression='zstd',
-            compressed_size=made.compressed_size,
-            message_end_time=made.end_time,
-            message_index_length=len(made.message_index),
-            message_start_time=made.start_time,
-            uncompressed_size=made.size,
-        )
-        self._groups[Opcode.CHUNK_INDEX].append(_packed(index))
-
-    def _write_summary(self, content: FileSummary) -> None:
-        groups, counts = self._groups, self._statistics.channel_message_counts
-        statistics = Statistics(
-            attachment_count=len(groups[Opcode.ATTACHMENT_INDEX]),
-            channel_count=len(groups[Opcode.CHANNEL]),
-            channel_message_counts=counts,
-            chunk_count=len(groups[Opcode.CHUNK_INDEX]),
-            message_count=sum(counts.values()),
-            message_end_time=content.end_time,
-            message_start_time=content.start_time,
-            metadata_count=len(groups[Opcode.METADATA_INDEX]),
-            schema_count=len(groups[Opcode.SCHEMA]),
-        )
-        groups[Opcode.STATISTICS] = [_packed(statistics)]
-        start = self._file.tell()
-        summary, offsets = b'', b''
-        for opcode, records in groups.items():
-            if records:
-                group = b''.join(records)
-                offsets += _packed(SummaryOffset(opcode, start + len(summary), len(group)))
-                summary += group
-        footer = _packed(Footer(start, start + len(summary), 0))[:-_CRC_SIZE]
-        end = summary + offsets + footer
-        self._file.write(end + struct.pack('<I', zlib.crc32(end)) + MAGIC)
-
-
-class _PackedChunk(NamedTuple):
-    """A chunk of one channel, and the index of its messages, as records."""
-
-    channel: int
-    start_time: int
-    end_time: int
-    # Before and after the compression [bytes].
-    size: int
-    compressed_size: int
-    record: bytes
-    message_index: bytes
+        chunk, indexes, index = encoded_chunk(start, data, compression, times, {channel: entries})
+        self._file.write(chunk + indexes)
+        self._groups[Opcode.CHUNK_INDEX].append(encoded(index))
 
 
 def _chunks(
     messages: Sequence[TopicMessages], channels: Mapping[Topic, int]
-) -> Iterator[_PackedChunk]:
-    """Yield the chunks; another thread compresses while the next ones are made."""
-    waiting: deque[Future[_PackedChunk]] = deque()
+) -> Iterator[tuple[int, _PackedChunk]]:
+    """Yield channel and chunk; another thread compresses while the next ones are made."""
+    waiting: deque[tuple[int, Future[_PackedChunk]]] = deque()
     with ThreadPoolExecutor(1) as pool:
         for part in messages:
             for times, records in _message_records(part, channels[part.topic]):
-                channel, size = channels[part.topic], records.itemsize
-                chunk = pool.submit(_packed_chunk, channel, times, records.tobytes(), size)
-                waiting.append(chunk)
+                chunk = pool.submit(_packed_chunk, times, records.tobytes(), records.itemsize)
+                waiting.append((channels[part.topic], chunk))
                 if len(waiting) == _MAX_CHUNKS:
-                    yield waiting.popleft().result()
-        for left in waiting:
-            yield left.result()
+                    channel, first = waiting.popleft()
+                    yield channel, first.result()
+        for channel, left in waiting:
+            yield channel, left.result()
 
 
-def _packed_chunk(channel: int, times: NDArray[np.int64], data: bytes, size: int) -> _PackedChunk:
+def _packed_chunk(times: NDArray[np.int64], data: bytes, size: int) -> _PackedChunk:
     """Return the chunk of messages whose records have one size [bytes]."""
     compressed = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data)
-    start, end = int(times.min()), int(times.max())
-    record = _packed(Chunk('zstd', compressed, end, start, zlib.crc32(data), len(data)))
     entries = np.empty((len(times), 2), '<u8')
     entries[:, 0] = times
     entries[:, 1] = size * np.arange(len(times))
-    head = RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + entries.nbytes)
-    index = head + struct.pack('<HI', channel, entries.nbytes) + entries.tobytes()
-    return _PackedChunk(channel, start, end, len(data), len(compressed), record, index)
+    return data, compressed, (int(times.min()), int(times.max())), entries.tobytes()
 
 
 def _message_records(
@@ -357,7 +289,7 @@ def _message_records(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.void]]]:
     """Yield the times and records of the messages of each chunk, in an array used again."""
     size, count = len(part.template), len(part.times)
-    kind = np.dtype([*_HEAD, ('data', 'u1', (size,))])
+    kind = np.dtype([*HEAD.descr, ('data', 'u1', (size,))])
     rows = max(1, min(count, _CHUNK_SIZE // kind.itemsize))
     records = np.empty(rows, kind)
     records['opcode'], records['channel'] = Opcode.MESSAGE, channel
@@ -372,13 +304,6 @@ def _message_records(
         for offset, changed in part.changes:
             chunk['data'][:, slice(offset, offset + changed.shape[1])] = changed[some]
         yield times, chunk
-
-
-def _packed(record: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    packed: bytes = builder.end()  # type: ignore[no-untyped-call] # theirs
-    return packed
 
 
 def _number(record: bytes) -> int:

@@ -6,7 +6,7 @@ A record may be longer than its fields, as later versions may add some, but not 
 is trusted before it was compared with the bytes that are there. Damage raises a DamagedError.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import io
 import struct
@@ -17,10 +17,19 @@ from klann_ros.log.errors import DamagedError
 from klann_ros.log.records import Attachment
 from klann_ros.sanitize.files import is_hollow
 from klann_ros.sanitize.text import printable
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment as AttachmentRecord, McapRecord, Schema
+from mcap.records import (
+    Attachment as AttachmentRecord,
+    Chunk,
+    ChunkIndex,
+    Footer as FooterRecord,
+    McapRecord,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 from mcap.writer import MCAP0_MAGIC
 
 MAGIC = MCAP0_MAGIC
@@ -30,6 +39,15 @@ RECORD_HEAD = struct.Struct('<BQ')
 """Opcode and length of the content, before each content."""
 
 DEFINITIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+SUMMARY_KINDS = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+"""Records of a summary beside the statistics, in the order of the file."""
+
 INDEX_HEAD, INDEX_ENTRY = 6, 16
 """Size of a message index without entries, and of an entry [bytes]."""
 
@@ -61,6 +79,7 @@ _MIN_SIZES = {
     for opcode, layout in _LAYOUTS.items()
 }
 _FOOTER = struct.Struct('<BQQQI')
+_INDEX_HEAD = struct.Struct('<HI')
 _CRC_BLOCK_SIZE = 1024 * 1024
 # Only these may be longer than MAX_RECORD_SIZE.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
@@ -327,3 +346,107 @@ def parse_attachment(content: bytes, offset: int = 0) -> Attachment:
 def attachment_crc(content: bytes) -> int:
     """Return the recorded CRC of an attachment; 0 for none."""
     return int.from_bytes(content[-4:], 'little')
+
+
+def encoded(*records: McapRecord) -> bytes:
+    """Return records as they stand in a file."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call] # theirs
+    return data
+
+
+def encoded_chunk(
+    start: int,
+    data: bytes | bytearray,
+    compression: tuple[str, bytes],
+    times: tuple[int, int],
+    entries: Mapping[int, bytes],
+) -> tuple[bytes, bytes, ChunkIndex]:
+    """
+    Return a chunk, its message indexes, and its entry in the summary.
+
+    Parameters
+    ----------
+    start
+        Offset of the chunk in the file [bytes].
+    data, compression
+        The records in it, and the name of their compression with the compressed bytes.
+    times
+        The first and the last log time [ns].
+    entries
+        By channel, log time and offset of each message in turn, as 8 bytes each.
+
+    """
+    name, packed = compression
+    first, last = times
+    chunk = encoded(
+        Chunk(
+            compression=name,
+            data=packed,
+            message_start_time=first,
+            message_end_time=last,
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
+        )
+    )
+    indexes, offsets = bytearray(), {}
+    for channel, rows in entries.items():
+        offsets[channel] = start + len(chunk) + len(indexes)
+        indexes += RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + len(rows))
+        indexes += _INDEX_HEAD.pack(channel, len(rows)) + rows
+    index = ChunkIndex(
+        chunk_start_offset=start,
+        chunk_length=len(chunk),
+        compression=name,
+        compressed_size=len(packed),
+        message_start_time=first,
+        message_end_time=last,
+        message_index_offsets=offsets,
+        message_index_length=len(indexes),
+        uncompressed_size=len(data),
+    )
+    return chunk, bytes(indexes), index
+
+
+def encoded_end(
+    start: int,
+    groups: Mapping[int, Sequence[bytes]],
+    counts: Mapping[int, int],
+    times: tuple[int, int],
+) -> bytes:
+    """
+    Return the end of a file from the summary on.
+
+    Parameters
+    ----------
+    start
+        Offset of the summary in the file [bytes].
+    groups
+        The other records of the summary by opcode.
+    counts, times
+        The number of messages by channel, and the first and the last log time [ns].
+
+    """
+    number = {opcode: len(records) for opcode, records in groups.items()}
+    statistics = Statistics(
+        attachment_count=number[Opcode.ATTACHMENT_INDEX],
+        channel_count=number[Opcode.CHANNEL],
+        channel_message_counts=dict(counts),
+        chunk_count=number[Opcode.CHUNK_INDEX],
+        message_count=sum(counts.values()),
+        message_start_time=times[0],
+        message_end_time=times[1],
+        metadata_count=number[Opcode.METADATA_INDEX],
+        schema_count=number[Opcode.SCHEMA],
+    )
+    summary, offsets = b'', b''
+    for opcode, records in {**groups, Opcode.STATISTICS: [encoded(statistics)]}.items():
+        if records:
+            group = b''.join(records)
+            offsets += encoded(SummaryOffset(opcode, start + len(summary), len(group)))
+            summary += group
+    footer = encoded(FooterRecord(start, start + len(summary), 0))
+    end = summary + offsets + footer[:-4]
+    return end + zlib.crc32(end).to_bytes(4, 'little') + MAGIC

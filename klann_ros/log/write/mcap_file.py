@@ -13,32 +13,31 @@ from dataclasses import dataclass, field
 from pathlib import Path
 import struct
 import sys
-import zlib
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
-from klann_ros.log.mcap.records import INDEX_HEAD, MAGIC, RECORD_HEAD
+from klann_ros.log.mcap.records import (
+    encoded,
+    encoded_chunk,
+    encoded_end,
+    MAGIC,
+    RECORD_HEAD,
+    SUMMARY_KINDS,
+)
 from klann_ros.log.qos import qos_for_writing
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.text import printable
 import lz4.frame  # type: ignore[import-untyped] # lz4 has no types
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment as AttachmentRecord,
     AttachmentIndex,
     Channel,
-    Chunk,
-    ChunkIndex,
     DataEnd,
-    Footer,
     Header,
-    McapRecord,
     Metadata,
     MetadataIndex,
     Schema,
-    Statistics,
-    SummaryOffset,
 )
 import zstandard
 
@@ -56,8 +55,6 @@ _SEQUENCE_MASK = 2**32 - 1
 # Opcode, length, channel, sequence number, log time and publish time, before a message's data.
 _MESSAGE = struct.Struct('<BQHIQQ')
 _MESSAGE_FIELDS = _MESSAGE.size - RECORD_HEAD.size
-# Opcode, length, channel and size of the entries, before those of a message index.
-_INDEX = struct.Struct('<BQHI')
 
 
 @dataclass(slots=True)
@@ -71,6 +68,13 @@ class _Channel:
     count: int = 0
     # Log time and offset of each message in the open chunk, in turn.
     index: 'array[int]' = field(default_factory=lambda: array('Q'))
+
+    def take_entries(self) -> bytes:
+        """Return the index of the open chunk as it stands in a file, and begin another one."""
+        entries, self.index = self.index, array('Q')
+        if sys.byteorder == 'big':
+            entries.byteswap()
+        return entries.tobytes()
 
 
 class McapFile:
@@ -97,19 +101,16 @@ class McapFile:
         self._channels: dict[Topic, _Channel] = {}
         self._last_topic: Topic | None = None
         self._last_channel = _Channel({})
+        self._schemas: dict[tuple[str, str, str], int] = {}
         # The open chunk, and the records of the summary.
         self._chunk = bytearray()
-        self._schemas: dict[tuple[str, str, str], Schema] = {}
-        self._channel_records: list[Channel] = []
-        self._chunk_indexes: list[ChunkIndex] = []
-        self._attachment_indexes: list[AttachmentIndex] = []
-        self._metadata_indexes: list[MetadataIndex] = []
+        self._summary: dict[int, list[bytes]] = {kind: [] for kind in SUMMARY_KINDS}
         self._file = DurableFile(path, reserve)
         self.find_fault: Callable[[], FileFault | None] = self._file.find_fault
         # End of each chunk that may not be on the disk [bytes], and the content up to there.
         self._ends = deque([(0, self._received())])
         try:
-            self._file.write(MAGIC + _encoded(Header(profile, library)))
+            self._file.write(MAGIC + encoded(Header(profile, library)))
             self._file.sync()
         except BaseException:
             self._file.close()
@@ -172,17 +173,16 @@ class McapFile:
         name, kind, data = attachment.name, attachment.media_type, attachment.data
         offset = self._file.tell()
         record = AttachmentRecord(create_time, log_time, name, kind, data)
-        length = self._file.write(_encoded(record))
-        self._attachment_indexes.append(
-            AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
-        )
+        length = self._file.write(encoded(record))
+        index = AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
+        self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
 
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
         """Add a metadata record."""
         self._file.raise_failure()
         offset = self._file.tell()
-        length = self._file.write(_encoded(Metadata(name, dict(mapping))))
-        self._metadata_indexes.append(MetadataIndex(offset, length, name))
+        length = self._file.write(encoded(Metadata(name, dict(mapping))))
+        self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(offset, length, name)))
 
     def flush(self) -> None:
         """Finish the chunk and fsync."""
@@ -194,8 +194,10 @@ class McapFile:
         """Write index, summary and footer, and fsync."""
         self._file.raise_failure()
         self._finish_chunk()
-        self._file.write(_encoded(DataEnd(0)))
-        self._file.write(self._summary_records(self._file.tell()) + MAGIC)
+        self._file.write(encoded(DataEnd(0)))
+        counts = {each.number: each.count for each in self._channels.values() if each.number}
+        times = self._start_time, self._end_time
+        self._file.write(encoded_end(self._file.tell(), self._summary, counts, times))
         self._file.sync()
 
     def close(self) -> None:
@@ -255,23 +257,18 @@ class McapFile:
         undecodable without the repetition.
         """
         key = (topic.type, topic.schema_encoding, topic.definition)
-        records: list[McapRecord] = []
+        schemas, channels = self._summary[Opcode.SCHEMA], self._summary[Opcode.CHANNEL]
+        data = b''
         if any((topic.type, topic.definition)) and key not in self._schemas:
-            schema = Schema(
-                len(self._schemas) + 1,
-                topic.definition.encode(),
-                topic.schema_encoding,
-                topic.type,
-            )
-            self._schemas[key] = schema
-            records.append(schema)
-        schema_number = self._schemas[key].id if key in self._schemas else 0
-        number = len(self._channel_records) + 1
-        record = Channel(
-            number, topic.name, topic.message_encoding, channel.metadata, schema_number
-        )
-        self._channel_records.append(record)
-        data = _encoded(*records, record)
+            self._schemas[key] = len(self._schemas) + 1
+            definition = topic.definition.encode()
+            schema = Schema(self._schemas[key], definition, topic.schema_encoding, topic.type)
+            data = encoded(schema)
+            schemas.append(data)
+        number, encoding = len(channels) + 1, topic.message_encoding
+        record = Channel(number, topic.name, encoding, channel.metadata, self._schemas.get(key, 0))
+        channels.append(encoded(record))
+        data += channels[-1]
         self._chunk += data
         self._file.write(data)
         channel.number = number
@@ -281,91 +278,17 @@ class McapFile:
         indexed = [channel for channel in self._channels.values() if channel.index]
         if not indexed:
             return
-        data, start = self._chunk, self._file.tell()
+        data, packed = self._chunk, (self._compression, self._compress(self._chunk))
         first = min(min(channel.index[::2]) for channel in indexed)
         last = max(max(channel.index[::2]) for channel in indexed)
-        packed = self._compress(data)
-        record = Chunk(
-            compression=self._compression,
-            data=packed,
-            message_start_time=first,
-            message_end_time=last,
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        )
-        chunk = _encoded(record)
-        indexes, offsets = bytearray(), {}
-        for channel in indexed:
-            offsets[channel.number] = start + len(chunk) + len(indexes)
-            indexes += _message_index(channel)
-            channel.index = array('Q')
+        entries = {channel.number: channel.take_entries() for channel in indexed}
+        start = self._file.tell()
+        chunk, indexes, index = encoded_chunk(start, data, packed, (first, last), entries)
         self._chunk = bytearray()
         # Before writing, which may flush.
         while len(self._ends) > 1 and self._ends[1][0] <= self._file.synced_size:
             self._ends.popleft()
         self._ends.append((start + len(chunk), self._received()))
         self._file.write(chunk)
-        self._file.write(bytes(indexes))
-        self._chunk_indexes.append(
-            ChunkIndex(
-                chunk_start_offset=start,
-                chunk_length=len(chunk),
-                compression=self._compression,
-                compressed_size=len(packed),
-                message_start_time=first,
-                message_end_time=last,
-                message_index_offsets=offsets,
-                message_index_length=len(indexes),
-                uncompressed_size=len(data),
-            )
-        )
-
-    def _summary_records(self, start: int) -> bytes:
-        """Return the summary and the footer, to be written at an offset [bytes]."""
-        counts = {each.number: each.count for each in self._channels.values() if each.number}
-        statistics = Statistics(
-            attachment_count=len(self._attachment_indexes),
-            channel_count=len(self._channel_records),
-            channel_message_counts=counts,
-            chunk_count=len(self._chunk_indexes),
-            message_count=sum(counts.values()),
-            message_end_time=self._end_time,
-            message_start_time=self._start_time,
-            metadata_count=len(self._metadata_indexes),
-            schema_count=len(self._schemas),
-        )
-        summary, offsets = b'', list[SummaryOffset]()
-        for group in (
-            self._schemas.values(),
-            self._channel_records,
-            [statistics],
-            self._chunk_indexes,
-            self._attachment_indexes,
-            self._metadata_indexes,
-        ):
-            data = _encoded(*group)
-            if data:
-                offsets.append(SummaryOffset(data[0], start + len(summary), len(data)))
-            summary += data
-        offset_start = start + len(summary)
-        summary += _encoded(*offsets)
-        footer = _encoded(Footer(start, offset_start, 0))
-        crc = zlib.crc32(summary + footer[:-4])
-        return summary + footer[:-4] + crc.to_bytes(4, 'little')
-
-
-def _message_index(channel: _Channel) -> bytes:
-    entries = channel.index
-    if sys.byteorder == 'big':
-        entries.byteswap()
-    size = len(entries) * entries.itemsize
-    head = _INDEX.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + size, channel.number, size)
-    return head + entries.tobytes()
-
-
-def _encoded(*records: McapRecord) -> bytes:
-    """Return records as they stand in a file."""
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return builder.end()  # type: ignore[no-any-return, no-untyped-call] # theirs
+        self._file.write(indexes)
+        self._summary[Opcode.CHUNK_INDEX].append(encoded(index))
