@@ -11,9 +11,9 @@ from pathlib import Path
 import sys
 
 from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipped_linkage
+from klann_ros.kinematics.drawing import COLOURS
 from klann_ros.kinematics.linkage.dyads import dyad_joint
 from klann_ros.plotting import plot_convergence, plot_foot_path, plot_pose, plot_turn
-from klann_ros.plotting.drawing import COLOURS
 from klann_ros.plotting.plane import draw_angle, GREY, grid, label_plane, legend_beside, PALE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

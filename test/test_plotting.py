@@ -19,7 +19,8 @@ from klann_ros.kinematics import (
     shipped_linkages,
     UnreachableError,
 )
-from klann_ros.plotting.drawing import PoseArtists, PoseDrawing
+from klann_ros.kinematics.drawing import PoseDrawing
+from klann_ros.plotting.drawing import PoseArtists
 from klann_ros.plotting.plane import draw_angles
 import matplotlib as mpl
 from matplotlib.figure import Figure

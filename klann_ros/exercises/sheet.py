@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.plotting.drawing import line_directions, PIVOT, PoseDrawing
+from klann_ros.kinematics.drawing import line_directions, PIVOT, PoseDrawing
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import Parts
 import numpy as np

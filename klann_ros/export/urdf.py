@@ -13,9 +13,9 @@ from cmath import phase
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
+from klann_ros.kinematics.drawing import colour_of
 from klann_ros.kinematics.linkage.equations import body_points
 from klann_ros.kinematics.linkage.structure import Bar, FIXED
-from klann_ros.plotting.drawing import colour_of
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.robot import Triple
 from klann_ros.sanitize.text import printable

@@ -16,10 +16,11 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.drawing import PoseDrawing
 from klann_ros.kinematics.linkage.linkage import as_linkage
 import numpy as np
 
-from .drawing import BAR_WIDTH, PoseArtists, PoseDrawing
+from .drawing import BAR_WIDTH, PoseArtists
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation

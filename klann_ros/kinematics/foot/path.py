@@ -14,6 +14,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.leg import LinkageLeg
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
+from klann_ros.kinematics.svg import path_svg
 import numpy as np
 
 from . import inverse
@@ -59,6 +60,9 @@ class FootPath:
     h_1: FloatArray
     arcs: tuple[tuple[float, float], ...]
     _tracks: tuple[Track, ...] = field(repr=False)
+
+    def _repr_svg_(self) -> str:
+        return path_svg(self)
 
     @property
     def full_turn(self) -> bool:

@@ -14,6 +14,7 @@ from klann_ros.kinematics.errors import (
     SingularPoseError,
 )
 from klann_ros.kinematics.newton import Iterations, newton_raphson
+from klann_ros.kinematics.svg import leg_svg
 from klann_ros.sanitize.text import listed
 import numpy as np
 
@@ -102,6 +103,9 @@ class Leg(Generic[PoseT, MotionT]):
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({self._linkage!r})'
+
+    def _repr_svg_(self) -> str:
+        return leg_svg(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""

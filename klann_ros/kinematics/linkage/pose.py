@@ -6,6 +6,7 @@ from math import nan
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.svg import pose_svg
 import numpy as np
 
 from . import joints
@@ -91,6 +92,9 @@ class LinkagePose(NamedTuple):
 
     def __repr__(self) -> str:
         return _format(self, self.linkage)
+
+    def _repr_svg_(self) -> str:
+        return pose_svg(self)
 
     @property
     def crank_angle(self) -> float:

@@ -1,0 +1,140 @@
+"""The drawing of a pose: its points, bodies and joints; as SVG, markers and URDF show it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, radians, sin, tau
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+
+# Colours of the bodies, repeated; of a Klann leg: crank, coupler, both rockers, leg.
+COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
+# Kinds of points: a fixed pivot, a pin between bodies, a point of one body. Sliding joints are
+# drawn as a block on a line.
+PIVOT, PIN, POINT = 'pivot', 'pin', 'point'
+# Extension of a line beyond both its points, relative to the size of the drawing.
+LINE_EXTENSION = 0.1
+# Directions of the ground from a pivot [rad].
+SUPPORT_DIRECTIONS = (radians(225.0), radians(315.0))
+
+
+class BodyDrawing(NamedTuple):
+    """The drawing of a body."""
+
+    # Its bars, by their points.
+    bars: list[tuple[str, str]]
+    label: str
+    colour: str
+    # The line of a sliding body: from a point of the line's body to its own first.
+    line: tuple[str, str] | None = None
+
+    @property
+    def points(self) -> list[str]:
+        """Return its unique points."""
+        return list(dict.fromkeys(name for bar in self.bars for name in bar))
+
+    @property
+    def strokes(self) -> list[tuple[str, str]]:
+        """Return its line and its bars."""
+        return [*([self.line] if self.line else ()), *self.bars]
+
+
+class PoseDrawing(NamedTuple):
+    """The points, bodies and joints of a pose."""
+
+    # Every point by its name [m], shape (2,) each.
+    points: dict[str, FloatArray]
+    # The bodies, the crank first.
+    bodies: list[BodyDrawing]
+    # The points by the kind of their joint: PIVOT, PIN and POINT.
+    joints: dict[str, list[str]]
+
+    @classmethod
+    def of(cls, pose: Any) -> 'PoseDrawing':
+        """Return the drawing of a LinkagePose."""
+        structure = pose.linkage.structure
+        points = dict(zip(structure.points, pose.points, strict=True))
+        bodies = [
+            BodyDrawing(
+                [(bar.start, bar.end) for bar in body.rigid],
+                label,
+                colour_of(i),
+                (body.line.start, body.line.end) if body.line else None,
+            )
+            for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
+        ]
+        joints: dict[str, list[str]] = {PIVOT: [], PIN: [], POINT: []}
+        for name in points:
+            several = len(structure.owners[name]) > 1
+            kind = PIVOT if name in structure.pivots else PIN if several else POINT
+            joints[kind].append(name)
+        return cls(points, bodies, joints)
+
+    @property
+    def pivots(self) -> Sequence[str]:
+        """Return the fixed pivots."""
+        return self.joints[PIVOT]
+
+    def at(self, names: Sequence[str]) -> FloatArray:
+        """Return points, shape (n, 2) [m]."""
+        return np.array([self.points[name] for name in names]).reshape(-1, 2)
+
+    def line(self, body: BodyDrawing) -> FloatArray:
+        """Return the points along a body's bars, shape (n, 2); NaN between disconnected bars."""
+        if not body.bars:
+            return np.empty((0, 2))
+        last, *_ = body.bars[0]
+        line = [self.points[last]]
+        for start, end in body.bars:
+            if start != last:
+                line += [np.full(2, np.nan), self.points[start]]
+            line.append(self.points[end])
+            last = end
+        return np.array(line)
+
+    def outline(self, body: BodyDrawing) -> FloatArray:
+        """Return a body's points in their order around its centre, from its first point on."""
+        corners = self.at(body.points)
+        x, y = (corners - corners.mean(axis=0)).T
+        order = np.argsort(np.arctan2(y, x))
+        ordered: FloatArray = corners[np.roll(order, -int(np.argmin(order)))]
+        return ordered
+
+    @property
+    def size(self) -> float:
+        """Return the larger side of the drawing [m]."""
+        return float(np.ptp([*self.points.values()], axis=0).max())
+
+    def guide(self, body: BodyDrawing, direction: complex) -> FloatArray:
+        """Return the ends of a sliding body's line, extended beyond both points."""
+        start, end = (complex(*self.points[name]) for name in body.line or ())
+        beyond = LINE_EXTENSION * self.size * direction
+        first, last = sorted((start, end), key=lambda at: (at * direction.conjugate()).real)
+        return np.array([(at.real, at.imag) for at in (first - beyond, last + beyond)])
+
+    def free_side(self, name: str) -> tuple[float, float]:
+        """Return the direction at a point farthest from its bars and its support."""
+        bars = [bar for body in self.bodies for bar in body.strokes if name in bar]
+        ends = [self.points[q if p == name else p] - self.points[name] for p, q in bars]
+        lines = [body.line[::-1] for body in self.bodies if body.line and body.line[1] == name]
+        # A block extends to both sides of its point.
+        ends += [self.points[p] - self.points[q] for p, q in lines]
+        # A body at the start of its line has no direction along it.
+        ends = [end for end in ends if end.any()]
+        taken = [atan2(y, x) % tau for x, y in ends]
+        taken = sorted([*taken, *(SUPPORT_DIRECTIONS if name in self.pivots else ())]) or [0.0]
+        gaps = [(b - a, (a + b) / 2.0) for a, b in pairwise([*taken, taken[0] + tau])]
+        _, middle = max(gaps)
+        return cos(middle), sin(middle)
+
+
+def line_directions(pose: Any) -> list[complex]:
+    """Return the direction of each sliding body's line, in the bodies' order."""
+    linkage, u = pose.linkage, pose.vectors
+    return [complex(linkage.line(u, j)) for j in sorted(linkage.structure.line_of)]
+
+
+def colour_of(body: int) -> str:
+    """Return the colour of a body, by its number."""
+    return COLOURS[body % len(COLOURS)]

@@ -1,0 +1,219 @@
+"""
+Pictures of legs, poses and foot paths as SVG: what a notebook shows, without matplotlib.
+
+A moving picture is SVG as well (animation elements, no script), so it can stand in any page.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.drawing import line_directions, POINT, PoseDrawing
+import numpy as np
+
+SIZE = (420.0, 320.0)
+"""Largest width and height of a picture [px]."""
+MARGIN, JOINT, SUPPORT, LETTER = 26.0, 4.0, 9.0, 14.0
+# Samples of a foot path, and frames of a turn.
+SAMPLES = 90
+# A tag, its style, and the attributes that move.
+_Shape = tuple[str, dict[str, Any], dict[str, Any]]
+_PATH = {'fill': 'none', 'stroke': '#8d99ae', 'stroke-width': '1.5'}
+
+
+def pose_svg(
+    pose: Any, path: Sequence[FloatArray] = (), *, names: dict[tuple[str, str], str] | None = None
+) -> str:
+    """
+    Return a pose as SVG: bars, plates, joints and the letters of its points.
+
+    Parameters
+    ----------
+    pose : LinkagePose
+        The pose.
+    path : sequence of numpy.ndarray, shape (n, 2)
+        Lines drawn behind it, such as the foot path [m].
+    names : dict of (str, str) to str, optional
+        Names of bars, by their two points.
+
+    """
+    view = _View([pose.points, *path])
+    shapes = [_polyline(view.points(line), **_PATH) for line in path]
+    shapes += _pose_shapes(PoseDrawing.of(pose), line_directions(pose), view, names or {})
+    return view.svg(shapes, f'{pose.linkage.name or "linkage"}: a pose')
+
+
+def leg_svg(leg: Any) -> str:
+    """Return a leg's first reachable pose with its foot path; a text if it reaches none."""
+    arcs = _solved_arcs(leg)
+    if not arcs:
+        return _View([np.zeros((1, 2))]).svg([], 'the leg reaches no crank angle')
+    return pose_svg(arcs[0][0], [_feet(poses) for poses in arcs])
+
+
+def path_svg(path: Any) -> str:
+    """Return a FootPath as SVG, with its stride and lift."""
+    starts = np.searchsorted(path.alphas, [start for start, _ in path.arcs])
+    lines = np.split(path.h, starts[1:])
+    lines = [np.vstack([*lines, path.h[:1]])] if path.full_turn else lines
+    view = _View(lines)
+    shapes = [_polyline(view.points(line), **{**_PATH, 'stroke': '#d1495b'}) for line in lines]
+    figures = f'stride {path.stride:.4g} m, lift {path.lift:.4g} m'
+    return view.svg([*shapes, _text(view.width / 2.0, 14.0, figures)], f'foot path: {figures}')
+
+
+def animation_svg(leg: Any, *, period: float = 4.0) -> str:
+    """
+    Return a turn of a leg as a moving SVG; over an arc it moves to and fro.
+
+    Parameters
+    ----------
+    leg : leg
+        The leg; its last pose is kept.
+    period : float
+        Time of a turn [s].
+
+    Raises
+    ------
+    ValueError
+        The leg reaches no crank angle, or `period` is not above 0.
+
+    """
+    if not period > 0.0:
+        raise ValueError(f'period = {period!r} is refused: it must be > 0')
+    arcs = _solved_arcs(leg)
+    if not arcs:
+        msg = 'the leg reaches no crank angle'
+        raise ValueError(msg)
+    start, end = leg.reachable_arcs()[0]
+    poses = arcs[0] if end - start >= TURN else [*arcs[0], *arcs[0][::-1]]
+    view = _View([_feet(poses), *(pose.points for pose in poses)])
+    shapes = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
+    frames = [[*_frame(PoseDrawing.of(pose), view)] for pose in poses]
+    for shape in zip(*frames, strict=True):
+        tag, still, *_ = shape[0]
+        moves = ''.join(
+            f'<animate attributeName="{name}" dur="{period:g}s" repeatCount="indefinite" '
+            f'values="{";".join(str(each[2][name]) for each in shape)}"/>'
+            for name in shape[0][2]
+        )
+        shapes.append(f'<{tag}{_attributes(still | shape[0][2])}>{moves}</{tag}>')
+    return view.svg(shapes, f'{leg.linkage.name or "linkage"}: a turn of the crank')
+
+
+class _View:
+    """Pixels of a plane: its lines fit into a picture, y upwards."""
+
+    def __init__(self, lines: Iterable[FloatArray]) -> None:
+        points = np.vstack([*lines])
+        points = points[np.isfinite(points).all(axis=1)]
+        self._low = points.min(axis=0)
+        span = np.maximum(np.ptp(points, axis=0), 1e-9)
+        self._scale = float(min((np.array(SIZE) - 2.0 * MARGIN) / span))
+        self.width, self.height = (2.0 * MARGIN + self._scale * side for side in span.tolist())
+
+    def points(self, points: FloatArray) -> list[tuple[float, float]]:
+        """Return points of the plane [m] in pixels."""
+        x, y = (MARGIN + self._scale * (points - self._low)).T
+        return [*zip(x.round(1).tolist(), (self.height - y).round(1).tolist(), strict=True)]
+
+    def svg(self, shapes: Iterable[str], label: str) -> str:
+        """Return the whole picture."""
+        width, height = round(self.width), round(self.height)
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+            f'viewBox="0 0 {width} {height}" role="img" aria-label={quoteattr(label)}>'
+            f'<rect width="100%" height="100%" fill="#fff"/>{"".join(shapes)}</svg>'
+        )
+
+
+def _solved_arcs(leg: Any) -> list[list[Any]]:
+    """Return poses along each reachable arc; the leg itself keeps its last pose."""
+    own = copy(leg)
+    own.reset()
+    arcs = []
+    for start, end in leg.reachable_arcs():
+        part = np.linspace(0.0, 1.0, SAMPLES + 1)
+        if end - start < TURN:
+            # Near its ends, the dead points, a path is fastest.
+            part = 0.5 - 0.5 * (1.0 - 1e-6) * np.cos(np.pi * part)
+        alphas = start + (end - start) * part
+        arcs.append([own.solve(alpha) for alpha in alphas.tolist()])
+    return arcs
+
+
+def _feet(poses: Sequence[Any]) -> FloatArray:
+    return np.array([tuple(pose.h) for pose in poses])
+
+
+def _pose_shapes(
+    drawn: PoseDrawing,
+    directions: Sequence[complex],
+    view: _View,
+    names: dict[tuple[str, str], str],
+) -> Iterator[str]:
+    lines = iter(directions)
+    for body in drawn.bodies:
+        if body.line:
+            guide = view.points(drawn.guide(body, next(lines)))
+            dashed = {'stroke': body.colour, 'stroke-dasharray': '6 4', 'fill': 'none'}
+            yield _polyline(guide, **dashed)
+    for tag, still, moving in _frame(drawn, view):
+        yield f'<{tag}{_attributes(still | moving)}/>'
+    for bar, name in names.items():
+        (x, y), (u, v) = view.points(drawn.at(bar))
+        yield _text((x + u) / 2.0 + 9.0, (y + v) / 2.0 - 7.0, name)
+    for name, (x, y) in zip(
+        drawn.points, view.points(np.array([*drawn.points.values()])), strict=True
+    ):
+        u, v = drawn.free_side(name)
+        yield _text(x + LETTER * u, y - LETTER * v, name)
+
+
+def _frame(drawn: PoseDrawing, view: _View) -> Iterator[_Shape]:
+    """Yield the shapes of a pose: the tag, its style, and the attributes that move."""
+    at = {name: view.points(point[None])[0] for name, point in drawn.points.items()}
+    for body in drawn.bodies:
+        if len(body.points) > 2:
+            corners = ' '.join(f'{x},{y}' for x, y in view.points(drawn.outline(body)))
+            yield 'polygon', {'fill': body.colour, 'opacity': '0.2'}, {'points': corners}
+        for start, end in body.bars:
+            (x1, y1), (x2, y2) = at[start], at[end]
+            style = {'stroke': body.colour, 'stroke-width': '5', 'stroke-linecap': 'round'}
+            yield 'line', style, {'x1': x1, 'y1': y1, 'x2': x2, 'y2': y2}
+        if body.line:
+            x, y = at[body.line[1]]
+            block: dict[str, Any] = {
+                'width': 18,
+                'height': 12,
+                'fill': '#fff',
+                'stroke': body.colour,
+            }
+            yield 'rect', block, {'x': x - 9.0, 'y': y - 6.0}
+    for name in drawn.pivots:
+        x, y = at[name]
+        base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
+        yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
+    for kind, names in drawn.joints.items():
+        radius, fill = (2.5, '#000') if kind == POINT else (JOINT, '#fff')
+        style: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
+        for x, y in (at[name] for name in names):
+            yield 'circle', style, {'cx': x, 'cy': y}
+
+
+def _polyline(points: Sequence[tuple[float, float]], **style: Any) -> str:
+    listed = ' '.join(f'{x},{y}' for x, y in points)
+    return f'<polyline{_attributes({"points": listed, **style})}/>'
+
+
+def _text(x: float, y: float, text: str) -> str:
+    style = {'text-anchor': 'middle', 'dominant-baseline': 'middle', 'font-size': '14'}
+    where = {'x': round(x, 1), 'y': round(y, 1), 'font-family': 'sans-serif', 'fill': '#000'}
+    return f'<text{_attributes(where | style)}>{escape(text)}</text>'
+
+
+def _attributes(attributes: dict[str, Any]) -> str:
+    return ''.join(f' {name}={quoteattr(str(value))}' for name, value in attributes.items())
