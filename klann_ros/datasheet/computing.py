@@ -15,6 +15,7 @@ from klann_ros.kinematics import (
     Linkage,
     linkage_poses,
     LinkageLeg,
+    Margin,
     PartialTurnError,
     reachable_arcs,
     Stance,
@@ -304,7 +305,8 @@ def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
 
 
 def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFigures, ...], str]:
-    known, reason = {}, ''
+    known: dict[str, Margin] = {}
+    reason = ''
     if not turns:
         reason = 'the crank does not turn fully'
     elif not linkage.is_dyadic and not margins:
