@@ -199,9 +199,9 @@ def _frame(drawn: PoseDrawing, view: _View) -> Iterator[_Shape]:
         yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
     for kind, names in drawn.joints.items():
         radius, fill = (2.5, '#000') if kind == POINT else (JOINT, '#fff')
-        style: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
+        dot: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
         for x, y in (at[name] for name in names):
-            yield 'circle', style, {'cx': x, 'cy': y}
+            yield 'circle', dot, {'cx': x, 'cy': y}
 
 
 def _polyline(points: Sequence[tuple[float, float]], **style: Any) -> str:

@@ -20,7 +20,7 @@ SVG = '{http://www.w3.org/2000/svg}'
 
 
 def shapes(svg: str, tag: str) -> list[dict[str, str]]:
-    return [element.attrib for element in ET.fromstring(svg).iter(SVG + tag)]  # noqa: S314 - our own
+    return [element.attrib for element in ET.fromstring(svg).iter(SVG + tag)]  # noqa: S314
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
