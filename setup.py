@@ -60,7 +60,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
-        f'{NAME}.exercises': ['texts.yaml', 'static/*'],
+        f'{NAME}.exercises': ['kinds.yaml', 'texts.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],

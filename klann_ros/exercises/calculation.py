@@ -61,7 +61,7 @@ ANSWER_MISTAKES: dict[str, dict[str, Callable[[float], float]]] = {
     'mm/s²': LENGTH,
     'rad/s': ANGLE_RATE,
     'rad/s²': ANGLE_RATE,
-    'N m': {
+    'N·m': {
         'clockwise:answer': lambda value: -value,
         'units:mm': lambda value: value * 1e3,
         'units:m': lambda value: value / 1e3,

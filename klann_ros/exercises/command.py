@@ -18,7 +18,7 @@ from .marking import Marked, statistics
 from .platforms import moodle, notebooks, prairielearn
 from .sheet import answer_text, key, sheets
 from .tables import mark_answers, read_students, save_marks, save_template
-from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, Variant
+from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
 ERROR_CODES = {**dict.fromkeys((ExerciseError, OSError), NOT_READ), PrintError: NOT_WRITTEN}
@@ -125,7 +125,7 @@ def _report(
 def _key(options: argparse.Namespace) -> int:
     variant = make_variant(known(options.kind, KINDS, 'kind'), options.student)
     for name, value in variant.givens.items():
-        unit = variant.kind.units.get(name, 'mm')
+        unit = unit_of(name)
         print(f'{name} = {value:g} {"" if unit == "1" else unit}'.rstrip())
     print()
     for step in variant.steps:

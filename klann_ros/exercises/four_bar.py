@@ -14,18 +14,12 @@ from klann_ros.kinematics import FourBar
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .calculation import Answer, Calculation, newton_mistakes
-from .klann import Givens, newton_key, newton_questions
-from .variant import Draw, Kind, Question
+from .calculation import Answer, Calculation
+from .klann import Givens, guesses, newton_key
+from .variant import Draw, kind_of
 
 LENGTHS = ('L_1', 'L_2', 'L_3', 'L_4')
-UNITS = {
-    **dict.fromkeys(('theta_2', 'theta_3_1', 'theta_4_1'), 'deg'),
-    'T_2': 'N m',
-    'omega_2': 'rad/s',
-}
 ANGLES = ('theta_3', 'theta_4')
-MOTIONS = ('crank-rocker', 'rocker-crank', 'double crank', 'double rocker', 'triple rocker')
 # A share of the linkages to classify are drawn as class III.
 CHANGE_POINT_SHARE = 0.2
 # The cosine at a dead point stays below this, so that a slip shows.
@@ -41,14 +35,6 @@ def four_bar_of(givens: Givens) -> FourBar:
 def leg_of(givens: Givens) -> tuple[Any, float]:
     """Return the four-bar and its crank angle, 60 deg where none is given."""
     return four_bar_of(givens), radians(givens.get('theta_2', 60.0))
-
-
-def crank_rocker(draw: Draw, *, angle: bool = True) -> dict[str, float]:
-    """Return lengths that mostly are a crank-rocker, in multiples of 5 mm, and a crank angle."""
-    lows = {'L_1': (150.0, 320.0), 'L_2': (40.0, 110.0), 'L_3': (150.0, 350.0)}
-    lengths = {name: draw.value(*limits, 5.0) for name, limits in lows.items()}
-    lengths['L_4'] = draw.value(120.0, 300.0, 5.0)
-    return {**lengths, 'theta_2': draw.value(20.0, 160.0)} if angle else lengths
 
 
 def _z(c: Calculation) -> float:
@@ -97,15 +83,6 @@ def _key_position(givens: Givens) -> Givens:
     return {'Z': pose.z, **{name: degrees(value) for name, value in angles.items()}}
 
 
-def _draw_newton(draw: Draw) -> dict[str, float]:
-    givens = crank_rocker(draw)
-    worked = POSITION.calculated(givens)
-    for name in ANGLES:
-        root = float(worked.answers[name]) if worked else 0.0
-        givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
-    return givens
-
-
 def _equations(c: Calculation, x: FloatArray) -> FloatArray:
     theta_3, theta_4 = x.tolist()
     l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
@@ -141,13 +118,11 @@ def _key_newton(givens: Givens) -> Givens:
     return newton_key(bar.newton(theta_2, guess), f, phi, ANGLES)
 
 
-def _draw_grashof(draw: Draw) -> dict[str, float]:
-    lengths = [draw.value(60.0, 400.0, 5.0) for _ in LENGTHS]
+def _make_change_points(draw: Draw, givens: dict[str, float]) -> None:
+    """Make some linkages class III: the longest link is p + q - s."""
     if draw.unit() < CHANGE_POINT_SHARE:
-        # Class III: the longest link is the sum of the middle ones less the shortest.
-        s, p, q, _ = sorted(lengths)
-        lengths[lengths.index(max(lengths))] = p + q - s
-    return dict(zip(LENGTHS, lengths, strict=True))
+        s, p, q, _ = sorted(givens.values())
+        givens[max(givens, key=lambda name: givens[name])] = p + q - s
 
 
 def _work_grashof(c: Calculation) -> None:
@@ -237,10 +212,6 @@ def _key_dead_points(givens: Givens) -> Givens:
     return found
 
 
-def _draw_dead_points(draw: Draw) -> dict[str, float]:
-    return {name: draw.value(100.0, 400.0, 5.0) for name in LENGTHS}
-
-
 def _work_transmission(c: Calculation) -> None:
     l_1, l_2, *_ = c.many(*LENGTHS)
     c.answer('mu', _transmission(c, _z(c)))
@@ -256,17 +227,13 @@ def _key_transmission(givens: Givens) -> Givens:
     return {name: degrees(value) for name, value in angles.items()}
 
 
-def _draw_advantage(draw: Draw) -> dict[str, float]:
-    return {**crank_rocker(draw), 'T_2': draw.value(5.0, 60.0)}
-
-
 def _work_advantage(c: Calculation) -> None:
     theta_3, theta_4 = analytic(c)
     _, l_2, _, l_4 = c.many(*LENGTHS)
     rule = 'T_4/T_2 = L_4 sin(θ_4 - θ_3) / (L_2 sin(θ_2 - θ_3))'
     ratio = l_4 * c.sin(theta_4 - theta_3) / (l_2 * c.sin(c['theta_2'] - theta_3))
     c.answer('MA', c.step('MA', ratio, '1', rule))
-    c.answer('T_4', ratio * c['T_2'], 'N m', 'T_4 = MA T_2')
+    c.answer('T_4', ratio * c['T_2'], 'N·m', 'T_4 = MA T_2')
 
 
 def _key_advantage(givens: Givens) -> Givens:
@@ -276,57 +243,13 @@ def _key_advantage(givens: Givens) -> Givens:
     return {**angles, 'MA': ratio, 'T_4': ratio * givens['T_2']}
 
 
-def _degrees(*names: str) -> tuple[Question, ...]:
-    return tuple(Question(name, 'deg') for name in names)
-
-
-def _kind(name: str, functions: tuple[Any, Any, Any], *questions: Question, **more: Any) -> Kind:
-    return Kind(name, *functions, questions, UNITS, leg_of, 'theta_2', **more)
-
-
-POSITION = _kind(
-    'four-bar-position',
-    (crank_rocker, _work_position, _key_position),
-    Question('Z', 'mm'),
-    *_degrees('beta', 'mu', 'alpha', 'theta_4', 'theta_3'),
-)
+POSITION = kind_of('four-bar-position', _work_position, _key_position, leg_of)
 KINDS = (
-    _kind(
-        'grashof',
-        (_draw_grashof, _work_grashof, _key_grashof),
-        Question('s_l', 'mm'),
-        Question('p_q', 'mm'),
-        Question('grashof', 'choice', ('I', 'II', 'III')),
-        Question('motion', 'choice', MOTIONS),
-    ),
+    kind_of('grashof', _work_grashof, _key_grashof, leg_of, _make_change_points),
     POSITION,
-    _kind(
-        'four-bar-newton',
-        (_draw_newton, _work_newton, _key_newton),
-        *newton_questions(ANGLES, 2),
-        mistakes=newton_mistakes(2),
-    ),
-    _kind(
-        'limits',
-        (lambda draw: crank_rocker(draw, angle=False), _work_limits, _key_limits),
-        *_degrees('theta_2_S', 'theta_4_S', 'theta_2_F', 'theta_4_F', 'swing'),
-        Question('Q', '1'),
-    ),
-    _kind(
-        'dead-points',
-        (_draw_dead_points, _work_dead_points, _key_dead_points),
-        *_degrees('theta_2_C', 'theta_4_C', 'theta_4_R', 'theta_2_R'),
-    ),
-    _kind(
-        'transmission',
-        (crank_rocker, _work_transmission, _key_transmission),
-        *_degrees('mu', 'mu_min', 'mu_max'),
-    ),
-    _kind(
-        'mechanical-advantage',
-        (_draw_advantage, _work_advantage, _key_advantage),
-        *_degrees('theta_4', 'theta_3'),
-        Question('MA', '1'),
-        Question('T_4', 'N m'),
-    ),
+    kind_of('four-bar-newton', _work_newton, _key_newton, leg_of, guesses(POSITION, ANGLES)),
+    kind_of('limits', _work_limits, _key_limits, leg_of),
+    kind_of('dead-points', _work_dead_points, _key_dead_points, leg_of),
+    kind_of('transmission', _work_transmission, _key_transmission, leg_of),
+    kind_of('mechanical-advantage', _work_advantage, _key_advantage, leg_of),
 )

@@ -7,7 +7,7 @@ R. Nicoletti, SEM 104 Mecanismos, lecture 7.
 
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import degrees, hypot, radians
 from typing import Any
 
@@ -15,48 +15,22 @@ from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .calculation import Calculation, newton_mistakes
-from .variant import Draw, Kind, Question
+from .calculation import Calculation
+from .variant import Draw, Kind, kind_of
 
 Givens = Mapping[str, float]
 MM = 1e3
-SEM104 = {
-    'L_AB': 120.0,
-    'L_BC': 350.0,
-    'L_DC': 140.0,
-    'L_CG': 360.0,
-    'L_EF': 270.0,
-    'L_FG': 360.0,
-    'L_GH': 430.0,
-    'x_D': 350.0,
-    'y_A': 90.0,
-    'x_E': 290.0,
-    'y_E': 230.0,
-}
+LENGTHS = (*('L_AB', 'L_BC', 'L_DC', 'L_CG', 'L_EF', 'L_FG', 'L_GH', 'x_D', 'y_A', 'x_E', 'y_E'),)
 ANGLES = ('gamma', 'beta', 'delta', 'theta')
-BENDS = {'angle_BCG': (8.0, 12.0), 'angle_FGH': (35.0, 45.0)}
-UNITS = {
-    **dict.fromkeys(('alpha', *BENDS, *(f'{name}_1' for name in ANGLES)), 'deg'),
-    'omega': 'rad/s',
-    'epsilon': 'rad/s²',
-    'F_x': 'N',
-    'F_y': 'N',
-}
+BENDS = ('angle_BCG', 'angle_FGH')
 # Crank angles of the table of the foot path, and of its printed rows [deg].
 PATH_STEP, PRINTED_STEP = 2, 30
 
 
 def _leg(givens: Givens) -> tuple[KlannLeg, float]:
-    lengths: dict[str, Any] = {name.lower(): givens[name] / MM for name in SEM104}
+    lengths: dict[str, Any] = {name.lower(): givens[name] / MM for name in LENGTHS}
     bends: dict[str, Any] = {name.lower(): radians(givens[name]) for name in BENDS}
     return KlannLeg(KlannGeometry(**lengths, **bends)), radians(givens.get('alpha', 60.0))
-
-
-def _drawn(draw: Draw, part: float = 0.06) -> dict[str, float]:
-    """Return a leg near SEM 104's in multiples of 5 mm, at a crank angle of whole degrees."""
-    lengths = {name: draw.near(value, part) for name, value in SEM104.items()}
-    bends = {name: draw.value(*limits) for name, limits in BENDS.items()}
-    return {**lengths, **bends, 'alpha': draw.value(5.0, 355.0)}
 
 
 def _equations(c: Calculation, x: FloatArray) -> FloatArray:
@@ -170,13 +144,16 @@ def _foot_velocity(c: Calculation, x: FloatArray, rates: FloatArray) -> FloatArr
 # The kinds: draw, work by the course's formulas, key by the library.
 
 
-def _draw_newton(draw: Draw) -> dict[str, float]:
-    givens = _drawn(draw)
-    worked = POSITION.calculated(givens)
-    for name in ANGLES:
-        root = float(worked.answers[name]) if worked else 0.0
-        givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
-    return givens
+def guesses(position: Kind, names: tuple[str, ...]) -> Callable[[Draw, dict[str, float]], None]:
+    """Return what adds a guess near the root to the givens, in multiples of 5 deg."""
+
+    def complete(draw: Draw, givens: dict[str, float]) -> None:
+        worked = position.calculated(givens)
+        for name in names:
+            root = float(worked.answers[name]) if worked else 0.0
+            givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
+
+    return complete
 
 
 def _work_newton(c: Calculation) -> None:
@@ -202,18 +179,6 @@ def _key_newton(givens: Givens) -> Givens:
     return newton_key(leg.newton(alpha, guess), f, phi, ANGLES)
 
 
-def newton_questions(names: tuple[str, ...], count: int) -> tuple[Question, ...]:
-    """Return f and Phi at the guess, the second iterate, the root and the iterations."""
-    return (
-        *(Question(f'f_{k}', 'mm') for k in range(1, count + 1)),
-        Question('Phi_12', 'mm'),
-        Question('Phi_21', 'mm'),
-        *(Question(f'{name}_2', 'deg') for name in names),
-        *(Question(name, 'deg') for name in names),
-        Question('iterations', 'count'),
-    )
-
-
 def _work_position(c: Calculation) -> None:
     h_x, h_y = _foot(c, _geometric(c))
     c.answer('x_H', h_x, 'mm', 'x_D + L_DC cos β + L_CG cos(γ - ∠BCG) + L_GH cos(θ + ∠FGH)')
@@ -225,10 +190,6 @@ def _key_position(givens: Givens) -> Givens:
     pose = leg.closed_form(alpha)
     angles = {name: degrees(getattr(pose, name)) for name in ANGLES}
     return {**angles, 'x_H': MM * pose.h[0], 'y_H': MM * pose.h[1]}
-
-
-def _draw_motion(draw: Draw) -> dict[str, float]:
-    return {**_drawn(draw), 'omega': draw.value(1.0, 10.0, 0.5)}
 
 
 def _work_velocity(c: Calculation) -> None:
@@ -245,10 +206,6 @@ def _key_velocity(givens: Givens) -> Givens:
     moving = leg.velocity(leg.closed_form(alpha), givens['omega'])
     rates = {f'omega_{name}': float(getattr(moving, name)) for name in ANGLES}
     return {**rates, 'v_Hx': MM * moving.h[0], 'v_Hy': MM * moving.h[1]}
-
-
-def _draw_acceleration(draw: Draw) -> dict[str, float]:
-    return {**_draw_motion(draw), 'epsilon': draw.value(1.0, 20.0)}
 
 
 def _work_acceleration(c: Calculation) -> None:
@@ -293,12 +250,6 @@ def _key_acceleration(givens: Givens) -> Givens:
     return {**rates, 'a_Hx': MM * changing.h[0], 'a_Hy': MM * changing.h[1]}
 
 
-def _draw_foot(draw: Draw) -> dict[str, float]:
-    givens = _drawn(draw, 0.04)
-    del givens['alpha']
-    return givens
-
-
 def _work_foot(c: Calculation) -> None:
     places = []
     for alpha in range(0, 360, PATH_STEP):
@@ -317,11 +268,6 @@ def _key_foot(givens: Givens) -> Givens:
     return {'stride': MM * path.stride, 'lift': MM * path.lift}
 
 
-def _draw_torque(draw: Draw) -> dict[str, float]:
-    forces = {'F_x': draw.value(-20.0, 20.0, 5.0), 'F_y': draw.value(40.0, 160.0, 5.0)}
-    return {**_drawn(draw), **forces}
-
-
 def _work_torque(c: Calculation) -> None:
     x = _geometric(c)
     rates = _rates(c, x, 1.0)
@@ -329,7 +275,7 @@ def _work_torque(c: Calculation) -> None:
     for name, value in zip('xy', by_alpha, strict=True):
         c.answer(f'h_{name}', value, 'mm', f'd{name}_H/dα')
     torque = -(c['F_x'] * by_alpha[0] + c['F_y'] * by_alpha[1]) / MM
-    c.answer('T', torque, 'N m', 'T dα + F · dH = 0')
+    c.answer('T', torque, 'N·m', 'T dα + F · dH = 0')
 
 
 def _key_torque(givens: Givens) -> Givens:
@@ -340,79 +286,12 @@ def _key_torque(givens: Givens) -> Givens:
     return {'h_x': MM * h_x, 'h_y': MM * h_y, 'T': torque}
 
 
-POSITION = Kind(
-    'klann-position',
-    _drawn,
-    _work_position,
-    _key_position,
-    (*(Question(name, 'deg') for name in ANGLES), Question('x_H', 'mm'), Question('y_H', 'mm')),
-    UNITS,
-    _leg,
-    'alpha',
-)
+POSITION = kind_of('klann-position', _work_position, _key_position, _leg)
 KINDS = (
-    Kind(
-        'newton',
-        _draw_newton,
-        _work_newton,
-        _key_newton,
-        newton_questions(ANGLES, 4),
-        UNITS,
-        _leg,
-        'alpha',
-        newton_mistakes(4),
-    ),
+    kind_of('newton', _work_newton, _key_newton, _leg, guesses(POSITION, ANGLES)),
     POSITION,
-    Kind(
-        'velocity',
-        _draw_motion,
-        _work_velocity,
-        _key_velocity,
-        (
-            *(Question(f'omega_{name}', 'rad/s') for name in ANGLES),
-            Question('v_Hx', 'mm/s'),
-            Question('v_Hy', 'mm/s'),
-        ),
-        UNITS,
-        _leg,
-        'alpha',
-        newton_mistakes(4),
-    ),
-    Kind(
-        'acceleration',
-        _draw_acceleration,
-        _work_acceleration,
-        _key_acceleration,
-        (
-            *(Question(f'epsilon_{name}', 'rad/s²') for name in ANGLES),
-            Question('a_Hx', 'mm/s²'),
-            Question('a_Hy', 'mm/s²'),
-        ),
-        UNITS,
-        _leg,
-        'alpha',
-        newton_mistakes(4),
-    ),
-    Kind(
-        'foot-path',
-        _draw_foot,
-        _work_foot,
-        _key_foot,
-        (Question('stride', 'mm'), Question('lift', 'mm')),
-        UNITS,
-        _leg,
-        digits=3,
-        agreement=1e-3,
-    ),
-    Kind(
-        'torque',
-        _draw_torque,
-        _work_torque,
-        _key_torque,
-        (Question('h_x', 'mm'), Question('h_y', 'mm'), Question('T', 'N m')),
-        UNITS,
-        _leg,
-        'alpha',
-        newton_mistakes(4),
-    ),
+    kind_of('velocity', _work_velocity, _key_velocity, _leg),
+    kind_of('acceleration', _work_acceleration, _key_acceleration, _leg),
+    kind_of('foot-path', _work_foot, _key_foot, _leg),
+    kind_of('torque', _work_torque, _key_torque, _leg),
 )

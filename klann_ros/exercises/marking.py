@@ -33,7 +33,7 @@ FACTORS: dict[str, dict[str, float]] = {
     'mm/s²': {'mm/s²': 1.0, 'mm/s2': 1.0, 'cm/s²': 10.0, 'm/s²': 1e3, 'm/s2': 1e3},
     'rad/s': {'rad/s': 1.0, 'deg/s': radians(1.0), '1/s': 1.0},
     'rad/s²': {'rad/s²': 1.0, 'rad/s2': 1.0, 'deg/s²': radians(1.0), 'deg/s2': radians(1.0)},
-    'N m': {'n m': 1.0, 'n·m': 1.0, 'n.m': 1.0, 'n mm': 1e-3, 'n·mm': 1e-3, 'n.mm': 1e-3},
+    'N·m': {'n m': 1.0, 'n·m': 1.0, 'n.m': 1.0, 'n mm': 1e-3, 'n·mm': 1e-3, 'n.mm': 1e-3},
 }
 
 

@@ -13,7 +13,7 @@ from klann_ros.web.parts import Parts
 import numpy as np
 
 from .calculation import Answer
-from .variant import label, Question, texts, Variant
+from .variant import label, Question, texts, unit_of, Variant
 
 PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
 GREEK = {
@@ -99,7 +99,7 @@ def problem(variant: Variant, language: str) -> Markup:
     rows = (
         element('tr', element('th', symbol(name)), element('td', with_unit(value, unit, language)))
         for name, value in variant.givens.items()
-        for unit in [variant.kind.units.get(name, 'mm')]
+        for unit in [unit_of(name)]
     )
     drawing = picture(variant)
     return joined(

@@ -16,9 +16,8 @@ import numpy as np
 
 from .calculation import Calculation
 from .klann import Givens
-from .variant import Draw, Kind, Question
+from .variant import kind_of
 
-UNITS = {'theta_2': 'deg', 'omega_2': 'rad/s'}
 SLIDER_CRANK = """
 name: Slider-crank
 units: {{length: mm, angle: deg}}
@@ -87,16 +86,6 @@ def _time_ratio(first: float, last: float) -> float:
     return max(forward, tau - forward) / min(forward, tau - forward)
 
 
-def _draw_slider(draw: Draw) -> dict[str, float]:
-    return {
-        'L_2': draw.value(30.0, 100.0, 2.0),
-        'L_3': draw.value(140.0, 400.0, 5.0),
-        'e': draw.value(10.0, 60.0, 2.0),
-        'theta_2': draw.value(15.0, 345.0),
-        'omega_2': draw.value(2.0, 40.0),
-    }
-
-
 def _work_slider(c: Calculation) -> None:
     r, l_3, e = c.many('L_2', 'L_3', 'e')
     sine = (e - r * c.sin(c['theta_2'])) / l_3
@@ -126,16 +115,6 @@ def _key_slider(givens: Givens) -> Givens:
         'v_C': 1e3 * float(leg.velocity(pose, givens['omega_2']).h[0]),
         'stroke': greatest - least,
         'Q': _time_ratio(first, last),
-    }
-
-
-def _draw_quick(draw: Draw) -> dict[str, float]:
-    return {
-        'd': draw.value(150.0, 300.0, 5.0),
-        'L_2': draw.value(40.0, 130.0, 2.0),
-        'L_4': draw.value(350.0, 700.0, 10.0),
-        'theta_2': draw.value(5.0, 355.0),
-        'omega_2': draw.value(2.0, 40.0),
     }
 
 
@@ -174,37 +153,6 @@ def _key_quick(givens: Givens) -> Givens:
 
 
 KINDS = (
-    Kind(
-        'slider-crank',
-        _draw_slider,
-        _work_slider,
-        _key_slider,
-        (
-            Question('phi', 'deg'),
-            Question('x_C', 'mm'),
-            Question('v_C', 'mm/s'),
-            Question('stroke', 'mm'),
-            Question('Q', '1'),
-        ),
-        UNITS,
-        _slider_crank,
-        'theta_2',
-    ),
-    Kind(
-        'quick-return',
-        _draw_quick,
-        _work_quick,
-        _key_quick,
-        (
-            Question('theta_4', 'deg'),
-            Question('s', 'mm'),
-            Question('omega_4', 'rad/s'),
-            Question('swing', 'deg'),
-            Question('stroke', 'mm'),
-            Question('Q', '1'),
-        ),
-        UNITS,
-        _quick_return,
-        'theta_2',
-    ),
+    kind_of('slider-crank', _work_slider, _key_slider, _slider_crank),
+    kind_of('quick-return', _work_quick, _key_quick, _quick_return),
 )

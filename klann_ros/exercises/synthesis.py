@@ -8,7 +8,6 @@ A. G. Erdman, G. N. Sandor, Mechanism Design; R. L. Norton, Design of Machinery.
 """
 
 from math import cos, radians, sin, sqrt
-from typing import Any
 
 from klann_ros.kinematics import FourBar, GeometryError
 from klann_ros.synthesis import (
@@ -25,36 +24,11 @@ from klann_ros.synthesis import (
 import numpy as np
 
 from .calculation import Calculation
-from .four_bar import analytic, crank_rocker, four_bar_of, leg_of, LENGTHS
+from .four_bar import analytic, four_bar_of, leg_of, LENGTHS
 from .klann import Givens
-from .variant import Draw, Kind, Question
+from .variant import kind_of
 
-FUNCTION_ANGLES = ('theta_2_0', 'theta_4_0', 'dtheta_2', 'dtheta_4')
-UNITS = {
-    **dict.fromkeys((*FUNCTION_ANGLES, 'theta_2', 'psi_2', 'psi_3', 'swing'), 'deg'),
-    **dict.fromkeys(('beta_2', 'beta_3'), 'deg'),
-    **dict.fromkeys(('n', 'x_0', 'x_4', 'Q'), '1'),
-    'omega_2': 'rad/s',
-}
 MAX_RATIO = 8.0
-
-
-def _no_leg(_givens: Givens) -> tuple[Any, float]:
-    """Return no drawing: it would show the answer."""
-    return None, 0.0
-
-
-def _draw_function(draw: Draw) -> dict[str, float]:
-    return {
-        'n': draw.value(1.2, 3.0, 0.1),
-        'x_0': 1.0,
-        'x_4': draw.value(2.0, 5.0, 0.5),
-        'theta_2_0': draw.value(20.0, 60.0),
-        'dtheta_2': draw.value(40.0, 90.0, 5.0),
-        'theta_4_0': draw.value(40.0, 80.0),
-        'dtheta_4': draw.value(40.0, 90.0, 5.0),
-        'L_1': draw.value(100.0, 400.0, 5.0),
-    }
 
 
 def _work_function(c: Calculation) -> None:
@@ -103,18 +77,6 @@ def _key_function(givens: Givens) -> Givens:
     return {**found, 'L_3': sqrt(square)}
 
 
-def _draw_poses(draw: Draw) -> dict[str, float]:
-    givens = {'x_P1': 0.0, 'y_P1': 0.0}
-    for k in (2, 3):
-        givens[f'x_P{k}'] = (k - 1) * draw.value(40.0, 120.0, 5.0)
-        givens[f'y_P{k}'] = draw.value(-60.0, 90.0, 5.0)
-        givens[f'psi_{k}'] = (k - 1) * draw.value(10.0, 35.0)
-    for name in 'AB':
-        givens[f'x_{name}'] = draw.value(-100.0, 100.0, 10.0)
-        givens[f'y_{name}'] = draw.value(-120.0, 60.0, 10.0)
-    return givens
-
-
 def _work_poses(c: Calculation) -> None:
     for pin, pivot in (('A', 'O2'), ('B', 'O4')):
         x, y = c.many(f'x_{pin}', f'y_{pin}')
@@ -155,16 +117,6 @@ def _key_poses(givens: Givens) -> Givens:
     return found
 
 
-def _draw_path(draw: Draw) -> dict[str, float]:
-    givens: dict[str, float] = {}
-    for k in (2, 3):
-        givens[f'x_P{k}'] = (k - 1) * draw.value(-90.0, -30.0, 5.0)
-        givens[f'y_P{k}'] = draw.value(-80.0, 80.0, 5.0)
-        givens[f'beta_{k}'] = (k - 1) * draw.value(20.0, 55.0, 5.0)
-        givens[f'psi_{k}'] = (k - 1) * draw.value(-25.0, 25.0, 1.0)
-    return givens
-
-
 def _work_path(c: Calculation) -> None:
     # w (e^(i beta) - 1) + z (e^(i psi) - 1) = P_k, real and imaginary parts, x = (w, z).
     rows, right = [], []
@@ -201,11 +153,6 @@ def _key_path(givens: Givens) -> Givens:
     return {**found, 'x_O2': pair.pivot.real, 'y_O2': pair.pivot.imag}
 
 
-def _draw_cognates(draw: Draw) -> dict[str, float]:
-    point = {'u': draw.value(30.0, 200.0, 5.0), 'v': draw.value(30.0, 150.0, 5.0)}
-    return {**crank_rocker(draw), **point}
-
-
 def _work_cognates(c: Calculation) -> None:
     l_3, u, v = c.many('L_3', 'u', 'v')
     # A triangle similar to that of the coupler stands on each bar.
@@ -226,10 +173,6 @@ def _key_cognates(givens: Givens) -> Givens:
         for k, length in enumerate(cognate.geometry.lengths, 1):
             found[f'{letter}_{k}'] = length
     return found
-
-
-def _draw_centres(draw: Draw) -> dict[str, float]:
-    return {**crank_rocker(draw), 'omega_2': draw.value(2.0, 30.0)}
 
 
 def _work_centres(c: Calculation) -> None:
@@ -260,15 +203,6 @@ def _key_centres(givens: Givens) -> Givens:
     return {**found, 'omega_4': float(moving.theta4)}
 
 
-def _draw_toggle(draw: Draw) -> dict[str, float]:
-    return {
-        'L_1': draw.value(200.0, 400.0, 2.0),
-        'L_2': draw.value(60.0, 180.0, 2.0),
-        'L_4': draw.value(40.0, 140.0, 2.0),
-        'theta_2': draw.value(20.0, 160.0),
-    }
-
-
 def _work_toggle(c: Calculation) -> None:
     l_1, l_2, l_4 = c.many('L_1', 'L_2', 'L_4')
     square = l_1**2 + l_2**2 - 2.0 * l_1 * l_2 * c.cos(c['theta_2'])
@@ -286,15 +220,6 @@ def _key_toggle(givens: Givens) -> Givens:
     lengths = {kind: length for length, kind in reversed(found)}
     z = (lengths['stretched'] + lengths['folded']) / 2.0
     return {'Z': z, 'L_3_S': lengths['stretched'], 'L_3_F': lengths['folded']}
-
-
-def _draw_return(draw: Draw) -> dict[str, float]:
-    return {
-        'Q': draw.value(1.1, 1.6, 0.01),
-        'swing': draw.value(30.0, 80.0),
-        'L_4': draw.value(120.0, 320.0, 5.0),
-        'L_2': draw.value(30.0, 130.0, 1.0),
-    }
 
 
 def _work_return(c: Calculation) -> None:
@@ -333,59 +258,12 @@ def _key_return(givens: Givens) -> Givens:
     raise GeometryError('no crank-rocker has these limits with O2 on the side of O4')
 
 
-def _millimetres(*names: str) -> tuple[Question, ...]:
-    return tuple(Question(name, 'mm') for name in names)
-
-
-def _kind(name: str, functions: tuple[Any, Any, Any], *questions: Question, leg: Any = _no_leg,
-          **more: Any) -> Kind:  # fmt: skip
-    return Kind(name, *functions, questions, UNITS, leg, **more)
-
-
 KINDS = (
-    _kind(
-        'function-generation',
-        (_draw_function, _work_function, _key_function),
-        *(Question(f'{name}_{k}', '1') for name in 'xK' for k in (1, 2, 3)),
-        *_millimetres('L_2', 'L_3', 'L_4'),
-        input_angle='theta_2_0',
-    ),
-    _kind(
-        'three-poses',
-        (_draw_poses, _work_poses, _key_poses),
-        *_millimetres('x_O2', 'y_O2', 'L_2', 'x_O4', 'y_O4', 'L_4'),
-        input_angle='psi_2',
-    ),
-    _kind(
-        'timed-path',
-        (_draw_path, _work_path, _key_path),
-        *_millimetres('L_2', 'x_A', 'y_A', 'x_O2', 'y_O2'),
-        input_angle='beta_2',
-    ),
-    _kind(
-        'cognates',
-        (_draw_cognates, _work_cognates, _key_cognates),
-        *_millimetres('a_1', 'a_2', 'a_3', 'a_4', 'b_1', 'b_2', 'b_3', 'b_4'),
-        leg=leg_of,
-    ),
-    _kind(
-        'instant-centres',
-        (_draw_centres, _work_centres, _key_centres),
-        *_millimetres('x_I13', 'y_I13', 'x_I24'),
-        Question('omega_4', 'rad/s'),
-        leg=leg_of,
-        input_angle='theta_2',
-    ),
-    _kind(
-        'toggle',
-        (_draw_toggle, _work_toggle, _key_toggle),
-        *_millimetres('Z', 'L_3_S', 'L_3_F'),
-        input_angle='theta_2',
-    ),
-    _kind(
-        'quick-return-design',
-        (_draw_return, _work_return, _key_return),
-        Question('delta', 'deg'),
-        *_millimetres('C', 'L_3', 'L_1'),
-    ),
+    kind_of('function-generation', _work_function, _key_function),
+    kind_of('three-poses', _work_poses, _key_poses),
+    kind_of('timed-path', _work_path, _key_path),
+    kind_of('cognates', _work_cognates, _key_cognates, leg_of),
+    kind_of('instant-centres', _work_centres, _key_centres, leg_of),
+    kind_of('toggle', _work_toggle, _key_toggle),
+    kind_of('quick-return-design', _work_return, _key_return),
 )

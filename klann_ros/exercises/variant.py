@@ -5,10 +5,11 @@ A variant depends on its kind and student alone. Its key is computed by the libr
 the course's formulas; a draw is accepted if both agree and the numbers are fit for a person.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import floor, isfinite, log10
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import KinematicsError
@@ -21,13 +22,14 @@ from .calculation import (
     ANSWER_MISTAKES,
     Calculation,
     CALCULATION_MISTAKES,
+    newton_mistakes,
     slip_of,
     Step,
     TURN_DEG,
 )
 
 LANGUAGES = ('en', 'pt')
-TEXTS_FILE = 'texts.yaml'
+KINDS_FILE, TEXTS_FILE = 'kinds.yaml', 'texts.yaml'
 # Longest student number [characters], and tries to draw a fit variant.
 MAX_STUDENT, MAX_DRAWS = 64, 5000
 # Significant digits asked for. Smaller answers count as this one: it has no sign worth asking.
@@ -72,11 +74,6 @@ class Draw:
         count = floor((high - low) / step + 1.5)
         return low + step * floor(self.unit() * count)
 
-    def near(self, value: float, part: float = 0.15, step: float = 5.0) -> float:
-        """Return a multiple of the step within a part of a value."""
-        steps = floor(part * abs(value) / step + 0.5)
-        return value + step * self.value(-steps, steps)
-
 
 class Question(NamedTuple):
     """
@@ -101,24 +98,22 @@ class Question(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Kind:
     """
-    A kind of exercise.
+    A kind of exercise; `kind_of` makes it with the numbers of kinds.yaml.
 
     Attributes
     ----------
     name : str
         Its name.
-    draw : callable
-        Givens from a Draw, in mm, deg, s and N.
     work : callable
         The course's formulas on a Calculation, which answers every question.
     key : callable
         The answers by the library, for givens.
+    leg : callable
+        Leg and its crank angle [rad] for the drawing, for givens; None shows the answer.
+    ranges : mapping of str to (float, float, float)
+        Lowest and highest number of each given, and the step between.
     questions : tuple of Question
         The questions.
-    units : mapping of str to str
-        Unit of each given; mm where none is named.
-    leg : callable
-        Leg and its crank angle [rad] for the drawing, for givens.
     input_angle : str
         The given angle to which mistakes of the input apply.
     mistakes : tuple of str
@@ -127,20 +122,29 @@ class Kind:
         Significant digits asked for.
     agreement : float
         Largest relative difference of key and formulas.
+    complete : callable or None
+        Changes drawn givens, such as adding a guess.
 
     """
 
     name: str
-    draw: Callable[[Draw], dict[str, float]]
     work: Callable[[Calculation], None]
     key: Callable[[Mapping[str, float]], Mapping[str, Answer]]
-    questions: tuple[Question, ...]
-    units: Mapping[str, str]
     leg: Callable[[Mapping[str, float]], tuple[Any, float]]
-    input_angle: str = ''
-    mistakes: tuple[str, ...] = ()
-    digits: int = DIGITS
-    agreement: float = AGREEMENT
+    ranges: Mapping[str, Sequence[float]]
+    questions: tuple[Question, ...]
+    input_angle: str
+    mistakes: tuple[str, ...]
+    digits: int
+    agreement: float
+    complete: Callable[[Draw, dict[str, float]], None] | None
+
+    def draw(self, draw: Draw) -> dict[str, float]:
+        """Return givens, in mm, deg, s and N."""
+        givens = {name: draw.value(*map(float, each)) for name, each in self.ranges.items()}
+        if self.complete:
+            self.complete(draw, givens)
+        return givens
 
     def calculated(self, givens: Mapping[str, float], mistake: str = '') -> Calculation | None:
         """Return the calculation with a mistake; None where it leads nowhere."""
@@ -151,6 +155,40 @@ class Kind:
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             return None
         return calculation
+
+
+def kind_of(
+    name: str,
+    work: Callable[[Calculation], None],
+    key: Callable[[Mapping[str, float]], Mapping[str, Answer]],
+    leg: Callable[[Mapping[str, float]], tuple[Any, float]] = lambda _: (None, 0.0),
+    complete: Callable[[Draw, dict[str, float]], None] | None = None,
+) -> Kind:
+    """Return a kind with its givens and questions of kinds.yaml."""
+    data = _data(KINDS_FILE)
+    own = data['kinds'][name]
+    ranges: dict[str, Sequence[float]] = {}
+    for part in own['given']:
+        ranges |= data['groups'][part] if isinstance(part, str) else part
+    questions = [
+        Question(quantity, unit, tuple(data['choices'].get(quantity, ())))
+        for unit, *quantities in map(str.split, own['asked'].split(', '))
+        for quantity in quantities
+    ]
+    unknowns = own.get('unknowns', 0)
+    return Kind(
+        name,
+        work,
+        key,
+        leg,
+        ranges,
+        tuple(questions),
+        own.get('input', ''),
+        newton_mistakes(unknowns),
+        own.get('digits', DIGITS),
+        own.get('agreement', AGREEMENT),
+        complete,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +272,7 @@ class Variant:
             'student': self.student,
             'texts': words['kinds'][self.kind.name],
             'givens': [
-                {'name': name, 'value': value, 'unit': self.kind.units.get(name, 'mm')}
+                {'name': name, 'value': value, 'unit': unit_of(name)}
                 for name, value in self.givens.items()
             ],
             'crank_angle': angle,
@@ -337,12 +375,21 @@ def _is_finite(answer: Answer) -> bool:
 
 
 @lru_cache
+def _data(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = parse_file(Path(__file__).with_name(name))
+    return found
+
+
 def texts() -> dict[str, Any]:
     """Return the texts of the exercises, by subject and language."""
-    from pathlib import Path  # noqa: PLC0415
+    return _data(TEXTS_FILE)
 
-    found: dict[str, Any] = parse_file(Path(__file__).with_name(TEXTS_FILE))
-    return found
+
+@lru_cache
+def unit_of(given: str) -> str:
+    """Return the unit of a given; mm unless kinds.yaml has another."""
+    units: dict[str, str] = _data(KINDS_FILE)['units']
+    return next((unit for unit, names in units.items() if given in names.split()), 'mm')
 
 
 def label(question: Question, language: str) -> str:
