@@ -12,6 +12,7 @@ from domain import own_domain
 from geometry_msgs.msg import Twist
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
+from klann_ros.log.run_parameters import PAUSE_RECORD, recorded_pause
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
@@ -70,6 +71,9 @@ class Scene:
         # Somebody drives half a second of every two.
         if time.monotonic() % 2.0 < 0.5:
             self._commands.publish(Twist())
+        # Other nodes may log nothing while they are recorded.
+        if time.monotonic() % 1.0 < 0.2:
+            self.ros.probe.node.get_logger().info('driving')
 
     def turn(self) -> Process:
         return self.ros.start('crank_node', rate=100.0, min_subscribers=4)
@@ -173,9 +177,14 @@ def test_a_bag_of_all_topics_by_rosbag2_has_no_fault(
 ) -> None:
     with open_log(seen['folder'] / 'all') as log:
         messages = [m for m in log.messages() if m.log_time < seen['end']]
+        stalls = map(recorded_pause, log.metadata[PAUSE_RECORD])
+        stalled = sum(s.end - s.begin for s in stalls if s.begin < seen['end']) / 1e9
+    # A bag has no record of the stalls of its recorder, which a loaded machine causes.
+    gap_time, latency = (limit + stalled for limit in (LIMITS.gap_time, LIMITS.latency))
+    limits = replace(LIMITS, gap_time=gap_time, latency=latency)
     if with_sim_time:
         messages = [*by_clock(messages)]
-    review = review_run(write_jazzy_bag(tmp_path / 'bag.mcap', messages), limits=LIMITS)
+    review = review_run(write_jazzy_bag(tmp_path / 'bag.mcap', messages), limits=limits)
     assert faults(review) == []
     assert len(review.legs) >= 4
     names = {topic.name for topic in review.topics}
