@@ -1,17 +1,14 @@
 """Logs of other recorders and in other shapes are read completely."""
 
 import random
-import shutil
 
 from crank_runs import make_messages, NO_INDEX, write_mcap
-from klann_ros.log.bag_metadata import ROOT_KEY
 from klann_ros.log.reader import open_log
 from mcap.writer import CompressionType, IndexType, Writer
 import pytest
 from rosbags import rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_typestore, Stores
-import yaml
 
 SHAPES = {
     'zstd': {'compression': CompressionType.ZSTD},
@@ -83,68 +80,3 @@ def test_a_bag_that_rosbags_wrote_is_read(tmp_path) -> None:
         found = list(log.messages())
     assert [(item.log_time, item.data) for item in found] == [(n, data) for n in range(20)]
     assert found[0].topic.type == name
-
-
-@pytest.fixture
-def split_run(tmp_path):
-    """Write a run in eleven files, as rosbag2 splits it, whose names sort wrongly as text."""
-    messages = make_messages(220)
-    folder = tmp_path / 'split'
-    folder.mkdir()
-    names = [f'split_{n}.mcap' for n in range(11)]
-    for n, name in enumerate(names):
-        start = 20 * n
-        write_mcap(folder / name, [messages[slice(start, start + 20)]])
-    metadata = {'rosbag2_bagfile_information': {'version': 9, 'relative_file_paths': names}}
-    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
-    return folder, messages
-
-
-@pytest.mark.parametrize('with_metadata', [True, False])
-def test_a_split_run_plays_through(split_run, with_metadata) -> None:
-    folder, messages = split_run
-    if not with_metadata:
-        (folder / 'metadata.yaml').unlink()
-    with open_log(folder) as log:
-        assert log.complete, log.problem
-        assert [path.name for path in log.paths] == [f'split_{n}.mcap' for n in range(11)]
-        assert list(log.messages()) == messages
-        assert len(log.topics) == 1
-
-
-def test_a_missing_file_of_a_split_run_is_reported(split_run) -> None:
-    folder, messages = split_run
-    (folder / 'split_3.mcap').unlink()
-    with open_log(folder) as log:
-        assert not log.complete
-        assert 'split_3.mcap is missing' in log.problem
-        assert list(log.messages()) == messages[:60] + messages[80:]
-
-
-def test_an_empty_file_of_a_split_run_is_reported_and_the_others_are_read(split_run) -> None:
-    folder, messages = split_run
-    (folder / 'split_10.mcap').write_bytes(b'')
-    with open_log(folder) as log:
-        assert 'split_10.mcap is not a readable log: the file is empty' in log.problem
-        assert list(log.messages()) == messages[:200]
-
-
-@pytest.mark.parametrize(
-    'content', ['}{', '[]', '', '1', f'{ROOT_KEY}: 3', f'{ROOT_KEY}: {{compression_mode: flie}}']
-)
-def test_a_damaged_metadata_yaml_is_reported_and_the_files_are_read(split_run, content) -> None:
-    folder, messages = split_run
-    (folder / 'metadata.yaml').write_text(content)
-    with open_log(folder) as log:
-        assert 'metadata.yaml is damaged' in log.problem
-        assert list(log.messages()) == messages
-
-
-def test_metadata_yaml_cannot_lead_out_of_the_folder(split_run, tmp_path) -> None:
-    folder, _ = split_run
-    shutil.copy(folder / 'split_0.mcap', tmp_path / 'other.mcap')
-    metadata = {'rosbag2_bagfile_information': {'relative_file_paths': ['../other.mcap']}}
-    (folder / 'metadata.yaml').write_text(yaml.safe_dump(metadata))
-    with open_log(folder) as log:
-        assert 'other.mcap is missing' in log.problem
-        assert all(path.parent == folder for path in log.paths)

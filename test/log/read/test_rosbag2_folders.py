@@ -84,10 +84,14 @@ def packed(messages, tmp_path):
     return bag, whole
 
 
-def test_what_ros2_bag_play_left_unpacked_is_no_second_file(packed) -> None:
+@pytest.mark.parametrize('kept', [True, False])
+def test_a_file_that_was_unpacked_is_no_second_file(packed, kept) -> None:
+    """`ros2 bag play` leaves the unpacked file beside the packed one."""
     bag, whole = packed
     wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole)
+    if not kept:
+        (bag / 'x.mcap.zstd').unlink()
     assert read_messages(bag) == wanted
     with open_log(bag) as log:
         assert [path.name for path in log.paths] == ['x.mcap']
@@ -98,14 +102,6 @@ def test_what_was_unpacked_in_part_only_is_read_packed(part, packed) -> None:
     bag, whole = packed
     wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole[:part])
-    assert read_messages(bag) == wanted
-
-
-def test_a_file_that_was_unpacked_since_is_found(packed) -> None:
-    bag, whole = packed
-    wanted = read_messages(bag)
-    (bag / 'x.mcap').write_bytes(whole)
-    (bag / 'x.mcap.zstd').unlink()
     assert read_messages(bag) == wanted
 
 
