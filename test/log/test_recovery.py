@@ -1,7 +1,7 @@
 """Recovery: all that is intact comes back as it was, and the rest is reported."""
 
+import errno
 import hashlib
-import os
 from pathlib import Path
 import signal
 import subprocess
@@ -23,6 +23,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import default_output, main
 import pytest
 from rosbags.highlevel import AnyReader
+from run_faults import disk_error
 
 ROOT = Path(__file__).parents[2]
 
@@ -198,20 +199,6 @@ def test_what_is_no_log_is_exit_code_2_and_one_line(tmp_path, capsys, content) -
     assert not (tmp_path / 'again').exists()
 
 
-def test_an_existing_output_is_refused(run_file, tmp_path, capsys) -> None:
-    (tmp_path / 'again').mkdir()
-    assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 1
-    assert 'exists already' in capsys.readouterr().err
-    assert [*(tmp_path / 'again').iterdir()] == []
-
-
-def test_an_output_inside_the_log_is_refused(run_file, capsys) -> None:
-    before = digest(run_file.parent)
-    assert main([str(run_file.parent), '-o', str(run_file.parent / 'again')]) == 1
-    assert 'not to be changed' in capsys.readouterr().err
-    assert digest(run_file.parent) == before
-
-
 def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, capsys) -> None:
     assert default_output(run_file) == run_file.parent / 'walk_0_recovered'
     assert default_output(run_file.parent) == tmp_path / 'walk_recovered'
@@ -221,29 +208,32 @@ def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, c
     assert 'written: ' in capsys.readouterr().out
 
 
-def test_an_interrupt_leaves_neither_traceback_nor_output(
-    run_file, tmp_path, monkeypatch, capsys
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
+# The output, a function of the writer with a fault in its place, the exit code and the reason.
+FAILURES = {
+    'existing output': ('existing', '', None, 1, 'exists already'),
+    'output inside': ('walk/again', '', None, 1, 'not to be changed'),
+    'interrupt': ('again', 'writer.RunWriter.write', interrupt, 130, 'nothing was written'),
+    'full disk': ('again', 'durable_file._sync', disk_error(errno.ENOSPC), 1, 'No space left'),
+}
+
+
+@pytest.mark.parametrize('kind', FAILURES)
+def test_a_recovery_that_fails_leaves_no_half_run(
+    run_file, tmp_path, monkeypatch, capsys, kind
 ) -> None:
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr('klann_ros.log.write.writer.RunWriter.write', interrupt)
-    assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 130
-    assert 'Traceback' not in capsys.readouterr().err
-    assert not (tmp_path / 'again').exists()
-
-
-def test_a_full_disk_is_exit_code_1_and_leaves_no_half_run(
-    run_file, tmp_path, monkeypatch, capsys
-) -> None:
-    write = os.write
-
-    def fill(descriptor, data):
-        if len(data) > 5000:
-            raise OSError(28, 'No space left on device')
-        return write(descriptor, data)
-
-    monkeypatch.setattr('klann_ros.log.write.durable_file.os.write', fill)
-    assert main([str(run_file), '-o', str(tmp_path / 'again')]) == 1
-    assert 'No space left' in capsys.readouterr().err
-    assert not (tmp_path / 'again').exists()
+    output, place, fault, code, reason = FAILURES[kind]
+    (tmp_path / 'existing').mkdir()
+    before = digest(run_file.parent)
+    if fault is not None:
+        monkeypatch.setattr(f'klann_ros.log.write.{place}', fault)
+    assert main([str(run_file.parent), '-o', str(tmp_path / output)]) == code
+    out, err = capsys.readouterr()
+    assert (out, err.count('\n')) == ('', 1)
+    assert reason in err
+    assert digest(run_file.parent) == before
+    assert not list(tmp_path.rglob('*again*'))
+    assert not [*(tmp_path / 'existing').iterdir()]

@@ -41,32 +41,26 @@ THINGS = {
     'loop': lambda path: path.symlink_to(path),
     'link to nothing': lambda path: path.symlink_to('nothing'),
 }
+NO_FOLDER = 'it is no folder, so no run can be made in it|Too many levels of symbolic links'
 
 
-@pytest.mark.parametrize('kind', THINGS)
-def test_what_exists_is_not_overwritten(tmp_path, kind) -> None:
-    path = tmp_path / 'run'
-    THINGS[kind](path)
-    before = path.lstat()
-    with pytest.raises(RunExistsError, match='exists already, not overwriting'):
-        RunWriter(path)
-    assert path.lstat() == before
-    assert [*tmp_path.rglob('*')] == [path]
-
-
-@pytest.mark.parametrize('kind', sorted({*THINGS} - {'folder'}))
-def test_what_is_no_folder_has_no_run_in_it(tmp_path, kind) -> None:
-    THINGS[kind](tmp_path / 'thing')
-    reason = 'it is no folder, so no run can be made in it|Too many levels of symbolic links'
-    with pytest.raises(OSError, match=reason):
-        RunWriter(tmp_path / 'thing' / 'deep' / 'run')
-    assert len([*tmp_path.rglob('*')]) == 1
-
-
-def test_a_name_that_is_too_long_for_the_files_leaves_nothing(tmp_path) -> None:
-    with pytest.raises(OSError, match='File name too long'):
-        RunWriter(tmp_path / ('x' * 250))
-    assert not [*tmp_path.iterdir()]
+@pytest.mark.parametrize(
+    ('kind', 'run', 'error', 'reason'),
+    [
+        *((kind, 'x', RunExistsError, 'exists already, not overwriting') for kind in THINGS),
+        *((kind, 'x/deep/run', OSError, NO_FOLDER) for kind in THINGS if kind != 'folder'),
+        ('file', 'x' * 250, OSError, 'File name too long'),
+    ],
+)
+def test_a_path_that_cannot_be_a_run_is_refused_and_left_as_it_is(
+    tmp_path, kind, run, error, reason
+) -> None:
+    THINGS[kind](tmp_path / 'x')
+    before = (tmp_path / 'x').lstat()
+    with pytest.raises(error, match=reason):
+        RunWriter(tmp_path / run)
+    assert (tmp_path / 'x').lstat() == before
+    assert [*tmp_path.rglob('*')] == [tmp_path / 'x']
 
 
 def test_an_unknown_compression_is_refused_before_anything_is_made(tmp_path) -> None:
