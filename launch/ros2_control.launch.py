@@ -62,7 +62,8 @@ def generate_launch_description() -> LaunchDescription:
         executable='ros2_control_node',
         output='screen',
         parameters=[control],
-        remappings=[('~/robot_description', DESCRIPTION)],
+        # Jazzy listens to the first, Humble to the second.
+        remappings=[('robot_description', DESCRIPTION), ('~/robot_description', DESCRIPTION)],
     )
     spawner = Node(
         package='controller_manager',

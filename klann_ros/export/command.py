@@ -9,7 +9,7 @@ from typing import BinaryIO
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, UsageError
-from klann_ros.sanitize.outputs import outputs
+from klann_ros.sanitize.outputs import check_new_folder, outputs, save_folder
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
@@ -17,6 +17,7 @@ from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .layers import layers
 from .plates import plates, slot_conflict
+from .ros2_control import ros2_control_files
 from .urdf import urdf
 
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
@@ -26,6 +27,7 @@ WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
 SLIDER_LENGTH = 0.1
 FORMATS = ('mjcf', 'urdf', 'svg', 'dxf', 'assembly')
 PLATES = ('svg', 'dxf', 'assembly')
+ROS2_CONTROL = '--ros2-control'
 DESCRIPTION = """\
 Write a leg or a walker for MuJoCo, ROS or a laser cutter; several formats at once.
 
@@ -45,16 +47,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    if all(getattr(options, name) is None for name in FORMATS):
-        names = ', '.join(f'--{name}' for name in FORMATS)
+    if all(getattr(options, name) is None for name in (*FORMATS, 'ros2_control')):
+        names = ', '.join([*(f'--{name}' for name in FORMATS), ROS2_CONTROL])
         raise UsageError(f'no output is given; one of {names} is needed')
     robot = robot_of(options.file)
     files = outputs(options, FORMATS, [options.file], refuse_yaml=True)
+    folder = options.ros2_control
+    if folder is not None:
+        check_new_folder(ROS2_CONTROL, folder, [options.file])
     # All contents before the first file is written: an error leaves no partial set.
     contents = _contents(robot, options)
+    control = ros2_control_files(options.file, robot) if folder is not None else {}
     for output in files:
         output.save(partial(_write, contents[output.option]))
         print(f'written: {output.option} {printable(output.path)}')
+    if folder is not None:
+        save_folder(ROS2_CONTROL, folder, control)
+        print(f'written: {ROS2_CONTROL} {printable(folder)}: {", ".join(control)}')
     return 0
 
 
@@ -150,6 +159,8 @@ def _parser() -> ArgumentParser:
     add('file', metavar='FILE', type=path, help='a leg, a walker or a linkage')
     add('--mjcf', metavar='OUT.xml', help='a model of MuJoCo, with its masses')
     add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
+    control = 'a new folder: the walker in MuJoCo or on hardware, by ros2_control'
+    add(ROS2_CONTROL, metavar='FOLDER', type=path, help=control)
     mark = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
     add('--joint-separator', choices=SEPARATORS, default='_', help=mark)
     add('--svg', metavar='OUT.svg', help='the plates, in mm')

@@ -121,7 +121,7 @@ def robot_from_parameters(
         They define no valid robot.
 
     """
-    flat = dict(_flat(parameters))
+    flat = dict(flat_parameters(parameters))
     names = _names(flat.get('legs', ()))
     legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
     return Robot('robot', legs, _body(flat) if weigh else None)
@@ -138,11 +138,12 @@ def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {**parameters, **own}
 
 
-def _flat(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
+def flat_parameters(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
+    """Return nested parameters under their names with dots."""
     found = []
     for name, value in parameters.items():
         if isinstance(value, Mapping):
-            found += _flat(value, f'{prefix}{name}.')
+            found += flat_parameters(value, f'{prefix}{name}.')
         else:
             found.append((f'{prefix}{name}', value))
     return found

@@ -14,6 +14,7 @@ from math import isfinite
 import os
 from pathlib import Path
 import secrets
+import shutil
 import stat
 from typing import Any, BinaryIO
 
@@ -146,6 +147,27 @@ def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> No
     for given in filter(None, inputs):
         if is_within(path, given):
             raise OutputError(f'{what}: it is inside {printable(given)}, which is only read')
+
+
+def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
+    """Write a new folder of files, whole or not at all; an OutputError gives the reason."""
+    place = Path(path)
+    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
+    try:
+        beside.mkdir()
+        try:
+            for name, content in contents.items():
+                (beside / name).write_bytes(content)
+            # An empty folder made meanwhile would be replaced.
+            check_new_folder(option, path, ())
+            beside.rename(place)
+        except BaseException:
+            shutil.rmtree(beside, ignore_errors=True)
+            raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        what = f'{option} {printable(path)} cannot be written'
+        raise OutputError(f'{what}: {printable(reason)}') from error
 
 
 def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:

@@ -124,7 +124,7 @@ class _Model:
         if not (isfinite(time_step) and time_step >= 0.0):
             raise ValueError(f'time_step = {time_step!r} s is refused: it must be > 0')
         self._accuracy = accuracy._replace(time_step=time_step or accuracy.time_step)
-        starts = {joint: _start(robot.on_joint(joint), crank) for joint in robot.crank_joints}
+        starts = {joint: start_angle(robot.on_joint(joint), crank) for joint in robot.crank_joints}
         self._legs = [
             LegModel(leg, robot.dynamics(leg), starts[leg.crank_joint]) for leg in robot.legs
         ]
@@ -224,7 +224,7 @@ class _Model:
         SubElement(actuator, 'velocity', name=name, joint=name, kv=number(gain))
 
 
-def _start(legs: Sequence[RobotLeg], crank: float | None) -> float:
+def start_angle(legs: Sequence[RobotLeg], crank: float | None = None) -> float:
     """Return a joint angle that closes all of its legs."""
     if crank is not None:
         return crank
@@ -251,11 +251,11 @@ def _body(robot: Robot) -> WalkerBody:
 
 
 def _imu(base: Element, sensor: Element) -> None:
-    """Put an IMU into the body."""
+    """Put an IMU into the body, with the names that mujoco_ros2_control looks for."""
     SubElement(base, 'site', name='imu', size='0.01')
-    SubElement(sensor, 'framequat', name='orientation', objtype='site', objname='imu')
-    SubElement(sensor, 'gyro', name='angular_velocity', site='imu')
-    SubElement(sensor, 'accelerometer', name='linear_acceleration', site='imu')
+    SubElement(sensor, 'framequat', name='imu_quat', objtype='site', objname='imu')
+    SubElement(sensor, 'gyro', name='imu_gyro', site='imu')
+    SubElement(sensor, 'accelerometer', name='imu_accel', site='imu')
 
 
 def _triple(values: Sequence[float]) -> str:

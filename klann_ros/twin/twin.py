@@ -112,7 +112,7 @@ class Twin:
         self._rates = self._model.jnt_dofadr[ids]
         if self.is_free:
             # Gyro and accelerometer, one after the other.
-            first = int(self._model.sensor('angular_velocity').adr[0])
+            first = int(self._model.sensor('imu_gyro').adr[0])
             self._imu_data = slice(first, first + 6)
         self._gain = 1.0 - exp(-motors.bandwidth * self._model.opt.timestep)
         self.reset()

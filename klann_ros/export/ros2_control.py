@@ -1,0 +1,295 @@
+"""
+The files that put a walker under ros2_control, in MuJoCo or on its hardware.
+
+`mujoco_ros2_control/MujocoSystemInterface` loads the MJCF and drives its velocity actuators, named
+as their joints. Other joints are passive to it; its sensor `imu` is the MJCF's `imu_quat`,
+`imu_gyro` and `imu_accel`, and the free joint of `base_link` gives the ground truth. A position
+without initial value starts at 0, whatever the MJCF says. On hardware, a plugin of standard topics
+takes the place of the simulator; controllers and walker_node are the same.
+"""
+
+from typing import Any
+from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
+
+from klann_ros.robot import Robot
+from klann_ros.robot.file import flat_parameters, solver_section
+from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.yaml_text import dump, parse_file
+from klann_ros.twin import robot_mjcf
+from klann_ros.twin.mjcf import start_angle
+
+from .urdf import urdf, URDF_HEADER
+
+MODEL, ROBOT, SIMULATED, HARDWARE, CONTROLLERS, WALKER, LAUNCH = (
+    'robot.xml',
+    'robot.urdf',
+    'cranks.urdf',
+    'cranks_hardware.urdf',
+    'ros2_control.yaml',
+    'walker.yaml',
+    'ros2_control.launch.py',
+)
+"""Names of the files: the launch file finds the others beside it."""
+
+# Limits of a crank in the URDF [rad/s], [N m]; walker_node has limits of its own.
+MAX_CRANK_RATE, MAX_CRANK_TORQUE = 3.0, 100.0
+UPDATE_RATE = 100
+IMU_INTERFACES = tuple(
+    f'{kind}.{axis}'
+    for kind, axes in (
+        ('orientation', 'xyzw'),
+        ('angular_velocity', 'xyz'),
+        ('linear_acceleration', 'xyz'),
+    )
+    for axis in axes
+)
+_SIMULATOR = 'mujoco_ros2_control/MujocoSystemInterface'
+_TOPICS = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
+# Of each plugin; a comment stands before its parameter.
+_PARAMETERS: dict[str, dict[str, tuple[str, str]]] = {
+    _SIMULATOR: {
+        'mujoco_model': (MODEL, 'The launch file puts its folder before this name.'),
+        'headless': ('true', ''),
+        'odom_free_joint_name': ('base_link', ''),
+        'odom_topic': ('ground_truth', ''),
+    },
+    _TOPICS: {
+        'joint_commands_topic': ('crank_command', ''),
+        'joint_states_topic': ('crank_state', ''),
+        'trigger_joint_command_threshold': (
+            '-1',
+            'It compares positions, which are not commanded here: always send.',
+        ),
+        'enable_command_limiting': ('true', 'An interface without it may send zeros.'),
+    },
+}
+_YAML_HEAD = """\
+# The cranks of {name} with standard controllers of ros2_control (Jazzy).
+# Made by klann_ros; the order of the joints is that of the walker's file, as in walker_node.
+"""
+
+
+def ros2_control_files(file: str, robot: Robot) -> dict[str, bytes]:
+    """
+    Return the files of a walker under ros2_control, by their names.
+
+    Parameters
+    ----------
+    file : str
+        The parameter file of the robot.
+    robot : Robot
+        The robot, with masses.
+
+    Raises
+    ------
+    ValueError
+        The robot is no walker, or has no masses.
+
+    """
+    if not robot.is_walker:
+        raise ValueError(f'{printable(file)} is refused: --ros2-control needs a walker')
+    made = {
+        MODEL: robot_mjcf(robot),
+        ROBOT: urdf(robot),
+        SIMULATED: cranks_urdf(robot, simulated=True),
+        HARDWARE: cranks_urdf(robot, simulated=False),
+        CONTROLLERS: controllers(robot, has_imu=True),
+        WALKER: _walker(file, robot),
+        LAUNCH: _LAUNCH,
+    }
+    return {name: text.encode() for name, text in made.items()}
+
+
+def controllers(robot: Robot, *, has_imu: bool) -> str:
+    """Return the parameters of controller_manager, its controllers, and walker_node for them."""
+    joints = [*robot.crank_joints]
+    types = {
+        'joint_state_broadcaster': 'joint_state_broadcaster/JointStateBroadcaster',
+        'crank_velocity_controller': 'velocity_controllers/JointGroupVelocityController',
+    }
+    settings: dict[str, dict[str, Any]] = {
+        # On its own topic: solver_node publishes joint_states of the legs.
+        'joint_state_broadcaster': {
+            'use_local_topics': True,
+            'joints': joints,
+            'interfaces': ['position', 'velocity'],
+        },
+        'crank_velocity_controller': {'joints': [*joints]},
+        'walker_node': {'command_type': 'velocities'},
+    }
+    if has_imu:
+        types['imu_sensor_broadcaster'] = 'imu_sensor_broadcaster/IMUSensorBroadcaster'
+        settings['imu_sensor_broadcaster'] = {'sensor_name': 'imu', 'frame_id': 'base_link'}
+    manager = {
+        'update_rate': UPDATE_RATE,
+        **{name: {'type': kind} for name, kind in types.items()},
+    }
+    sections = {'controller_manager': manager, **settings}
+    text = dump({name: {'ros__parameters': values} for name, values in sections.items()})
+    return f'{_YAML_HEAD.format(name=printable(robot.name))}{text}\n'
+
+
+def cranks_urdf(robot: Robot, *, simulated: bool) -> str:
+    """Return the cranks of a robot as URDF for controller_manager, with their plugin."""
+    root = Element('robot', name='cranks')
+    root.append(Comment(f' The cranks of {_comment(robot.name)}: for controller_manager only. '))
+    SubElement(root, 'link', name='cranks')
+    for joint in robot.crank_joints:
+        SubElement(root, 'link', name=f'{joint}_axle')
+        element = SubElement(root, 'joint', name=joint, type='continuous')
+        SubElement(element, 'parent', link='cranks')
+        SubElement(element, 'child', link=f'{joint}_axle')
+        SubElement(element, 'axis', xyz='0 -1 0')
+        limits = {'effort': f'{MAX_CRANK_TORQUE:g}', 'velocity': f'{MAX_CRANK_RATE:g}'}
+        SubElement(element, 'limit', limits)
+    control = SubElement(root, 'ros2_control', name='cranks', type='system')
+    plugin = _SIMULATOR if simulated else _TOPICS
+    hardware = SubElement(control, 'hardware')
+    SubElement(hardware, 'plugin').text = plugin
+    for name, (value, comment) in _PARAMETERS[plugin].items():
+        if comment:
+            hardware.append(Comment(f' {comment} '))
+        SubElement(hardware, 'param', name=name).text = value
+    for joint in robot.crank_joints:
+        element = SubElement(control, 'joint', name=joint)
+        command = SubElement(element, 'command_interface', name='velocity')
+        for name, limit in (('min', -MAX_CRANK_RATE), ('max', MAX_CRANK_RATE)):
+            SubElement(command, 'param', name=name).text = f'{limit:g}'
+        position = SubElement(element, 'state_interface', name='position')
+        if simulated:
+            start = repr(start_angle(robot.on_joint(joint)))
+            SubElement(position, 'param', name='initial_value').text = start
+        SubElement(element, 'state_interface', name='velocity')
+    if simulated:
+        sensor = SubElement(control, 'sensor', name='imu')
+        SubElement(sensor, 'param', name='mujoco_type').text = 'imu'
+        SubElement(sensor, 'param', name='mujoco_sensor_name').text = 'imu'
+        for name in IMU_INTERFACES:
+            SubElement(sensor, 'state_interface', name=name)
+    indent(root)
+    return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
+
+
+def _comment(text: str) -> str:
+    """Return a text that may stand in a comment of XML."""
+    return printable(text).replace('-', '_')
+
+
+def _walker(file: str, robot: Robot) -> str:
+    """Return the parameters of a robot's file, with the text of its linkages for their files."""
+    parameters = dict(flat_parameters(solver_section(parse_file(file))))
+    given = {k: v for k, v in parameters.items() if k.rpartition('.')[2] != 'linkage'}
+    texts = {
+        f'{leg.prefix}linkage_description'.replace('/', '.'): leg.description
+        for leg in robot.legs
+        if leg.description
+    }
+    return dump({'/**': {'ros__parameters': {**given, **texts}}}) + '\n'
+
+
+_LAUNCH = """\
+\"\"\"
+A walker under ros2_control: in MuJoCo, or with hardware:=true on topics of its motor drivers.
+
+    ros2 launch ros2_control.launch.py
+    ros2 topic pub -r 10 cmd_vel geometry_msgs/msg/TwistStamped '{twist: {linear: {x: 0.1}}}'
+
+Made by klann_ros: its other files stand beside it, and may be moved with it.
+\"\"\"
+
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+HERE = Path(__file__).resolve().parent
+CONTROLLERS, WALKER = str(HERE / 'ros2_control.yaml'), str(HERE / 'walker.yaml')
+CRANKS = 'crank_description'
+FLAG = ['true', 'false']
+
+
+def description(name: str, text: str, sim: dict, remappings: list) -> Node:
+    \"\"\"Return the publisher of a robot description.\"\"\"
+    return Node(
+        package='robot_state_publisher',
+        executable='robot_state_publisher',
+        name=name,
+        # Without a type the URDF would be read as YAML.
+        parameters=[{'robot_description': ParameterValue(text, value_type=str)}, sim],
+        remappings=remappings,
+    )
+
+
+def nodes(context: LaunchContext) -> list:
+    \"\"\"Return the nodes: those of ros2_control, and those of klann_ros.\"\"\"
+    given = context.launch_configurations
+    real = given['hardware'] == 'true'
+    urdf = (HERE / ('cranks_hardware.urdf' if real else 'cranks.urdf')).read_text(encoding='utf-8')
+    urdf = urdf.replace('>robot.xml<', f'>{HERE / "robot.xml"}<')
+    urdf = urdf.replace('"headless">true<', f'"headless">{given["headless"]}<')
+    sim = {'use_sim_time': not real}
+    controllers = ['joint_state_broadcaster', 'crank_velocity_controller']
+    imu = [] if real else ['imu_sensor_broadcaster']
+    states = ('crank_state', 'joint_state_broadcaster/joint_states')
+    return [
+        # On topics of its own: no other node may take the cranks for the robot.
+        description(
+            'crank_description_publisher',
+            urdf,
+            sim,
+            [('robot_description', CRANKS), ('joint_states', 'crank_joints')],
+        ),
+        description(
+            'robot_state_publisher',
+            (HERE / 'robot.urdf').read_text(encoding='utf-8'),
+            sim,
+            [],
+        ),
+        Node(
+            package='controller_manager' if real else 'mujoco_ros2_control',
+            executable='ros2_control_node',
+            output='screen',
+            parameters=[CONTROLLERS, sim],
+            # Jazzy listens to the first, Humble to the second.
+            remappings=[('robot_description', CRANKS), ('~/robot_description', CRANKS)],
+        ),
+        Node(
+            package='controller_manager',
+            executable='spawner',
+            arguments=[*controllers, *imu, '--controller-manager', 'controller_manager'],
+        ),
+        Node(
+            package='klann_ros',
+            executable='solver_node',
+            name='solver_node',
+            output='screen',
+            parameters=[WALKER, {'joint_separator': '_'}, sim],
+            remappings=[states],
+        ),
+        Node(
+            package='klann_ros',
+            executable='walker_node',
+            name='walker_node',
+            output='screen',
+            parameters=[WALKER, CONTROLLERS, {'use_imu': True}, sim],
+            remappings=[
+                states,
+                ('crank_command', 'crank_velocity_controller/commands'),
+                *([] if real else [('imu', 'imu_sensor_broadcaster/imu')]),
+            ],
+        ),
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    \"\"\"Describe the arguments and the nodes.\"\"\"
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('hardware', default_value='false', choices=FLAG),
+            DeclareLaunchArgument('headless', default_value='true', choices=FLAG),
+            OpaqueFunction(function=nodes),
+        ]
+    )
+"""

@@ -1,0 +1,177 @@
+"""What mujoco_ros2_control's plugin, ros2_control and launch ask of the exported files."""
+
+import ast
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from klann_ros.export.command import main
+from klann_ros.export.ros2_control import controllers, cranks_urdf, UPDATE_RATE
+from klann_ros.robot import robot_of
+from klann_ros.twin import Twin
+from launch_api import NAMES
+import mujoco
+import pytest
+import yaml
+import yourdfpy
+
+ROOT = Path(__file__).resolve().parents[2]
+FREE, HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
+WALKERS = ('walker6', 'walker6_two_motors', 'walker_jansen')
+# By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
+KNOWN = yaml.safe_load((Path(__file__).parent / 'controller_parameters.yaml').read_text())
+
+
+@pytest.fixture(scope='module', params=WALKERS)
+def exported(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """Return a robot's file, and the exported folder."""
+    file = str(ROOT / 'config' / f'{request.param}.yaml')
+    folder = tmp_path_factory.mktemp(request.param) / 'control'
+    assert main([file, '--ros2-control', str(folder)]) == 0
+    return file, folder
+
+
+def control(folder: Path, name: str = 'cranks.urdf') -> Any:
+    return ET.parse(folder / name).getroot().find('ros2_control')  # noqa: S314 - our own
+
+
+def parameter(element: Any, name: str) -> str:
+    (found,) = (each.text for each in element.iter('param') if each.get('name') == name)
+    return str(found)
+
+
+def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str, Path]) -> None:
+    file, folder = exported
+    model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
+    data = mujoco.MjData(model)
+    cranks = [*robot_of(file).crank_joints]
+    for n in range(model.njnt):
+        joint = model.joint(n)
+        assert joint.name
+        assert int(joint.type[0]) in (FREE, HINGE)
+    assert [model.actuator(n).name for n in range(model.nu)] == cranks
+    element = control(folder)
+    for joint in element.iter('joint'):
+        actuator = model.actuator(joint.get('name'))
+        assert model.actuator(actuator.id).trntype[0] == int(mujoco.mjtTrn.mjTRN_JOINT)
+        assert model.joint(actuator.trnid[0]).name == joint.get('name')
+        # By these the plugin takes it for a velocity actuator.
+        assert actuator.biastype[0] == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        assert (actuator.biasprm[1], actuator.biasprm[2] != 0.0) == (0.0, True)
+        # It puts the joint there, whatever the model says.
+        at = model.joint(joint.get('name')).qposadr[0]
+        assert float(parameter(joint, 'initial_value')) == data.qpos[at]
+    assert {joint.get('name') for joint in element.iter('joint')} == {*cranks}
+    free = model.joint(parameter(element.find('hardware'), 'odom_free_joint_name'))
+    assert int(free.type[0]) == FREE
+    assert model.body(free.bodyid[0]).name == 'base_link'
+    imu = parameter(element.find('sensor'), 'mujoco_sensor_name')
+    assert [model.sensor(f'{imu}_{end}').dim[0] for end in ('quat', 'gyro', 'accel')] == [4, 3, 3]
+    assert model.opt.timestep <= 1.0 / UPDATE_RATE
+    assert parameter(element.find('hardware'), 'mujoco_model') == 'robot.xml'
+
+
+def test_the_model_is_that_of_sim_node_and_starts_closed(exported: tuple[str, Path]) -> None:
+    file, folder = exported
+    model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
+    data = mujoco.MjData(model)
+    twin = Twin(robot_of(file))
+    assert {joint: state.position for joint, state in twin.cranks().items()} == {
+        joint: data.qpos[model.joint(joint).qposadr[0]] for joint in twin.joints
+    }
+    mujoco.mj_forward(model, data)
+    assert abs(data.efc_pos[: data.ne]).max() < 1e-9
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    assert abs(data.qpos[:2]).max() < 0.01
+
+
+def test_the_urdfs_are_whole_and_differ_in_the_plugin(exported: tuple[str, Path]) -> None:
+    file, folder = exported
+    for name in ('robot.urdf', 'cranks.urdf', 'cranks_hardware.urdf'):
+        model = yourdfpy.URDF.load(str(folder / name), load_meshes=False)
+        assert model.validate()
+    joints = yourdfpy.URDF.load(str(folder / 'cranks.urdf'), load_meshes=False).joint_map
+    plugins = []
+    for name in ('cranks.urdf', 'cranks_hardware.urdf'):
+        element = control(folder, name)
+        plugins.append(element.find('hardware/plugin').text)
+        for joint in element.iter('joint'):
+            # ros2_control refuses a fixed one, and one that the URDF has not.
+            assert joints[joint.get('name')].type == 'continuous'
+            interfaces = [each.get('name') for each in joint if each.tag != 'param']
+            assert interfaces == ['velocity', 'position', 'velocity']
+    assert plugins == [
+        'mujoco_ros2_control/MujocoSystemInterface',
+        'joint_state_topic_hardware_interface/JointStateTopicSystem',
+    ]
+    names = [each.get('name') for each in control(folder).find('sensor').iter('state_interface')]
+    assert names == KNOWN['imu_interfaces']
+    assert robot_of(str(folder / 'walker.yaml')).legs == tuple(
+        leg.__class__(**{**leg.__dict__, 'linkage_file': ''}) for leg in robot_of(file).legs
+    )
+
+
+def test_every_parameter_is_one_of_the_controllers(exported: tuple[str, Path]) -> None:
+    file, folder = exported
+    content = yaml.safe_load((folder / 'ros2_control.yaml').read_text(encoding='utf-8'))
+    manager = content.pop('controller_manager')['ros__parameters']
+    assert manager.pop('update_rate') == UPDATE_RATE
+    kinds = {name: given['type'] for name, given in manager.items()}
+    assert content.pop('walker_node') == {'ros__parameters': {'command_type': 'velocities'}}
+    assert kinds.keys() == content.keys()
+    for name, kind in kinds.items():
+        given, known = content[name]['ros__parameters'], KNOWN['controllers'][kind]
+        assert given.keys() <= known.keys()
+        for key, value in given.items():
+            assert type(value).__name__ == known[key]
+    joints = [*robot_of(file).crank_joints]
+    assert content['crank_velocity_controller']['ros__parameters']['joints'] == joints
+
+
+def test_the_shipped_files_are_those_of_the_generator() -> None:
+    robot = robot_of(str(ROOT / 'config' / 'walker6_two_motors.yaml'))
+    shipped = (ROOT / 'config' / 'ros2_control.yaml').read_text(encoding='utf-8')
+    assert shipped == controllers(robot, has_imu=False)
+    shipped = (ROOT / 'urdf' / 'cranks.urdf').read_text(encoding='utf-8')
+    assert shipped == cranks_urdf(robot, simulated=False)
+
+
+def test_the_launch_file_names_what_is_there(exported: tuple[str, Path]) -> None:
+    _, folder = exported
+    text = (folder / 'ros2_control.launch.py').read_text(encoding='utf-8')
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module != 'pathlib':
+            assert {alias.name for alias in node.names} <= NAMES[node.module].keys()
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            for names in NAMES.values():
+                if node.func.id in names:
+                    assert {word.arg for word in node.keywords} <= names[node.func.id]
+    named = {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and str(node.value).endswith(('.yaml', '.urdf', '.xml'))
+    }
+    assert named == {path.name for path in folder.iterdir()} - {'ros2_control.launch.py'}
+
+
+@pytest.mark.parametrize(
+    ('name', 'reason'), [('sem104', 'needs a walker'), ('missing.yaml', 'cannot be read')]
+)
+def test_what_is_no_walker_is_refused(
+    name: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([name, '--ros2-control', str(tmp_path / 'out')]) == 2
+    assert reason in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
+def test_no_folder_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(ROOT / 'config' / 'walker6.yaml')
+    (tmp_path / 'link').symlink_to(tmp_path / 'nowhere')
+    for output in (tmp_path, tmp_path / 'link', tmp_path / 'no' / 'folder'):
+        assert main([file, '--ros2-control', str(output)]) == 3
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith('export: --ros2-control ')
+    assert [path.name for path in tmp_path.iterdir()] == ['link']
