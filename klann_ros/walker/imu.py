@@ -257,11 +257,13 @@ class StandstillCalibration:
     ----------
     gyro_noise : float
         Density of the gyro's noise [rad/s/sqrt(Hz)].
+    creep : float
+        Standard deviation of the yaw rate at standstill [rad/s].
 
     """
 
-    def __init__(self, gyro_noise: float) -> None:
-        self._gyro_noise = gyro_noise
+    def __init__(self, gyro_noise: float, creep: float) -> None:
+        self._gyro_noise, self._creep = gyro_noise, creep
         self._rested, self._required = 0.0, MIN_CALIBRATION_TIME
         # Mean specific force less gravity at standstill [m/s^2].
         self._mean: Triple = (0.0, 0.0, 0.0)
@@ -340,11 +342,14 @@ class StandstillCalibration:
         return (after * self._turned / self._time - before * mean) / added, 1.0 / added
 
     def _information(self, heading_variance: float) -> float:
-        """Return the information on the mean rate since the standstill began."""
-        white = self._gyro_noise**2
-        if not heading_variance:
-            return self._time / white
-        return self._time**2 / (2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0))
+        """Return the information on the bias: noise, and feet that creep at standstill."""
+        white, time = self._gyro_noise**2, self._time
+        if not time:
+            return 0.0
+        noise = white / time
+        if heading_variance:
+            noise = 2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0) / time**2
+        return 1.0 / (noise + self._creep**2)
 
     def _average(self, change: Triple, span: float) -> None:
         self._rested += span

@@ -81,15 +81,16 @@ STICTION_SPEED = 0.002
 LONGEST_STEP, MAX_STEPS = 0.05, 500
 # After a longer step, or one of an unknown time, the velocity is unknown [s].
 MAX_STEP_TIME = 0.1
-# Time constants of the filters of crank angles and rates [s], and the gate of the angles [rad].
-ENCODER_FILTER_TIME, RATE_FILTER_TIME, ENCODER_GATE = 0.3, 0.05, 0.1
+# Time constant of the complementary filter of crank angles and rates [s], and its gate [rad].
+ENCODER_FILTER_TIME, ENCODER_GATE = 0.3, 0.1
 # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
 # between the feet, the slope, and the mean innovation [s].
 TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
-# Mean innovation that rejects the accelerometer, as a part of the largest friction.
-INNOVATION_GATE = 0.25
+# Mean innovation that rejects the accelerometer, as a part of the largest friction; and its root
+# mean square where the contact model holds, beyond which the errors of the model grow with it.
+INNOVATION_GATE, USUAL_INNOVATION = 0.3, 0.03
 # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
-SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.35
+SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.2
 # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant as a
 # part of it, as in benchmarks/odometry.py. The pose averages it.
 ROCKING_ERROR = 0.4
@@ -114,6 +115,8 @@ class OdometryNoise:
         Before the first standstill [m/s^2], [rad/s].
     accelerometer_drift, gyro_drift : float
         Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
+    standstill_yaw_rate : float
+        Of the yaw at standstill, as feet creep on soft ground [rad/s].
     heading_error : float
         Of an IMU's yaw whose message gives no covariance [rad].
     advance_error : float
@@ -128,14 +131,15 @@ class OdometryNoise:
     """
 
     friction: float = 0.6
-    accelerometer_noise: float = 0.01
+    accelerometer_noise: float = 0.005
     gyro_noise: float = 5e-4
     accelerometer_bias: float = 0.3
     gyro_bias: float = 0.005
-    accelerometer_drift: float = 0.005
+    accelerometer_drift: float = 0.003
     gyro_drift: float = 2e-5
+    standstill_yaw_rate: float = 0.001
     heading_error: float = 0.005
-    advance_error: float = 0.015
+    advance_error: float = 0.01
     slip_error: float = 0.11
     slip_yaw_error: float = 0.085
     contact_error: float = 0.5
@@ -205,7 +209,9 @@ class Odometry:
         self.noise = noise or OdometryNoise()
         self._feet = feet
         self.support: Support | None = None
-        self.calibration = StandstillCalibration(self.noise.gyro_noise)
+        self.calibration = StandstillCalibration(
+            self.noise.gyro_noise, self.noise.standstill_yaw_rate
+        )
         self.travelled = self.slid = 0.0
         self._imu = ImuPreintegration()
         self._heading_variance = 0.0
@@ -234,6 +240,8 @@ class Odometry:
         # Of the centre of mass above the ground [m].
         self._height = 0.0
         self._scale = 1.0
+        # Mean square of the innovation.
+        self._innovation_square = 0.0
         self._pose: StancePose | None = None
         # Of the errors from the last update to the next.
         self._transition = self._identity.copy()
@@ -330,17 +338,16 @@ class Odometry:
         seconds: float,
     ) -> list[float]:
         """Return the angles without most noise of the encoders, which would be slip of feet."""
-        if not 0.0 < seconds < MAX_STEP_TIME or not self._rates:
-            self._rates = list(rates)
-        share = 1.0 - exp(-seconds / RATE_FILTER_TIME)
-        self._rates = [r + share * (new - r) for r, new in zip(self._rates, rates, strict=True)]
-        both = zip(before, self._rates, cranks, strict=True)
+        last, self._rates = self._rates or list(rates), list(rates)
+        if not 0.0 < seconds < MAX_STEP_TIME:
+            return list(cranks)
+        mean = [(a + b) / 2.0 for a, b in zip(last, rates, strict=True)]
+        both = zip(before, mean, cranks, strict=True)
         away = [was + rate * seconds - is_ for was, rate, is_ in both]
-        if 0.0 < seconds < MAX_STEP_TIME and max(map(abs, away)) < ENCODER_GATE:
-            share = exp(-seconds / ENCODER_FILTER_TIME)
-            return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
-        self._rates = list(rates)
-        return list(cranks)
+        if max(map(abs, away)) >= ENCODER_GATE:
+            return list(cranks)
+        share = exp(-seconds / ENCODER_FILTER_TIME)
+        return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
 
     def _calibrate(
         self,
@@ -384,10 +391,11 @@ class Odometry:
     def _follow(self, angles: Sequence[float], taken: ImuIncrement | None, dt: float) -> None:
         """Predict and update over a step to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
-        # On a slope the weight acts further downhill.
+        # The feet that carry it are around the zero-moment point (M. Vukobratovic, 1972).
         (gx, gy), (cx, cy, cz) = self._slope, centre
+        ax, ay = self._acceleration if self._push else (0.0, 0.0)
         leans = self._height / GRAVITY
-        weight = cx + leans * gx, cy + leans * gy, cz
+        weight = cx + leans * (gx - ax), cy + leans * (gy - ay), cz
         self.support = support(feet, weight, self.support and self.support.triple)
         before = self._pose
         if self.support is None:
@@ -540,6 +548,8 @@ class Odometry:
             fx, fy = (inverse_prior @ by[:size]).tolist()
             share = 1.0 - exp(-dt / INNOVATION_TIME)
             self._innovation = low_pass(self._innovation, (fx / weight, fy / weight), share)
+            square = self.innovation**2 - self._innovation_square
+            self._innovation_square += dt / SLOPE_TIME * square
             if self.innovation > INNOVATION_GATE:
                 self._reject_accelerometer()
         self._step = found._replace(slid=found.slid / weight)
@@ -570,6 +580,10 @@ class Odometry:
         scale = 1.0
         if yaw_rate is not None:
             scale = SLIP_SCALE_WITH_ACCEL if has_accelerometer else SLIP_SCALE_WITH_GYRO
+        # Adaptive errors: what the accelerometer contradicts is worse by as much (R. K. Mehra,
+        # Approaches to adaptive filtering, IEEE Transactions on Automatic Control 17, 1972).
+        doubt = max(1.0, sqrt(self._innovation_square) / USUAL_INNOVATION)
+        scale *= doubt
         ex = ey = ew = 0.0
         if standing:
             ex, ey, ew = least_squares(standing, yaw_rate)
@@ -578,8 +592,8 @@ class Odometry:
         f = self._identity.copy()
         f[0, 2:6] = -dy, c * dt, -s * dt, -dy * dt / 2.0
         f[1, 2:6] = dx, s * dt, c * dt, dx * dt / 2.0
-        f[0, 9:14] = dx, c * slip, -s * slip, 0.0, c * ex - s * ey
-        f[1, 9:14] = dy, s * slip, c * slip, 0.0, s * ex + c * ey
+        f[0, 9:14] = doubt * dx, c * slip, -s * slip, 0.0, c * ex - s * ey
+        f[1, 9:14] = doubt * dy, s * slip, c * slip, 0.0, s * ex + c * ey
         f[2, 5] = dt
         if yaw_rate is None:
             f[2, 12], f[2, 13] = slip / self._feet.reach, ew

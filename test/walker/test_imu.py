@@ -12,6 +12,7 @@ import pytest
 
 Triple = tuple[float, float, float]
 PERIOD = 0.01
+CREEP = 1e-4
 AT_REST = (0.0, 0.0, GRAVITY)
 STANDS = ((0.0, 0.0), (0.0, 0.0))
 
@@ -119,7 +120,7 @@ def rest(calibration: StandstillCalibration, seconds: float, force: Triple = AT_
 
 
 def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
-    calibration = StandstillCalibration(1e-3)
+    calibration = StandstillCalibration(1e-3, CREEP)
     rest(calibration, 0.49)
     assert calibration.state == 'unknown until it rests'
     assert not calibration.is_usable
@@ -131,13 +132,13 @@ def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
     'force', [(0.0, 0.0, 1.0), (0.0, 0.0, -GRAVITY), (0.0, 0.0, 0.0), (GRAVITY, 0.0, 0.0)]
 )
 def test_other_units_and_axes_are_rejected(force: Triple) -> None:
-    calibration = StandstillCalibration(1e-3)
+    calibration = StandstillCalibration(1e-3, CREEP)
     rest(calibration, 1.0, force)
     assert calibration.state == 'not believed'
 
 
 def test_a_rejected_accelerometer_has_to_rest_for_twice_as_long() -> None:
-    calibration = StandstillCalibration(1e-3)
+    calibration = StandstillCalibration(1e-3, CREEP)
     rest(calibration, 0.6)
     for seconds in (1.0, 2.0, 4.0):
         calibration.reject()
@@ -151,7 +152,7 @@ def test_a_rejected_accelerometer_has_to_rest_for_twice_as_long() -> None:
 @pytest.mark.parametrize('variance', [0.0, 1e-6])
 def test_the_drift_of_the_heading_is_measured_by_all_of_the_standstill(variance: float) -> None:
     # The measurements are weighted as independent ones, and together are the mean rate.
-    calibration, rng = StandstillCalibration(1e-3), np.random.default_rng(1)
+    calibration, rng = StandstillCalibration(1e-3, CREEP), np.random.default_rng(1)
     turns = 3e-5 + 1e-5 * rng.standard_normal(200)
     whole = information = 0.0
     for turn in turns:
@@ -161,12 +162,12 @@ def test_the_drift_of_the_heading_is_measured_by_all_of_the_standstill(variance:
         if measured[1]:
             whole, information = whole + measured[0] / measured[1], information + 1 / measured[1]
     assert whole / information == pytest.approx(turns[50:].mean() / PERIOD, rel=0.02)
-    expected = 1.5 / 1e-6 if not variance else 1.5**2 / 2.0 / (1e-6 + 1e-6 / 4.0)
-    assert information == pytest.approx(expected, rel=0.02)
+    noise = 1e-6 / 1.5 if not variance else 2.0 / 1.5**2 * (1e-6 + 1e-6 / 4.0)
+    assert information == pytest.approx(1.0 / (noise + CREEP**2), rel=0.02)
 
 
 def test_cranks_that_creep_do_not_stand_still() -> None:
-    calibration = StandstillCalibration(1e-3)
+    calibration = StandstillCalibration(1e-3, CREEP)
     taken = ImuIncrement(0.0, None, None, 0.0, 0.0)
     found = [
         calibration.update(taken, (5e-4 * k, 0.0), (0.05, 0.0), PERIOD, 0.0) for k in range(200)

@@ -116,6 +116,7 @@ ODOMETRY = (
             ('gyro_bias', 'before standstill, standard deviation [rad/s]', 1e-9, 1.0),
             ('accelerometer_drift', 'random walk of the bias [m/s^2/sqrt(s)]', 0.0, 1.0),
             ('gyro_drift', 'random walk of the bias [rad/s/sqrt(s)]', 0.0, 1.0),
+            ('standstill_yaw_rate', 'of feet that creep at standstill [rad/s]', 0.0, 1.0),
             ('heading_error', 'standard deviation of a yaw without covariance [rad]', 0.0, 3.2),
             ('advance_error', 'relative error of the advance', 0.0, 10.0),
             ('slip_error', 'error relative to the slip of the feet', 0.0, 10.0),
