@@ -10,31 +10,23 @@ from klann_ros.review.reviewing import review_run
 import pytest
 
 
-def test_renamed_joint_states_are_poses_all_the_same(healthy, make_run) -> None:
+def test_renamed_joint_states_and_crank_states_are_read_all_the_same(healthy, make_run) -> None:
     healthy.poses = replace(healthy.poses, name='/leg_states')
-    healthy.answers[7].pose[1] += 1e-3
-    assert checks(review_run(make_run(healthy))) == ['closure']
-
-
-def test_a_renamed_crank_state_is_an_input_all_the_same(healthy, make_run) -> None:
     healthy.crank = replace(healthy.poses, name='/motor')
+    healthy.answers[7].pose[1] += 1e-3
     healthy.ask(7)
-    assert checks(review_run(make_run(healthy))) == ['answers']
+    assert checks(review_run(make_run(healthy))) == ['closure', 'answers']
 
 
-def test_points_of_another_name_are_not_the_foot(healthy, make_run) -> None:
+def test_points_and_numbers_of_other_names_are_neither_foot_nor_crank(healthy, make_run) -> None:
     healthy.feet = replace(healthy.feet, name='/clicked_point')
     healthy.change(7, foot=(9.0, 9.0))
-    review = review_run(make_run(healthy))
-    assert checks(review) == []
-    assert len(review.legs[0].recording.feet) == 0
-
-
-def test_numbers_of_another_name_are_not_the_crank(healthy, make_run) -> None:
     time = healthy.answers[7].stamp + 1000
     other = replace(healthy.crank, name='/battery')
     healthy.messages = [Message(other, struct.pack('<4sd', b'\0\1\0\0', 7.0), time, time, 0)]
-    assert checks(review_run(make_run(healthy))) == []
+    review = review_run(make_run(healthy))
+    assert checks(review) == []
+    assert len(review.legs[0].recording.feet) == 0
 
 
 @pytest.fixture

@@ -89,28 +89,18 @@ def test_a_missing_value_is_an_empty_field(healthy, make_run, table, without) ->
     assert found[['residual [m]', 'angle_error [rad]']].isna().all(axis=None)
 
 
-def test_only_judged_poses_have_errors(healthy, make_run, table) -> None:
+def test_only_judged_poses_have_errors_and_odd_numbers_survive(healthy, make_run, table) -> None:
     changed = replace(healthy.geometry, l_gh=0.5)
-    healthy.add_solver(healthy.answers[250].stamp + 200_000, changed)
-    found = table(make_run(healthy))
+    healthy.by_crank_state().add_solver(healthy.answers[250].stamp + 200_000, changed)
+    # A time before 1970.
+    healthy.change(0, header_stamp=-1_500_000_000)
+    for row, column, value in ((3, 2, math.inf), (4, 3, -math.inf), (5, 4, math.nan)):
+        healthy.answers[row].pose[column] = value
+    found = table(make_run(healthy), dtype={'stamp [s]': str})
     assert found['residual [m]'].isna().sum() == 250
     assert found['residual [m]'][250:].notna().all()
-
-
-def test_times_before_1970_are_right(healthy, make_run, table) -> None:
-    healthy.by_crank_state()
-    healthy.change(0, header_stamp=-1_500_000_000)
-    found = table(make_run(healthy), dtype={'stamp [s]': str})
     assert found['stamp [s]'][0] == '-1.500000000'
-
-
-def test_numbers_that_are_not_finite_survive(healthy, make_run, table) -> None:
-    healthy.answers[3].pose[2] = math.inf
-    healthy.answers[4].pose[3] = -math.inf
-    healthy.answers[5].pose[4] = math.nan
-    found = table(make_run(healthy))
-    assert found['beta [rad]'][3] == math.inf
-    assert found['delta [rad]'][4] == -math.inf
+    assert (found['beta [rad]'][3], found['delta [rad]'][4]) == (math.inf, -math.inf)
     assert math.isnan(found['theta [rad]'][5])
 
 
