@@ -21,13 +21,14 @@ from .tables import mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
-ERROR_CODES = {**dict.fromkeys((ExerciseError, OSError), NOT_READ), PrintError: NOT_WRITTEN}
-DESCRIPTION = """\
-Exercises of both courses: every student gets numbers of their own, drawn from the student number
-and the kind alone, with a figure; the key and the marking know the usual slips."""
-EPILOG = """\
-Exit code: 0 done, 1 rows of ANSWERS are refused (listed), 2 an input or an argument is refused,
-3 an OUT cannot be written."""
+CODES_OF_ERRORS = {**dict.fromkeys((ExerciseError, OSError), NOT_READ), PrintError: NOT_WRITTEN}
+CLASS_PURPOSE = """\
+Exercises of both courses: every student gets numbers of their own, drawn from
+the student number and the kind alone, with a figure; the key and the marking
+know the usual slips."""
+EXIT_CODES = """\
+Exit code: 0 done, 1 rows of ANSWERS are refused (listed), 2 an input or an
+argument is refused, 3 an OUT cannot be written."""
 # A file of a format: its path within the folder, and its content.
 Files = Mapping[str, bytes]
 Format = Callable[[Sequence[Variant], Sequence[str], str], Files]
@@ -35,7 +36,7 @@ Format = Callable[[Sequence[Variant], Sequence[str], str], Files]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return the exit code."""
-    return _parser().run(lambda options: int(options.command(options)), ERROR_CODES, argv)
+    return _parser().run(lambda options: int(options.command(options)), CODES_OF_ERRORS, argv)
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -173,11 +174,13 @@ FORMATS: dict[str, Format] = {
 
 
 def _parser() -> ArgumentParser:
-    parser = ArgumentParser('exercise', DESCRIPTION, EPILOG)
+    parser = ArgumentParser('exercise', CLASS_PURPOSE, EXIT_CODES)
     commands = parser.add_subparsers(metavar='COMMAND', required=True)
 
     def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> Any:
-        added: Any = commands.add_parser(name, help=text, description=f'{text}.', epilog=EPILOG)
+        added: Any = commands.add_parser(
+            name, help=text, description=f'{text}.', epilog=EXIT_CODES
+        )
         added.set_defaults(command=run)
         added.add_argument(
             '--language', choices=LANGUAGES, default='en', help='of the texts (default: en)'

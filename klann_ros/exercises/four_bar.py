@@ -18,7 +18,7 @@ from .calculation import Answer, Calculation
 from .klann import Givens, guesses, newton_key
 from .variant import Draw, kind_of
 
-LENGTHS = ('L_1', 'L_2', 'L_3', 'L_4')
+LINKS = ('L_1', 'L_2', 'L_3', 'L_4')
 ANGLES = ('theta_3', 'theta_4')
 # A share of the linkages to classify are drawn as class III.
 CHANGE_POINT_SHARE = 0.2
@@ -28,7 +28,7 @@ MAX_COSINE = 0.97
 
 def four_bar_of(givens: Givens) -> FourBar:
     """Return the four-bar of the givens, in the open assembly."""
-    l_1, l_2, l_3, l_4 = (givens[name] for name in LENGTHS)
+    l_1, l_2, l_3, l_4 = (givens[name] for name in LINKS)
     return FourBar(l_1, l_2, l_3, l_4)
 
 
@@ -38,20 +38,20 @@ def leg_of(givens: Givens) -> tuple[Any, float]:
 
 
 def _z(c: Calculation) -> float:
-    l_1, l_2, *_ = c.many(*LENGTHS)
+    l_1, l_2, *_ = c.many(*LINKS)
     square = l_1**2 + l_2**2 - 2.0 * l_1 * l_2 * c.cos(c['theta_2'])
     return c.step('Z', sqrt(square), 'mm', 'Z² = L_1² + L_2² - 2 L_1 L_2 cos θ_2')
 
 
 def _transmission(c: Calculation, z: float, name: str = 'mu') -> float:
-    _, _, l_3, l_4 = c.many(*LENGTHS)
+    _, _, l_3, l_4 = c.many(*LINKS)
     angle = c.acos((l_3**2 + l_4**2 - z**2) / (2.0 * l_3 * l_4))
     return c.step(name, angle, 'deg', 'cos μ = (L_3² + L_4² - Z²) / (2 L_3 L_4)')
 
 
 def analytic(c: Calculation) -> tuple[float, float]:
     """Return theta3 and theta4 by the course's triangles, the open assembly [deg]."""
-    l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
+    l_1, l_2, l_3, l_4 = c.many(*LINKS)
     z = _z(c)
     c.answer('Z', z)
     c.answer('mu', _transmission(c, z))
@@ -85,7 +85,7 @@ def _key_position(givens: Givens) -> Givens:
 
 def _equations(c: Calculation, x: FloatArray) -> FloatArray:
     theta_3, theta_4 = x.tolist()
-    l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
+    l_1, l_2, l_3, l_4 = c.many(*LINKS)
     return np.array(
         [
             l_1 + l_4 * c.cos(theta_4) - l_2 * c.cos(c['theta_2']) - l_3 * c.cos(theta_3),
@@ -96,7 +96,7 @@ def _equations(c: Calculation, x: FloatArray) -> FloatArray:
 
 def _jacobian(c: Calculation, x: FloatArray) -> FloatArray:
     theta_3, theta_4 = x.tolist()
-    _, _, l_3, l_4 = c.many(*LENGTHS)
+    _, _, l_3, l_4 = c.many(*LINKS)
     return np.array(
         [
             [l_3 * c.sin(theta_3), -l_4 * c.sin(theta_4)],
@@ -126,7 +126,7 @@ def _make_change_points(draw: Draw, givens: dict[str, float]) -> None:
 
 
 def _work_grashof(c: Calculation) -> None:
-    lengths = c.many(*LENGTHS)
+    lengths = c.many(*LINKS)
     s, p, q, l = sorted(lengths)  # noqa: E741 - the law's own letters
     if l >= s + p + q:
         raise ValueError('it does not close')
@@ -142,13 +142,13 @@ def _work_grashof(c: Calculation) -> None:
 
 
 def _key_grashof(givens: Givens) -> dict[str, Answer]:
-    grashof, lengths = four_bar_of(givens).grashof, sorted(givens[name] for name in LENGTHS)
+    grashof, lengths = four_bar_of(givens).grashof, sorted(givens[name] for name in LINKS)
     sums = {'s_l': lengths[0] + lengths[3], 'p_q': lengths[1] + lengths[2]}
     return {**sums, 'grashof': grashof.class_, 'motion': grashof.motion}
 
 
 def _work_limits(c: Calculation) -> None:
-    l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
+    l_1, l_2, l_3, l_4 = c.many(*LINKS)
     if l_2 != min(l_1, l_2, l_3, l_4) or l_3 <= l_2:
         raise ValueError('it is no crank-rocker')
     found = {}
@@ -181,7 +181,7 @@ def _key_limits(givens: Givens) -> Givens:
 
 
 def _work_dead_points(c: Calculation) -> None:
-    l_1, l_2, l_3, l_4 = c.many(*LENGTHS)
+    l_1, l_2, l_3, l_4 = c.many(*LINKS)
     s, p, q, l = sorted((l_1, l_2, l_3, l_4))  # noqa: E741 - the law's own letters
     if s + l <= p + q:
         raise ValueError('it is not class II')
@@ -213,7 +213,7 @@ def _key_dead_points(givens: Givens) -> Givens:
 
 
 def _work_transmission(c: Calculation) -> None:
-    l_1, l_2, *_ = c.many(*LENGTHS)
+    l_1, l_2, *_ = c.many(*LINKS)
     c.answer('mu', _transmission(c, _z(c)))
     c.answer('mu_min', _transmission(c, c.step('Z_min', l_1 - l_2, 'mm', 'L_1 - L_2'), 'mu_min'))
     c.answer('mu_max', _transmission(c, c.step('Z_max', l_1 + l_2, 'mm', 'L_1 + L_2'), 'mu_max'))
@@ -229,7 +229,7 @@ def _key_transmission(givens: Givens) -> Givens:
 
 def _work_advantage(c: Calculation) -> None:
     theta_3, theta_4 = analytic(c)
-    _, l_2, _, l_4 = c.many(*LENGTHS)
+    _, l_2, _, l_4 = c.many(*LINKS)
     rule = 'T_4/T_2 = L_4 sin(θ_4 - θ_3) / (L_2 sin(θ_2 - θ_3))'
     ratio = l_4 * c.sin(theta_4 - theta_3) / (l_2 * c.sin(c['theta_2'] - theta_3))
     c.answer('MA', c.step('MA', ratio, '1', rule))
@@ -244,7 +244,7 @@ def _key_advantage(givens: Givens) -> Givens:
 
 
 POSITION = kind_of('four-bar-position', _work_position, _key_position, leg_of)
-KINDS = (
+FOUR_BAR_KINDS = (
     kind_of('grashof', _work_grashof, _key_grashof, leg_of, _make_change_points),
     POSITION,
     kind_of('four-bar-newton', _work_newton, _key_newton, leg_of, guesses(POSITION, ANGLES)),

@@ -20,7 +20,8 @@ from .variant import Draw, Kind, kind_of
 
 Givens = Mapping[str, float]
 MM = 1e3
-LENGTHS = (*('L_AB', 'L_BC', 'L_DC', 'L_CG', 'L_EF', 'L_FG', 'L_GH', 'x_D', 'y_A', 'x_E', 'y_E'),)
+BARS, PIVOTS = ('AB', 'BC', 'DC', 'CG', 'EF', 'FG', 'GH'), ('x_D', 'y_A', 'x_E', 'y_E')
+KLANN_LENGTHS = (*(f'L_{bar}' for bar in BARS), *PIVOTS)
 ANGLES = ('gamma', 'beta', 'delta', 'theta')
 BENDS = ('angle_BCG', 'angle_FGH')
 # Crank angles of the table of the foot path, and of its printed rows [deg].
@@ -28,7 +29,7 @@ PATH_STEP, PRINTED_STEP = 2, 30
 
 
 def _leg(givens: Givens) -> tuple[KlannLeg, float]:
-    lengths: dict[str, Any] = {name.lower(): givens[name] / MM for name in LENGTHS}
+    lengths: dict[str, Any] = {name.lower(): givens[name] / MM for name in KLANN_LENGTHS}
     bends: dict[str, Any] = {name.lower(): radians(givens[name]) for name in BENDS}
     return KlannLeg(KlannGeometry(**lengths, **bends)), radians(givens.get('alpha', 60.0))
 
@@ -287,7 +288,7 @@ def _key_torque(givens: Givens) -> Givens:
 
 
 POSITION = kind_of('klann-position', _work_position, _key_position, _leg)
-KINDS = (
+KLANN_KINDS = (
     kind_of('newton', _work_newton, _key_newton, _leg, guesses(POSITION, ANGLES)),
     POSITION,
     kind_of('velocity', _work_velocity, _key_velocity, _leg),

@@ -15,7 +15,7 @@ import numpy as np
 from .calculation import Answer
 from .variant import label, Question, texts, unit_of, Variant
 
-PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
+SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
 GREEK = {
     'alpha': 'α',
     'beta': 'β',
@@ -39,8 +39,8 @@ SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 # Size of a drawing and its margin [px], half a support and a joint's radius [px].
 WIDTH, HEIGHT, MARGIN, SUPPORT, JOINT = 420.0, 320.0, 42.0, 11.0, 4.0
-# Digits of intermediate results.
-STEP_DIGITS = 6
+# Rows of a column of givens; digits of intermediate results.
+GIVEN_ROWS, STEP_DIGITS = 9, 6
 
 
 def sheets(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
@@ -71,10 +71,10 @@ def key(variants: Sequence[Variant], names: Sequence[str], language: str) -> str
 def _page(title: str, parts: Iterable[Markup], language: str) -> str:
     head = (
         element('meta', charset='utf-8'),
-        PARTS.policy(),
+        SHEET_PARTS.policy(),
         element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
         element('title', title),
-        PARTS.style_elements(),
+        SHEET_PARTS.style_elements(),
     )
     body = element('body', element('main', *parts))
     return f'<!doctype html>\n{element("html", element("head", *head), body, lang=language)}\n'
@@ -96,17 +96,24 @@ def _sheet(variant: Variant, language: str) -> Iterable[Markup]:
 def problem(variant: Variant, language: str) -> Markup:
     """Return the text of an exercise with its givens and its drawing."""
     words = texts()
-    rows = (
-        element('tr', element('th', symbol(name)), element('td', with_unit(value, unit, language)))
+    rows = [
+        element(
+            'tr',
+            element('th', symbol(name)),
+            element('td', with_unit(value, unit_of(name), language)),
+        )
         for name, value in variant.givens.items()
-        for unit in [unit_of(name)]
-    )
+    ]
+    starts = range(0, len(rows), GIVEN_ROWS)
+    givens = (element('table', *rows[start:][:GIVEN_ROWS]) for start in starts)
+    lines = words['kinds'][variant.kind.name][language]['task'].splitlines()
+    task = [part for line in lines for part in (rich(line), element('br'))]
     drawing = picture(variant)
     return joined(
         [
-            element('p', rich(words['kinds'][variant.kind.name][language]['task'])),
+            element('p', *task[:-1]),
             element('p', rich(words['sheet']['degrees'][language]), class_='note'),
-            element('div', drawing, element('table', *rows), class_='given'),
+            element('div', drawing, *givens, class_='given'),
         ]
     )
 

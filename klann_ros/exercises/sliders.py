@@ -152,7 +152,7 @@ def _key_quick(givens: Givens) -> Givens:
     }
 
 
-KINDS = (
+SLIDER_KINDS = (
     kind_of('slider-crank', _work_slider, _key_slider, _slider_crank),
     kind_of('quick-return', _work_quick, _key_quick, _quick_return),
 )

@@ -24,7 +24,7 @@ from klann_ros.synthesis import (
 import numpy as np
 
 from .calculation import Calculation
-from .four_bar import analytic, four_bar_of, leg_of, LENGTHS
+from .four_bar import analytic, four_bar_of, leg_of, LINKS
 from .klann import Givens
 from .variant import kind_of
 
@@ -177,7 +177,7 @@ def _key_cognates(givens: Givens) -> Givens:
 
 def _work_centres(c: Calculation) -> None:
     theta_3, theta_4 = analytic(c)
-    l_1, l_2, l_3, _ = c.many(*LENGTHS)
+    l_1, l_2, l_3, _ = c.many(*LINKS)
     a = l_2 * c.cos(c['theta_2']), l_2 * c.sin(c['theta_2'])
     # O2 A and O4 B meet in I13; A B meets the ground in I24.
     far = l_1 * c.sin(theta_4) / c.sin(theta_4 - c['theta_2'])
@@ -258,7 +258,7 @@ def _key_return(givens: Givens) -> Givens:
     raise GeometryError('no crank-rocker has these limits with O2 on the side of O4')
 
 
-KINDS = (
+SYNTHESIS_KINDS = (
     kind_of('function-generation', _work_function, _key_function),
     kind_of('three-poses', _work_poses, _key_poses),
     kind_of('timed-path', _work_path, _key_path),

@@ -33,7 +33,7 @@ KINDS_FILE, TEXTS_FILE = 'kinds.yaml', 'texts.yaml'
 # Longest student number [characters], and tries to draw a fit variant.
 MAX_STUDENT, MAX_DRAWS = 64, 5000
 # Significant digits asked for. Smaller answers count as this one: it has no sign worth asking.
-DIGITS = 4
+ASKED_DIGITS = 4
 SMALLEST = {'deg': 3.0, 'mm': 3.0, 'mm/s': 10.0, 'mm/s²': 30.0, 'count': 1.0}
 SMALLEST_NUMBER = 0.03
 # Key and course's formulas agree within this part of their size; rounding to six digits between
@@ -185,7 +185,7 @@ def kind_of(
         tuple(questions),
         own.get('input', ''),
         newton_mistakes(unknowns),
-        own.get('digits', DIGITS),
+        own.get('digits', ASKED_DIGITS),
         own.get('agreement', AGREEMENT),
         complete,
     )
