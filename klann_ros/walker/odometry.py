@@ -88,7 +88,7 @@ ENCODER_FILTER_TIME, ENCODER_GATE = 0.3, 0.1
 TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
 # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its root
 # mean square where the contact model holds, beyond which the errors of the model grow with it.
-INNOVATION_GATE, USUAL_INNOVATION = 0.3, 0.03
+INNOVATION_GATE, USUAL_INNOVATION = 0.25, 0.03
 # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
 SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.2
 # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant as a
