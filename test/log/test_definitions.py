@@ -9,6 +9,7 @@ from klann_ros.log.errors import UnknownTypeError
 import pytest
 from rosbags.typesys import get_types_from_msg
 
+HEADER = 'std_msgs/Header builtin_interfaces/Time'
 LINE = '=' * 80 + '\n'
 
 
@@ -27,27 +28,21 @@ def message_file():
     return read
 
 
-def test_a_type_of_primitives_is_its_file(message_file) -> None:
-    text = definition('std_msgs/msg/Float64')
-    assert text == message_file('std_msgs', 'Float64')
-    assert text.endswith('float64 data\n')
-
-
-def test_point_stamped_is_depth_first(message_file) -> None:
-    assert definition('geometry_msgs/msg/PointStamped') == (
-        message_file('geometry_msgs', 'PointStamped')
-        + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
-        + LINE + 'MSG: builtin_interfaces/Time\n' + message_file('builtin_interfaces', 'Time')
-        + LINE + 'MSG: geometry_msgs/Point\n' + message_file('geometry_msgs', 'Point')
-    )  # fmt: skip
-
-
-def test_joint_state_has_header_and_time(message_file) -> None:
-    assert definition('sensor_msgs/msg/JointState') == (
-        message_file('sensor_msgs', 'JointState')
-        + LINE + 'MSG: std_msgs/Header\n' + message_file('std_msgs', 'Header')
-        + LINE + 'MSG: builtin_interfaces/Time\n' + message_file('builtin_interfaces', 'Time')
-    )  # fmt: skip
+@pytest.mark.parametrize(
+    ('package', 'name', 'others'),
+    [
+        ('std_msgs', 'Float64', ''),
+        (
+            'geometry_msgs',
+            'PointStamped',
+            'std_msgs/Header builtin_interfaces/Time geometry_msgs/Point',
+        ),
+        ('sensor_msgs', 'JointState', 'std_msgs/Header builtin_interfaces/Time'),
+    ],
+)
+def test_a_definition_is_the_files_depth_first(message_file, package, name, others) -> None:
+    parts = [f'{LINE}MSG: {other}\n{message_file(*other.split("/"))}' for other in others.split()]
+    assert definition(f'{package}/msg/{name}') == message_file(package, name) + ''.join(parts)
 
 
 @pytest.mark.parametrize(

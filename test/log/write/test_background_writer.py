@@ -1,7 +1,6 @@
 """The writer's thread: what was put is in the run, or is counted."""
 
 from dataclasses import replace
-import errno
 import itertools
 import os
 import threading
@@ -13,7 +12,6 @@ from klann_ros.log.write import background_writer
 from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
 from klann_ros.log.write.writer import RunWriter
 import pytest
-from run_faults import disk_error
 
 
 def dropped(background, topic):
@@ -82,29 +80,6 @@ def test_what_does_not_fit_into_the_format_is_counted(tmp_path) -> None:
     assert background.close() is None
     assert writer.counts == {'/crank_angle': 1}
     assert dropped(background, '/crank_angle') == 1
-
-
-def test_what_is_said_to_be_written_before_a_failure_is_in_the_file(tmp_path, monkeypatch) -> None:
-    failed = threading.Event()
-    writer = RunWriter(tmp_path / 'run')
-    background = BackgroundWriter(writer, flush_period=0.01, on_failure=failed.set)
-    for message in make_messages(500):
-        background.put(message)
-    while writer.file_is_empty:
-        failed.wait(0.01)
-    second = background.split()
-    while writer.file.path.name != second:
-        failed.wait(0.01)
-
-    monkeypatch.setattr(os, 'write', disk_error(errno.EIO))
-    for message in make_messages(300):
-        background.put(message)
-    assert failed.wait(5.0)
-    monkeypatch.undo()
-    assert 'Input/output error' in str(background.close())
-    with open_log(writer.path) as log:
-        assert len(list(log.messages())) == writer.counts['/crank_angle'] == 500
-    assert dropped(background, '/crank_angle') == 300
 
 
 @settings(max_examples=60)

@@ -47,17 +47,6 @@ def test_a_lost_file_costs_its_messages_and_the_run_continues_in_the_next(run, n
 
 
 @pytest.mark.parametrize('name', CHANGES)
-def test_messages_written_before_the_check_and_before_the_end_are_counted(run, name) -> None:
-    run.write(10)
-    CHANGES[name](run.file())
-    run.write(7)
-    run.write(3)
-    CHANGES[name](run.file(1))
-    assert run.close() == (0, 20)
-    assert listed(run.folder) == ['run_2.mcap']
-
-
-@pytest.mark.parametrize('name', CHANGES)
 def test_a_lost_finished_file_costs_its_messages(run, name) -> None:
     for _ in range(3):
         run.write(10).writer.split()

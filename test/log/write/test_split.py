@@ -34,31 +34,24 @@ def written_in(run, parts):
     return run
 
 
-def test_a_run_of_several_files_is_read_as_one(tmp_path) -> None:
-    run = written_in(tmp_path / 'run', BATCHES)
-    with open_log(run) as log:
-        assert [path.name for path in log.paths] == [f'run_{n}.mcap' for n in range(6)]
-        assert list(log.messages()) == MESSAGES
-        assert log.complete, log.problem
-    with AnyReader([run]) as reader:
-        assert reader.message_count == 240
-
-
-def test_metadata_yaml_counts_every_file(tmp_path) -> None:
-    about = information(written_in(tmp_path / 'run', BATCHES))
-    assert about['relative_file_paths'] == [f'run_{n}.mcap' for n in range(6)]
-    assert [file['message_count'] for file in about['files']] == [40] * 6
-    assert about['message_count'] == 240
-    (topic,) = about['topics_with_message_count']
-    assert topic['message_count'] == 240
-
-
-def test_every_file_explains_itself_and_the_run_says_it_once(tmp_path) -> None:
-    run = written_in(tmp_path / 'run', BATCHES)
+def test_a_run_of_several_files_is_one_and_each_file_explains_itself(tmp_path) -> None:
+    run, names = written_in(tmp_path / 'run', BATCHES), [f'run_{n}.mcap' for n in range(6)]
     for path in (*run.glob('*.mcap'), run):
         with open_log(path) as log:
             assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
             assert [attachment.data for attachment in log.attachments] == [b'l_ab: 0.12']
+            assert log.complete, log.problem
+    with open_log(run) as log:
+        assert [path.name for path in log.paths] == names
+        assert list(log.messages()) == MESSAGES
+    with AnyReader([run]) as reader:
+        assert reader.message_count == 240
+    about = information(run)
+    assert about['relative_file_paths'] == names
+    assert [file['message_count'] for file in about['files']] == [40] * 6
+    assert about['message_count'] == 240
+    (topic,) = about['topics_with_message_count']
+    assert topic['message_count'] == 240
 
 
 def test_metadata_yaml_names_every_file_while_it_is_written(tmp_path) -> None:
