@@ -43,7 +43,7 @@ def number(n: int) -> bytes:
 
 
 def make_db3(path: Path, age: str = 'jazzy', count: int = 100, size: int = 0) -> Path:
-    """Write a file as rosbag2 of an age did: numbers, each with so many more bytes behind it."""
+    """Write a file as rosbag2 of an age did: numbers, each with a number of bytes behind it."""
     with closing(sqlite3.connect(path)) as bag, bag:
         begin(bag, age)
         add(bag, range(count), size)

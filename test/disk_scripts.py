@@ -7,7 +7,7 @@ import subprocess
 import sys
 from typing import Any
 
-# In a namespace of its own whoever runs the tests may mount.
+# In a user namespace of its own any user may mount.
 UNSHARE = ('unshare', '-rm')
 
 

@@ -38,7 +38,7 @@ LATCHED = Qos(
 
 
 def convert(run: Path, folder: Path, storage: Any, mode: Any) -> Path:
-    """Write a run anew as a bag of some kind, by rosbags."""
+    """Write a run again as a bag of some kind, by rosbags."""
     with open_log(run) as log:
         return write_bag(folder, log.messages(), storage, mode)
 
@@ -100,5 +100,5 @@ def in_blocks(bag: Path) -> list[tuple[str, str, int, bytes]]:
 
 
 def digest(folder: Path) -> dict[str, str]:
-    """Return what tells whether anything in a folder has changed."""
+    """Return the digests of the files in a folder."""
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}

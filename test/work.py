@@ -1,4 +1,4 @@
-"""How much work something is, counted: the time depends on who else is busy."""
+"""Work as a number of calls: time depends on the load of the machine."""
 
 import sys
 
@@ -34,7 +34,7 @@ class Work:
 
 class Yaml:
     """
-    Counts what is taken apart as YAML while it is entered.
+    Counts the characters that are parsed as YAML while it is entered.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ class LossCounter:
         # The last number before publishers changed, and its publisher.
         self._last_before_change: int | None = None
         self._publisher: object = None
-        # The first number since then, if it does not tell its publisher.
+        # The first number since then, if its publisher is ambiguous.
         self._first: int | None = None
 
     @property

@@ -62,7 +62,7 @@ def _channel(writer, topic):
 
 
 def _messages():
-    """Yield some messages of each kind: cranks, poses, feet, reports, and of types nobody has."""
+    """Yield some messages of each kind: cranks, poses, feet, reports, and of unknown types."""
     crank, state = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
     foot, report = 'geometry_msgs/msg/PointStamped', 'diagnostic_msgs/msg/DiagnosticArray'
     topics = [
@@ -107,8 +107,8 @@ def _pose(number):
 def _records():
     legs = {'legs': [EVIL[:-1], EVIL], EVIL: EVIL, f'{EVIL}.l_ab': EVIL}
     for node in ('/solver_node', f'/{EVIL}/solver_node'):
-        told = {'node': node, 'time': '1', 'parameters': json.dumps({**legs, 'l_ab': 0.12})}
-        yield SOLVER_RECORD, told
+        record = {'node': node, 'time': '1', 'parameters': json.dumps({**legs, 'l_ab': 0.12})}
+        yield SOLVER_RECORD, record
     count = {'received': 9, 'written': 5, 'dropped': 4, 'skipped': 0, 'missed': 3, 'lost': 7}
     count |= {'before_discovery': 0, 'departed': 0}
     yield LOSS_RECORD, {f'/lost{EVIL}': json.dumps(count), EVIL: json.dumps(count)}

@@ -1,4 +1,4 @@
-"""The laws that hold for any damage: what comes back, what is said, and what it may cost."""
+"""The laws for any damage: the recovered messages, the report, and the cost."""
 
 from collections import Counter
 import hashlib
@@ -65,7 +65,7 @@ def _check_recovery(log, sample, case, *, traceless):
     if code == recover_command.NOTHING_READ:
         assert not output.exists(), case
         assert text.count('\n') == 1, f'{case}: {text}'
-        # Chunks whose topics nobody describes, or behind a start that is not that of a log.
+        # Chunks without a description of their topics, or behind a foreign start.
         assert not wanted or 'description' in text or _is_no_start(log), f'{case}: {text}'
         return
     assert code in (0, 3), f'{case}: {text}'

@@ -1,4 +1,4 @@
-"""The law of what is legal: whatever the specification allows costs nothing, and is no damage."""
+"""The law of legal files: anything that the specification allows is read without a loss."""
 
 import random
 import shutil
@@ -47,5 +47,5 @@ def _check(log, sample, case):
 
 
 def _others(log):
-    """Return the names of what is no message."""
+    """Return the names of attachments and metadata records."""
     return [item.name for item in log.attachments], sorted(log.metadata)

@@ -71,8 +71,8 @@ def _rosbag2(place, messages):
     for storage, mode in KINDS:
         name = f'{storage.name}_{mode.name}'.lower()
         folder = write_bag(place / name, messages, storage, mode)
-        told = ((message.data, message.log_time, message.log_time, 0) for message in messages)
-        yield Sample(name, folder, frozenset(told))
+        contents = ((message.data, message.log_time, message.log_time, 0) for message in messages)
+        yield Sample(name, folder, frozenset(contents))
 
 
 def content(message):

@@ -1,4 +1,4 @@
-"""Losses by numbers: never more than there were, all where the numbers tell, and said as known."""
+"""Losses by sequence numbers: never too many, and all where the numbers are unambiguous."""
 
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -22,16 +22,18 @@ WHY = 'several publishers at once, or messages without sequence numbers'
 
 @dataclass
 class Stay:
-    """What is heard of a publisher while it is there, and the time of its departure."""
+    """The received numbers of a publisher, and when its departure is reported."""
 
-    who: int
-    heard: list[int]
-    told_after: int = 0
+    publisher: int
+    received: list[int]
+    reported_after: int = 0
 
     @property
     def missing(self) -> int:
         """Return what is missing between the first and the last."""
-        return self.heard[-1] - self.heard[0] + 1 - len(self.heard) if self.heard else 0
+        return (
+            self.received[-1] - self.received[0] + 1 - len(self.received) if self.received else 0
+        )
 
 
 @st.composite
@@ -39,25 +41,25 @@ def stays(draw: Any) -> list[Stay]:
     """Return publishers one after the other, of which some come back."""
     found, reached = [], {}
     for _ in range(draw(st.integers(0, 7))):
-        who = draw(st.integers(0, 5))
-        first = reached.get(who, 0) + 1
-        heard = sorted(draw(st.sets(st.integers(first, first + 30), max_size=12)))
-        reached[who] = heard[-1] if heard else first - 1
-        found.append(Stay(who, heard, draw(st.integers(0, len(heard)))))
+        publisher = draw(st.integers(0, 5))
+        first = reached.get(publisher, 0) + 1
+        received = sorted(draw(st.sets(st.integers(first, first + 30), max_size=12)))
+        reached[publisher] = received[-1] if received else first - 1
+        found.append(Stay(publisher, received, draw(st.integers(0, len(received)))))
     return found
 
 
 def counted(some: list[Stay], *, late: bool, known: bool) -> LossCounter:
-    """Return what is counted: news may come before the last messages, or tell who is there."""
+    """Return the counter; changes may be reported before the last messages, with the publisher."""
     counter = LossCounter()
     for stay in some:
         counter.publishers_changed()
-        for place, number in enumerate(stay.heard):
-            if late and place == stay.told_after:
+        for place, number in enumerate(stay.received):
+            if late and place == stay.reported_after:
                 counter.publishers_changed()
             counter.count(number)
             if known:
-                counter.identify(stay.who)
+                counter.identify(stay.publisher)
         counter.publishers_changed()
         if known and not late:
             counter.identify(None)
@@ -65,15 +67,15 @@ def counted(some: list[Stay], *, late: bool, known: bool) -> LossCounter:
 
 
 def truth(some: list[Stay]) -> tuple[int, int]:
-    """Return what was lost between what was heard of each in a row, and what was early."""
+    """Return the losses within each publisher, and those before its first message."""
     lost = early = 0
     before: Stay | None = None
-    for stay in (stay for stay in some if stay.heard):
+    for stay in (stay for stay in some if stay.received):
         lost += stay.missing
-        if before is not None and before.who == stay.who:
-            lost += stay.heard[0] - before.heard[-1] - 1
+        if before is not None and before.publisher == stay.publisher:
+            lost += stay.received[0] - before.received[-1] - 1
         elif before is not None:
-            early += stay.heard[0] - 1
+            early += stay.received[0] - 1
         before = stay
     return lost, early
 
@@ -88,10 +90,12 @@ def test_no_more_is_reported_than_was_missing(some: list[Stay], late: bool, know
 @given(stays())
 # Another publisher goes on with the very number of the last.
 @example([Stay(0, [1, 5]), Stay(1, [5, 6])])
-def test_all_is_reported_where_it_is_known_who_is_heard(some: list[Stay]) -> None:
+def test_all_is_reported_where_it_is_known_publisher_heard(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=True)
     # A number that goes on is believed to be the same one's.
-    if all(b.heard[0] != a.heard[-1] + 1 for a, b in pairwise(s for s in some if s.heard)):
+    if all(
+        b.received[0] != a.received[-1] + 1 for a, b in pairwise(s for s in some if s.received)
+    ):
         assert (counter.lost, counter.before_discovery) == truth(some)
 
 

@@ -2,8 +2,8 @@
 The 416 files of MCAP's own conformance suite, made from its description.
 
 Six contents, each in every shape that the flags below make together and that is of sense for it.
-A padded one has three bytes behind the fields of each record that may have some; what is inside of
-a chunk, the chunk itself, messages and the two last records are not padded there.
+A padded one has three bytes behind the fields of each record that may have some; the records
+in a chunk, the chunk itself, messages and the two last records are not padded there.
 """
 
 from dataclasses import dataclass, field

@@ -88,7 +88,7 @@ def file_of(shape, size):
 
 
 def file_of_chunks(shape, size, count):
-    """Return a file of so many chunks that each unpack to a shape of INSIDE of about a size."""
+    """Return a file of chunks that each unpack to a shape of INSIDE of about a size."""
     return HEADER + packed_chunk(INSIDE[shape](size)) * count
 
 

@@ -1,7 +1,7 @@
 """
 Change a sound file in ways that the specification allows, so that it is as sound as before.
 
-Records get fields at their end that nobody knows, and records of private and future kinds stand
+Records get unknown fields at their end, and records of private and future kinds stand
 between them: in the data, in chunks, in the summary. All lengths, offsets and CRCs are put right.
 """
 
@@ -23,7 +23,7 @@ UNPACK = {
     b'lz4': lz4.frame.decompress,
     b'zstd': lambda data: zstandard.ZstdDecompressor().decompress(data, max_output_size=2**26),
 }
-# What nobody knows: bytes of chance, or what looks like records, or is one.
+# Unknown fields: random bytes, bytes that look like records, or a record.
 _SMALL = (
     lambda _: b'\1\xff\xff',
     lambda chance: bytes(chance.choice([1, 8, 9, 40])),
@@ -65,7 +65,7 @@ class LegalFile:
     data
         The bytes of a sound file, or of one that was cut off.
     large
-        Whether what is put in may be so large that there could be a chunk in it.
+        Whether unknown fields may be large enough to contain a chunk.
 
     """
 

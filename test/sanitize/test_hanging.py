@@ -1,4 +1,4 @@
-"""Nothing waits for ever for what is no plain file, or reads what has no end: real processes."""
+"""No program blocks on a file that is not regular, or reads one without an end: real processes."""
 
 import os
 from pathlib import Path
@@ -133,7 +133,7 @@ def record(opcode: int, content: bytes, length: int = 0) -> bytes:
     return struct.pack('<BQ', opcode, length or len(content)) + content
 
 
-# The rest of a file of holes, as what is at its start has it.
+# The length that the first record of a sparse file claims.
 REST = SPARSE - 100
 HOLLOW = {
     'nothing': b'',

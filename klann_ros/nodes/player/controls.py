@@ -125,8 +125,8 @@ def declarations(rate: float, position: float, length: float) -> tuple[Declarati
         Declaration(
             'position',
             position,
-            'set it to go there; after that, a pause or a step it tells where it is, counted from '
-            'the start of the log [s]',
+            'set it to jump; after a jump, a pause or a step it is the present position, from the '
+            'start of the log [s]',
             limits=(0.0, max(position, length)),
             read_only=False,
             any_number=True,

@@ -90,7 +90,7 @@ class PlayerNode(ProcessNode):
             self,
             REPLAYED_PARAMETER,
             replayed_solvers_json(log.solvers),
-            "what the log tells of its solvers' parameters [JSON]",
+            'parameters of the solvers in the log [JSON]',
         )
         self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))
         self._playback = Playback(

@@ -1,4 +1,4 @@
-"""Reading what is no log, cut off or rotten: one kind of error, and no intact message lost."""
+"""Files that are no log, truncated or damaged: one kind of error, and no intact message lost."""
 
 import os
 import struct

@@ -1,8 +1,8 @@
 """
-What is legal by the letter and what is damaged can look alike; what speaks for each is weighed.
+Legal and damaged records can look alike; the evidence for each is weighed.
 
 The length of a chunk that reaches exactly to the end of the next may be a flipped bit, or the next
-be fields that nobody knows; a kind that nobody knows may be private, or a flipped bit as well.
+be unknown fields; an unknown kind may be private, or a flipped bit as well.
 """
 
 import struct
@@ -50,7 +50,7 @@ def sound(end, tmp_path):
 
 
 def read(path):
-    """Return the messages of a file and of its recovery, what is wrong, and the recovery."""
+    """Return the messages of a file and of its recovery, the problems, and the recovery."""
     recovery = recover(path, path.parent.with_name('again'))
     with open_log(path) as log:
         sum(map(len, log.blocks()))

@@ -1,9 +1,9 @@
 """
-Tell how much memory recover, review and reading take; a job a line of JSON, and so the answer.
+Measure the memory of recover, review and reading; jobs and results are lines of JSON.
 
     echo '["review", ["FILE"]]' | python test/log/read/memory_server.py
 
-Everything is imported once, and each job runs in a process forked then: its peak starts anew.
+Everything is imported once, and each job runs in a forked process with a peak of its own.
 """
 
 import contextlib

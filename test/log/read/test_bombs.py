@@ -48,7 +48,7 @@ def crank(data):
 
 
 EMPTY = b'E[] name\n' + b'=' * 80 + b'\nMSG: sensor_msgs/E\n'
-# As many chunks as are more than 200 MB, should somebody hold them all at once, and no more.
+# Just enough chunks for more than 200 MB if all were held at once.
 BOMBS = {
     'one big message': lambda: crank(message(bytes(MIN_LIMIT - MB))),
     'more than the limit with a false CRC': lambda: log(message(bytes(5 * MIN_LIMIT)), crc=1),

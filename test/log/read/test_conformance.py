@@ -1,8 +1,8 @@
 """
 MCAP's own conformance suite: 416 sound files, each read whole and never called damaged.
 
-The suite pads with three bytes what is outside of chunks. Two more kinds of padding are as legal:
-of the chunk and of what is in it, too, and with bytes that look like records.
+The suite pads records outside of chunks with three bytes. Two more kinds of padding are legal: of
+the chunk and the records in it, and with bytes that look like records.
 """
 
 from collections import Counter
@@ -144,7 +144,7 @@ def test_they_are_read_whole_and_have_no_problem(files) -> None:
 
 def test_the_library_counts_the_same(files, padding) -> None:
     for path, content, flags in files:
-        # It takes unknown fields of what is in a chunk for records: there it can be no oracle.
+        # It takes unknown fields in a chunk for records: there it can be no oracle.
         if CHUNKS in flags and KINDS[padding][1]:
             continue
         assert by_library(path) == content.counts, path.name

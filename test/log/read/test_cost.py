@@ -27,7 +27,7 @@ import pytest
 from work import Work, Yaml
 
 SIZE = 5000
-# Calls for a byte of the file, and at all. What costs most is to tell damage behind each record.
+# Calls for a byte of the file, and at all. Damage behind each record costs most.
 EACH, ONCE = 100, 5000
 # Calls to write a run.
 WRITING = 50_000

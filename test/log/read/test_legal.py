@@ -75,7 +75,7 @@ SOUND = {
         mcap.record(0x7F, b'') + statistics(),
     ),
     'only private records in the summary': closed(ALL, mcap.record(0xFE, b'mine') * 3),
-    'every kind that nobody knows': closed(
+    'every unknown kind': closed(
         b''.join(mcap.record(opcode, bytes([opcode]) * 40) for opcode in UNKNOWN) + ALL
     ),
 }

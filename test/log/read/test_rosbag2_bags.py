@@ -82,7 +82,7 @@ def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(bag, tmp_path, capsys) -
 
 
 def test_a_file_of_a_bag_is_read_by_itself(bag) -> None:
-    """What is in it tells how, also that its messages are packed: no metadata.yaml is needed."""
+    """Its content shows that its messages are compressed: no metadata.yaml is needed."""
     (path,) = (path for path in bag.iterdir() if path.name != 'metadata.yaml')
     assert read_messages(path) == read_messages(bag)
 
@@ -104,7 +104,7 @@ def test_an_sqlite_file_of_any_age_is_read(age, tmp_path) -> None:
     ]
     with open_log(bag) as log:
         (topic,) = log.topics
-    # Bags before Iron have no definitions; what is installed has.
+    # Bags before Iron have no definitions: the installed ones are taken.
     assert topic.definition == definition(FLOAT)
     assert topic.type_hash == (HASH if age == 'jazzy' else '')
 

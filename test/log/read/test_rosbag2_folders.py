@@ -1,4 +1,4 @@
-"""Which files of a folder are a bag, and what is said of files that are none."""
+"""The files of a bag in a folder, and the refusals of other files."""
 
 import os
 import shlex

@@ -135,7 +135,7 @@ def test_what_a_killed_process_unpacked_goes_with_the_next_one(file, tmp_path) -
     place.mkdir()
     killed, alive = hold(packed, place), hold(packed, place)
     assert len(list(place.iterdir())) == 2
-    # What somebody else calls like that is nobody's to remove.
+    # A foreign folder of such a name stays.
     other = place / 'klann_ros-unpacked-mine'
     other.mkdir()
     killed.kill()

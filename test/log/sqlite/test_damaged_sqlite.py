@@ -28,7 +28,7 @@ def place(page, behind=0):
 
 
 def read(path):
-    """Return the numbers of the messages that are read, and what is said to be wrong."""
+    """Return the numbers of the messages that are read, and the reported problems."""
     with open_log(path) as log:
         found = [m.data[:12] for m in log.messages()]
         assert sorted(found) == sorted(

@@ -14,7 +14,7 @@ from klann_ros.log.recover_command import main as recover
 import pytest
 from rosbag2_bags import digest, read_messages
 
-# Writes messages in transactions of so many until it is killed, and tells how many it has given.
+# Writes messages in transactions of a size until it is killed, and prints their number so far.
 WRITER = """
 import itertools, sqlite3, sys
 sys.path.insert(0, sys.argv[4])
@@ -38,7 +38,7 @@ COMMITTED, NOT_AT_ALL = 100, 10**9
 
 
 def kill_a_writer(bag, mode, batch, count=3000):
-    """Let a process write a bag until it has given so many messages, and kill it."""
+    """Let a process write a number of messages to a bag, and kill it."""
     bag.mkdir()
     here = next(path for path in sys.path if path.endswith('test'))
     command = [sys.executable, '-c', WRITER, str(bag / 'x_0.db3'), mode, str(batch), here]

@@ -16,7 +16,7 @@ import pytest
 
 def dropped(background, topic):
     """Return how many messages of a topic were put and are not going to be in the run."""
-    assert background.counters[topic].received == 0  # nobody listens here: the test puts
+    assert background.counters[topic].received == 0  # no subscription here
     return background.counters.counts()[topic].dropped
 
 
@@ -84,7 +84,7 @@ def test_what_does_not_fit_into_the_format_is_counted(tmp_path) -> None:
 
 @settings(max_examples=60)
 @given(
-    # So many writes succeed, so many messages are put before a split and while it settles.
+    # Successful writes, and messages before a split and during its delay.
     numbers=st.tuples(st.integers(0, 20), st.integers(0, 60), st.integers(0, 30)),
     is_split=st.booleans(),
     chunk_size=st.sampled_from([100, 1024 * 1024]),

@@ -128,9 +128,9 @@ def test_nothing_is_written_without_a_cause(stage: Stage) -> None:
 
 
 def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage: Stage) -> None:
-    heard = {}
+    received = {}
     for second in range(12):
-        heard[second] = stage.receive(10)
+        received[second] = stage.receive(10)
         stage.wait(1.0)
         if second == 7:
             stage.session.add_finding(GAP)
@@ -139,11 +139,11 @@ def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage
     assert run.name.endswith('_gap')
     found = numbers(run)
     # Three seconds before, two after; and no more than a little beside.
-    whole = [number for second in (5, 6, 7, 8, 9) for number in heard[second]]
+    whole = [number for second in (5, 6, 7, 8, 9) for number in received[second]]
     assert set(whole) <= set(found)
     assert found == [*range(found[0], found[-1] + 1)]
-    assert found[0] >= heard[3][0]
-    assert found[-1] <= heard[10][-1]
+    assert found[0] >= received[3][0]
+    assert found[-1] <= received[10][-1]
     (record,) = metadata(run)[FINDING_RECORD]
     assert recorded_finding(record) == GAP
     (event,) = metadata(run)[EVENT_RECORD]
@@ -174,11 +174,11 @@ def test_a_cause_during_an_event_lets_it_last_longer(stage: Stage) -> None:
     assert done
     assert said.endswith(' (extended)')
     stage.wait(1.75)
-    heard = stage.receive(5)
+    received = stage.receive(5)
     stage.wait(2.0)
     stage.until_closed()
     (run,) = stage.runs()
-    assert numbers(run) == [*heard]
+    assert numbers(run) == [*received]
     assert [each['check'] for each in metadata(run)[FINDING_RECORD]] == ['gap', 'trigger']
 
 
@@ -252,9 +252,9 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
     before = stage.receive(10)
     stage.session.add_finding(GAP)
     # Longer than is held otherwise; who waited for the disk would not come to this.
-    heard = [before]
+    received = [before]
     for _ in range(6):
-        heard.append(stage.receive(10))
+        received.append(stage.receive(10))
         stage.wait(1.0)
     stage.session.add_finding(GAP)
     assert stage.session.state().stage == 'opening the run of an event'
@@ -267,20 +267,20 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
         while stage.session._event is None:
             time.sleep(0.01)
             stage.session.tick()
-        heard.append(stage.receive(10))
+        received.append(stage.receive(10))
         stage.wait(3.0)
         stage.until_closed()
     (run,) = stage.runs()
-    assert numbers(run) == [number for each in heard for number in each]
+    assert numbers(run) == [number for each in received for number in each]
     checks = [recorded_finding(record).check for record in metadata(run)[FINDING_RECORD]]
     assert checks == ['gap', 'gap', 'trigger']
 
 
 def test_the_end_finishes_the_run_of_an_event(stage: Stage) -> None:
-    heard = stage.receive(5)
+    received = stage.receive(5)
     stage.session.trigger()
     assert stage.session.finish()[0]
-    assert numbers(stage.runs()[0]) == [*heard]
+    assert numbers(stage.runs()[0]) == [*received]
 
 
 def test_two_events_within_a_second_have_names_of_their_own(stage: Stage) -> None:

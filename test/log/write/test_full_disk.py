@@ -1,4 +1,4 @@
-"""A disk that is full: the run says what is missing, is closed, and every reader takes it."""
+"""A full disk: the run is closed, reports its losses, and every reader opens it."""
 
 import os
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
     disk = tmp_path / 'disk'
     disk.mkdir()
     if not can_mount(disk):
-        pytest.skip('this machine lets nobody mount a tmpfs in a user namespace')
+        pytest.skip('this machine cannot mount a tmpfs in a user namespace')
     put, counted, failure, whole = run_script(
         HERE / 'full_disk.py', disk, 1_000_000, compression, least, before=UNSHARE
     )
