@@ -90,7 +90,7 @@ def test_no_more_is_reported_than_was_missing(some: list[Stay], late: bool, know
 @given(stays())
 # Another publisher goes on with the very number of the last.
 @example([Stay(0, [1, 5]), Stay(1, [5, 6])])
-def test_all_is_reported_where_it_is_known_publisher_heard(some: list[Stay]) -> None:
+def test_all_is_reported_where_the_publishers_are_known(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=True)
     # A number that goes on is believed to be the same one's.
     if all(
