@@ -40,6 +40,8 @@ class PinnedDyads:
         kind = bool(others), rates, gradients
         self._terms, self._constants = _terms_of(variants, self._program, kind)
         self._wanted = _wanted(program, others)
+        least = [self._terms.singular_determinant(k) for k in range(len(self._wanted['D']))]
+        self._least_determinants = np.array([np.broadcast_to(d, len(variants)) for d in least])
         names = (name for some in self._wanted.values() for name in some)
         self._kernel = kernel(self._program, (*program.foot, *names), BLOCK_SIZE)
         self._block_crank: tuple[slice, Any] | None = None
@@ -89,8 +91,6 @@ class PinnedDyads:
         own = {name: [*islice(numbers, len(some))] for name, some in self._wanted.items()}
         links = [*zip(own['links'][::2], own['links'][1::2], strict=True)]
         singular = self._singular(own['D'], rows) if own['D'] else None
-        if singular is not None and not singular.any():
-            singular = None
         for name, array in part.arrays().items():
             if name == 'h':
                 continue
@@ -126,13 +126,13 @@ class PinnedDyads:
             along = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
             angles[..., k] = along if k + 1 in self._structure.outside else np.pi - along
 
-    def _singular(self, determinants: Sequence[FloatArray], rows: slice) -> BoolArray:
-        """Return the poses with a singular dyad, to rounding."""
-        found: BoolArray = np.zeros(determinants[0].shape, dtype=np.bool_)
-        for k, determinant in enumerate(determinants):
-            least = np.broadcast_to(self._terms.singular_determinant(k), len(self._variants))
-            found |= np.abs(determinant) <= least[rows, None]
-        return found
+    def _singular(self, determinants: Sequence[FloatArray], rows: slice) -> BoolArray | None:
+        """Return the poses with a singular dyad, to rounding; None for none."""
+        pairs = [*zip(determinants, self._least_determinants[:, rows, None], strict=True)]
+        # Of regular poses the extremes tell, as D keeps its sign.
+        if all(max(d.min(), -d.max()) > least.max() for d, least in pairs):
+            return None
+        return np.logical_or.reduce([np.abs(d) <= least for d, least in pairs])
 
 
 def _wanted(program: Program, others: AbstractSet[str]) -> dict[str, Sequence[str]]:
