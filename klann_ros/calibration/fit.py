@@ -329,7 +329,7 @@ class _Problem:
         key = y.tobytes()
         if self._known is None or self._known[0] != key:
             try:
-                found = self._model.predict(self._measured, self._parameters(y))
+                found = [self._model.predict(s, self._parameters(y)) for s in self._measured]
             except GeometryError:
                 count = len(self._owners)
                 nothing = np.full(count, np.nan)

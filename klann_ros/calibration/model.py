@@ -11,13 +11,13 @@ Every parameter has a unit, the error that a workshop makes: 1/1000 of the longe
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, radians, sin
-from typing import TypeAlias
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import wrapped
+from klann_ros.kinematics.linkage.dimension_derivatives import pivot_derivatives
 import numpy as np
 
 from .measurements import MeasuredSeries
@@ -28,18 +28,15 @@ CAMERA = ('camera x', 'camera y', 'camera rotation')
 LENGTH_UNIT, ANGLE_UNIT, DELAY_UNIT = 1e-3, radians(1.0), 0.01
 
 
-# Values, slopes by the crank angle, and derivatives by the dimensions.
-Motion: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+class Prediction(NamedTuple):
+    """Predicted numbers of a series, and their derivatives."""
 
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Predicted numbers of a series, and derivatives by the parameters and the crank angle."""
-
-    # Shapes (n, k), (n, k, number of parameters) and (n, k) with k numbers a sample.
+    # Shape (n, k), with k numbers a sample.
     values: FloatArray
-    jacobian: FloatArray
+    # By the crank angle, shape (n, k).
     slope: FloatArray
+    # By the parameters, or by the dimensions alone, shape (n, k, number of these).
+    jacobian: FloatArray
 
 
 class MeasurementModel:
@@ -112,74 +109,9 @@ class MeasurementModel:
         found: FloatArray = self.direction * joint + self.value(parameters, PHASE)
         return found
 
-    def predict(self, many: Sequence[MeasuredSeries], parameters: FloatArray) -> list[Prediction]:
-        """Return the predictions of some series; NaN at crank angles out of reach."""
-        return [self._predict(series, parameters) for series in many]
-
-    def values(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
-        """Return the predicted numbers of a series as a known camera sees them, shape (n, k)."""
-        return self._motion(series, parameters, derivatives=False)[0]
-
-    def _motion(
-        self, series: MeasuredSeries, parameters: FloatArray, *, derivatives: bool
-    ) -> Motion:
-        alphas = self.crank_angles(series, parameters)
-        if series.kind == 'angle':
-            return self._angle(series.name, alphas, parameters, derivatives=derivatives)
-        if series.kind == 'point':
-            return self._point(series.name, alphas, parameters, derivatives=derivatives)
-        one, other = (
-            self._point(point, alphas, parameters, derivatives=derivatives)
-            for point in series.name.split('-')
-        )
-        apart = other[0] - one[0]
-        distance = np.hypot(apart[:, 0], apart[:, 1])[:, None]
-        if not derivatives:
-            return distance, *_derivatives(distance, None, None)
-        slope, gradient = other[1] - one[1], other[2] - one[2]
-        unit = apart / distance
-        along = np.einsum('ni,nip->np', unit, gradient)[:, None]
-        return distance, (unit * slope).sum(axis=1, keepdims=True), along
-
-    def _point(
-        self, name: str, alphas: FloatArray, parameters: FloatArray, *, derivatives: bool
-    ) -> Motion:
-        structure, count = self.linkage.structure, len(alphas)
-        if name not in structure.pivots:
-            poses = linkage_poses(
-                self.varied(parameters, name),
-                alphas,
-                velocities=derivatives,
-                gradients=derivatives,
-            )
-            return poses.h, *_derivatives(poses.h, poses.h_1, poses.h_gradient)
-        place = structure.pivots.index(name)
-        pivot = self.varied(parameters).pivots[place]
-        gradient = np.zeros((count, 2, self.count))
-        for n, d in enumerate(structure.dimensions):
-            if d.kind in {'x', 'y'} and d.place == place:
-                gradient[:, 'xy'.index(d.kind), n] = d.sense
-        return np.tile([pivot.real, pivot.imag], (count, 1)), np.zeros((count, 2)), gradient
-
-    def _angle(
-        self, name: str, alphas: FloatArray, parameters: FloatArray, *, derivatives: bool
-    ) -> Motion:
-        poses = linkage_poses(
-            self.varied(parameters),
-            alphas,
-            angles=True,
-            velocities=derivatives,
-            gradients=derivatives,
-        )
-        if poses.angles is None:
-            raise AssertionError('angles were requested')
-        found = poses.angles, *_derivatives(poses.angles, poses.angles_1, poses.angles_gradient)
-        j = self.linkage.structure.angles.index(name)
-        values, slope, gradient = (each[:, slice(j - 1, j)] for each in found)
-        return values, slope, gradient
-
-    def _predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
-        values, slope, dimensions = self._motion(series, parameters, derivatives=True)
+    def predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
+        """Return the prediction of a series; NaN at crank angles out of reach."""
+        values, slope, dimensions = self._motion(series, parameters)
         jacobian = np.zeros((*values.shape, len(self.names)))
         jacobian[..., : self.count] = dimensions
         if series.kind == 'point' and self.has_camera:
@@ -192,7 +124,42 @@ class MeasurementModel:
         for name, factor in by_alpha.items():
             if name in self.names:
                 jacobian[..., self.names.index(name)] = slope * factor[:, None]
-        return Prediction(values, jacobian, slope)
+        return Prediction(values, slope, jacobian)
+
+    def values(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
+        """Return the predicted numbers of a series as a known camera sees them, shape (n, k)."""
+        return self._motion(series, parameters).values
+
+    def _motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
+        """Return the prediction for a known camera, with derivatives by the dimensions."""
+        alphas = self.crank_angles(series, parameters)
+        if series.kind == 'point':
+            return self._point(series.name, alphas, parameters)
+        if series.kind == 'angle':
+            j = self.linkage.structure.angles.index(series.name)
+            poses: Any = linkage_poses(
+                self.varied(parameters), alphas, angles=True, velocities=True, gradients=True
+            )
+            found = poses.angles, poses.angles_1, poses.angles_gradient
+            return Prediction(*(each[:, slice(j - 1, j)] for each in found))
+        ends = (self._point(name, alphas, parameters) for name in series.name.split('-'))
+        apart, slope, gradient = (q - p for p, q in zip(*ends, strict=True))
+        distance = np.linalg.norm(apart, axis=1, keepdims=True)
+        unit = apart / distance
+        along = np.einsum('ni,nip->np', unit, gradient)[:, None]
+        return Prediction(distance, (unit * slope).sum(axis=1, keepdims=True), along)
+
+    def _point(self, name: str, alphas: FloatArray, parameters: FloatArray) -> Prediction:
+        structure, count = self.linkage.structure, len(alphas)
+        if name not in structure.pivots:
+            own = self.varied(parameters, name)
+            poses: Any = linkage_poses(own, alphas, velocities=True, gradients=True)
+            return Prediction(poses.h, poses.h_1, poses.h_gradient)
+        place = structure.pivots.index(name)
+        moved = [pivot_derivatives(structure, d)[place] for d in structure.dimensions]
+        fixed = np.array([self.varied(parameters).pivots[place], *moved])
+        plane = np.broadcast_to([fixed.real, fixed.imag], (count, 2, len(fixed)))
+        return Prediction(plane[..., 0], np.zeros((count, 2)), plane[..., 1:])
 
     def _seen(
         self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
@@ -242,12 +209,3 @@ class MeasurementModel:
             at = values[n] @ (1.0, 1j) * turn + shift
             seen[n] = np.stack([at.real, at.imag], axis=-1)
         return start, seen
-
-
-def _derivatives(
-    values: FloatArray, slope: FloatArray | None, gradient: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives; empty ones if they were not requested."""
-    if slope is None or gradient is None:
-        return np.zeros_like(values), np.zeros((*values.shape, 0))
-    return slope, gradient

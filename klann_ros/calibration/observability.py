@@ -131,7 +131,7 @@ def further_measurements(
 
     def rows(series: MeasuredSeries, noise: float) -> FloatArray:
         few = subset(series, SUGGESTION_SAMPLES)
-        (own,) = model.predict([few], values)
+        own = model.predict(few, values)
         share = len(few.times) / len(series.times)
         found = own.jacobian.reshape(-1, len(values)) * model.units / (noise * share**0.5)
         finite: FloatArray = found[np.isfinite(found).all(axis=1)]

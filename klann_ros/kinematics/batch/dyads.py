@@ -132,7 +132,8 @@ class PinnedDyads:
         # Of regular poses the extremes tell, as D keeps its sign.
         if all(max(d.min(), -d.max()) > least.max() for d, least in pairs):
             return None
-        return np.logical_or.reduce([np.abs(d) <= least for d, least in pairs])
+        found: BoolArray = np.logical_or.reduce([np.abs(d) <= least for d, least in pairs])
+        return found
 
 
 def _wanted(program: Program, others: AbstractSet[str]) -> dict[str, Sequence[str]]:
