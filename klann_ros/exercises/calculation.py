@@ -16,60 +16,7 @@ Answer = float | str
 Equations = Callable[[FloatArray], FloatArray]
 # Maximum number of iterations; stopping correction, and that of convergence [deg].
 MAX_STUDENT_ITERATIONS, STOP_STEP, CONVERGED_STEP = 12, 1e-2, 1e-7
-# Mistakes within a calculation, by their slip. Those of a single entry are added for Newton.
-CALCULATION_MISTAKES = (
-    'radians:trig',
-    'radians:step',
-    'assembly:1',
-    'assembly:2',
-    'assembly:12',
-    'sign:step',
-    'short:1',
-    'short:2',
-    'transposed',
-    'sine:input',
-    'sine:all',
-    'clockwise:input',
-    'side:input',
-    'side:half',
-    'rounding:3',
-    'rounding:2',
-)
 HALF_TURN, TURN_DEG = 180.0, 360.0
-# Mistakes of a finished answer, by its unit.
-ANGLE_RATE: dict[str, Callable[[float], float]] = {
-    'clockwise:answer': lambda value: -value,
-    'radians:answer': degrees,
-    'radians:back': radians,
-}
-LENGTH: dict[str, Callable[[float], float]] = {
-    'sign:answer': lambda value: -value,
-    'units:m': lambda value: value / 1e3,
-    'units:cm': lambda value: value / 10.0,
-    'units:km': lambda value: value * 1e3,
-}
-ANSWER_MISTAKES: dict[str, dict[str, Callable[[float], float]]] = {
-    'deg': {
-        'radians:answer': radians,
-        'radians:back': degrees,
-        'clockwise:answer': lambda value: -value,
-        'side:answer': lambda value: HALF_TURN - value,
-        'side:back': lambda value: value + HALF_TURN,
-    },
-    'mm': LENGTH,
-    'mm/s': LENGTH,
-    'mm/s²': LENGTH,
-    'rad/s': ANGLE_RATE,
-    'rad/s²': ANGLE_RATE,
-    'N·m': {
-        'clockwise:answer': lambda value: -value,
-        'units:mm': lambda value: value * 1e3,
-        'units:m': lambda value: value / 1e3,
-        'units:cm': lambda value: value * 1e2,
-    },
-    '1': {'sign:answer': lambda value: -value},
-    'count': {'short:count': lambda value: value - 1.0},
-}
 
 
 class Step(NamedTuple):

@@ -16,7 +16,7 @@ from klann_ros.web.browser import print_page, PrintError
 from .kinds import KINDS
 from .marking import Marked, statistics
 from .platforms import moodle, notebooks, prairielearn
-from .sheet import answer_text, key, sheets
+from .sheet import answer_text, key, picture, sheets
 from .tables import mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
@@ -155,7 +155,8 @@ def _html(variants: Sequence[Variant], names: Sequence[str], language: str) -> F
 
 
 def _as_json(variants: Sequence[Variant], _names: Sequence[str], _language: str) -> Files:
-    return {f'{variants[0].kind.name}.json': _json([each.as_dict() for each in variants])}
+    found = [{**each.as_dict(), 'drawing': picture(each)} for each in variants]
+    return {f'{variants[0].kind.name}.json': _json(found)}
 
 
 def _pdf(variants: Sequence[Variant], names: Sequence[str], language: str) -> Files:

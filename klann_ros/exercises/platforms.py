@@ -14,7 +14,7 @@ from .calculation import slip_of, TURN_DEG
 from .kinds import KINDS
 from .marking import DEFAULT_CREDIT, mark, SLIP_CREDIT
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, UNIT_SIGNS
-from .variant import make_variant, Question, reason, texts, Variant
+from .variant import known, make_variant, Question, reason, texts, Variant
 
 Files = dict[str, bytes]
 # Answers with feedback of a Cloze field at most.
@@ -167,10 +167,15 @@ def check(kind: str, student: str, question: str, answer: object, language: str 
     language : str
         'en' or 'pt'.
 
+    Raises
+    ------
+    ExerciseError
+        The kind, the student's number or the question is refused.
+
     """
-    variant = make_variant(KINDS[kind], student)
+    variant = make_variant(known(kind, KINDS, 'kind'), student)
     marks = {each.question: each for each in mark(variant, {question: str(answer)})}
-    return marks[question].reason(language)
+    return str(known(question, marks, f'question of {kind}').reason(language))
 
 
 def notebooks(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:

@@ -128,7 +128,7 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
                     f'{printable(path)}, line {reader.line_num}: {len(row)} cells for '
                     f'{len(heads)} columns; put a number with a comma in quotes'
                 )
-            cells = [*row, *[''] * (len(heads) - len(row))]
+            cells = [*map(_plain, row), *[''] * (len(heads) - len(row))]
             found.append((reader.line_num, dict(zip(heads, cells, strict=True))))
     except csv.Error as error:
         raise ExerciseError(f'{printable(path)}, line {reader.line_num}: {error}') from error
@@ -159,6 +159,11 @@ def _save(heads: Sequence[str], rows: Iterable[Sequence[str]], file: BinaryIO) -
     writer.writerows([_harmless(cell) for cell in row] for row in rows)
     text.flush()
     text.detach()
+
+
+def _plain(cell: str) -> str:
+    """Return a cell without the mark of `_harmless`, as a template has it."""
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(FORMULA_STARTS) else cell
 
 
 def _harmless(cell: str) -> str:

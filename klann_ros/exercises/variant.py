@@ -19,9 +19,7 @@ import numpy as np
 
 from .calculation import (
     Answer,
-    ANSWER_MISTAKES,
     Calculation,
-    CALCULATION_MISTAKES,
     newton_mistakes,
     slip_of,
     Step,
@@ -220,16 +218,17 @@ class Variant:
     @cached_property
     def mistaken(self) -> dict[str, dict[str, Answer]]:
         """Return the wrong answers of each mistake, by question."""
+        mistakes = _data(KINDS_FILE)['mistakes']
         found: dict[str, dict[str, Answer]] = {}
-        for mistake in (*self.kind.mistakes, *CALCULATION_MISTAKES):
+        for mistake in (*self.kind.mistakes, *mistakes['calculation'].split()):
             calculation = self.kind.calculated(self.givens, mistake)
             if calculation:
                 found[mistake] = self._wrong(calculation.answers)
         for question in self.kind.questions:
             right = self.answers[question.name]
-            for mistake, change in ANSWER_MISTAKES.get(question.unit, {}).items():
+            for mistake, (factor, summand) in mistakes['answers'].get(question.unit, {}).items():
                 if isinstance(right, float):
-                    wrong = self._wrong({question.name: change(right)})
+                    wrong = self._wrong({question.name: factor * right + summand})
                     found.setdefault(mistake, {}).update(wrong)
         return found
 

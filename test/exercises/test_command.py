@@ -56,7 +56,13 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path) -> Non
     key = make_variant(KINDS['toggle'], '0011').answers
     lines = ['student,kind,question,answer']
     lines += [f'0011,toggle,{name},"{value:.5g} mm"' for name, value in key.items()]
-    lines += ['0012,toggle,Z,1', '0012,toggle,Y,1', '0012,jump,Z,1', '0011,toggle,Z,1']
+    lines += [
+        "'=cmd,toggle,Z,x",
+        '0012,toggle,Z,1',
+        '0012,toggle,Y,1',
+        '0012,jump,Z,1',
+        '0011,toggle,Z,1',
+    ]
     answers = tmp_path / 'answers.csv'
     answers.write_text('\n'.join(lines))
     outputs = ['--csv', str(tmp_path / 'marks.csv'), '--json', str(tmp_path / 'marks.json')]
@@ -64,12 +70,14 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path) -> Non
     report = json.loads((tmp_path / 'marks.json').read_text())
     assert [(each['student'], each['points']) for each in report['students']] == [
         ('0011', 3.0),
+        ('=cmd', 0.0),
         ('0012', 0.0),
     ]
     assert len(report['refused']) == 3
     assert report['statistics']['toggle']['right'] == 3
     marks = [*csv.DictReader((tmp_path / 'marks.csv').read_text('utf-8-sig').splitlines())]
-    assert [row['points'] for row in marks] == ['1', '1', '1', '0', '0', '0']
+    assert [row['points'] for row in marks] == ['1'] * 3 + ['0'] * 6
+    assert "'=cmd" in {row['student'] for row in marks}
 
 
 @pytest.mark.parametrize(
@@ -142,3 +150,4 @@ def test_json_has_all_that_a_page_needs(students: Path, tmp_path: Path) -> None:
     assert question['name'] == 'f_1'
     assert question['slips']
     assert exercises[0]['reasons']['radians']['pt']
+    assert exercises[0]['drawing'].startswith('<svg')

@@ -9,7 +9,16 @@ import runpy
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from klann_ros.exercises import check, command, KINDS, make_variant, mark, platforms, Variant
+from klann_ros.exercises import (
+    check,
+    command,
+    ExerciseError,
+    KINDS,
+    make_variant,
+    mark,
+    platforms,
+    Variant,
+)
 from klann_ros.web import browser
 import pytest
 
@@ -116,6 +125,8 @@ def test_check_gives_the_reason() -> None:
     assert check('limits', '9', 'swing', f'{swing:.5g}') == 'right'
     wrong = check('limits', '9', 'swing', swing * 3.14159265 / 180.0, 'pt')
     assert wrong == 'graus e radianos estão trocados'
+    with pytest.raises(ExerciseError, match='did you mean swing'):
+        check('limits', '9', 'swin', 1)
 
 
 def test_a_file_name_is_never_the_students_own_path() -> None:
