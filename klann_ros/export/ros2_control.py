@@ -8,6 +8,7 @@ without initial value starts at 0, whatever the MJCF says. On hardware, a plugin
 takes the place of the simulator; controllers and walker_node are the same.
 """
 
+from contextlib import suppress
 from typing import Any
 from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 
@@ -18,6 +19,7 @@ from klann_ros.sanitize.yaml_text import dump, parse_file
 from klann_ros.twin import robot_mjcf
 from klann_ros.twin.mjcf import start_angle
 
+from .nav2 import nav2_parameters
 from .urdf import urdf, URDF_HEADER
 
 MODEL, ROBOT, SIMULATED, HARDWARE, CONTROLLERS, WALKER, LAUNCH = (
@@ -30,6 +32,9 @@ MODEL, ROBOT, SIMULATED, HARDWARE, CONTROLLERS, WALKER, LAUNCH = (
     'ros2_control.launch.py',
 )
 """Names of the files: the launch file finds the others beside it."""
+
+NAV2 = 'nav2.yaml'
+"""Name of the parameters for Nav2."""
 
 # Limits of a crank in the URDF [rad/s], [N m]; walker_node has limits of its own.
 MAX_CRANK_RATE, MAX_CRANK_TORQUE = 3.0, 100.0
@@ -97,6 +102,9 @@ def ros2_control_files(file: str, robot: Robot) -> dict[str, bytes]:
         WALKER: _walker(file, robot),
         LAUNCH: _LAUNCH,
     }
+    with suppress(ValueError):
+        # Nav2 needs a walker that can turn.
+        made[NAV2] = nav2_parameters(robot)
     return {name: text.encode() for name, text in made.items()}
 
 

@@ -153,7 +153,10 @@ def test_the_launch_file_names_what_is_there(exported: tuple[str, Path]) -> None
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and str(node.value).endswith(('.yaml', '.urdf', '.xml'))
     }
-    assert named == {path.name for path in folder.iterdir()} - {'ros2_control.launch.py'}
+    assert named == {path.name for path in folder.iterdir()} - {
+        'ros2_control.launch.py',
+        'nav2.yaml',
+    }
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ ALLOWED = {
         *('sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log', 'web'),
         'calibration',
     },
-    'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin'},
+    'export': {'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'twin', 'walker'},
     'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
     'calibration': {'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},

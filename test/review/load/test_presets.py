@@ -23,7 +23,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 # These are of no leg.
-OTHERS = {'motor_example.yaml', 'ros2_control.yaml', 'ekf.yaml'}
+OTHERS = {'motor_example.yaml', 'ros2_control.yaml', 'ekf.yaml', 'nav2_walker.yaml'}
 CONFIGS = [p for p in sorted((ROOT / 'config').glob('*.yaml')) if p.name not in OTHERS]
 LINKAGES = sorted((ROOT / 'klann_ros' / 'linkages').glob('*.yaml'))
 PERIOD = 10_000_000

@@ -1,0 +1,149 @@
+"""
+The parameters of Nav2 that depend on the walker, derived from its feet and its gait.
+
+Speeds are those at which `walker_node` was tested in MuJoCo: straight on a part of the speed at a
+crank rate of 1 rad/s, on the spot the yaw rate at 1 rad/s of both sides against each other.
+"""
+
+from math import ceil, hypot, pi
+from typing import Any
+
+from klann_ros.robot import Robot
+from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.yaml_text import dump
+from klann_ros.walker import Feet, MotionLimits, Rates, Steering, walk_figures
+import numpy as np
+
+# Part of the speed at 1 rad/s, and the crank rate [rad/s].
+CRUISE_SHARE, CRANK_RATE = 0.7, 1.0
+# Beside the feet, for their sway [m]; between stopping and the end of the motion [s].
+FOOTPRINT_MARGIN, REACTION_TIME = 0.02, 1.0
+# Yaw comes in bursts [rad].
+MIN_YAW_TOLERANCE = 0.1
+# Without half of the possible motion in this time it is stuck [s].
+PROGRESS_TIME = 10.0
+FOOT_RADIUS = 0.004
+# Steps of a turn of the cranks.
+GAIT_SAMPLES = 180
+_HEAD = """\
+# {name} in Nav2 (Jazzy): merge it into nav2_bringup's nav2_params.yaml.
+# Made by klann_ros from feet and gait; speeds in m/s and rad/s, lengths in m.
+"""
+
+
+def nav2_parameters(robot: Robot) -> str:
+    """
+    Return the parameters of Nav2 for a walker that can turn, as YAML.
+
+    Raises
+    ------
+    ValueError
+        It is no walker, or cannot turn.
+
+    """
+    steering = Steering(Feet(robot, foot_radius=FOOT_RADIUS))
+    if not steering.can_turn:
+        raise ValueError(f'{printable(robot.name)} cannot turn: all of its feet are on one crank')
+    limits = MotionLimits()
+    figures = walk_figures(robot, foot_radius=FOOT_RADIUS, samples=GAIT_SAMPLES)
+    even = figures.stride * np.arange(1, GAIT_SAMPLES + 1) / GAIT_SAMPLES
+    sway = float(np.abs(figures.advance[:, 0] - even).max())
+    linear = _down(min(CRUISE_SHARE * abs(steering.speed) * CRANK_RATE, limits.max_linear))
+    spin = abs(steering.motion(Rates(-CRANK_RATE, CRANK_RATE)).angular)
+    angular = _down(min(spin, limits.max_angular))
+    radius = _up(linear / angular)
+    corners, reach = _footprint(robot, steering.feet)
+    ahead = _up(max(reach / 2.0, radius / 2.0))
+    inflation = _up(reach)
+    accelerations = limits.max_linear_acceleration, 0.0, limits.max_angular_acceleration
+    stamped = {'enable_stamped_cmd_vel': True}
+    follow = {
+        'plugin': 'nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController',
+        'desired_linear_vel': linear,
+        'lookahead_dist': ahead,
+        'use_velocity_scaled_lookahead_dist': False,
+        'regulated_linear_scaling_min_radius': radius,
+        'regulated_linear_scaling_min_speed': _down(linear / 2.0),
+        'min_approach_linear_velocity': _down(linear / 4.0),
+        'approach_velocity_scaling_dist': ahead,
+        'use_rotate_to_heading': True,
+        'rotate_to_heading_min_angle': 0.4,
+        'rotate_to_heading_angular_vel': angular,
+        'max_angular_accel': limits.max_angular_acceleration,
+        'allow_reversing': False,
+    }
+    sections: dict[str, dict[str, Any]] = {
+        'controller_server': {
+            **stamped,
+            'min_x_velocity_threshold': 0.001,
+            'min_theta_velocity_threshold': 0.001,
+            'progress_checker': {
+                'plugin': 'nav2_controller::PoseProgressChecker',
+                'required_movement_radius': _down(linear * PROGRESS_TIME / 2.0),
+                'required_movement_angle': _down(angular * PROGRESS_TIME / 2.0),
+                'movement_time_allowance': PROGRESS_TIME,
+            },
+            'general_goal_checker': {
+                'plugin': 'nav2_controller::SimpleGoalChecker',
+                'stateful': True,
+                'xy_goal_tolerance': _up(linear * REACTION_TIME + sway),
+                'yaw_goal_tolerance': max(MIN_YAW_TOLERANCE, _up(angular * REACTION_TIME)),
+            },
+            'FollowPath': follow,
+        },
+        'planner_server': {
+            'GridBased': {
+                'plugin': 'nav2_smac_planner::SmacPlannerHybrid',
+                'motion_model_for_search': 'REEDS_SHEPP',
+                'minimum_turning_radius': radius,
+            }
+        },
+        'behavior_server': {
+            **stamped,
+            'max_rotational_vel': angular,
+            'min_rotational_vel': _down(angular / 2.0),
+            'rotational_acc_lim': limits.max_angular_acceleration,
+        },
+        'velocity_smoother': {
+            **stamped,
+            'max_velocity': [linear, 0.0, angular],
+            'min_velocity': [-linear, 0.0, -angular],
+            'max_accel': [*accelerations],
+            'max_decel': [-each if each else 0.0 for each in accelerations],
+        },
+        'collision_monitor': {**stamped, 'base_frame_id': 'base_link'},
+    }
+    content: dict[str, Any] = {name: {'ros__parameters': of} for name, of in sections.items()}
+    width = ceil(2.0 * (reach + ahead))
+    for name, size in (
+        ('local_costmap', {'width': width, 'height': width}),
+        ('global_costmap', {}),
+    ):
+        layer = {'inflation_layer': {'inflation_radius': inflation}}
+        costmap = {'footprint': corners, **layer, **size}
+        content[name] = {name: {'ros__parameters': costmap}}
+    return f'{_HEAD.format(name=printable(robot.name))}{dump(content)}\n'
+
+
+def _footprint(robot: Robot, feet: Feet) -> tuple[str, float]:
+    """Return the rectangle around body and feet over a turn, as text, and its radius [m]."""
+    turn = np.linspace(0.0, 2.0 * pi, GAIT_SAMPLES)
+    places = np.asarray(feet.at(turn[:, None] * feet.senses).feet)[..., :2].reshape(-1, 2)
+    low, high = places.min(axis=0) - FOOT_RADIUS, places.max(axis=0) + FOOT_RADIUS
+    if robot.body is not None:
+        centre, half = np.array(robot.body.centre[:2]), np.array(robot.body.size[:2]) / 2.0
+        low, high = np.minimum(low, centre - half), np.maximum(high, centre + half)
+    x, y = (_up(each + FOOTPRINT_MARGIN) for each in high)
+    u, v = (-_up(FOOTPRINT_MARGIN - each) for each in low)
+    corners = [[x, y], [x, v], [u, v], [u, y]]
+    return str(corners), max(hypot(*corner) for corner in corners)
+
+
+def _up(value: float) -> float:
+    return ceil(100.0 * value - 1e-9) / 100.0
+
+
+def _down(value: float) -> float:
+    """Return a value with two leading digits, rounded down."""
+    digits = 10.0 ** (1 - int(np.floor(np.log10(value))))
+    return float(int(digits * value + 1e-9) / digits)
