@@ -80,14 +80,18 @@ def write_mcap(
         writer = Writer(file, **options)
         writer.start(profile)
         numbers: dict[Topic, int] = {}
+        schemas: dict[str, int] = {}
         for batch in batches:
             for item in batch:
                 topic = item.topic
                 if topic not in numbers:
-                    text = topic.definition.encode()
-                    schema = writer.register_schema(topic.type, 'ros2msg', text)
+                    text, kind = topic.definition.encode(), topic.type
+                    if kind not in schemas:
+                        schemas[kind] = writer.register_schema(kind, 'ros2msg', text)
                     about = {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash}
-                    numbers[topic] = writer.register_channel(topic.name, 'cdr', schema, about)
+                    numbers[topic] = writer.register_channel(
+                        topic.name, 'cdr', schemas[kind], about
+                    )
                 times, number = (item.log_time, item.publish_time), numbers[topic]
                 writer.add_message(number, times[0], item.data, times[1], item.sequence)
             writer.flush()  # type: ignore[no-untyped-call] # theirs

@@ -3,14 +3,25 @@
 from pathlib import Path
 import tempfile
 
-from crank_runs import HASH, make_messages, make_topic, record_spans, START, write_run
+from crank_runs import (
+    BATCHES,
+    HASH,
+    make_messages,
+    make_topic,
+    record_spans,
+    START,
+    write_mcap,
+    write_run,
+)
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.log.write.writer import RunWriter
 from mcap.reader import make_reader
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Chunk, ChunkIndex, MessageIndex, Statistics
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
@@ -217,3 +228,25 @@ def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(tmp_path) 
     with path.open('rb') as file:
         summary = make_reader(file).get_summary()
     assert (len(summary.schemas), len(summary.channels)) == (1, 2)
+
+
+@pytest.mark.parametrize('compression', CompressionType)
+def test_chunks_and_their_indexes_are_those_of_the_mcap_library(tmp_path, compression) -> None:
+    batches = [[*batch, *make_messages(5, '/other'), *batch[:3]] for batch in BATCHES]
+    name = compression.name.lower()
+    ours = write_run(tmp_path / 'run', batches, compression=name)
+    theirs = write_mcap(tmp_path / 'x.mcap', batches, compression=compression)
+    found = []
+    for path in (ours, theirs):
+        with path.open('rb') as file:
+            records = [*StreamReader(file, emit_chunks=True).records]
+        kinds = Chunk, MessageIndex, ChunkIndex, Statistics
+        found.append({kind: [each for each in records if type(each) is kind] for kind in kinds})
+        (statistics,) = found[-1][Statistics]
+        statistics.attachment_count = statistics.metadata_count = 0
+        for index in found[-1][ChunkIndex]:
+            start, index.chunk_start_offset = index.chunk_start_offset, 0
+            places = index.message_index_offsets.items()
+            index.message_index_offsets = {channel: place - start for channel, place in places}
+    assert found[0] == found[1]
+    assert [len(records) for records in found[0].values()] == [6, 12, 6, 1]
