@@ -270,7 +270,11 @@ def drawing_of(pose: Any, bar_names: dict[int, str]) -> Markup:
                 names.append(
                     _letter(x + 9.0, y - 7.0, name.replace('_', '').translate(SUBSCRIPTS))
                 )
+    jointed = {point for body in drawn.bodies for bar in body.bars for point in bar}
     for name, place in drawn.points.items():
+        if name in drawn.joints[PIVOT] and name not in jointed:
+            # It is only the start of a line.
+            continue
         x, y = at(place)
         if name in drawn.joints[PIVOT]:
             base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'

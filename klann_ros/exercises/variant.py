@@ -275,7 +275,7 @@ class Variant:
                 for name, value in self.givens.items()
             ],
             'crank_angle': angle,
-            'dimensions': dict(leg.linkage.dimensions),
+            'dimensions': dict(leg.linkage.dimensions) if leg else {},
             'questions': [
                 {
                     **question._asdict(),

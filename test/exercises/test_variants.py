@@ -1,6 +1,7 @@
 """Variants of exercises: distinct, solvable, repeatable, and their key held against others."""
 
 from collections.abc import Callable
+import json
 from math import isfinite
 
 from klann_ros.exercises import ExerciseError, KINDS, make_variant
@@ -117,6 +118,7 @@ def test_every_text_exists_in_both_languages(name: str) -> None:
         assert words['kinds'][name][language]['task']
         assert all(words['slips'][slip][language] for slip in words['slips'])
     assert variant.steps
+    json.dumps(variant.as_dict(), allow_nan=False)
     assert all(isfinite(step.value) for step in variant.steps)
 
 
