@@ -13,7 +13,7 @@ import sys
 import tempfile
 from time import monotonic
 
-from klann_ros.review.fleet.table import rows_from_table
+from klann_ros.review.fleet.rows import rows_from_table
 from support.aims import exit_code, SMOKE
 from support.long_run import write_long_run
 from support.opening import opening

@@ -14,7 +14,6 @@ from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.review.live.follow import follow
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
-from klann_ros.review.report.picture import picture_format, save_picture
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.robot.file import preset_names
 from klann_ros.sanitize.arguments import ArgumentParser, command_words, NOT_READ, path, UsageError
@@ -27,7 +26,7 @@ from .fleet import command as each
 from .page import save
 from .report import text
 from .report.annotations import annotate
-from .report.data import save_csv, save_json
+from .report.data import picture_format, save_csv, save_json, save_picture
 from .reviewing import Progress, review_run
 
 # Delay of the progress bar [s].

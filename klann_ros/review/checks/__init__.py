@@ -5,12 +5,11 @@ from typing import TypeAlias
 
 from klann_ros.review.model.review import Finding, Review
 
+from .built_leg import check_dimensions, check_torques
 from .clocks import check_clocks, check_order
 from .completeness import check_container, check_gaps, check_losses, check_recorder_findings
-from .dimensions import check_dimensions
 from .motion import check_motion, check_walking
 from .poses import check_answers, check_poses, check_solvers
-from .torques import check_torques
 
 Check: TypeAlias = Callable[[Review], Iterator[Finding]]
 

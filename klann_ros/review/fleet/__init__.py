@@ -17,7 +17,7 @@ from .judge import (
     judge_runs,
     Task,
 )
-from .table import Row
+from .rows import Row
 
 __all__ = [
     'Expectations',

@@ -27,14 +27,15 @@ from .judge import (
     Task,
     written,
 )
-from .reports import save_index, save_junit
-from .table import (
+from .rows import (
     check_table,
     EXIT_CODES,
     FINDINGS,
     OK,
     Row,
     rows_from_table,
+    save_index,
+    save_junit,
     save_table,
     TableError,
     UNREADABLE,

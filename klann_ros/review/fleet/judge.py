@@ -28,7 +28,7 @@ from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.yaml_text import content_of_file
 
-from .table import reviewed_row, Row, unreadable_row
+from .rows import reviewed_row, Row, unreadable_row
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 from findings import checks
 from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.review.checks.torques import crank_motion, torques
+from klann_ros.review.checks.built_leg import crank_motion, torques
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver

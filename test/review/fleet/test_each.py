@@ -24,7 +24,7 @@ from klann_ros.review.fleet import (
     Task,
 )
 import klann_ros.review.fleet.command as each
-from klann_ros.review.fleet.table import rows_from_table
+from klann_ros.review.fleet.rows import rows_from_table
 from leg_runs import LegRun
 import pytest
 

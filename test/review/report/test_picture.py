@@ -12,7 +12,7 @@ def test_the_last_pose_that_closes_is_drawn(
 ) -> None:
     drawn = []
     monkeypatch.setattr(
-        'klann_ros.review.report.picture.plot_pose', lambda pose, **_: drawn.append(pose)
+        'klann_ros.review.report.data.plot_pose', lambda pose, **_: drawn.append(pose)
     )
     healthy.answers[-1].pose[0] = alpha
     main([str(make_run(healthy)), '--picture', str(tmp_path / 'leg.png')])
