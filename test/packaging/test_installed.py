@@ -22,7 +22,16 @@ NODES = {
     'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node',
     'sim_node',
 }  # fmt: skip
-EXECUTABLES = {*NODES, 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise'}
+EXECUTABLES = {
+    *NODES,
+    'review',
+    'recover',
+    'export',
+    'describe',
+    'calibrate',
+    'exercise',
+    'design',
+}
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].
 ROOT_60 = (10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574)

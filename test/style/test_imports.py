@@ -36,6 +36,9 @@ ALLOWED = {
     'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'web'},
     'calibration': {'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},
     'exercises': {'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'},
+    'design': {
+        *('sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'walker', 'web', 'datasheet'),
+    },
     'stop_signals': set(),
     'nodes': {
         *('sanitize', 'kinematics', 'dynamics', 'robot', 'walker', 'twin', 'plotting', 'log'),

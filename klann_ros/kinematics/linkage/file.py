@@ -29,6 +29,9 @@ from .structure import Bar, Body, Brace, Structure
 # The keys of a linkage, and of no parameter file.
 _KEYS = {'pivots', 'bodies', 'crank', 'foot'}
 LENGTH_UNITS = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}
+NUMBER_DIGITS = 9
+"""Digits behind the point of written numbers, in their own units."""
+
 SHIPPED = resources.files('klann_ros') / 'linkages'
 
 
@@ -140,6 +143,30 @@ def linkage_from_text(text: str, name: str) -> Linkage:
     except (GeometryError, YamlError) as error:
         msg = f'{printable(name)} holds no linkage: {printable_line(error)}'
         raise LinkageFileError(msg) from error
+
+
+def content_with_numbers(text: str, linkage: Linkage) -> Any:
+    """Return the content of a linkage's file with other numbers, in its own units."""
+    content = parse(text)
+    units = content.get('units', {})
+    metre = LENGTH_UNITS[units.get('length', 'm')]
+    radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
+    order = [body.angle for body in linkage.structure.bodies]
+    bars: list[Any] = [bar for name in order for bar in body_bars(content['bodies'][name])]
+    for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
+        place = dimension.place
+        scale = radian if dimension.kind == 'bend' else metre
+        value = round(number / scale, NUMBER_DIGITS)
+        if dimension.kind in {'x', 'y'}:
+            pivot = content['pivots'][linkage.structure.pivots[place]]
+            pivot['xy'.index(dimension.kind)] = value
+        elif dimension.kind == 'brace':
+            bars[place]['brace']['length'] = value
+        elif dimension.kind == 'bend':
+            bars[place]['direction' if 'direction' in bars[place] else 'bend'] = value
+        else:
+            bars[place]['length'] = value
+    return content
 
 
 def _validate(content: Any) -> None:

@@ -181,21 +181,27 @@ def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
 TYPES = {
     'array': 'a list',
     'boolean': 'true or false',
+    'integer': 'a whole number',
     'number': 'a number',
     'object': 'a mapping',
     'string': 'a text',
 }
 
 
-def schema_error(content: Any) -> str:
-    """Return the first error of a file's content, with its place; empty if there is none."""
+def schema_error(content: Any, schema: Mapping[str, Any] | None = None) -> str:
+    """
+    Return the first error of a file's content, with its place; empty if there is none.
+
+    The schema is that of a linkage by default.
+    """
     if content is None:
-        return f'it is empty: it must have {", ".join([*_schema()["required"], "start"])}'
+        required = schema['required'] if schema else [*_schema()['required'], 'start']
+        return f'it is empty: it must have {", ".join(required)}'
     # jsonschema takes longer to load than everything else of the kinematics.
     from jsonschema import Draft202012Validator  # noqa: PLC0415
     from jsonschema.exceptions import best_match  # noqa: PLC0415
 
-    error = best_match(Draft202012Validator(_schema()).iter_errors(content))
+    error = best_match(Draft202012Validator(schema or _schema()).iter_errors(content))
     if error is None:
         return ''
     place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
@@ -235,7 +241,9 @@ def _unknown(error: Any, _: str) -> str:
 def _type(error: Any, shown: str) -> str:
     if 'propertyNames' in error.absolute_schema_path:
         return f'the name {shown} is no text: write it in quotation marks'
-    return f'{shown} must be {TYPES[error.validator_value]}'
+    kinds = error.validator_value
+    names = [TYPES[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds)]
+    return f'{shown} must be {" or ".join(names)}'
 
 
 def _count(error: Any, shown: str) -> str:

@@ -1,0 +1,178 @@
+"""`design`: the search for legs that fulfil a wish."""
+
+import argparse
+from collections.abc import Iterable, Sequence
+from functools import partial
+import json
+from math import inf
+import os
+from pathlib import Path
+import sys
+
+from klann_ros.engines import EngineError, ENGINES
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
+from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.outputs import Output, OutputError
+from klann_ros.sanitize.text import printable
+
+from .leg_file import leg_text, parameter_text
+from .page import page
+from .report import figure_text, leg_name, report, text
+from .search import DEFAULT_EVALUATIONS, Found, Progress, search, State
+from .wish import Wish, wish_from_file, WishError
+
+NONE_FOUND, INTERRUPTED = 1, 130
+ERROR_CODES = {WishError: NOT_READ, EngineError: NOT_READ}
+STATE = 'search.json'
+MAX_STATE_SIZE = 100_000_000
+DESCRIPTION = """\
+Search for legs that fulfil a wish. Every leg found is proven to turn fully in one assembly mode.
+
+WISH is YAML: linkage (a name, a file or a list), vary (a percentage, or ranges by dimension),
+figures (each minimize, maximize, at_least, at_most or near) and path (points, CSV or SVG).
+FOLDER gets leg_001.yaml ..., which every program takes, design.json and index.html."""
+EPILOG = """\
+The same seed and evaluations give the same files, for any number of jobs. Ctrl-C keeps what is
+found; --resume continues, also after a crash.
+Exit code: 0 found, 1 no leg fulfils the wish (the report names the figure that fails), 2 WISH is
+refused, 3 FOLDER cannot be written."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Search for legs; return the exit code."""
+    return _parser().run(_design, ERROR_CODES, argv)
+
+
+def _design(options: argparse.Namespace) -> int:
+    wish = wish_from_file(options.wish)
+    folder = Path(options.output or f'{Path(options.wish).stem}_legs')
+    state = _opened(folder, resume=options.resume)
+
+    def on_round(state: State, progress: Progress) -> None:
+        _save(folder, STATE, json.dumps(state.content()))
+        print(_line(wish, progress), file=sys.stderr, flush=True)
+
+    try:
+        found = search(
+            wish,
+            seed=options.seed,
+            evaluations=options.evaluations,
+            time_limit=options.time,
+            jobs=options.jobs,
+            engine=options.engine,
+            state=state,
+            on_round=on_round,
+        )
+    except ValueError as error:
+        raise UsageError(f'--resume: {error}') from error
+    _write(folder, found)
+    print(text(found, printable(folder)), end='')
+    if not found.legs:
+        return NONE_FOUND
+    return INTERRUPTED if found.is_interrupted else 0
+
+
+def _opened(folder: Path, *, resume: bool) -> State | None:
+    """Return the state of the search in a folder, which is made; None of a new search."""
+    shown = printable(folder)
+    if resume:
+        try:
+            content = json.loads(read_regular(folder / STATE, MAX_STATE_SIZE))
+            return State.of(content)
+        except OSError as error:
+            raise UsageError(f'--resume: {shown} has no search: {error.strerror}') from error
+        except (ValueError, TypeError, KeyError) as error:
+            raise UsageError(f'--resume: {shown}/{STATE} is damaged') from error
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        advice = 'continue it with --resume, or choose another with -o'
+        raise OutputError(f'{shown} exists already: {advice}') from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise OutputError(f'{shown} cannot be made: {printable(reason)}') from error
+    return None
+
+
+def _write(folder: Path, found: Found) -> None:
+    """Write all files of a result; those of legs that an earlier one had are removed."""
+    names: list[str] = []
+    for number, leg in enumerate(found.legs):
+        name = leg_name(number)
+        figures = [
+            f'#   {figure}: {figure_text(found.wish.units, figure, leg.reached.get(figure))}'
+            for figure in found.wish.figures
+        ]
+        head = '\n'.join(['# Found by design; its figures:', *figures]) + '\n'
+        _save(folder, f'{name}.yaml', head + leg_text(leg.leg))
+        names.append(f'{name}.yaml')
+        if leg.walker is not None:
+            names.append(f'{name}_walker.yaml')
+            _save(folder, names[-1], f'# A walker of {name}.yaml.\n{parameter_text(leg.walker)}')
+    for old in _leg_files(folder):
+        if old.name not in names:
+            old.unlink(missing_ok=True)
+    _save(folder, 'design.json', report(found))
+    _save(folder, 'index.html', page(found))
+
+
+def _leg_files(folder: Path) -> Iterable[Path]:
+    return sorted(file for file in folder.glob('leg_*.yaml') if not file.is_symlink())
+
+
+def _save(folder: Path, name: str, content: str) -> None:
+    place = folder / name
+    if place.is_symlink():
+        raise OutputError(f'{printable(place)} is a link, which is not followed')
+    data = content.encode(errors='replace')
+    Output('-o', os.fspath(place)).save(lambda file: file.write(data))
+
+
+def _line(wish: Wish, progress: Progress) -> str:
+    """Return the progress of a search in a line."""
+    best = [
+        f'{name} {figure_text(wish.units, name, value)}' for name, value in progress.best.items()
+    ]
+    state = ', '.join(best) or 'no leg holds the limits yet'
+    return (
+        f'{progress.evaluations} candidates, {progress.seconds:.0f} s: '
+        f'{state}; hypervolume {progress.hypervolume:.3f}'
+    )
+
+
+def _count(given: str, least: int = 1) -> int:
+    try:
+        value = int(given)
+    except ValueError:
+        value = least - 1
+    if not least <= value < 2**53:
+        msg = f'{printable(given)} is refused: a whole number, {least} or more, is needed'
+        raise argparse.ArgumentTypeError(msg)
+    return value
+
+
+def _seconds(given: str) -> float:
+    try:
+        value = float(given)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < inf:
+        raise argparse.ArgumentTypeError(f'{printable(given)} is refused: seconds > 0 are needed')
+    return value
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser('design', DESCRIPTION, EPILOG)
+    add = parser.add_argument
+    add('wish', metavar='WISH', type=path, help='the wish')
+    out = 'for the result (default: the name of WISH and _legs); a new one'
+    add('-o', '--output', metavar='FOLDER', type=path, help=out)
+    add('--seed', metavar='N', type=partial(_count, least=0), default=0, help='of the search, 0')
+    add('--time', metavar='S', type=_seconds, help='end the search after this time [s]')
+    many = f'candidates that are judged, {DEFAULT_EVALUATIONS}'
+    add('--evaluations', metavar='N', type=_count, default=DEFAULT_EVALUATIONS, help=many)
+    add('--jobs', metavar='N', type=_count, help='processes (default: the CPUs)')
+    where = 'processes of this machine, or a Ray cluster'
+    add('--engine', choices=ENGINES, default='local', help=where)
+    add('--resume', action='store_true', help='continue the search in FOLDER')
+    return parser

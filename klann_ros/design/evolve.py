@@ -1,0 +1,168 @@
+"""Candidates of a wish: judged in bulk, sampled, and evolved (NSGA-II, differential evolution)."""
+
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import GeometryError, Variants
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
+import numpy as np
+
+from .figures import judge
+from .wish import Space, spread, Wish
+
+POPULATION = 120
+# Candidates sampled for each of the first population, and judged at once.
+SAMPLES_PER_CANDIDATE, MAX_JUDGED = 25, 2048
+# Of the loss of a candidate without figures.
+WORST_LOSS = 1e9
+# The search holds limits with this relative distance: its figures are exact to 1e-4.
+LIMIT_MARGIN = 5e-4
+
+
+class Scores(NamedTuple):
+    """
+    Losses and violations of candidates, 0 or less if they hold, shapes (n, m) and (n, g).
+
+    `figures` are those of the wish by name, shape (n,).
+    """
+
+    losses: FloatArray
+    violations: FloatArray
+    figures: dict[str, FloatArray]
+
+    @property
+    def total(self) -> FloatArray:
+        """Return the sum of the violations of each candidate; 0 if it holds all."""
+        return np.asarray(np.maximum(0.0, self.violations).sum(axis=1))
+
+
+def scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
+    """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
+    starts = range(0, len(x), MAX_JUDGED)
+    parts = [_scores(wish, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
+    if not parts:
+        return _scores(wish, space, np.empty((0, len(space.names))))
+    names = parts[0].figures
+    return Scores(
+        np.concatenate([part.losses for part in parts]),
+        np.concatenate([part.violations for part in parts]),
+        {name: np.concatenate([part.figures[name] for part in parts]) for name in names},
+    )
+
+
+def _scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
+    try:
+        variants = Variants(space.linkage, space.changes(x))
+    except GeometryError as error:
+        raise AssertionError(str(error)) from error
+    names = frozenset(wish.figures)
+    found = judge(variants, names, wish.load)
+    figures = found.figures
+    if wish.target is not None:
+        figures['path_error'] = np.full(len(x), np.nan)
+        turning = np.flatnonzero(found.turns)
+        figures['path_error'][turning] = wish.target.fit(found.h[turning]).error
+    losses = [
+        np.where(found.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in wish.cheap_aims
+    ]
+    # Without a cheap aim any candidate that holds the limits is as good.
+    losses = losses or [np.where(found.turns, 0.0, WORST_LOSS)]
+    violations = [found.jam]
+    for limit in wish.cheap_limits:
+        scale = abs(limit.value) or 1.0
+        shortfall = limit.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
+        violations.append(np.where(found.turns, shortfall, 10.0))
+    table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T
+    return Scores(table, np.nan_to_num(np.array(violations), nan=10.0, posinf=10.0).T, figures)
+
+
+class Island(NamedTuple):
+    """A population that evolves by itself for a while; without one it is sampled first."""
+
+    wish: Wish
+    space: int
+    population: FloatArray | None
+    seed: tuple[int, ...]
+    evaluations: int
+
+
+def evolve(island: Island) -> FloatArray:
+    """Return the population of an island after its evaluations, shape (p, d)."""
+    wish, space = island.wish, island.wish.spaces[island.space]
+    random = np.random.default_rng(island.seed)
+    x, spent = island.population, 0
+    if x is None:
+        spent = min(POPULATION * SAMPLES_PER_CANDIDATE, max(POPULATION, island.evaluations))
+        x = sampled(wish, space, random, spent)
+    generations = (island.evaluations - spent) // POPULATION
+    return _evolved(wish, space, x, random, generations) if generations > 0 else x
+
+
+def sampled(wish: Wish, space: Space, random: np.random.Generator, count: int) -> FloatArray:
+    """Return the best of so many random candidates, and the linkage as it is."""
+    x = random.uniform(size=(count, len(space.names)))
+    x[0] = as_drawn(space)
+    found = scores(wish, space, x)
+    order = np.lexsort([found.losses.sum(axis=1), found.total])
+    return x[_chosen(found, order)]
+
+
+def _chosen(found: Scores, order: IndexArray) -> IndexArray:
+    """Return a population: half of it the best, half far apart of the rest that is as good."""
+    best = order[: POPULATION // 2]
+    fine = order[found.total[order] <= 0.0]
+    rest = np.setdiff1d(fine, best)
+    rest = rest[spread(found.losses[rest], POPULATION - len(best))] if len(rest) else rest
+    both = np.concatenate([best, rest])
+    others = order[~np.isin(order, both)]
+    return np.asarray(np.concatenate([both, others])[:POPULATION], dtype=np.intp)
+
+
+def as_drawn(space: Space) -> FloatArray:
+    """Return the linkage as it is as a candidate, shape (d,)."""
+    own = np.array([space.linkage.dimensions.get(name, 1.0) for name in space.names])
+    return np.asarray(np.clip((own - space.low) / (space.high - space.low), 0.0, 1.0))
+
+
+def _evolved(
+    wish: Wish, space: Space, x: FloatArray, random: np.random.Generator, generations: int
+) -> FloatArray:
+    # It takes a second to load, and only a search needs it.
+    from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
+    from pymoo.algorithms.soo.nonconvex.de import DE  # noqa: PLC0415
+    from pymoo.core.problem import Problem  # noqa: PLC0415
+    from pymoo.optimize import minimize  # noqa: PLC0415
+
+    first = scores(wish, space, x[:1])
+    aims, limits = first.losses.shape[1], first.violations.shape[1]
+
+    class WishProblem(Problem):  # type: ignore[misc]  # pymoo has no types
+        """The wish as pymoo has it."""
+
+        def _evaluate(self, x: Any, out: Any, *_: Any, **__: Any) -> None:
+            found = scores(wish, space, x)
+            out['F'], out['G'] = found.losses, found.violations
+
+    problem = WishProblem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
+    kind = DE if aims == 1 else NSGA2
+    algorithm = kind(pop_size=len(x), sampling=x)
+    seed = int(random.integers(2**31))
+    found = minimize(problem, algorithm, ('n_gen', generations), seed=seed)
+    return np.array(found.pop.get('X'), dtype=np.float64)
+
+
+def pareto_front(losses: FloatArray) -> IndexArray:
+    """Return the rows that no other row dominates, shape (n, m); of equal rows the first."""
+    kept: list[int] = []
+    for row in np.lexsort(losses.T[::-1]).tolist():
+        better = losses[kept] <= losses[row]
+        if not better.all(axis=1).any():
+            kept.append(row)
+    return np.array(sorted(kept), dtype=np.intp)
+
+
+def hypervolume(losses: FloatArray, reference: FloatArray) -> float:
+    """Return the volume that rows of losses dominate up to a reference point."""
+    from pymoo.indicators.hv import HV  # noqa: PLC0415 - see `_evolved`
+
+    inside = losses[(losses < reference).all(axis=1)]
+    return float(HV(ref_point=reference)(inside)) if len(inside) else 0.0

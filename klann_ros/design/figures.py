@@ -1,0 +1,332 @@
+"""The figures of a wish: names, units and bounds; in bulk, and as `describe` reports them."""
+
+from math import inf, pi
+from typing import Any, NamedTuple
+
+from klann_ros.datasheet import DataSheet
+from klann_ros.kinematics import Linkage, linkage_poses, Variants
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
+from klann_ros.kinematics.batch.turn_clearance import driven_clearances
+from klann_ros.kinematics.foot.path import GROUND_BAND
+import numpy as np
+
+# Crank angles of a candidate's turn; between them the path is a cubic.
+CANDIDATE_ANGLES = 96
+# Points of a stance, an odd number.
+STANCE_POINTS = 65
+BISECTIONS = 24
+
+
+class FigureKind(NamedTuple):
+    """
+    A figure of a wish.
+
+    `unit` is 'm', 'rad', '' or another SI unit, `least` and `greatest` its bounds. A costly one is
+    computed of survivors alone. `needs` is the key of the wish that defines it.
+    """
+
+    text: str
+    unit: str = ''
+    least: float = 0.0
+    greatest: float = inf
+    is_costly: bool = False
+    needs: str = ''
+
+
+FIGURES = {
+    'stride': FigureKind('extent of the foot path along x', 'm'),
+    'lift': FigureKind('extent of the foot path along y', 'm'),
+    'path_length': FigureKind('length of the foot path', 'm'),
+    'duty_factor': FigureKind('fraction of a turn on the ground', '', 0.0, 1.0),
+    'ground_covered': FigureKind('advance of the foot in stance', 'm'),
+    'deviation': FigureKind('greatest distance of the stance from a straight line', 'm'),
+    'straightness': FigureKind('deviation relative to the ground covered', ''),
+    'ripple': FigureKind('(greatest - least) / mean foot speed in stance', ''),
+    'advance': FigureKind('mean foot speed in stance, at a crank rate of 1 rad/s', 'm'),
+    'step_height': FigureKind('height of the foot at mid-swing', 'm'),
+    'transmission_angle': FigureKind('worst, from links in line', 'rad', 0.0, pi / 2.0),
+    'ground_clearance': FigureKind('from the ground up to the lowest pivot', 'm', -inf),
+    'width': FigureKind('of the bounding box over a turn', 'm'),
+    'height': FigureKind('of the bounding box over a turn', 'm'),
+    'bar_ratio': FigureKind('longest to shortest bar', '', 1.0),
+    'torque_peak': FigureKind('of the crank, the load alone', 'N m', needs='load'),
+    'torque_range': FigureKind('greatest - least of the crank torque', 'N m', needs='load'),
+    'path_error': FigureKind('rms distance from the path', 'm', needs='path'),
+    'margin': FigureKind('relative change of a length until it jams', '', is_costly=True),
+    'turning_fraction': FigureKind(
+        'of legs within the tolerance', '', 0.0, 1.0, is_costly=True, needs='tolerance'
+    ),
+    'motor_margin': FigureKind('available to required torque', '', is_costly=True, needs='motor'),
+    'speed': FigureKind('of the walker', 'm/s', -inf, is_costly=True, needs='walker'),
+    'static_margin': FigureKind('of the walker', 'm', -inf, is_costly=True, needs='walker'),
+    'height_variation': FigureKind('of the walker', 'm', is_costly=True, needs='walker'),
+}
+
+
+def crank_angles(count: int = CANDIDATE_ANGLES) -> FloatArray:
+    """Return the crank angles of a candidate's turn [rad]."""
+    return np.arange(count, dtype=np.float64) * (TURN / count)
+
+
+class Judgement(NamedTuple):
+    """
+    Candidates, n of them.
+
+    `jam` is the share of crank angles that a candidate does not reach, plus its lacking clearance
+    relative to its crank; 0 if it turns. `figures` by name, shape (n,), NaN if it does not turn.
+    `h`, shape (n, k, 2), is the foot [m].
+    """
+
+    jam: FloatArray
+    figures: dict[str, FloatArray]
+    h: FloatArray
+
+    @property
+    def turns(self) -> BoolArray:
+        """Return whether each turns."""
+        return np.equal(self.jam, 0.0)
+
+
+def judge(
+    variants: Variants,
+    names: frozenset[str],
+    load: float = 0.0,
+    count: int = CANDIDATE_ANGLES,
+    kernel: str | None = None,
+) -> Judgement:
+    """Return the named figures of candidates; those that are not computed in bulk are left out."""
+    has_box = not names.isdisjoint({'width', 'height'})
+    poses: Any = linkage_poses(
+        variants,
+        crank_angles(count),
+        velocities=True,
+        transmission_angles='transmission_angle' in names,
+        points=has_box,
+        kernel=kernel,
+    )
+    jam = np.asarray((poses.reason != 0).mean(axis=1), dtype=np.float64)
+    jam[variants.error_codes != 0] = 2.0
+    if variants.base.two_circles:
+        with np.errstate(invalid='ignore'):
+            lacking = np.maximum(0.0, -driven_clearances(variants) / variants.base.size)
+        jam += np.where(np.isfinite(lacking), np.minimum(lacking, 1.0), 0.0)
+    turning = np.flatnonzero(jam == 0.0)
+    found = _path_figures(poses.h[turning], poses.h_1[turning], load)
+    if 'transmission_angle' in names:
+        mu = poses.transmission_angles[turning]
+        inward = np.minimum(mu, pi - mu)
+        found['transmission_angle'] = _least_between(inward).min(axis=1, initial=pi / 2.0)
+    numbers, dimensions = variants.numbers[:, turning], variants.base.structure.dimensions
+    lengths = numbers[[k for k, d in enumerate(dimensions) if d.kind == 'length']]
+    found['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
+    pivots = [k for k, d in enumerate(dimensions) if d.kind == 'y']
+    base = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
+    found['ground_clearance'] = base - found.pop('lowest')
+    if has_box:
+        points = poses.points[turning]
+        found['width'], found['height'] = np.ptp(points, axis=(1, 2)).T
+    figures = {}
+    for name in names & found.keys():
+        figures[name] = np.full(len(variants), np.nan)
+        figures[name][turning] = found[name]
+    return Judgement(jam, figures, poses.h)
+
+
+def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
+    """Return the figures of a leg's data sheet, as far as it has them."""
+    (leg,) = sheet.legs
+    found: dict[str, float] = {}
+    if leg.path is not None:
+        found |= {'stride': leg.path.stride, 'lift': leg.path.lift}
+        found['path_length'] = leg.path.length
+        own = linkage.dimensions
+        pivots = [own[d.name] for d in linkage.structure.dimensions if d.kind == 'y']
+        found['ground_clearance'] = min(pivots, default=0.0) - leg.path.y_range[0]
+    stance = leg.stance
+    if stance is not None and leg.path is not None:
+        found |= {
+            name: getattr(stance, name)
+            for name in ('duty_factor', 'ground_covered', 'deviation', 'straightness', 'ripple')
+        }
+        found['advance'] = stance.speed_mean
+        middle = (stance.start + stance.end + TURN) / 2.0
+        at: Any = linkage_poses(linkage, [middle]).h[0, 1]
+        found['step_height'] = float(at) - leg.path.y_range[0]
+    found['transmission_angle'] = min((each.worst.value for each in leg.transmission), default=0.0)
+    found['width'], found['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
+    dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
+    lengths = [number for d, number in dimensions if d.kind == 'length']
+    found['bar_ratio'] = max(lengths) / min(lengths)
+    margins = [bar.margin for bar in leg.bars if bar.unit == 'm']
+    sides = [min(-m.relative[0], m.relative[1]) for m in margins if m is not None]
+    if sides:
+        found['margin'] = min(sides)
+    crank = sheet.cranks[0]
+    if crank.loaded is not None:
+        torque = crank.loaded.torque
+        found['torque_peak'] = crank.loaded.peak
+        found['torque_range'] = float(torque.max() - torque.min())
+    if crank.motor is not None:
+        found['motor_margin'] = crank.motor.margin
+    return found
+
+
+# Paths in bulk: cubics between the samples, as of `foot_path`.
+
+
+def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, FloatArray]:
+    """Return the figures of closed paths and their derivatives, shape (n, k, 2)."""
+    count = h.shape[1]
+    step = TURN / count
+    x, y = _Curve(h[..., 0], h_1[..., 0], step), _Curve(h[..., 1], h_1[..., 1], step)
+    (_, _, left), (_, _, right) = x.least(), x.greatest()
+    (lowest, at, low), (_, _, high) = y.least(), y.greatest()
+    lift, stride = high - low, right - left
+    sign = np.sign(x.slope(lowest, at))
+    level = low + GROUND_BAND * lift
+    inside = (y.values <= level[:, None]) & (np.sign(x.slopes) == sign[:, None])
+
+    def touches(intervals: IndexArray, t: FloatArray) -> BoolArray:
+        return np.asarray((y.value(intervals, t) <= level) & (x.slope(intervals, t) * sign > 0.0))
+
+    ends = []
+    for forward in (True, False):
+        steps = np.arange(count)
+        order = lowest[:, None] + (1 + steps if forward else -steps)
+        run = np.argmin(np.take_along_axis(inside, order % count, axis=1), axis=1)
+        interval = lowest + (run if forward else -run)
+        known = np.where(run == 0, at, 0.0 if forward else 1.0)
+        away = np.full(len(h), 1.0 if forward else 0.0)
+        for _ in range(BISECTIONS):
+            middle = (known + away) / 2.0
+            holds = touches(interval % count, middle)
+            known, away = np.where(holds, middle, known), np.where(holds, away, middle)
+        ends.append(step * (interval + known))
+    end, start = ends
+    t = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, STANCE_POINTS)
+    s_x, s_y, v_x, v_y = x.at(t), y.at(t), x.slope_at(t), y.slope_at(t)
+    speed = np.abs(v_x)
+    covered = np.abs(s_x[:, -1] - s_x[:, 0])
+    duration = end - start
+    with np.errstate(all='ignore'):
+        mean = covered / duration
+        deviation = _deviation(s_x, s_y, np.hypot(v_x, v_y))
+        middle = (start + end + TURN) / 2.0
+        found = {
+            'stride': stride,
+            'lift': lift,
+            'lowest': low,
+            'path_length': TURN * np.hypot(h_1[..., 0], h_1[..., 1]).mean(axis=1),
+            'duty_factor': duration / TURN,
+            'ground_covered': covered,
+            'deviation': deviation,
+            'straightness': deviation / covered,
+            'ripple': (_peak(speed) + _peak(-speed)) / mean,
+            'advance': mean,
+            'step_height': y.at(middle[:, None])[:, 0] - low,
+        }
+        top, bottom = np.maximum(0.0, _peak(v_y)), np.maximum(0.0, _peak(-v_y))
+        found['torque_peak'] = load * np.maximum(top, bottom)
+        found['torque_range'] = load * (top + bottom)
+    return found
+
+
+class _Curve:
+    """Periodic curves as cubics between samples, shape (n, k), with slopes by the angle."""
+
+    def __init__(self, values: FloatArray, slopes: FloatArray, step: float) -> None:
+        self.values, self.slopes, self._step = values, slopes, step
+
+    def _ends(self, intervals: IndexArray) -> tuple[FloatArray, ...]:
+        count = self.values.shape[1]
+        at = intervals if intervals.ndim > 1 else intervals[:, None]
+        ends = [
+            np.take_along_axis(of, (at + k) % count, axis=1).reshape(intervals.shape)
+            for k in (0, 1)
+            for of in (self.values, self._step * self.slopes)
+        ]
+        return tuple(ends)
+
+    def value(self, intervals: IndexArray, t: FloatArray) -> FloatArray:
+        """Return values in intervals, at parts of them."""
+        p, m, q, n = self._ends(intervals)
+        a, b = 2.0 * (p - q) + m + n, 3.0 * (q - p) - 2.0 * m - n
+        return np.asarray(p + t * (m + t * (b + t * a)))
+
+    def slope(self, intervals: IndexArray, t: FloatArray) -> FloatArray:
+        """Return derivatives by the angle likewise."""
+        p, m, q, n = self._ends(intervals)
+        a, b = 2.0 * (p - q) + m + n, 3.0 * (q - p) - 2.0 * m - n
+        return np.asarray((m + t * (2.0 * b + t * 3.0 * a)) / self._step)
+
+    def at(self, angles: FloatArray) -> FloatArray:
+        """Return values at angles, shape (n, j)."""
+        return self.value(*self._split(angles))
+
+    def slope_at(self, angles: FloatArray) -> FloatArray:
+        """Return derivatives at angles, shape (n, j)."""
+        return self.slope(*self._split(angles))
+
+    def _split(self, angles: FloatArray) -> tuple[IndexArray, FloatArray]:
+        places = np.floor(angles / self._step)
+        return places.astype(np.intp), angles / self._step - places
+
+    def least(self) -> tuple[IndexArray, FloatArray, FloatArray]:
+        """Return interval, part of it and value of the minimum, shape (n,) each."""
+        return self._extreme(self.values.argmin(axis=1), 1.0)
+
+    def greatest(self) -> tuple[IndexArray, FloatArray, FloatArray]:
+        """Return interval, part of it and value of the maximum, shape (n,) each."""
+        return self._extreme(self.values.argmax(axis=1), -1.0)
+
+    def _extreme(self, k: IndexArray, sign: float) -> tuple[IndexArray, FloatArray, FloatArray]:
+        # A minimum lies behind a sample with a falling slope.
+        falls = sign * self.slopes[np.arange(len(k)), k] < 0.0
+        interval = np.where(falls, k, k - 1)
+        p, m, q, n = self._ends(interval)
+        a, b = 3.0 * (2.0 * (p - q) + m + n), 3.0 * (q - p) - 2.0 * m - n
+        with np.errstate(all='ignore'):
+            root = np.sqrt(np.maximum(0.0, b * b - a * m))
+            t = m / -(b + np.where(sign * b >= 0.0, sign, sign) * root)
+        t = np.clip(np.where(np.isfinite(t), t, 0.0), 0.0, 1.0)
+        return interval, t, self.value(interval, t)
+
+
+def _deviation(x: FloatArray, y: FloatArray, speed: FloatArray) -> FloatArray:
+    """Return the greatest distance from the line of best fit, weighted by path length."""
+    simpson = np.ones(STANCE_POINTS)
+    simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
+    weight = speed * simpson
+    weight /= weight.sum(axis=1, keepdims=True)
+    x, y = (v - (weight * v).sum(axis=1, keepdims=True) for v in (x, y))
+    xx, yy, xy = ((weight * a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y)))
+    angle = np.arctan2(2.0 * xy, xx - yy) / 2.0
+    offset = y * np.cos(angle)[:, None] - x * np.sin(angle)[:, None]
+    return np.asarray(np.maximum(_peak(offset), _peak(-offset)))
+
+
+def _peak(values: FloatArray) -> Any:
+    """Return the greatest value of each row, by a parabola through three points."""
+    k = np.clip(values.argmax(axis=1), 1, values.shape[1] - 2)
+    rows = np.arange(len(values))
+    before, own, after = (values[rows, k + d] for d in (-1, 0, 1))
+    return np.maximum(values.max(axis=1), _vertex(before, own, after))
+
+
+def _least_between(values: FloatArray) -> FloatArray:
+    """Return the least over the periodic axis 1, by a parabola through three samples."""
+    k = values.argmin(axis=1)[:, None]
+    n = values.shape[1]
+    before, own, after = (
+        np.take_along_axis(values, (k + d) % n, axis=1)[:, 0] for d in (-1, 0, 1)
+    )
+    return np.asarray(-_vertex(-before, -own, -after))
+
+
+def _vertex(before: FloatArray, own: FloatArray, after: FloatArray) -> Any:
+    with np.errstate(all='ignore'):
+        bend = before - 2.0 * own + after
+        rise = (after - before) ** 2 / (-8.0 * bend)
+    inside = (own >= before) & (own >= after) & (bend < 0.0)
+    return np.asarray(own + np.where(inside, rise, 0.0))

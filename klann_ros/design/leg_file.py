@@ -1,0 +1,130 @@
+"""The files of a found leg, which every program takes: the leg, and a walker made of it."""
+
+from collections.abc import Mapping
+from math import pi
+from typing import Any
+
+from klann_ros.kinematics import foot_path, Linkage, linkage_from_text, linkage_poses, LinkageLeg
+from klann_ros.kinematics.klann import NUMBERS
+from klann_ros.kinematics.linkage.file import (
+    content_with_numbers,
+    LENGTH_UNITS,
+    NUMBER_DIGITS,
+)
+from klann_ros.robot import RobotLeg
+from klann_ros.sanitize.yaml_text import dump
+import numpy as np
+
+# Of a leg without masses, and of a walker [kg/m, kg].
+DEFAULT_BAR_DENSITY, DEFAULT_BODY_MASS, DEFAULT_FOOT_MASS = 0.1, 1.0, 0.005
+# Relative to the leg's size: half the width of a body, from plane to plane of the legs, and
+# between the legs at both ends.
+HALF_WIDTH, PLANE_STEP, GAP = 0.2, 0.12, 0.04
+# Whether the left leg of each row is in the second group of the gait, by the number of legs.
+GAITS = {
+    4: {'front': False, 'rear': True},
+    6: {'front': False, 'middle': True, 'rear': False},
+    8: {'front': False, 'rear': True, 'outer_front': True, 'outer_rear': False},
+}
+DEFAULT_LEGS, DEFAULT_MOTORS = 6, 2
+
+
+def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
+    """Return a leg with other dimensions, as its file has them: rounded."""
+    if not leg.description:
+        numbers = {name: round(linkage.dimensions[name], NUMBER_DIGITS) for name in NUMBERS}
+        return RobotLeg('', linkage.varied(numbers), masses=leg.masses)
+    content = content_with_numbers(leg.description, linkage)
+    units = content.get('units', {})
+    metre = LENGTH_UNITS[units.get('length', 'm')]
+    radian = pi / 180.0 if units.get('angle', 'rad') == 'deg' else 1.0
+    if linkage.is_dyadic:
+        # Its start need not close with the new numbers.
+        content.pop('start', None)
+        content['assembly'] = [*linkage.assembly]
+    else:
+        bodies = zip(linkage.structure.bodies, linkage.start, strict=True)
+        content['start'] = {
+            body.angle: round(at / (metre if body.slides else radian), NUMBER_DIGITS)
+            for body, at in bodies
+        }
+    content.setdefault('density', DEFAULT_BAR_DENSITY)
+    text = dump(content) + '\n'
+    return RobotLeg('', linkage_from_text(text, 'the leg'), masses=leg.masses, description=text)
+
+
+def leg_text(leg: RobotLeg) -> str:
+    """Return the file of a leg: a linkage, or parameters of solver_node."""
+    if leg.description:
+        return leg.description
+    return parameter_text({'bar_density': DEFAULT_BAR_DENSITY, **_geometry(leg)})
+
+
+def parameter_text(parameters: Mapping[str, Any]) -> str:
+    """Return a file of parameters, such as a walker's."""
+    return dump({'/**': {'ros__parameters': dict(parameters)}}) + '\n'
+
+
+def _geometry(leg: RobotLeg) -> dict[str, Any]:
+    """Return the parameters of a leg's linkage."""
+    if leg.description:
+        return {'linkage_description': leg.description}
+    numbers = leg.linkage.dimensions
+    return {**{name: numbers[name] for name in NUMBERS}, 'assembly': [*leg.linkage.assembly]}
+
+
+def walker_parameters(leg: RobotLeg, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """
+    Return the parameters of a walker made of one leg, as of solver_node.
+
+    The rear legs are front legs turned by half a turn about the vertical. With six legs the middle
+    ones stand beside the body's middle, with eight there are two legs at each corner, half a turn
+    apart; these are outside of the others.
+
+    Raises
+    ------
+    KinematicsError
+        The leg has no foot path, or no stance.
+
+    """
+    linkage = leg.linkage
+    path = foot_path(LinkageLeg(linkage))
+    stance = path.stance()
+    on_ground = (path.alphas - stance.start) % (2.0 * pi) <= stance.end - stance.start
+    x, low = float(path.h[on_ground, 0].mean()), path.y_range[0]
+    points: Any = linkage_poses(linkage, path.alphas, points=True).points
+    size = max(path.y_range[1], float(points[..., 1].max())) - low
+    # At both ends of the body a leg is wholly in front of the middle.
+    mount = GAP * size - float(points[..., 0].min())
+    # A positive rate of the cranks walks forward.
+    forward = -stance.direction
+    rows, two = GAITS[wanted.get('legs', DEFAULT_LEGS)], wanted.get('motors', DEFAULT_MOTORS) == 2
+    legs: dict[str, Any] = {}
+    for row, left_is_second in rows.items():
+        is_rear, is_outer = row.endswith('rear'), row == 'middle' or row.startswith('outer')
+        out = (HALF_WIDTH + PLANE_STEP * is_outer) * size
+        at = -x if row == 'middle' else -mount if is_rear else mount
+        for side in ('left', 'right'):
+            is_left = side == 'left'
+            is_second = left_is_second == is_left
+            legs[f'{row}_{side}'] = {
+                'crank_joint': f'{side}_crank' if two else 'crank',
+                # Of a leg turned by pi, phase pi is the phase 0 of a front leg.
+                'phase': pi * (is_second != is_rear),
+                'direction': -forward if is_rear else forward,
+                'mount_xyz': [round(at, 6), round(out if is_left else -out, 6), 0.0],
+                'mount_rpy': [pi / 2.0, 0.0, pi * is_rear],
+            }
+    pivots = points[0, [linkage.structure.points.index(p) for p in linkage.structure.pivots], 1]
+    top, bottom = float(pivots.max()), float(pivots.min())
+    body = [2.0 * (mount + float(np.abs(points[0, 0, 0]))), 1.5 * HALF_WIDTH * size]
+    return {
+        'legs': [*legs],
+        **_geometry(leg),
+        'bar_density': wanted.get('bar_density', DEFAULT_BAR_DENSITY),
+        'foot_mass': DEFAULT_FOOT_MASS,
+        'body_mass': wanted.get('body_mass', DEFAULT_BODY_MASS),
+        'body_size': [round(v, 6) for v in (*body, max(0.1 * size, top - bottom))],
+        'body_centre': [0.0, 0.0, round((top + bottom) / 2.0, 6)],
+        **legs,
+    }

@@ -1,0 +1,214 @@
+"""Refinement of a leg on its path, by the derivatives of the foot by every dimension."""
+
+from cmath import phase
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics import GeometryError, Linkage, linkage_poses, Variants
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.linkage.structure import GROUND
+import numpy as np
+
+from .figures import crank_angles
+from .target import PATH_POINTS, resampled, Target
+from .wish import Space
+
+MAX_STEPS = 100
+# Crank angles between which the nearest point of a path is sought, and projections onto it.
+NEAREST_ANGLES, PROJECTIONS = 360, 2
+# A step that improves by a smaller part is the last one.
+LEAST_GAIN = 1e-6
+# Residuals of a leg that does not turn; a start on an end of a range is just within it.
+WORSE, MARGIN = 10.0, 1e-9
+
+
+class _Point(NamedTuple):
+    """Variables of the fit: dimensions x in [0, 1], z -> factor z + shift, the crank's zero."""
+
+    x: FloatArray
+    factor: complex
+    shift: complex
+    zero: float
+
+
+class _Residuals(NamedTuple):
+    """Distances of the target's points from a path, shape (k,) [m], and their derivatives."""
+
+    values: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def cost(self) -> float:
+        return float(self.values @ self.values)
+
+
+def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float]:
+    """
+    Return a candidate nearer to a path, placed on it, and its error; x of shape (d,).
+
+    Levenberg-Marquardt on the distances of the target's points from the path, with the derivatives
+    of the foot by each dimension.
+
+    Raises
+    ------
+    GeometryError
+        It is no linkage.
+
+    """
+    drawn = _linkage(space, x)
+    fit = target.fit(linkage_poses(drawn, crank_angles(NEAREST_ANGLES)).h[None])
+    start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), 0.0)
+    if target.is_timed:
+        start = start._replace(zero=_best_zero(target, drawn, start))
+    found = _fitted(target, space, start)
+    # The figure is the distance of corresponding points: the fit need not improve it.
+    fixed = replace(target, can_move=False, can_turn=False, can_scale=False)
+    placed = [_placed(_linkage(space, of.x), of.factor, of.shift) for of in (start, found)]
+    errors = [
+        float(fixed.fit(linkage_poses(leg, crank_angles(NEAREST_ANGLES)).h[None]).error[0])
+        for leg in placed
+    ]
+    better = errors.index(min(errors))
+    return placed[better], errors[better]
+
+
+def _linkage(space: Space, x: FloatArray) -> Linkage:
+    return Variants(space.linkage, space.changes(x[None]))[0]
+
+
+def _fitted(target: Target, space: Space, start: _Point) -> _Point:
+    # It takes half a second to load.
+    from scipy.optimize import least_squares  # noqa: PLC0415
+
+    known: dict[bytes, _Residuals] = {}
+    first = _residuals(target, space, start)
+    if first is None:
+        return start
+    dimensions, count = len(start.x), first.jacobian.shape[1]
+
+    def at(step: FloatArray) -> _Residuals:
+        key = step.tobytes()
+        if key not in known:
+            found = _residuals(target, space, _moved(target, start, step))
+            # A leg that does not turn is no way out: worse than any.
+            known.clear()
+            known[key] = found or _Residuals(WORSE * first.values, first.jacobian)
+        return known[key]
+
+    margin = np.zeros(count)
+    low, high = (np.full(count, sign * np.inf) for sign in (-1.0, 1.0))
+    low[:dimensions], high[:dimensions] = -start.x - MARGIN, 1.0 - start.x + MARGIN
+    found = least_squares(
+        lambda step: at(step).values,
+        margin,
+        jac=lambda step: at(step).jacobian,
+        bounds=(low, high),
+        max_nfev=MAX_STEPS,
+        xtol=1e-10,
+        ftol=LEAST_GAIN,
+        gtol=None,
+    )
+    return _moved(target, start, found.x)
+
+
+def _moved(target: Target, point: _Point, step: FloatArray) -> _Point:
+    """Return a point after a step, in the order of the Jacobian's columns."""
+    count = len(point.x)
+    rest = iter(step[count:].tolist())
+    turn = next(rest) if target.can_turn else 0.0
+    growth = next(rest) if target.can_scale else 0.0
+    shift = complex(next(rest), next(rest)) if target.can_move else 0j
+    zero = next(rest) if target.is_timed else 0.0
+    x = np.clip(point.x + step[:count], 0.0, 1.0)
+    factor = point.factor * np.exp(growth + 1j * turn)
+    return _Point(x, complex(factor), point.shift + shift, point.zero + zero)
+
+
+def _residuals(target: Target, space: Space, point: _Point) -> _Residuals | None:
+    """Return the residuals; None if the candidate does not turn."""
+    try:
+        leg = _linkage(space, point.x)
+    except GeometryError:
+        return None
+    z = resampled(target.points[None], by_length=not target.is_timed)[0]
+    if target.is_timed:
+        alphas = point.zero + TURN * np.arange(PATH_POINTS) / PATH_POINTS
+    else:
+        alphas = _nearest(leg, point, z)
+    poses: Any = linkage_poses(leg, alphas, velocities=True, gradients=True)
+    if poses.reason.any():
+        return None
+    h = poses.h @ (1.0, 1j)
+    gradient = np.einsum('i,kid->kd', np.array([1.0, 1j]), poses.h_gradient)
+    by_x = point.factor * (gradient @ _number_derivatives(space, point.x))
+    own = point.factor * h
+    columns = [
+        by_x,
+        *([1j * own[:, None]] if target.can_turn else []),
+        *([own[:, None]] if target.can_scale else []),
+        *([np.ones((len(h), 1)), np.full((len(h), 1), 1j)] if target.can_move else []),
+    ]
+    velocity = point.factor * (poses.h_1 @ (1.0, 1j))
+    gap = own + point.shift - z
+    if target.is_timed:
+        table = np.hstack([*columns, velocity[:, None]])
+        parts = np.concatenate([gap.real, gap.imag])
+        return _Residuals(parts, np.vstack([table.real, table.imag]))
+    # Across the path: along it the nearest point moves.
+    across = np.conj(1j * velocity / np.abs(velocity))
+    return _Residuals((across * gap).real, (across[:, None] * np.hstack(columns)).real)
+
+
+def _nearest(leg: Linkage, point: _Point, z: ComplexArray) -> FloatArray:
+    """Return the crank angles at which the path is nearest to points."""
+    alphas = crank_angles(NEAREST_ANGLES)
+    path = point.factor * (linkage_poses(leg, alphas).h @ (1.0, 1j)) + point.shift
+    nearest = alphas[np.nanargmin(np.abs(path[:, None] - z), axis=0)]
+    for _ in range(PROJECTIONS):
+        poses: Any = linkage_poses(leg, nearest, velocities=True)
+        at = point.factor * (poses.h @ (1.0, 1j)) + point.shift
+        rate = point.factor * (poses.h_1 @ (1.0, 1j))
+        with np.errstate(all='ignore'):
+            step = (np.conj(rate) * (z - at)).real / np.abs(rate) ** 2
+        reach = TURN / NEAREST_ANGLES
+        nearest = nearest + np.clip(np.nan_to_num(step), -reach, reach)
+    return np.asarray(nearest, dtype=np.float64)
+
+
+def _number_derivatives(space: Space, x: FloatArray) -> FloatArray:
+    """Return the derivatives of all dimensions by the variables, shape (dimensions, d)."""
+    count, step = len(x), 1e-3
+    # Dimensions are at most of second degree in the variables: these are exact.
+    tried = np.concatenate([x + step * np.eye(count), x - step * np.eye(count)])
+    numbers = Variants(space.linkage, space.changes(tried)).numbers
+    return np.asarray((numbers[:, :count] - numbers[:, count:]) / (2.0 * step))
+
+
+def _best_zero(target: Target, leg: Linkage, point: _Point) -> float:
+    """Return the crank angle at the first point of a path with timing [rad]."""
+    z = resampled(target.points[None], by_length=False)[0]
+    h = linkage_poses(leg, TURN * np.arange(PATH_POINTS) / PATH_POINTS).h @ (1.0, 1j)
+    h = point.factor * h + point.shift
+    errors = [float(np.abs(np.roll(h, -n) - z).sum()) for n in range(PATH_POINTS)]
+    return TURN * int(np.nanargmin(errors)) / PATH_POINTS
+
+
+def _placed(linkage: Linkage, factor: complex, shift: complex) -> Linkage:
+    """Return a linkage turned, scaled and moved: z -> factor z + shift."""
+    structure, size = linkage.structure, abs(factor)
+    at = {
+        name: factor * pivot + shift
+        for name, pivot in zip(structure.pivots, linkage.pivots, strict=True)
+    }
+    changes = {}
+    for dimension, number in zip(structure.dimensions, linkage.numbers, strict=True):
+        if dimension.is_length:
+            changes[dimension.name] = size * number
+        elif dimension.kind in {'x', 'y'}:
+            z = at[structure.pivots[dimension.place]]
+            changes[dimension.name] = z.real if dimension.kind == 'x' else z.imag
+        elif structure.bodies[structure.bars[dimension.place][0]].along == GROUND:
+            turned = number + dimension.sense * phase(factor)
+            changes[dimension.name] = float(np.remainder(turned + np.pi, TURN) - np.pi)
+    return linkage.varied(changes)

@@ -1,0 +1,394 @@
+"""The search of a wish: islands that evolve in any number of processes, then the proof."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+import hashlib
+from time import monotonic
+from typing import Any, NamedTuple
+
+from klann_ros.engines import EngineError, parallel_map, TaskError
+from klann_ros.kinematics import GeometryError, Linkage, Variants
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+
+from .evolve import (
+    evolve,
+    hypervolume,
+    Island,
+    pareto_front,
+    POPULATION,
+    Scores,
+    scores,
+    WORST_LOSS,
+)
+from .figures import FIGURES
+from .proof import FoundLeg, ProofError, prove
+from .refine import refined
+from .wish import spread, Wish
+
+# Islands of a search, whatever the number of processes; and their rounds, after which they
+# exchange their best.
+ISLANDS, ROUNDS = 4, 5
+MAX_ROUND, MIGRANTS = 20_000, 6
+DEFAULT_EVALUATIONS = 30_000
+# Legs that are proven for each leg wanted, as some fail.
+PROVEN_PER_LEG = 3
+# With one aim: of so many of the best, so many that are far apart are refined and proven.
+BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
+
+
+class State(NamedTuple):
+    """
+    A search between two rounds: all that a later one depends on.
+
+    `populations` are those of the islands, and `hypervolumes` those after each round.
+    """
+
+    key: str
+    rounds: int
+    evaluations: int
+    populations: tuple[FloatArray | None, ...]
+    hypervolumes: tuple[float, ...] = ()
+
+    def content(self) -> dict[str, Any]:
+        """Return it for JSON, whose numbers are exact."""
+        own = self._asdict()
+        own['populations'] = [None if x is None else x.tolist() for x in self.populations]
+        return own
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> 'State':
+        """Return that of JSON; errors are KeyError, TypeError and ValueError."""
+        arrays = [
+            None if x is None else np.array(x, dtype=np.float64) for x in content['populations']
+        ]
+        hypervolumes = tuple(map(float, content['hypervolumes']))
+        numbers = int(content['rounds']), int(content['evaluations'])
+        return cls(str(content['key']), *numbers, tuple(arrays), hypervolumes)
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What a search has after a round: evaluations, seconds, hypervolume, best figures (SI)."""
+
+    evaluations: int
+    seconds: float
+    hypervolume: float
+    turning: int
+    best: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """
+    The result of a search.
+
+    Attributes
+    ----------
+    wish : Wish
+        The wish.
+    legs : tuple of FoundLeg
+        The Pareto set, or a part of it that is spread out; by the first aim.
+    reasons : tuple of str
+        Why there is none, by the figure that fails; empty if there is one.
+    state : State
+        Of the search.
+    seed : int
+        Its seed.
+    refused : mapping of str to int
+        Candidates that did not pass the proof, by the reason.
+    is_interrupted : bool
+        Whether a KeyboardInterrupt ended it.
+
+    """
+
+    wish: Wish
+    legs: tuple[FoundLeg, ...]
+    reasons: tuple[str, ...]
+    state: State
+    seed: int
+    refused: Mapping[str, int]
+    is_interrupted: bool = False
+
+
+def search(
+    wish: Wish,
+    *,
+    seed: int = 0,
+    evaluations: int = DEFAULT_EVALUATIONS,
+    time_limit: float | None = None,
+    jobs: int | None = 1,
+    engine: str = 'local',
+    state: State | None = None,
+    on_round: Callable[[State, Progress], object] | None = None,
+) -> Found:
+    """
+    Search for the legs that fulfil a wish, and prove each.
+
+    Parameters
+    ----------
+    wish : Wish
+        The wish.
+    seed : int
+        The same seed and evaluations give the same legs, for any number of jobs.
+    evaluations : int
+        Candidates that are judged.
+    time_limit : float, optional
+        The search ends after the round in which it passes [s].
+    jobs : int, optional
+        Number of processes; None is that of the CPUs.
+    engine : str
+        'local', or 'ray' for a cluster.
+    state : State, optional
+        Where an earlier search of this wish and seed ended.
+    on_round : callable, optional
+        Called after each round; a KeyboardInterrupt ends the search with what it has.
+
+    Raises
+    ------
+    ValueError
+        The state is that of another search.
+    EngineError
+        The engine is unavailable, or no worker answers.
+
+    Examples
+    --------
+    >>> from klann_ros.design import search, wish_from
+    >>> wish = wish_from({'linkage': 'klann', 'figures': {'lift': 'maximize'}})
+    >>> found = search(wish, evaluations=1000)
+    >>> found.legs[0].reached['lift'] > 0.3
+    True
+
+    """
+    key = search_key(wish, seed)
+    count = max(ISLANDS, len(wish.spaces))
+    now = state or State(key, 0, 0, (None,) * count)
+    if now.key != key or len(now.populations) != count:
+        raise ValueError('the search to resume is of another wish or seed')
+    start, is_interrupted = monotonic(), False
+    share = max(POPULATION, min(MAX_ROUND, evaluations // (count * ROUNDS)))
+    try:
+        while now.evaluations < evaluations:
+            now = _next_round(wish, now, seed, share, jobs=jobs, engine=engine)
+            if on_round is not None:
+                seconds = monotonic() - start
+                on_round(now, _progress(wish, now, seconds))
+            if time_limit is not None and monotonic() - start > time_limit:
+                break
+    except KeyboardInterrupt:
+        if not any(x is not None for x in now.populations):
+            raise
+        is_interrupted = True
+    found = _found(wish, now, seed, jobs=jobs, engine=engine)
+    return replace(found, is_interrupted=is_interrupted)
+
+
+def search_key(wish: Wish, seed: int) -> str:
+    """Return a digest of what a search depends on."""
+    return hashlib.sha256(f'{seed}\n{wish.text}'.encode()).hexdigest()
+
+
+def _next_round(
+    wish: Wish, state: State, seed: int, share: int, *, jobs: int | None, engine: str
+) -> State:
+    islands = [
+        Island(wish, n % len(wish.spaces), x, (seed, state.rounds, n), share)
+        for n, x in enumerate(state.populations)
+    ]
+    answers = _in_order(evolve, islands, jobs, engine)
+    failed = [answer for answer in answers if isinstance(answer, str)]
+    if len(failed) == len(answers):
+        raise EngineError(f'the search failed: {failed[0]}')
+    # Of an island whose worker died twice the population stays as it was.
+    pairs = zip(answers, state.populations, strict=True)
+    populations = [old if isinstance(answer, str) else answer for answer, old in pairs]
+    populations = _migrated(wish, populations)
+    spent = state.evaluations + share * len(islands)
+    state = State(state.key, state.rounds + 1, spent, tuple(populations), state.hypervolumes)
+    return state._replace(hypervolumes=(*state.hypervolumes, _hypervolume(wish, state)))
+
+
+def _migrated(wish: Wish, populations: Sequence[FloatArray | None]) -> list[FloatArray | None]:
+    """Return the populations, the worst of each replaced by the best of the one before it."""
+    spaces = len(wish.spaces)
+    moved: list[FloatArray | None] = []
+    for n, x in enumerate(populations):
+        same = [k for k in range(n % spaces, len(populations), spaces) if k != n]
+        other = populations[max([k for k in same if k < n], default=same[-1] if same else n)]
+        if x is None or other is None or not same:
+            moved.append(x)
+            continue
+        space = wish.spaces[n % spaces]
+        order, guests = (_order(scores(wish, space, each)) for each in (x, other))
+        moved.append(np.concatenate([x[order[:-MIGRANTS]], other[guests[:MIGRANTS]]]))
+    return moved
+
+
+def _order(found: Scores) -> Any:
+    return np.lexsort([found.losses.sum(axis=1), found.total])
+
+
+def _all_scores(wish: Wish, state: State) -> list[tuple[int, FloatArray, Scores]]:
+    """Return space, candidates and scores of each island."""
+    return [
+        (n % len(wish.spaces), x, scores(wish, wish.spaces[n % len(wish.spaces)], x))
+        for n, x in enumerate(state.populations)
+        if x is not None
+    ]
+
+
+def _hypervolume(wish: Wish, state: State) -> float:
+    losses = np.concatenate([s.losses[s.total <= 0.0] for _, _, s in _all_scores(wish, state)])
+    losses = losses[(losses < WORST_LOSS).all(axis=1)]
+    if not len(losses):
+        return 0.0
+    # Relative to a leg with the worst of each aim among the front.
+    front = losses[pareto_front(losses)]
+    low, reach = front.min(axis=0), np.ptp(front, axis=0)
+    scale = np.where(reach > 0.0, reach, 1.0)
+    return hypervolume((front - low) / scale, np.full(front.shape[1], 1.1))
+
+
+def _progress(wish: Wish, state: State, seconds: float) -> Progress:
+    every = _all_scores(wish, state)
+    turning = sum(int((s.violations[:, 0] <= 0.0).sum()) for _, _, s in every)
+    best = {}
+    for aim in wish.cheap_aims:
+        values = [s.figures[aim.figure][s.total <= 0.0] for _, _, s in every]
+        known = np.concatenate(values)
+        known = known[np.isfinite(known)]
+        if len(known):
+            best[aim.figure] = float(known[aim.loss(known).argmin()])
+    return Progress(state.evaluations, seconds, state.hypervolumes[-1], turning, best)
+
+
+def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str) -> Found:
+    every = _all_scores(wish, state)
+    rows = [
+        (space, x[i], s.losses[i], {name: float(v[i]) for name, v in s.figures.items()})
+        for space, x, s in every
+        for i in np.flatnonzero(s.total <= 0.0).tolist()
+    ]
+    if not rows:
+        return Found(wish, (), tuple(_reasons(wish, every)), state, seed, {})
+    chosen = [rows[k] for k in _chosen(wish, rows).tolist()]
+    items = [(wish, row[0], row[1], row[3]) for row in chosen]
+    made = _in_order(_made, items, jobs, engine)
+    pairs = zip(made, chosen, strict=True)
+    ready = [
+        (wish, row[0], linkage, row[3], error)
+        for (linkage, error), row in (pair for pair in pairs if not isinstance(pair[0], str))
+    ]
+    if wish.target is not None:
+        ready.sort(key=lambda item: item[-1])
+    legs: list[FoundLeg] = []
+    refused: dict[str, int] = {}
+    for start in range(0, len(ready), wish.count):
+        for answer in _in_order(_proven, ready[slice(start, start + wish.count)], jobs, engine):
+            if isinstance(answer, FoundLeg):
+                legs.append(answer)
+            else:
+                refused[answer] = refused.get(answer, 0) + 1
+        if len(legs) >= wish.count:
+            break
+    legs = legs[: wish.count]
+    legs = _best(wish, legs)
+    reasons = tuple(f'{text}, of {n} legs' for text, n in refused.items()) if not legs else ()
+    return Found(wish, tuple(legs), reasons, state, seed, refused)
+
+
+def _in_order(function: Any, items: Sequence[Any], jobs: int | None, engine: str) -> list[Any]:
+    """Return the answers in the order of the items; an item without one has its reason."""
+    if jobs == 1 and engine == 'local':
+        return list(map(function, items))
+    answers = dict(parallel_map(function, items, engine=engine, jobs=jobs))
+    found = [answers[n] for n in range(len(items))]
+    return [answer.reason if isinstance(answer, TaskError) else answer for answer in found]
+
+
+def _chosen(wish: Wish, rows: Sequence[Any]) -> Any:
+    """Return the candidates to prove: far apart on the front, or of one aim among the best."""
+    losses = np.array([row[2] for row in rows])
+    if losses.shape[1] > 1:
+        front = pareto_front(losses)
+        front = front[np.argsort(losses[front, 0], kind='stable')]
+        return front[spread(losses[front], PROVEN_PER_LEG * wish.count)]
+    best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES]
+    # Only those of one linkage can be compared.
+    same = best[[rows[k][0] == rows[best[0]][0] for k in best.tolist()]]
+    x = np.array([rows[k][1] for k in same.tolist()])
+    some = same[spread(x, max(wish.count, REFINED_CANDIDATES))]
+    return some[np.argsort(losses[some, 0], kind='stable')]
+
+
+def _made(item: tuple[Wish, int, FloatArray, dict[str, float]]) -> tuple[Linkage, float] | str:
+    """Return the linkage of a candidate, refined on a path, and its error; or why it is none."""
+    wish, space_index, x, _ = item
+    space = wish.spaces[space_index]
+    try:
+        if wish.target is not None:
+            return refined(wish.target, space, x)
+        return Variants(space.linkage, space.changes(x[None]))[0], 0.0
+    except GeometryError as error:
+        return str(error)
+
+
+def _proven(item: tuple[Wish, int, Linkage, dict[str, float], float]) -> FoundLeg | str:
+    """Return a leg with its proof, or why it is none."""
+    wish, space_index, linkage, expected, error = item
+    if wish.target is not None:
+        expected = {**expected, 'path_error': error}
+    try:
+        return prove(wish, wish.spaces[space_index], linkage, expected)
+    except ProofError as refusal:
+        return str(refusal)
+
+
+def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
+    """Return the legs that no other dominates by the figures of their sheets, by the first aim."""
+    if not legs:
+        return []
+    table = np.array(
+        [
+            [float(aim.loss(leg.reached.get(aim.figure, np.inf))) for aim in wish.aims]
+            for leg in legs
+        ]
+    )
+    if len(wish.aims) == 1:
+        return [legs[k] for k in np.argsort(table[:, 0], kind='stable').tolist()]
+    table = np.nan_to_num(table, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
+    front = pareto_front(table)
+    return [legs[k] for k in front[np.argsort(table[front, 0], kind='stable')].tolist()]
+
+
+def _reasons(wish: Wish, every: Sequence[tuple[int, FloatArray, Scores]]) -> list[str]:
+    """Return why no candidate fulfils a wish: the figure that fails, and by how much."""
+    turning = [s.violations[:, 0] <= 0.0 for _, _, s in every]
+    if not any(t.any() for t in turning):
+        least = min(float(s.violations[:, 0].min()) for _, _, s in every)
+        missing = f'{100.0 * min(least, 1.0):.1f} % of the turn'
+        remedy = 'vary more, or other dimensions'
+        return [f'no candidate turns fully (the best one misses {missing}): {remedy}']
+    nearest = min(
+        (float(s.total[i]), n, i)
+        for n, ((_, _, s), t) in enumerate(zip(every, turning, strict=True))
+        for i in np.flatnonzero(t).tolist()
+    )
+    _, n, i = nearest
+    found = every[n][2]
+    reasons = []
+    for limit in wish.cheap_limits:
+        values = [s.figures[limit.figure][t] for (_, _, s), t in zip(every, turning, strict=True)]
+        known = np.concatenate(values)
+        best = float(known[np.nanargmin(limit.shortfall(known))])
+        own = float(found.figures[limit.figure][i])
+        if limit.shortfall(own) <= 0.0:
+            continue
+        unit, text = FIGURES[limit.figure].unit, wish.units.text
+        miss = text(float(limit.shortfall(own)), unit)
+        alone = text(best, unit)
+        reasons.append(
+            f'{limit.figure} is {text(own, unit)} where {limit.sense.replace("_", " ")} '
+            f'{text(limit.value, unit)} is wanted, {miss} short; alone it reaches {alone}'
+        )
+    return reasons or ['the limits hold only within rounding: relax one of them a little']

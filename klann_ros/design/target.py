@@ -1,0 +1,264 @@
+"""The path that a foot is to follow: from points, CSV or SVG; the distance of paths from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+import re
+from typing import Any, NamedTuple
+
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE
+import numpy as np
+
+# Points by which paths are compared, evenly along them, a power of two.
+PATH_POINTS = 128
+# Points on each curve of an SVG path.
+CURVE_POINTS = 24
+# Newton steps to the best shift between whole points.
+SHIFT_STEPS = 3
+MAX_TARGET_POINTS = 10_000
+# An SVG file has 96 px to an inch; y points down.
+PIXEL = 0.0254 / 96.0
+_TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
+_ARGUMENTS = {'M': 2, 'L': 2, 'H': 1, 'V': 1, 'C': 6, 'S': 4, 'Q': 4, 'T': 2, 'A': 7, 'Z': 0}
+
+
+class Fit(NamedTuple):
+    """
+    Rotation, scale and translation that bring paths nearest to the target, z -> factor z + shift.
+
+    Shapes (n,); `error` is the rms distance of corresponding points [m].
+    """
+
+    error: FloatArray
+    factor: ComplexArray
+    shift: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """
+    A closed path.
+
+    Attributes
+    ----------
+    points : numpy.ndarray of complex, shape (k,)
+        In the order of travel [m].
+    can_move, can_turn, can_scale : bool
+        Whether legs may be moved, turned and scaled onto it.
+    is_timed : bool
+        Whether the points are at equal steps of the crank.
+
+    """
+
+    points: ComplexArray
+    can_move: bool = True
+    can_turn: bool = True
+    can_scale: bool = True
+    is_timed: bool = False
+
+    @property
+    def size(self) -> float:
+        """Return the diagonal of its bounding box [m]."""
+        return float(np.hypot(np.ptp(self.points.real), np.ptp(self.points.imag)))
+
+    def fit(self, h: FloatArray) -> Fit:
+        """Return the best fit of closed paths at equal steps of the crank, shape (n, k, 2)."""
+        w = resampled(h[..., 0] + 1j * h[..., 1], by_length=not self.is_timed)
+        z = resampled(self.points[None], by_length=not self.is_timed)[0]
+        z_mean, w_mean = z.mean(), w.mean(axis=1)
+        if not self.can_move:
+            z_mean, w_mean = 0.0 * z_mean, 0.0 * w_mean
+        z, w = z - z_mean, w - w_mean[:, None]
+        z_2, w_2 = (np.abs(z) ** 2).sum(), (np.abs(w) ** 2).sum(axis=1)
+        spectrum = np.fft.fft(z)
+        best, chosen = np.full(len(w), np.inf), np.zeros(len(w), dtype=np.complex128)
+        for one in (w, w[:, ::-1]):
+            own = self._correlation(np.conj(np.fft.fft(one)) * spectrum)
+            with np.errstate(all='ignore'):
+                factor = self._factor(own, w_2)
+            error = z_2 + np.abs(factor) ** 2 * w_2 - 2.0 * (np.conj(factor) * own).real
+            better = error < best
+            best, chosen = np.where(better, error, best), np.where(better, factor, chosen)
+        rms = np.sqrt(np.maximum(0.0, best) / PATH_POINTS)
+        shift = z_mean - chosen * w_mean if self.can_move else 0.0 * w_mean
+        return Fit(rms, chosen, shift)
+
+    def _correlation(self, product: ComplexArray) -> ComplexArray:
+        """
+        Return the greatest c_s = sum_k conj(w_k) z_(k+s) over the shifts s, shape (n,).
+
+        `product` is its spectrum. All whole shifts are tried, and the best one is refined.
+        """
+        count = product.shape[1]
+        c = np.fft.ifft(product)
+        shift = np.argmax(np.abs(c) if self.can_turn else c.real, axis=1).astype(np.float64)
+        rates = 2j * np.pi * np.fft.fftfreq(count)
+        for step in range(SHIFT_STEPS + 1):
+            terms = product * np.exp(rates * shift[:, None]) / count
+            c_0, c_1, c_2 = ((terms * rates**k).sum(axis=1) for k in range(3))
+            if step == SHIFT_STEPS:
+                break
+            slope, bend = c_1.real, c_2.real
+            if self.can_turn:
+                slope = (np.conj(c_0) * c_1).real
+                bend = np.abs(c_1) ** 2 + (np.conj(c_0) * c_2).real
+            with np.errstate(all='ignore'):
+                ahead = np.where(bend < 0.0, -slope / bend, 0.0)
+            shift += np.clip(ahead, -0.5, 0.5)
+        return np.asarray(c_0, dtype=np.complex128)
+
+    def _factor(self, c: ComplexArray, w_2: FloatArray) -> ComplexArray:
+        """Return the best rotation and scale from the correlation of two paths."""
+        if self.can_turn and self.can_scale:
+            return np.asarray(c / w_2, dtype=np.complex128)
+        if self.can_turn:
+            return np.asarray(c / np.abs(c), dtype=np.complex128)
+        if self.can_scale:
+            return np.asarray(np.maximum(0.0, c.real) / w_2 + 0j, dtype=np.complex128)
+        return np.ones(len(c), dtype=np.complex128)
+
+
+def resampled(z: ComplexArray, *, by_length: bool) -> ComplexArray:
+    """Return closed polygons, shape (n, k), at `PATH_POINTS` even steps."""
+    closed = np.concatenate([z, z[:, :1]], axis=1)
+    count = z.shape[1]
+    if by_length:
+        along = np.zeros(closed.shape)
+        np.cumsum(np.abs(np.diff(closed, axis=1)), axis=1, out=along[:, 1:])
+        total = along[:, -1:]
+        along /= np.where(total > 0.0, total, 1.0)
+    else:
+        along = np.broadcast_to(np.linspace(0.0, 1.0, count + 1), closed.shape)
+    wanted = np.arange(PATH_POINTS) / PATH_POINTS
+    # The rows side by side: one search for all.
+    rows = 2.0 * np.arange(len(z))[:, None]
+    place = np.searchsorted((along + rows).ravel(), (wanted + rows).ravel(), side='right') - 1
+    place = place.reshape(len(z), PATH_POINTS) - (count + 1) * np.arange(len(z))[:, None]
+    place = np.clip(place, 0, count - 1)
+    a, b = (np.take_along_axis(along, place + k, axis=1) for k in (0, 1))
+    p, q = (np.take_along_axis(closed, place + k, axis=1) for k in (0, 1))
+    with np.errstate(all='ignore'):
+        part = np.where(b > a, (wanted - a) / (b - a), 0.0)
+    return np.asarray(p + part * (q - p))
+
+
+def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Target:
+    """
+    Return the target of the key `path` of a wish, in units of `metre`.
+
+    Raises
+    ------
+    OSError, ValueError
+        Its file cannot be read, or it has no points.
+
+    """
+    if ('points' in content) == ('file' in content):
+        raise ValueError('either points or file must be there')
+    if 'points' in content:
+        points = np.array(content['points'], dtype=np.float64) @ (1.0, 1j) * metre
+    else:
+        name = content['file']
+        path = folder / name if (folder / name).is_file() else Path(name)
+        text = read_regular(path, MAX_FILE_SIZE)
+        is_svg = path.suffix.lower() == '.svg'
+        points = _svg_points(text) * PIXEL if is_svg else metre * _csv_points(text)
+    if len(points) > 3 and points[0] == points[-1]:
+        points = points[:-1]
+    if not 3 <= len(points) <= MAX_TARGET_POINTS:
+        msg = f'{len(points)} points: there must be 3 to {MAX_TARGET_POINTS}'
+        raise ValueError(msg)
+    if not np.isfinite(points).all():
+        raise ValueError('a point is not finite')
+    target = Target(
+        np.asarray(points, dtype=np.complex128),
+        can_move=content.get('move', True),
+        can_turn=content.get('turn', True),
+        can_scale=content.get('scale', True),
+        is_timed=content.get('timing', 'free') == 'prescribed',
+    )
+    if not target.size > 0.0:
+        raise ValueError('all points are one')
+    return target
+
+
+def _csv_points(text: str) -> ComplexArray:
+    """Return the first two columns of a CSV; a heading is skipped, decimal commas are read."""
+    found: list[complex] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        # With semicolons or tabs a comma is that of a decimal.
+        cells = re.split(r'[;\t]', line) if re.search(r'[;\t]', line) else line.split(',')
+        try:
+            x, y = (float(cell.strip().replace(',', '.')) for cell in cells[:2])
+        except ValueError:
+            if not found and number == 1:
+                continue
+            msg = f'line {number}: {printable(line, 60)} must begin with two numbers, x and y'
+            raise ValueError(msg) from None
+        found.append(complex(x, y))
+    return np.array(found, dtype=np.complex128)
+
+
+def _svg_points(text: str) -> ComplexArray:
+    """Return the first path of an SVG file, y up, without the transforms of its groups."""
+    # Not parsed as XML, whose entities can grow without bound.
+    paths = re.findall(r'<path\b[^>]*?\sd\s*=\s*(?:"([^"]*)"|\'([^\']*)\')', text)
+    if not paths:
+        raise ValueError('the SVG has no path')
+    return np.conj(np.array(_svg_path(next(filter(None, paths[0]), '')), dtype=np.complex128))
+
+
+def _svg_path(d: str) -> list[complex]:
+    tokens = [match.groups() for match in _TOKEN.finditer(d)]
+    points: list[complex] = []
+    at, start, control, command, place = 0j, 0j, 0j, '', 0
+    while place < len(tokens):
+        letter, _ = tokens[place]
+        if letter:
+            command, place = letter, place + 1
+        count = _ARGUMENTS.get(command.upper(), 0)
+        end = place + count
+        numbers = [float(n) for _, n in tokens[place:end] if n]
+        if not command or len(numbers) < count or (not count and not letter):
+            raise ValueError('the path of the SVG is cut off')
+        place = end
+        kind, base = command.upper(), at if command.islower() else 0j
+        ends = [base + complex(x, y) for x, y in zip(numbers[::2], numbers[1::2], strict=False)]
+        if kind == 'Z':
+            at = start
+            continue
+        if kind in 'HV':
+            level = numbers[0]
+            step = complex(level, 0.0) if kind == 'H' else complex(0.0, level)
+            rest = complex(0.0, at.imag) if kind == 'H' else complex(at.real, 0.0)
+            ends = [at + step if command.islower() else step + rest]
+        if kind == 'A':
+            raise ValueError('the path of the SVG has an arc (A): convert it to Bezier curves')
+        corners = _corners(kind, at, ends, control)
+        points += _bezier(corners) if len(corners) > 2 else [corners[-1]]
+        control = 2.0 * corners[-1] - corners[-2] if len(corners) > 2 else corners[-1]
+        at = corners[-1]
+        if kind == 'M':
+            # Only the first part of a path counts.
+            if len(points) > 1:
+                return points[:-1]
+            start, command = at, 'l' if command.islower() else 'L'
+    return points
+
+
+def _corners(kind: str, at: complex, ends: Sequence[complex], control: complex) -> list[complex]:
+    return [at, control, *ends] if kind in 'ST' else [at, *ends]
+
+
+def _bezier(corners: Sequence[complex]) -> list[complex]:
+    """Return points on a Bezier curve behind its start."""
+    t = np.linspace(0.0, 1.0, CURVE_POINTS + 1)[1:]
+    layer = [np.full(len(t), corner) for corner in corners]
+    while len(layer) > 1:
+        layer = [a + t * (b - a) for a, b in pairwise(layer)]
+    return list(map(complex, layer[0].tolist()))

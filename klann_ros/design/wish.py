@@ -1,0 +1,431 @@
+"""A wish: the linkages, what may vary, and the figures that are aimed at or limited."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+import json
+from math import inf, radians
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
+from klann_ros.kinematics import Linkage
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
+from klann_ros.kinematics.linkage.file import LENGTH_UNITS
+from klann_ros.kinematics.linkage.file_checks import schema_error
+from klann_ros.robot import robot_of, RobotFileError, RobotLeg
+from klann_ros.robot.file import preset_names
+from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.yaml_text import content_of_file
+import numpy as np
+
+from .figures import FIGURES
+from .target import Target, target_from
+
+AIMS = ('minimize', 'maximize')
+LIMITS = ('at_least', 'at_most')
+DEFAULT_PERCENT = 20.0
+DEFAULT_COUNT = 24
+DEGREES_HINT = 'for degrees write units: {angle: deg}'
+
+
+class WishError(ValueError):
+    """A wish that is refused; the text says why."""
+
+
+class Aim(NamedTuple):
+    """A figure to minimize or maximize, or to bring near a value (SI)."""
+
+    figure: str
+    sense: str
+    value: float = 0.0
+
+    def loss(self, values: Any) -> Any:
+        """Return what is to be minimized."""
+        if self.sense == 'near':
+            return np.abs(values - self.value)
+        return values if self.sense == 'minimize' else -values
+
+
+class Limit(NamedTuple):
+    """A bound of a figure (SI)."""
+
+    figure: str
+    sense: str
+    value: float
+
+    def shortfall(self, values: Any) -> Any:
+        """Return by how much values miss the bound; 0 or less if they hold it."""
+        return self.value - values if self.sense == 'at_least' else values - self.value
+
+
+class Units(NamedTuple):
+    """Names of a wish's units, and their sizes in m and rad."""
+
+    length: str = 'm'
+    angle: str = 'rad'
+
+    def size(self, unit: str) -> float:
+        """Return the size of the wish's unit for an SI unit."""
+        if unit == 'm':
+            return LENGTH_UNITS[self.length]
+        return radians(1.0) if unit == 'rad' and self.angle == 'deg' else 1.0
+
+    def name(self, unit: str) -> str:
+        """Return the name of the wish's unit for an SI unit."""
+        return {'m': self.length, 'rad': self.angle}.get(unit, unit)
+
+    def text(self, value: float, unit: str) -> str:
+        """Return a value (SI) in the wish's unit."""
+        return f'{value / self.size(unit):.4g} {self.name(unit)}'.rstrip()
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """
+    The dimensions of one linkage that vary.
+
+    Attributes
+    ----------
+    leg : RobotLeg
+        The linkage, its file's text, and its masses.
+    names : tuple of str
+        The variables: dimensions, and 'scale' for a common factor.
+    low, high : numpy.ndarray, shape (d,)
+        Their ranges [m, rad].
+    ties : mapping of str to (str, int)
+        Dimensions that equal another one, times +1 or -1.
+
+    """
+
+    leg: RobotLeg
+    names: tuple[str, ...]
+    low: FloatArray
+    high: FloatArray
+    ties: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+
+    @property
+    def linkage(self) -> Linkage:
+        """Return the linkage."""
+        return self.leg.linkage
+
+    def changes(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Return the dimensions of candidates by name; x of shape (n, d) is in [0, 1]."""
+        values = self.low + x * (self.high - self.low)
+        columns = dict(zip(self.names, values.T, strict=True))
+        scale = columns.pop('scale', None)
+        for name, (other, sign) in self.ties.items():
+            columns[name] = sign * columns.get(other, np.full(len(x), self._own(other)))
+        if scale is not None:
+            for d in self.linkage.structure.dimensions:
+                if d.unit == 'm':
+                    own = columns.get(d.name, np.full(len(x), self._own(d.name)))
+                    columns[d.name] = scale * own
+        return columns or {self.linkage.structure.dimensions[0].name: np.full(len(x), inf)}
+
+    def _own(self, name: str) -> float:
+        return self.linkage.dimensions[name]
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """
+    A wish, in SI units; made by `wish_from` or `wish_from_file`.
+
+    Attributes
+    ----------
+    spaces : tuple of Space
+        The linkages, and what varies.
+    aims : tuple of Aim
+        At least one.
+    limits : tuple of Limit
+        The bounds of figures.
+    units : Units
+        In which it was written, and answers are shown.
+    target : Target, optional
+        The path that the foot is to follow.
+    load, speed, tolerance : float
+        On the foot in stance [N], of the crank [rad/s], half-width of all lengths [m].
+    motor : Motor, optional
+        Of a crank.
+    walker : mapping, optional
+        What makes a walker of the leg.
+    count : int
+        The greatest number of legs returned.
+    text : str
+        The wish as it was given, by which a search is resumed.
+
+    """
+
+    spaces: tuple[Space, ...]
+    aims: tuple[Aim, ...]
+    limits: tuple[Limit, ...]
+    units: Units
+    target: Target | None = None
+    load: float = 0.0
+    speed: float = 2.0 * np.pi
+    tolerance: float = 0.0
+    motor: Motor | None = None
+    walker: Mapping[str, Any] | None = None
+    count: int = DEFAULT_COUNT
+    text: str = ''
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Return the names of the figures that it names."""
+        aims = [aim.figure for aim in self.aims]
+        return tuple(dict.fromkeys([*aims, *(limit.figure for limit in self.limits)]))
+
+    @property
+    def cheap_aims(self) -> tuple[Aim, ...]:
+        """Return the aims that are computed in bulk."""
+        return tuple(aim for aim in self.aims if not FIGURES[aim.figure].is_costly)
+
+    @property
+    def cheap_limits(self) -> tuple[Limit, ...]:
+        """Return the limits that are computed in bulk."""
+        return tuple(each for each in self.limits if not FIGURES[each.figure].is_costly)
+
+
+def wish_from_file(path: str | Path) -> Wish:
+    """
+    Return the wish in a YAML file; `schema.json` is its format.
+
+    Raises
+    ------
+    WishError
+        It cannot be read, or is refused.
+
+    """
+    folder = Path(path).parent
+    return content_of_file(path, lambda content: wish_from(content, folder), 'wish', WishError)
+
+
+def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
+    """
+    Return the wish of a mapping such as a file's; names of files are first sought in `folder`.
+
+    Raises
+    ------
+    WishError
+        It is refused; the text says why.
+
+    """
+    wrong = schema_error(content, _schema())
+    if wrong:
+        raise WishError(wrong)
+    units = Units(**content.get('units', {}))
+    place = folder or Path()
+    given = content['linkage']
+    names = [given] if isinstance(given, str) else given
+    spaces = tuple(_space(_leg(name, place), content, units) for name in names)
+    aims, limits = _figures(content.get('figures', {}), units)
+    metre = units.size('m')
+    target = _target(content, metre, place, spaces)
+    if target is not None and not any(aim.figure == 'path_error' for aim in aims):
+        aims = (Aim('path_error', 'minimize'), *aims)
+    motor = None
+    if 'motor' in content:
+        try:
+            motor = motor_from_file(_beside(content['motor'], place))
+        except MotorFileError as error:
+            raise WishError(f'motor: {error}') from error
+    wish = Wish(
+        spaces=spaces,
+        # Without an aim the best leg is the one farthest from jamming.
+        aims=aims or (Aim('transmission_angle', 'maximize'),),
+        limits=limits,
+        units=units,
+        target=target,
+        load=float(content.get('load', 0.0)),
+        speed=float(content.get('speed', 2.0 * np.pi)),
+        tolerance=metre * float(content.get('tolerance', 0.0)),
+        motor=motor,
+        walker=content.get('walker'),
+        count=content.get('count', DEFAULT_COUNT),
+        text=json.dumps(content, sort_keys=True),
+    )
+    _check_needs(wish, content)
+    return wish
+
+
+def _check_needs(wish: Wish, content: Mapping[str, Any]) -> None:
+    for name in wish.figures:
+        needs = FIGURES[name].needs
+        if needs and needs not in content:
+            raise WishError(f'figures.{name} needs {needs}, which is missing')
+    if wish.motor is not None and not wish.load:
+        raise WishError('motor needs load [N], on the foot in stance, which is missing')
+
+
+def _target(
+    content: Mapping[str, Any], metre: float, folder: Path, spaces: Iterable[Space]
+) -> Target | None:
+    """Return the path that the foot is to follow, if there is one."""
+    if 'path' not in content:
+        return None
+    try:
+        target = target_from(content['path'], metre, folder)
+    except (OSError, ValueError) as error:
+        raise WishError(f'path: {getattr(error, "strerror", None) or error}') from error
+    if not all(space.leg.description for space in spaces):
+        raise WishError('path needs a linkage with pivots of its own, such as klann')
+    return target
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    text = (resources.files('klann_ros.design') / 'schema.json').read_text(encoding='utf-8')
+    content: dict[str, Any] = json.loads(text)
+    return content
+
+
+def _beside(name: str, folder: Path) -> str:
+    """Return a file's path, beside the wish if it is there."""
+    return str(folder / name) if (folder / name).is_file() else name
+
+
+def _leg(name: str, folder: Path) -> RobotLeg:
+    try:
+        legs = robot_of(_beside(name, folder)).legs
+    except RobotFileError as error:
+        raise WishError(f'linkage: {error}{did_you_mean(name, preset_names())}') from error
+    if any(leg.linkage != legs[0].linkage for leg in legs):
+        raise WishError(f'linkage: {printable(name)} has several different legs')
+    leg = legs[0]
+    return RobotLeg('', leg.linkage, masses=leg.masses, description=leg.description)
+
+
+def _space(leg: RobotLeg, content: Mapping[str, Any], units: Units) -> Space:
+    vary = content.get('vary', DEFAULT_PERCENT)
+    ranges = dict(vary) if isinstance(vary, Mapping) else {'all': vary}
+    dimensions = {d.name: d for d in leg.linkage.structure.dimensions}
+    several = not isinstance(content['linkage'], str) and len(content['linkage']) > 1
+    ties = dict(_ties(content.get('tie', {}), dimensions, several=several))
+    for name in ranges:
+        if name != 'all' and name not in dimensions and not several:
+            raise WishError(f'vary: {_unknown(name, dimensions)}')
+    found = {}
+    for name, dimension in dimensions.items():
+        own = leg.linkage.dimensions[name]
+        given = ranges.get(name, ranges.get('all'))
+        if given is None or name in ties:
+            continue
+        low, high = _range(dimension, own, given, units)
+        if low < high:
+            found[name] = low, high
+    if 'scale' in content:
+        low, high = content['scale']
+        if not low < high:
+            raise WishError(f'scale: the range [{low:g}, {high:g}] is empty')
+        found['scale'] = low, high
+    if not found:
+        raise WishError('vary leaves nothing to vary: give a percentage above 0, or ranges')
+    ends = np.array([*found.values()], dtype=np.float64)
+    return Space(leg, tuple(found), ends[:, 0], ends[:, 1], ties)
+
+
+def _range(dimension: Any, own: float, given: Any, units: Units) -> tuple[float, float]:
+    """Return the range of a dimension [m, rad]: its own, or a percentage of its value."""
+    if not isinstance(given, list):
+        ends = own * (1.0 - given / 100.0), own * (1.0 + given / 100.0)
+        return min(ends), max(ends)
+    size, name = units.size(dimension.unit), dimension.name
+    low, high = size * given[0], size * given[1]
+    shown = f'[{given[0]:g}, {given[1]:g}] {units.name(dimension.unit)}'
+    if not low < high:
+        raise WishError(f'vary.{name}: the range {shown} is empty')
+    if dimension.is_length and low <= 0.0:
+        raise WishError(f'vary.{name}: a length must be > 0, but the range is {shown}')
+    return low, high
+
+
+def _ties(
+    given: Mapping[str, str], dimensions: Iterable[str], *, several: bool
+) -> Iterable[tuple[str, tuple[str, int]]]:
+    for name, text in given.items():
+        other, sign = (text[1:].strip(), -1) if text.startswith('-') else (text, 1)
+        missing = [each for each in (name, other) if each not in dimensions]
+        if missing and several:
+            continue
+        if missing:
+            raise WishError(f'tie: {_unknown(missing[0], dimensions)}')
+        if other == name or other in given:
+            raise WishError(f'tie.{printable(name)}: {printable(other)} is tied itself')
+        yield name, (other, sign)
+
+
+def _unknown(name: str, known: Iterable[str]) -> str:
+    names = [*known]
+    hint = did_you_mean(name, names)
+    return f'{printable(name)} is no dimension: these are {", ".join(names)}{hint}'
+
+
+def _figures(given: Mapping[str, Any], units: Units) -> tuple[tuple[Aim, ...], tuple[Limit, ...]]:
+    aims: list[Aim] = []
+    limits: list[Limit] = []
+    for name, wanted in given.items():
+        if name not in FIGURES:
+            hint = did_you_mean(name, FIGURES)
+            raise WishError(
+                f'figures: {printable(name)} is none: these are {", ".join(FIGURES)}{hint}'
+            )
+        words: Mapping[str, Any] = {wanted: None} if isinstance(wanted, str) else wanted
+        for word, value in words.items():
+            if word in AIMS and (value is None or value is True):
+                aims.append(Aim(name, word))
+            elif word in AIMS:
+                raise WishError(f'figures.{name}.{word} takes no value')
+            elif word in (*LIMITS, 'near'):
+                number = _number(name, word, value, units)
+                if word == 'near':
+                    aims.append(Aim(name, word, number))
+                else:
+                    limits.append(Limit(name, word, number))
+            else:
+                known = (*AIMS, *LIMITS, 'near')
+                hint = did_you_mean(word, known)
+                shown = (
+                    f'figures.{name}: {printable(word)} must be one of {", ".join(known)}{hint}'
+                )
+                raise WishError(shown)
+        own = {each.sense: each.value for each in limits if each.figure == name}
+        if own.get('at_least', -inf) > own.get('at_most', inf):
+            raise WishError(f'figures.{name}: at_least is above at_most, which no leg fulfils')
+        if [aim.figure for aim in aims].count(name) > 1:
+            raise WishError(f'figures.{name}: one of {", ".join(AIMS)} and near, not several')
+    return tuple(aims), tuple(limits)
+
+
+def _number(name: str, word: str, value: Any, units: Units) -> float:
+    kind = FIGURES[name]
+    unit = units.name(kind.unit)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        of = f' [{unit}]' if unit else ''
+        raise WishError(f'figures.{name}.{word}: {printable(repr(value))} must be a number{of}')
+    number = float(value) * units.size(kind.unit)
+    if not kind.least <= number <= kind.greatest:
+        ends = [units.text(end, kind.unit) for end in (kind.least, kind.greatest)]
+        hint = f'; {DEGREES_HINT}' if kind.unit == 'rad' and units.angle == 'rad' else ''
+        raise WishError(
+            f'figures.{name}.{word}: {value:g} {unit}'.rstrip()
+            + f' is out of its bounds, {ends[0]} to {ends[1]}{hint}'
+        )
+    return number
+
+
+def spread(points: FloatArray, count: int) -> IndexArray:
+    """
+    Return rows of points, shape (n, m), that are far from each other: the first row first.
+
+    Farthest-point sampling of the points relative to their ranges.
+    """
+    reach = np.ptp(points, axis=0)
+    relative = (points - points.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
+    chosen = [0]
+    distance = np.linalg.norm(relative - relative[0], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(relative - relative[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.intp)

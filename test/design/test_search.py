@@ -1,0 +1,167 @@
+"""A search: what it returns is proven, repeatable, and resumed where it ended."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+
+from klann_ros.datasheet import data_sheet
+from klann_ros.design import Found, search, State, Wish, wish_from
+from klann_ros.design.evolve import pareto_front
+from klann_ros.design.figures import sheet_figures
+from klann_ros.design.leg_file import leg_text, parameter_text
+from klann_ros.design.report import report
+from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
+from klann_ros.robot import robot_from_file
+from klann_ros.walker import walk_figures
+import numpy as np
+import pytest
+
+EVALUATIONS = 3000
+TOY = {
+    'linkage': ['klann', 'jansen'],
+    'units': {'length': 'mm', 'angle': 'deg'},
+    'figures': {
+        'stride': 'maximize',
+        'deviation': 'minimize',
+        'transmission_angle': {'at_least': 20},
+    },
+    'walker': {'legs': 8},
+    'count': 6,
+}
+
+
+@pytest.fixture(scope='module')
+def toy() -> Wish:
+    return wish_from(TOY)
+
+
+@pytest.fixture(scope='module')
+def found(toy: Wish) -> Found:
+    return search(toy, evaluations=EVALUATIONS)
+
+
+def test_every_leg_closes_all_round_in_one_assembly_mode(found: Found) -> None:
+    alphas = np.linspace(0.0, 2.0 * np.pi, 20_000)
+    assert len(found.legs) >= 3
+    for leg in found.legs:
+        poses = linkage_poses(leg.linkage, alphas, transmission_angles=True)
+        assert not poses.reason.any()
+        assert poses.transmission_angles is not None
+        assert np.sin(poses.transmission_angles).min() > np.sin(np.radians(19.9))
+        # A change of branch would be a jump.
+        step = np.linalg.norm(np.diff(poses.h, axis=0), axis=1)
+        assert step.max() < 1e-2 * leg.reached['stride']
+        assert 0.0 <= leg.non_turning_fraction <= 1.0
+        assert leg.margins
+
+
+def test_the_figures_are_those_that_describe_reports_of_the_file(
+    found: Found, tmp_path: Path
+) -> None:
+    for leg in found.legs[:3]:
+        file = tmp_path / 'leg.yaml'
+        file.write_text(leg_text(leg.leg))
+        robot = robot_from_file(file)
+        sheet = data_sheet(robot, samples=360)
+        reported = sheet_figures(sheet, robot.legs[0].linkage)
+        for name in ('stride', 'lift', 'deviation', 'duty_factor', 'transmission_angle'):
+            assert leg.reached[name] == pytest.approx(reported[name], rel=1e-9)
+        for name, value in leg.expected.items():
+            assert leg.reached[name] == pytest.approx(value, rel=2e-3)
+
+
+def test_no_leg_dominates_another(found: Found) -> None:
+    table = [(-leg.reached['stride'], leg.reached['deviation']) for leg in found.legs]
+    assert table == sorted(table)
+    assert len(pareto_front(np.array(table))) == len(table)
+
+
+def test_a_walker_of_a_leg_walks_forward(found: Found, tmp_path: Path) -> None:
+    leg = found.legs[0]
+    assert leg.walker is not None
+    file = tmp_path / 'walker.yaml'
+    file.write_text(parameter_text(leg.walker))
+    walk = walk_figures(robot_from_file(file))
+    assert walk.speed > 0.0
+    assert walk.stable_fraction > 0.9
+    assert leg.reached['speed'] == pytest.approx(walk.speed * 2.0 * np.pi)
+
+
+def test_the_same_seed_gives_the_same_bytes_for_any_number_of_jobs(
+    toy: Wish, found: Found
+) -> None:
+    assert report(search(toy, evaluations=EVALUATIONS, jobs=2)) == report(found)
+
+
+def test_another_seed_gives_other_legs(toy: Wish, found: Found) -> None:
+    other = search(toy, evaluations=600, seed=1)
+    assert [leg.linkage for leg in other.legs] != [leg.linkage for leg in found.legs]
+
+
+def test_a_resumed_search_ends_as_an_uninterrupted_one(toy: Wish, found: Found) -> None:
+    states: list[State] = []
+
+    def stop(state: State, _: object) -> None:
+        states.append(state)
+        if state.rounds == 2:
+            raise KeyboardInterrupt
+
+    partly = search(toy, evaluations=EVALUATIONS, on_round=stop)
+    assert partly.is_interrupted
+    assert partly.legs
+    stored = State.of(json.loads(json.dumps(states[-1].content())))
+    assert report(search(toy, evaluations=EVALUATIONS, state=stored)) == report(found)
+
+
+def test_a_search_of_another_wish_is_not_resumed(toy: Wish, found: Found) -> None:
+    with pytest.raises(ValueError, match='another wish or seed'):
+        search(replace(toy, text='other'), state=found.state)
+
+
+def test_a_wish_that_no_leg_fulfils_names_the_figure_and_by_how_much() -> None:
+    wish = wish_from(
+        {
+            'linkage': 'klann',
+            'units': {'length': 'mm'},
+            'vary': 5,
+            'figures': {'stride': {'at_least': 900}, 'lift': {'at_least': 100}},
+        }
+    )
+    none = search(wish, evaluations=1000)
+    assert none.legs == ()
+    (reason,) = none.reasons
+    assert reason.startswith('stride is ')
+    assert 'where at least 900 mm is wanted' in reason
+
+
+def test_a_wish_whose_legs_never_turn_says_so() -> None:
+    wish = wish_from({'linkage': 'klann', 'vary': {'B-C': [0.2, 0.22]}})
+    none = search(wish, evaluations=600)
+    assert none.legs == ()
+    assert none.reasons[0].startswith('no candidate turns fully')
+
+
+def test_a_hidden_leg_is_recovered_from_its_path() -> None:
+    drawn = shipped_linkage('klann')
+    random = np.random.default_rng(2)
+    changes = {n: v * random.uniform(0.95, 1.05, 1) for n, v in drawn.dimensions.items()}
+    h = linkage_poses(Variants(drawn, changes), np.linspace(0.0, 6.28, 300)).h[0]
+    turned = h @ (1.0, 1j) * 2.0 * np.exp(0.5j) + 1.0
+    points = [[z.real, z.imag] for z in turned.tolist()]
+    wish = wish_from({'linkage': 'klann', 'vary': 10, 'path': {'points': points}, 'count': 1})
+    (leg,) = search(wish, evaluations=4000).legs
+    assert wish.target is not None
+    assert leg.reached['path_error'] < 1e-3 * wish.target.size
+    foot = linkage_poses(leg.linkage, np.linspace(0.0, 6.28, 300)).h @ (1.0, 1j)
+    nearest = np.abs(foot[:, None] - turned).min(axis=0)
+    assert nearest.max() < 2e-2 * wish.target.size
+
+
+def test_the_front_is_that_of_all_pairs() -> None:
+    losses = np.random.default_rng(0).uniform(size=(60, 3)).round(1)
+    kept = set(pareto_front(losses).tolist())
+    for i, row in enumerate(losses):
+        dominated = ((losses <= row).all(axis=1) & (losses < row).any(axis=1)).any()
+        equal_kept = any((losses[k] == row).all() for k in kept)
+        assert equal_kept != dominated
+        assert (i in kept) <= (not dominated)

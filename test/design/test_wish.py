@@ -1,0 +1,150 @@
+"""What a wish may say, and the line by which it is refused."""
+
+from collections.abc import Mapping
+from math import pi, radians
+from pathlib import Path
+from typing import Any
+
+from klann_ros.design.target import PATH_POINTS, PIXEL, Target, target_from
+from klann_ros.design.wish import wish_from, wish_from_file, WishError
+import numpy as np
+import pytest
+
+LEG = {'linkage': 'klann'}
+
+
+@pytest.mark.parametrize(
+    ('content', 'message'),
+    [
+        ({}, 'linkage is missing'),
+        ({'linkage': 'klan'}, 'did you mean klann?'),
+        ({**LEG, 'figurs': {}}, 'did you mean figures?'),
+        ({**LEG, 'figures': {'strid': 'maximize'}}, 'did you mean stride?'),
+        ({**LEG, 'figures': {'stride': 'maximise'}}, 'did you mean maximize?'),
+        ({**LEG, 'figures': {'stride': {'at_least': 'far'}}}, 'must be a number [m]'),
+        ({**LEG, 'figures': {'duty_factor': {'at_least': 1.2}}}, 'out of its bounds, 0 to 1'),
+        ({**LEG, 'figures': {'transmission_angle': {'at_least': 40}}}, 'units: {angle: deg}'),
+        (
+            {**LEG, 'figures': {'lift': {'at_least': 2, 'at_most': 1}}},
+            'at_least is above at_most',
+        ),
+        ({**LEG, 'figures': {'speed': 'maximize'}}, 'needs walker'),
+        ({**LEG, 'figures': {'torque_peak': 'minimize'}}, 'needs load'),
+        ({**LEG, 'vary': {'A-C': [1, 2]}}, 'A-C is no dimension'),
+        ({**LEG, 'vary': {'A-B': [0.2, 0.1]}}, 'the range [0.2, 0.1] m is empty'),
+        ({**LEG, 'vary': {'A-B': [0, 0.1]}}, 'a length must be > 0'),
+        ({**LEG, 'vary': 0}, 'leaves nothing to vary'),
+        ({**LEG, 'vary': -5}, 'must be >= 0'),
+        ({**LEG, 'tie': {'A-B': 'A-X'}}, 'A-X is no dimension'),
+        ({**LEG, 'path': {}}, 'either points or file'),
+        ({**LEG, 'path': {'points': [[0, 0], [0, 0], [0, 0]]}}, 'all points are one'),
+        ({'linkage': 'sem104', 'path': {'points': [[0, 0], [1, 0], [0, 1]]}}, 'such as klann'),
+        ({**LEG, 'walker': {'legs': 5}}, 'must be one of 4, 6, 8'),
+        ({**LEG, 'count': 0}, 'must be >= 1'),
+    ],
+)
+def test_a_wish_is_refused_in_one_line(content: Mapping[str, Any], message: str) -> None:
+    with pytest.raises(WishError) as error:
+        wish_from(content)
+    assert message in str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def test_numbers_are_in_the_units_of_the_wish() -> None:
+    wish = wish_from(
+        {
+            **LEG,
+            'units': {'length': 'mm', 'angle': 'deg'},
+            'vary': {'A-B': [100, 140], 'bend of C-G': [-5, 5]},
+            'figures': {'lift': {'at_least': 60}, 'transmission_angle': {'near': 40}},
+        }
+    )
+    (space,), (limit,), (aim,) = wish.spaces, wish.limits, wish.aims
+    assert space.low.tolist() == pytest.approx([0.1, radians(-5)])
+    assert limit.value == pytest.approx(0.06)
+    assert aim.value == pytest.approx(radians(40))
+
+
+def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
+    wish = wish_from(
+        {
+            **LEG,
+            'vary': {'D-C': [0.1, 0.2]},
+            'tie': {'E-F': 'D-C', 'E.x': '-D-C'},
+            'scale': [0.5, 2],
+        }
+    )
+    (space,) = wish.spaces
+    changes = space.changes(np.array([[0.5, 1.0], [0.0, 0.0]]))
+    assert changes['D-C'].tolist() == pytest.approx([0.3, 0.05])
+    assert changes['E-F'].tolist() == changes['D-C'].tolist()
+    assert changes['E.x'].tolist() == (-changes['D-C']).tolist()
+    assert changes['A-B'].tolist() == pytest.approx([0.24, 0.06])
+    assert 'bend of C-G' not in changes
+
+
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    file = tmp_path / 'wish.yaml'
+    file.write_text('linkage: [klann')
+    with pytest.raises(WishError, match=r'wish\.yaml holds no wish: line 1'):
+        wish_from_file(file)
+    with pytest.raises(WishError, match='cannot be read: No such file'):
+        wish_from_file(tmp_path / 'none.yaml')
+
+
+def test_a_path_is_read_from_points_csv_and_svg(tmp_path: Path) -> None:
+    corners = [[0, 0], [3, 0], [3, 1], [0, 1]]
+    (tmp_path / 'a.csv').write_text('x,y\n0,0\n3,0\n3,1\n0,1\n')
+    (tmp_path / 'b.csv').write_text('x;y\n0,0;0,0\n3,0;0,0\n3,0;1,0\n0,0;1,0\n')
+    svg = '<svg><g><path class="p" d="M0 0h3v-1 L 0,-1 z"/></g></svg>'
+    (tmp_path / 'c.svg').write_text(svg)
+    expected = [complex(*corner) for corner in corners]
+    given = {'points': corners}, {'file': 'a.csv'}, {'file': 'b.csv'}
+    for content in given:
+        found = target_from(content, 1e-3, tmp_path).points
+        assert found.tolist() == pytest.approx([1e-3 * z for z in expected])
+    drawn = target_from({'file': 'c.svg'}, 1e-3, tmp_path).points
+    assert drawn.tolist() == pytest.approx([PIXEL * z for z in expected])
+
+
+def test_a_curve_of_an_svg_is_a_bezier_curve(tmp_path: Path) -> None:
+    (tmp_path / 'a.svg').write_text('<svg><path d="M0 0 C0 -4 4 -4 4 0 S 8 4 8 0"/></svg>')
+    found = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
+    assert complex(found[12]) == pytest.approx(2 + 3j)
+    assert found[-1] == pytest.approx(8)
+    assert found.imag.min() == pytest.approx(-3)
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'message'),
+    [
+        ('a.csv', '1,2\nx,y\n', 'line 2'),
+        ('a.csv', '1,2\n', '1 points'),
+        ('a.svg', '<svg/>', 'no path'),
+        ('a.svg', '<path d="M0 0 A1 1 0 0 1 2 2"/>', 'an arc'),
+        ('a.svg', '<path d="M0 0 C1 1 2"/>', 'cut off'),
+    ],
+)
+def test_a_damaged_path_is_refused(name: str, content: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(WishError, match=message):
+        wish_from({**LEG, 'path': {'file': name}}, tmp_path)
+
+
+@pytest.mark.parametrize('is_timed', [False, True])
+@pytest.mark.parametrize('freedom', ['can_move', 'can_turn', 'can_scale'])
+def test_a_path_is_fitted_up_to_what_it_may_do(freedom: str, *, is_timed: bool) -> None:
+    t = 2.0 * pi * np.arange(400) / 400
+    z = np.exp(1j * t) + 0.3 * np.exp(-2j * t) + 0.1 * np.exp(3j * t)
+    all_off = {'can_move': False, 'can_turn': False, 'can_scale': False}
+    target = Target(z, **{**all_off, freedom: True}, is_timed=is_timed)
+    change = {'can_move': (1.0, 0.7j), 'can_turn': (np.exp(0.8j), 0.0), 'can_scale': (1.7, 0.0)}
+    factor, shift = change[freedom]
+    # From another start, backwards.
+    own = np.roll((z - shift) / factor, 200)[::-1]
+    fit = target.fit(np.stack([own.real, own.imag], axis=-1)[None])
+    assert fit.error[0] < 1e-3
+    assert complex(fit.factor[0]) == pytest.approx(complex(factor), abs=1e-2)
+    fixed = Target(z, **all_off, is_timed=is_timed)
+    assert fixed.fit(np.stack([own.real, own.imag], axis=-1)[None]).error[0] > 0.1
+    assert PATH_POINTS == 128
