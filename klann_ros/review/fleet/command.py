@@ -176,7 +176,7 @@ def _annotated(options: argparse.Namespace, runs: Sequence[FoundRun]) -> list[st
 
 
 def _paths(folder: Path, runs: Sequence[FoundRun], suffix: str) -> list[str]:
-    """Return a path in a folder for each run, '' for what is none."""
+    """Return a path in a folder for each run, '' for an unreadable one."""
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:

@@ -276,4 +276,4 @@ def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
         with suppress(KinematicsError):
             pose: LinkagePose = leg.closed_form(alpha)
             return pose
-    raise NoPictureError('there is no pose in the run at which this leg can be drawn')
+    raise NoPictureError('the leg closes at none of the recorded crank angles')

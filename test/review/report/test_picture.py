@@ -33,7 +33,7 @@ def test_a_run_without_a_pose_that_closes_has_no_picture(
     file, out = tmp_path / 'short.yaml', tmp_path / 'leg.png'
     file.write_text('l_dc: 0.12\n')
     assert main([str(make_run(run)), '--geometry', str(file), '--picture', str(out)]) == 3
-    reason = 'there is no pose in the run at which this leg can be drawn'
+    reason = 'the leg closes at none of the recorded crank angles'
     assert capsys.readouterr().err == f'review: --picture {out} cannot be written: {reason}\n'
     assert not out.exists()
 
