@@ -108,7 +108,7 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
 
 def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -> float:
     """Draw a leg below a height of the sheet; return its lower end [mm]."""
-    view, (plate, *_) = _View(of), of.plates
+    view, (plate, *_) = _LayerView(of), of.plates
     name = f'Leg {printable(plate.legs, 40)}' if plate.legs else 'Leg'
     each = f', {plate.count} times' if plate.count > 1 else ''
     _text(root, f'{name}{each}: {counted(of.count, "layer")}, from the bottom', y + TITLE, TITLE)
@@ -164,7 +164,7 @@ def _notes(of: Layers, scale: float, thickness: float, washer: float) -> Iterato
     )
 
 
-class _View:
+class _LayerView:
     """A leg at a crank angle, in millimetres of a panel."""
 
     def __init__(self, of: Layers) -> None:

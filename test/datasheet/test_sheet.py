@@ -124,7 +124,9 @@ def test_a_load_takes_what_virtual_work_says(sheet: DataSheet) -> None:
 )
 def test_peaks_are_those_of_dense_sampling(name: str) -> None:
     robot = weighed(robot_of(str(ROOT / name) if '/' in name else name))
-    coarse, dense = (data_sheet(robot, load=40.0, **s) for s in ({}, {'samples': 10_000}))
+    # Two legs on one joint: the gait of all is another matter.
+    robot = replace(robot, legs=robot.legs[:2])
+    coarse, dense = (data_sheet(robot, load=40.0, **s) for s in ({}, {'samples': 4_000}))
     for one, other in zip(peaks(coarse), peaks(dense), strict=True):
         assert one == pytest.approx(other, rel=1e-4)
 
