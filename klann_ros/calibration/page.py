@@ -30,7 +30,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     """Return the page; `built` is the text of the leg file."""
     name = calibration.drawn.name or 'leg'
     lines = [f'Unobservable: {text}' for text in report.combinations(calibration)]
-    lines += map(str.strip, report.suggestion_lines(further))
+    lines += map(str.strip, report.suggestion_lines(calibration, further))
     heads = ('Parameter', 'Drawn', 'Built', 'Standard error', 'Unit')
     rows = [[text.replace('+-', '±') for text in row] for row in report.table(calibration)]
     numbers = scrolling_table('Dimensions', heads, rows)

@@ -39,7 +39,7 @@ def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[
     yield verdict(calibration)
     for text_ in combinations(calibration):
         yield f'  unobservable: {text_}'
-    yield from suggestion_lines(further)
+    yield from suggestion_lines(calibration, further)
 
 
 def table(calibration: Calibration) -> list[tuple[str, str, str, str, str]]:
@@ -90,10 +90,11 @@ def combinations(calibration: Calibration) -> list[str]:
     return [each.text(calibration.model) for each in calibration.observability.combinations]
 
 
-def suggestion_lines(further: Sequence[Suggestion]) -> Iterator[str]:
+def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
     """Yield the further measurements that help."""
+    resolves = 'resolves all, ' * bool(calibration.observability.combinations)
     for name, condition in further[:3]:
-        yield f'  with {printable(name)}: resolves all, condition {condition:.0f}'
+        yield f'  with {printable(name)}: {resolves}condition {condition:.0f}'
 
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:

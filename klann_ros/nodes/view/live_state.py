@@ -233,9 +233,16 @@ class LiveState(PageState):
     def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
         """Return the solvers with legs on a topic, by their keys."""
         found = {}
+        names = [name for _, message in topic.newest() for name in message.name[:200]]
+
+        def has_joints(solver: LiveSolver) -> bool:
+            return any({*names} >= {*leg.joint_names} for leg in solver.legs)
+
         for node in self._graph.names_of_publishers(topic.name):
             if node in self._solvers:
-                found[node] = self._solvers[node]
+                # sim_node has a leg's parameters, and publishes its crank alone.
+                if not names or has_joints(self._solvers[node]):
+                    found[node] = self._solvers[node]
             # A player's parameters never change: a second request is to another of the same name.
             elif node in self._watch.pending:
                 continue
@@ -243,10 +250,9 @@ class LiveState(PageState):
                 key = f'{node} {topic.name}'
                 found[key] = replayed_solver(node, topic.name, self._replays[node])
             else:
-                names = [name for _, message in topic.newest() for name in message.name[:200]]
                 records = self._described(topic)
                 described = replayed_solver(node, topic.name, records) if records else None
-                if described and any({*names} >= {*leg.joint_names} for leg in described.legs):
+                if described and has_joints(described):
                     found[f'{node} {topic.name}'] = described
                 elif names:
                     found[node] = assumed_solver(node, names)

@@ -1,4 +1,4 @@
-"""The live page shows the legs of a foreign player by the recorded leg_description."""
+"""Which publishers of joint states have legs on the live page: solvers and foreign players."""
 
 import json
 from typing import Any
@@ -38,4 +38,30 @@ def test_the_description_beside_joint_states_is_the_leg(
     expected = KlannLeg(KlannGeometry(l_gh=length)).linkage
     shape = json.loads(json.dumps(drawn_shape(expected)))
     ros.probe.until(legs)
+    state.close()
+
+
+def test_a_simulation_that_publishes_its_crank_alone_is_no_solver(ros: Domain) -> None:
+    state = LiveState(ros.probe.add_node('page'), read_only=True)
+    leg, publishers = KlannLeg(LONG), {}
+    for name, topic in (('sim', '/crank_state'), ('solver', '/joint_states')):
+        node = ros.probe.add_node(name)
+        for parameter, value in LONG.as_dict().items():
+            node.declare_parameter(parameter, value)
+        publishers[name] = node.create_publisher(JointState, topic, 10)
+    poses = {
+        'sim': JointState(name=['crank'], position=[1.0]),
+        'solver': JointState(name=[*leg.joint_names], position=[*leg.solve(1.0).joints]),
+    }
+
+    def only_the_solver() -> bool:
+        for name, publisher in publishers.items():
+            publisher.publish(poses[name])
+        legs = json.loads(state.parts().get('legs', (0, '[]'))[1])
+        return [solver['node'] for solver in legs if solver['legs']] == ['/solver']
+
+    ros.probe.until(lambda: {'/sim', '/solver'} <= state._solvers.keys())
+    ros.probe.until(only_the_solver)
+    ros.probe.spin(0.5)
+    assert only_the_solver()
     state.close()
