@@ -13,7 +13,7 @@ from math import atan2
 from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.walker import Feet
-from klann_ros.walker.support import Support, support
+from klann_ros.walker.stance import Support, support
 import numpy as np
 
 from .odometry_baselines import Sample
@@ -106,7 +106,7 @@ class InvariantEkf:
         if dt > 0.0:
             self._propagate(np.array(sample.gyro), np.array(sample.force), dt)
         placed, _, centre = self._feet.pose(sample.cranks)
-        self._support = support(placed, centre, self._support and self._support.triple)
+        self._support = support(placed, centre, self._support and self._support.facet)
         standing = list(self._support.feet) if self._support else []
         self._drop([i for i in self._contacts if i not in standing])
         self._correct(np.array(placed))

@@ -10,8 +10,13 @@ from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.walker import Feet, ImuReading
-from klann_ros.walker.slip import foot_motion, least_squares, stance_pose, StancePose
-from klann_ros.walker.support import support
+from klann_ros.walker.stance import (
+    foot_motion,
+    least_squares,
+    stance_pose,
+    StancePose,
+    support,
+)
 import numpy as np
 
 Triple = tuple[float, float, float]
@@ -72,7 +77,7 @@ class NoSlip:
             self._count += 1
             self._bias += (sample.imu.yaw_rate - self._bias) / self._count
         placed, rolled, centre = self._feet.pose(sample.cranks)
-        found = support(placed, centre, self._last and self._last.support.triple)
+        found = support(placed, centre, self._last and self._last.support.facet)
         last, self._last = self._last, found and stance_pose(placed, rolled, found)
         if last is None or self._last is None or dt == 0.0:
             return

@@ -7,17 +7,19 @@ from math import floor
 import struct
 from typing import NamedTuple
 
+from klann_ros.dynamics.motion import body_motion, BodyMotion
 from klann_ros.kinematics import foot_path, LinkageLeg, turns_fully
 from klann_ros.kinematics.angles import TURN
-from klann_ros.robot import Robot
+from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .leg_cubics import COLUMNS, CUBIC_SAMPLES, leg_cubics
-
 Array = NDArray[np.float64]
-# Intervals of a leg's cubics in a radian.
+# Angles a turn between which a cubic is within 1e-9 of a leg's size, and intervals in a radian.
+CUBIC_SAMPLES = 720
 PER_RADIAN = CUBIC_SAMPLES / TURN
+# Foot (3), rolling (2), centre of mass (3).
+COLUMNS = 8
 _POWERS = np.arange(4.0)
 _CUBIC = struct.Struct('=4d')
 _INTERVAL = COLUMNS * _CUBIC.size
@@ -34,15 +36,14 @@ class NoWalkerError(ValueError):
 @dataclass(frozen=True, eq=False)
 class Placed:
     """
-    Feet and centre of mass in base_link.
+    Feet and centre of mass in base_link; over many poses.
 
     Attributes
     ----------
     feet : numpy.ndarray, shape (..., n, 3)
-        Where the n feet touch what they stand on [m].
+        Where the n feet touch the ground [m].
     rolled : numpy.ndarray, shape (..., n, 2)
-        Rolling displacement of the spherical feet [m]: a foot that rolls
-        moves without sliding.
+        Rolling displacement of the spherical feet [m]: a foot that rolls moves without sliding.
     centre : numpy.ndarray, shape (..., 3)
         The centre of mass of all [m].
 
@@ -54,19 +55,7 @@ class Placed:
 
 
 class Pose(NamedTuple):
-    """
-    What `Placed` tells, of one pose, in plain numbers.
-
-    Attributes
-    ----------
-    feet : list of (float, float, float)
-        Where the feet touch what they stand on [m].
-    rolled : list of (float, float)
-        Rolling displacement of the spherical feet [m].
-    centre : (float, float, float)
-        The centre of mass of all [m].
-
-    """
+    """`Placed`, of one pose, in plain numbers."""
 
     feet: list[tuple[float, float, float]]
     rolled: list[tuple[float, float]]
@@ -124,7 +113,7 @@ class Feet:
         if body is not None:
             self._fixed = np.array(body.centre) * body.mass / self._total
         # By leg, by interval, by column, by power.
-        self._cubics = np.stack([leg_cubics(leg, foot_radius) for leg in robot.legs])
+        self._cubics = np.stack([_leg_cubics(leg, foot_radius) for leg in robot.legs])
         self._which = np.arange(len(robot.legs))
         self._packed = list(
             zip(
@@ -141,11 +130,6 @@ class Feet:
     def count(self) -> int:
         """Return how many feet there are."""
         return len(self.robot.legs)
-
-    @property
-    def mass(self) -> float:
-        """Return what the robot weighs [kg]; 0 if its file does not tell."""
-        return self._total
 
     @cached_property
     def sides(self) -> Array:
@@ -212,7 +196,7 @@ class Feet:
 
     def pose(self, cranks: Sequence[float]) -> Pose:
         """
-        Return where the feet are in one pose, which is ten times as quick as `at`.
+        Return where the feet are in one pose, ten times as fast as `at`.
 
         Parameters
         ----------
@@ -244,3 +228,48 @@ class Feet:
         powers = (turned - whole)[..., None] ** _POWERS
         cubic = self._cubics[self._which, whole.astype(np.int64) % CUBIC_SAMPLES]
         return np.asarray((cubic @ powers[..., None])[..., 0], dtype=np.float64)
+
+
+def _leg_cubics(leg: RobotLeg, radius: float) -> Array:
+    """Return a turn in base_link: by interval, column and power of t from 0 to 1 in it."""
+    moving = body_motion(leg.linkage, np.arange(CUBIC_SAMPLES) * (TURN / CUBIC_SAMPLES))
+    at, at_1 = (_columns(leg, moving, radius, order) for order in (0, 1))
+    step = TURN / CUBIC_SAMPLES
+    p, q = at, np.roll(at, -1, axis=0)
+    v, w = at_1 * step, np.roll(at_1, -1, axis=0) * step
+    return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=-1)
+
+
+def _columns(leg: RobotLeg, moving: BodyMotion, radius: float, order: int) -> Array:
+    """Return foot, rolling and centre of mass in base_link, or their derivatives, (k, 8)."""
+    place = leg.mount.rotate if order else leg.mount.transform
+    structure = leg.linkage.structure
+    foot = place(_plane(moving.point(structure.foot)[order]))
+    owner = structure.first_owner(structure.foot)
+    turned = moving.rotation_1[owner] if order else _turned(moving, owner)
+    # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
+    along = leg.mount.rotate((1.0, 0.0))[:2]
+    # One that turns about itself would roll on from turn to turn: none is known that stands.
+    spins = round(float(moving.rotation_1[owner].mean())) != 0
+    rolled = (0.0 if spins else radius) * turned[:, None] * along
+    if not order:
+        foot[:, 2] -= radius
+    centre = np.zeros((moving.alphas.size, 2))
+    masses = leg.masses
+    if masses is not None and masses.total > 0.0:
+        for j, body in enumerate(masses.bodies):
+            share = body.mass / masses.total
+            centre += share * _plane(moving.fixed_to(j, body.centre)[order])
+    return np.concatenate([foot, rolled, place(centre)], axis=1)
+
+
+def _plane(values: NDArray[np.complex128]) -> Array:
+    return np.stack([values.real, values.imag], axis=-1)
+
+
+def _turned(moving: BodyMotion, body: int) -> Array:
+    """Return the rotation of a body since the first angle [rad]."""
+    rate = moving.rotation_1[body]
+    step = np.diff(moving.alphas)
+    steps = (rate[1:] + rate[:-1]) / 2.0 * step
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,6 +1,5 @@
 """What a walker does over a turn of its cranks, before anything is built."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, sin
 
@@ -9,9 +8,8 @@ from klann_ros.robot import Robot
 import numpy as np
 from numpy.typing import NDArray
 
-from .feet import Feet, Placed
-from .slip import body_displacement, stance_pose
-from .support import Support, supports, to_polygon
+from .feet import Feet
+from .stance import body_displacement, outside, stance_pose, Support, support
 
 Array = NDArray[np.float64]
 TURN_SAMPLES = 720
@@ -150,34 +148,18 @@ def walk_figures(
     feet = Feet(robot, foot_radius=foot_radius)
     alphas = np.linspace(0.0, TURN, samples + 1)
     placed = feet.at(alphas[:, None] * feet.senses)
-    rests = list(supports(placed))
-    path, slid = _path(placed, rests)
-    loads = np.stack([_loads(rest, feet.count) for rest in rests[:-1]])
-    at = zip(placed.feet.tolist(), placed.centre.tolist(), rests, strict=True)
-    margin = [rest.margin if rest else -to_polygon(points, centre) for points, centre, rest in at]
-    attitudes = [(r.height, r.roll, r.pitch) if r else (np.nan,) * 3 for r in rests[:-1]]
-    height, roll, pitch = np.array(attitudes, dtype=np.float64).T
-    return GaitFigures(
-        legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
-        alphas=alphas[:-1],
-        loads=loads,
-        height=height,
-        roll=roll,
-        pitch=pitch,
-        margin=np.array(margin[:-1]),
-        advance=path[1:],
-        slid=slid,
-    )
-
-
-def _path(placed: Placed, rests: Sequence[Support | None]) -> tuple[Array, float]:
-    """Return where a body is at every pose, (k, 3), and how far its feet slide."""
+    columns = placed.feet, placed.rolled, placed.centre
+    poses = list(zip(*(column.tolist() for column in columns), strict=True))
+    rests: list[Support | None] = []
+    facet = None
+    for points, _, centre in poses:
+        rests.append(rest := support(points, centre, facet))
+        facet = rest.facet if rest else facet
     x = y = yaw = slid = 0.0
     path, last = [], None
-    poses = zip(placed.feet.tolist(), placed.rolled.tolist(), rests, strict=True)
-    for feet, rolled, rest in poses:
+    for (points, rolled, _), rest in zip(poses, rests, strict=True):
         # Without support it falls, to an unknown pose.
-        pose = stance_pose(feet, rolled, rest) if rest else None
+        pose = stance_pose(points, rolled, rest) if rest else None
         if last and pose:
             step = body_displacement(last, pose)
             middle = yaw + step.yaw / 2.0
@@ -186,11 +168,24 @@ def _path(placed: Placed, rests: Sequence[Support | None]) -> tuple[Array, float
             yaw, slid = yaw + step.yaw, slid + step.slid
         last = pose
         path.append((x, y, yaw))
-    return np.array(path, dtype=np.float64), slid
-
-
-def _loads(rest: Support | None, count: int) -> Array:
-    loads: Array = np.zeros(count)
-    if rest is not None:
-        loads[list(rest.feet)] = rest.loads
-    return loads
+    loads = np.zeros((samples, feet.count))
+    rows = np.full((samples, 4), np.nan)
+    for k, rest in enumerate(rests[:-1]):
+        if rest is None:
+            points, _, centre = poses[k]
+            rows[k, 3] = -outside(points, centre)
+        else:
+            loads[k, list(rest.feet)] = rest.loads
+            rows[k] = rest.height, rest.roll, rest.pitch, rest.margin
+    height, roll, pitch, margin = rows.T
+    return GaitFigures(
+        legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
+        alphas=alphas[:-1],
+        loads=loads,
+        height=height,
+        roll=roll,
+        pitch=pitch,
+        margin=margin,
+        advance=np.array(path[1:]),
+        slid=slid,
+    )

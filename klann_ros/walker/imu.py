@@ -13,7 +13,7 @@ from typing import NamedTuple
 from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics.angles import TURN
 
-from .support import gravity_aligned
+from .stance import gravity_aligned
 
 Triple = tuple[float, float, float]
 # Time constant of the complementary filter between gyro and orientation [s].

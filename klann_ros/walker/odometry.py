@@ -55,7 +55,7 @@ from .imu import (
     StandstillCalibration,
     Triple,
 )
-from .slip import (
+from .stance import (
     BodyStep,
     foot_motion,
     FootMotion,
@@ -65,12 +65,14 @@ from .slip import (
     minimize_slip,
     MotionPrior,
     rotate,
+    spring_loads,
     stance_pose,
     StancePose,
+    Support,
+    support,
     Symmetric,
     Vec2,
 )
-from .support import spring_loads, Support, support
 
 # Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
 # covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
@@ -396,7 +398,7 @@ class Odometry:
         ax, ay = self._acceleration if self._push else (0.0, 0.0)
         leans = self._height / GRAVITY
         weight = cx + leans * (gx - ax), cy + leans * (gy - ay), cz
-        self.support = support(feet, weight, self.support and self.support.triple)
+        self.support = support(feet, weight, self.support and self.support.facet)
         before = self._pose
         if self.support is None:
             self._pose = None

@@ -8,8 +8,16 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walker import Feet, GaitFigures, NoWalkerError, walk_figures
-from klann_ros.walker.slip import BodyStep, foot_motion, FootMotion, minimize_slip, MotionPrior
-from klann_ros.walker.support import gravity_aligned, spring_loads, support
+from klann_ros.walker.stance import (
+    BodyStep,
+    foot_motion,
+    FootMotion,
+    gravity_aligned,
+    minimize_slip,
+    MotionPrior,
+    spring_loads,
+    support,
+)
 import numpy as np
 import pytest
 
@@ -129,13 +137,13 @@ def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
     for x, expected in ((0.01, forwards), (-0.01, back)):
         rest = support(feet, (x, 0.0, 0.0))
         assert rest is not None
-        assert rest.triple == expected
+        assert rest.facet == expected
     held = support(feet, (-0.01, 0.0, 0.0), forwards)
     assert held is not None
-    assert held.triple == forwards
+    assert held.facet == forwards
     tipped = support(feet, (-0.05, 0.0, 0.0), forwards)
     assert tipped is not None
-    assert tipped.triple == back
+    assert tipped.facet == back
 
 
 def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> None:
@@ -146,7 +154,7 @@ def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> N
     for points, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
         rest = support(points, centre)
         assert rest is not None
-        tilts.append(rest.tilt)
+        tilts.append(np.arccos(rest.normal[2]))
     assert np.degrees(max(tilts)) < 3.0
 
 
