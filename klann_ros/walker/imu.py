@@ -105,29 +105,16 @@ def imu_reading(
 
 
 class ImuIncrement(NamedTuple):
-    """
-    Measurements of an IMU over an interval.
+    """Measurements of an IMU over an interval."""
 
-    Attributes
-    ----------
-    turn : float
-        Change of the heading [rad].
-    attitude : (float, float) or None
-        Roll and pitch at its end [rad].
-    delta_velocity : (float, float, float) or None
-        Integral of the specific force less gravity, in the level frame of base_link [m/s]; None
-        where readings are missing or invalid.
-    span : float
-        Time that the readings of the specific force cover [s].
-    body_rate : float
-        Largest component of the last angular velocity [rad/s].
-
-    """
-
+    # Change of the heading, and roll and pitch at the end [rad].
     turn: float
     attitude: tuple[float, float] | None
+    # Integral of the specific force less gravity, in the level frame of base_link [m/s]; None
+    # where readings are missing or invalid. And the time that these readings cover [s].
     delta_velocity: Triple | None
     span: float
+    # Largest component of the last angular velocity [rad/s].
     body_rate: float
 
     def divided(self, steps: int) -> 'ImuIncrement':
@@ -140,26 +127,16 @@ class ImuIncrement(NamedTuple):
 
 
 class ImuPreintegration:
-    """
-    Accumulate readings of an IMU from one reading of the cranks to the next.
-
-    Attributes
-    ----------
-    last : ImuReading or None
-        The last reading.
-    has_accelerometer : bool
-        Whether a reading had a specific force that could be used.
-    period : float
-        Usual time between readings [s].
-
-    """
+    """Accumulate readings of an IMU from one reading of the cranks to the next."""
 
     def __init__(self) -> None:
         self.last: ImuReading | None = None
+        # Whether a reading had a specific force that could be used.
         self.has_accelerometer = False
         self._heading: float | None = None
         self._attitude: tuple[float, float] | None = None
         self._count = 0
+        # Usual time between readings, and the time without one [s].
         self.period = self._silent = 0.0
         self._clear()
         self._is_complete = False
@@ -253,13 +230,8 @@ class StandstillCalibration:
     """
     Detect standstill, and measure the drift of the heading there.
 
-    Parameters
-    ----------
-    gyro_noise : float
-        Density of the gyro's noise [rad/s/sqrt(Hz)].
-    creep : float
-        Standard deviation of the yaw rate at standstill [rad/s].
-
+    `gyro_noise` is a density [rad/s/sqrt(Hz)], `creep` the standard deviation of the yaw rate at
+    standstill [rad/s].
     """
 
     def __init__(self, gyro_noise: float, creep: float) -> None:
@@ -300,25 +272,10 @@ class StandstillCalibration:
         heading_variance: float,
     ) -> tuple[float, float] | None:
         """
-        Take measurements over an interval; return those of the heading drift at standstill.
+        Return the drift of the heading [rad/s] and its variance from a measured interval.
 
-        Parameters
-        ----------
-        taken : ImuIncrement
-            Of the IMU.
-        angles, rates : sequence of float
-            Of the cranks [rad], [rad/s].
-        seconds : float
-            The interval.
-        heading_variance : float
-            Variance of the heading [rad^2]; 0 without an orientation.
-
-        Returns
-        -------
-        (float, float) or None
-            A measurement of the drift [rad/s] that is independent of those before, and its
-            variance; 0 if there is none yet. None if it does not stand.
-
+        They are independent of those before; the variance is 0 where nothing is measured yet. None
+        if the walker does not stand still. `heading_variance` is 0 without an orientation.
         """
         moved = max([abs(a - b) for a, b in zip(angles, self._anchor or angles, strict=True)])
         fastest = max(*map(abs, rates), taken.body_rate)
@@ -328,7 +285,11 @@ class StandstillCalibration:
         self._anchor = self._anchor or list(angles)
         self._still += seconds
         if taken.delta_velocity is not None and taken.span:
-            self._average(taken.delta_velocity, taken.span)
+            self._rested += taken.span
+            share = min(1.0, taken.span / min(self._rested, MAX_CALIBRATION_TIME))
+            both = zip(self._mean, taken.delta_velocity, strict=True)
+            x, y, z = (mean + share * (part / taken.span - mean) for mean, part in both)
+            self._mean = x, y, z
         if self._still < SETTLING_TIME:
             return 0.0, 0.0
         # The mean rate since the standstill began is known with this information; what the
@@ -350,12 +311,3 @@ class StandstillCalibration:
         if heading_variance:
             noise = 2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0) / time**2
         return 1.0 / (noise + self._creep**2)
-
-    def _average(self, change: Triple, span: float) -> None:
-        self._rested += span
-        share = min(1.0, span / min(self._rested, MAX_CALIBRATION_TIME))
-        x, y, z = (
-            mean + share * (part / span - mean)
-            for mean, part in zip(self._mean, change, strict=True)
-        )
-        self._mean = x, y, z

@@ -44,9 +44,10 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .feet import Array, Feet
+from .feet import Feet
 from .imu import (
     COMPLEMENTARY_FILTER_TIME,
     ImuIncrement,
@@ -64,6 +65,7 @@ from .stance import (
     low_pass,
     minimize_slip,
     MotionPrior,
+    Point,
     rotate,
     spring_loads,
     stance_pose,
@@ -97,7 +99,7 @@ SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.2
 # part of it, as in benchmarks/odometry.py. The pose averages it.
 ROCKING_ERROR = 0.4
 STATES, ERRORS = 9, 5
-V, BIASES = slice(3, 5), slice(7, 9)
+ACCEL_BIAS = slice(7, 9)
 
 
 @dataclass(frozen=True)
@@ -223,16 +225,8 @@ class Odometry:
         self._cranks: list[float] | None = None
         self._rates: list[float] = []
         n = self.noise
-        # Largest change of the velocity's variance by friction in a step.
-        self._friction_variance = n.friction * GRAVITY / FRICTION_INFORMATION
-        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
-        deviations += [
-            n.advance_error,
-            n.slip_error,
-            n.slip_error,
-            n.slip_yaw_error,
-            n.contact_error,
-        ]
+        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2 + [n.advance_error]
+        deviations += [n.slip_error] * 2 + [n.slip_yaw_error, n.contact_error]
         self._covariance = np.diag(np.square(deviations))
         self._identity = np.eye(STATES + ERRORS)
         self._attitude: Vec2 | None = None
@@ -256,7 +250,9 @@ class Odometry:
         self._acceleration: Vec2 = (0.0, 0.0)
         self._centre_velocity: Vec2 | None = None
         self._velocity: Vec2 | None = None
+        # Measured: the change of the velocity, and the yaw rate.
         self._push: Triple | None = None
+        self._yaw_rate: float | None = None
         self._innovation: Vec2 = (0.0, 0.0)
 
     @property
@@ -325,7 +321,7 @@ class Odometry:
             seconds = along / squares if along > 0.0 else MAX_STEP_TIME * steps
         taken = self._imu.take(seconds)
         if taken is not None:
-            self._calibrate(taken, angles, rates, seconds)
+            self._calibrate(taken, rates, seconds)
             taken = taken.divided(steps)
         for k in range(1, steps + 1):
             at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
@@ -351,13 +347,7 @@ class Odometry:
         share = exp(-seconds / ENCODER_FILTER_TIME)
         return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
 
-    def _calibrate(
-        self,
-        taken: ImuIncrement,
-        angles: Sequence[float],
-        rates: Sequence[float],
-        seconds: float,
-    ) -> None:
+    def _calibrate(self, taken: ImuIncrement, rates: Sequence[float], seconds: float) -> None:
         """Update the biases at standstill: neither rotation nor acceleration."""
         n, calibration = self.noise, self.calibration
         # After the filter of heading and gyro.
@@ -365,7 +355,7 @@ class Odometry:
         if self._imu.last and self._imu.last.yaw is not None:
             share = self._imu.period / (2.0 * COMPLEMENTARY_FILTER_TIME)
             heading = self._heading_variance * share
-        measured = calibration.update(taken, angles, rates, seconds, heading)
+        measured = calibration.update(taken, self._cranks or (), rates, seconds, heading)
         if measured is None:
             return
         rate, variance = measured
@@ -404,26 +394,22 @@ class Odometry:
             self._pose = None
             self._stop()
             return
-        attitude = taken.attitude if taken else None
-        self._update_attitude(attitude, dt)
+        self._update_attitude(self.support, taken.attitude if taken else None, dt)
         pose = stance_pose(feet, rolled, self.support, self._attitude, centre)
         self._pose = pose
         if before is None:
             return
         if dt >= MAX_STEP_TIME:
             self._stop()
-        yaw_rate = taken.turn / dt - self.gyro_bias if taken else None
+        self._yaw_rate = taken.turn / dt - self.gyro_bias if taken else None
         push = taken.delta_velocity if taken and self.calibration.is_usable else None
-        velocity = self._predict(before, pose, yaw_rate, push, dt)
+        velocity = self._predict(before, pose, push, dt)
         standing = self._standing_feet(before, pose, feet, centre, dt)
-        self._update(velocity, standing, yaw_rate, push is not None, dt)
-        self._move(standing, yaw_rate, push is not None, dt)
+        self._update(velocity, standing, dt)
+        self._move(standing, dt)
 
-    def _update_attitude(self, measured: Vec2 | None, dt: float) -> None:
+    def _update_attitude(self, rest: Support, measured: Vec2 | None, dt: float) -> None:
         """Set roll and pitch to those of the IMU, or to what the body tips to; learn the slope."""
-        rest = self.support
-        if rest is None:
-            return
         if measured is None:
             lies = rest.roll, rest.pitch
             share = 1.0 - exp(-dt / TILT_TIME)
@@ -439,15 +425,10 @@ class Odometry:
         self._slope = low_pass(self._slope, (GRAVITY * sin(pitch), -GRAVITY * sin(roll)), share)
 
     def _predict(
-        self,
-        before: StancePose,
-        after: StancePose,
-        yaw_rate: float | None,
-        push: Triple | None,
-        dt: float,
+        self, before: StancePose, after: StancePose, push: Triple | None, dt: float
     ) -> Triple:
         """Predict velocity and covariance; return the velocity."""
-        n, last = self.noise, self._step
+        n, last, yaw_rate = self.noise, self._step, self._yaw_rate
         vx, vy = last.x, last.y
         w = last.yaw if yaw_rate is None else yaw_rate
         (px, py), (qx, qy) = before.centre, after.centre
@@ -466,13 +447,12 @@ class Odometry:
         f = self._transition
         f[3, 4], f[4, 3], f[3, 5], f[4, 5] = w * dt, -w * dt, vy * dt, -vx * dt
         p = f @ self._covariance @ f.T
-        noise = self._friction_variance
-        if push is None:
-            p[3, 3] += noise
-            p[4, 4] += noise
-        else:
-            p[3, 3] += n.accelerometer_noise**2 * dt
-            p[4, 4] += n.accelerometer_noise**2 * dt
+        # Without an accelerometer friction may change the velocity within the step.
+        noise = n.friction * GRAVITY / FRICTION_INFORMATION
+        spread = noise if push is None else n.accelerometer_noise**2 * dt
+        p[3, 3] += spread
+        p[4, 4] += spread
+        if push is not None:
             p[7, 7] += n.accelerometer_drift**2 * dt
             p[8, 8] += n.accelerometer_drift**2 * dt
         if yaw_rate is None:
@@ -493,8 +473,8 @@ class Odometry:
         self,
         before: StancePose,
         after: StancePose,
-        feet: Sequence[Sequence[float]],
-        centre: Sequence[float],
+        feet: Sequence[Point],
+        centre: Point,
         dt: float,
     ) -> list[FootMotion]:
         """Return the feet that carry load, of which the acceleration shifts some."""
@@ -508,20 +488,12 @@ class Odometry:
         both = zip(before.flat, after.flat, loads, strict=True)
         return [foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
 
-    def _update(
-        self,
-        velocity: Triple,
-        standing: Sequence[FootMotion],
-        yaw_rate: float | None,
-        has_accelerometer: bool,
-        dt: float,
-    ) -> None:
+    def _update(self, velocity: Triple, standing: Sequence[FootMotion], dt: float) -> None:
         """Update by the slip of the feet, whose likelihood is dry friction."""
         if not standing:
             self._step = BodyStep(*velocity, 0.0)
             return
-        p = self._covariance
-        size = 3 if yaw_rate is None else 2
+        p, size = self._covariance, 3 if self._yaw_rate is None else 2
         seen = slice(3, 3 + size)
         prior = p[seen, seen].tolist()
         if size == 3:
@@ -532,43 +504,36 @@ class Odometry:
             whole = a * d - b * b
             information = d / whole, -b / whole, 0.0, a / whole, 0.0, 0.0
         weight = FRICTION_INFORMATION * dt
-        force = (0.0, 0.0)
-        if has_accelerometer:
-            share = weight / (self.noise.friction * GRAVITY)
-            force = share * self._slope[0], share * self._slope[1]
-        weighted = [foot._replace(load=weight * foot.load) for foot in standing]
-        found = minimize_slip(
-            weighted, STICTION_SPEED, MotionPrior(velocity, information, force), yaw_rate
-        )
-        by = np.array((found.x - velocity[0], found.y - velocity[1], found.yaw - velocity[2]))
+        share = weight / (self.noise.friction * GRAVITY) if self._push else 0.0
+        force = share * self._slope[0], share * self._slope[1]
+        feet = [foot._replace(load=weight * foot.load) for foot in standing]
+        motion = MotionPrior(velocity, information, force)
+        found = minimize_slip(feet, STICTION_SPEED, motion, self._yaw_rate)
+        by = np.subtract(found[:size], velocity[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen] @ inverse_prior
         p -= gain @ (p[seen, seen] - _square(found.covariance, size)) @ gain.T
         self._covariance = (p + p.T) / 2.0
-        self._correct((gain @ by[:size]).tolist())
-        if has_accelerometer:
-            fx, fy = (inverse_prior @ by[:size]).tolist()
-            share = 1.0 - exp(-dt / INNOVATION_TIME)
-            self._innovation = low_pass(self._innovation, (fx / weight, fy / weight), share)
-            square = self.innovation**2 - self._innovation_square
-            self._innovation_square += dt / SLOPE_TIME * square
-            if self.innovation > INNOVATION_GATE:
-                self._reject_accelerometer()
+        self._correct((gain @ by).tolist())
         self._step = found._replace(slid=found.slid / weight)
+        if self._push:
+            x, y = (inverse_prior @ by / weight).tolist()
+            self._adapt((x, y), dt)
 
-    def _reject_accelerometer(self) -> None:
-        self.calibration.reject()
-        self._innovation, self._accel_bias = (0.0, 0.0), (0.0, 0.0)
-        self._covariance[BIASES] = self._covariance[:, BIASES] = 0.0
-        self._covariance[7, 7] = self._covariance[8, 8] = self.noise.accelerometer_bias**2
+    def _adapt(self, force: Vec2, dt: float) -> None:
+        """Learn how hard friction corrects the accelerometer; reject it if that is too much."""
+        share = 1.0 - exp(-dt / INNOVATION_TIME)
+        self._innovation = low_pass(self._innovation, force, share)
+        square = self.innovation**2 - self._innovation_square
+        self._innovation_square += dt / SLOPE_TIME * square
+        if self.innovation > INNOVATION_GATE:
+            self.calibration.reject()
+            self._innovation, self._accel_bias = (0.0, 0.0), (0.0, 0.0)
+            p = self._covariance
+            p[ACCEL_BIAS] = p[:, ACCEL_BIAS] = 0.0
+            p[7, 7] = p[8, 8] = self.noise.accelerometer_bias**2
 
-    def _move(
-        self,
-        standing: Sequence[FootMotion],
-        yaw_rate: float | None,
-        has_accelerometer: bool,
-        dt: float,
-    ) -> None:
+    def _move(self, standing: Sequence[FootMotion], dt: float) -> None:
         """Move the pose, and prepare what the next prediction makes of its covariance."""
         step, w = self._step, self._step.yaw
         middle = self._yaw + w * dt / 2.0
@@ -578,10 +543,18 @@ class Odometry:
         self._yaw = (self._yaw + w * dt + pi) % TURN - pi
         self.travelled += hypot(dx, dy)
         self.slid += step.slid * dt
-        self._accelerate(dt)
-        scale = 1.0
+        # The acceleration of the centre of mass shifts the load.
+        mx, my = self._centre_velocity or (0.0, 0.0)
+        vx, vy = velocity = step.x + mx, step.y + my
+        last_x, last_y = self._velocity or velocity
+        acceleration = (vx - last_x) / dt - w * vy, (vy - last_y) / dt + w * vx
+        share = 1.0 - exp(-dt / LOAD_SHIFT_TIME)
+        self._velocity = velocity
+        self._acceleration = low_pass(self._acceleration, acceleration, share)
+        self._slope = rotate(self._slope, -w * dt)
+        scale, yaw_rate = 1.0, self._yaw_rate
         if yaw_rate is not None:
-            scale = SLIP_SCALE_WITH_ACCEL if has_accelerometer else SLIP_SCALE_WITH_GYRO
+            scale = SLIP_SCALE_WITH_ACCEL if self._push else SLIP_SCALE_WITH_GYRO
         # Adaptive errors: what the accelerometer contradicts is worse by as much (R. K. Mehra,
         # Approaches to adaptive filtering, IEEE Transactions on Automatic Control 17, 1972).
         doubt = max(1.0, sqrt(self._innovation_square) / USUAL_INNOVATION)
@@ -599,25 +572,12 @@ class Odometry:
         f[2, 5] = dt
         if yaw_rate is None:
             f[2, 12], f[2, 13] = slip / self._feet.reach, ew
-        if has_accelerometer:
+        if self._push:
             f[3, 7] = f[4, 8] = -dt
         self._transition = f
 
-    def _accelerate(self, dt: float) -> None:
-        """Learn the acceleration of the centre of mass, which shifts the load."""
-        step, (mx, my) = self._step, self._centre_velocity or (0.0, 0.0)
-        velocity = step.x + mx, step.y + my
-        last = self._velocity or velocity
-        by = (
-            (velocity[0] - last[0]) / dt - step.yaw * velocity[1],
-            (velocity[1] - last[1]) / dt + step.yaw * velocity[0],
-        )
-        self._velocity = velocity
-        self._acceleration = low_pass(self._acceleration, by, 1.0 - exp(-dt / LOAD_SHIFT_TIME))
-        self._slope = rotate(self._slope, -step.yaw * dt)
-
     def _estimate(self) -> OdometryEstimate:
-        rest, reading, step = self.support, self._imu.last, self._step
+        rest, reading, step, n = self.support, self._imu.last, self._step, self.noise
         x, y, yaw = self._covariance[:3, :3].tolist()
         yaw[2] += self._heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
@@ -626,6 +586,13 @@ class Odometry:
             angular = reading.yaw_rate - self.gyro_bias
             if reading.roll is not None and reading.pitch is not None:
                 roll, pitch = reading.roll, reading.pitch
+        vx, vy, w = np.diagonal(self._covariance)[3:6].tolist()
+        slip, reach, rocks = self._scale * step.slid, self._feet.reach, 0.0
+        if self._push is None:
+            rocks = ROCKING_ERROR * hypot(step.x, step.y, step.yaw * reach)
+        common = (n.slip_error * slip) ** 2 + rocks * rocks
+        if reading is None:
+            w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2
         return OdometryEstimate(
             self._x,
             self._y,
@@ -636,28 +603,15 @@ class Odometry:
             (step.x, step.y),
             angular,
             (tuple(x), tuple(y), tuple(yaw)),
-            self._rate_variances(),
-        )
-
-    def _rate_variances(self) -> Triple:
-        n, step, reach = self.noise, self._step, self._feet.reach
-        x, y, w = np.diagonal(self._covariance)[3:6].tolist()
-        slip = self._scale * step.slid
-        rocks = 0.0
-        if self._push is None:
-            rocks = ROCKING_ERROR * hypot(step.x, step.y, step.yaw * reach)
-        common = (n.slip_error * slip) ** 2 + rocks * rocks
-        turns = 0.0
-        if self._imu.last is None:
-            turns = (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2
-        return (
-            x + (n.advance_error * step.x) ** 2 + common,
-            y + (n.advance_error * step.y) ** 2 + common,
-            w + turns,
+            (
+                vx + (n.advance_error * step.x) ** 2 + common,
+                vy + (n.advance_error * step.y) ** 2 + common,
+                w,
+            ),
         )
 
 
-def _square(matrix: Symmetric, size: int) -> Array:
+def _square(matrix: Symmetric, size: int) -> FloatArray:
     """Return the upper left part of a symmetric matrix."""
     a, b, c, d, e, f = matrix
     return np.array(((a, b, c), (b, d, e), (c, e, f)))[:size, :size]

@@ -109,38 +109,44 @@ class Walker:
 
     def values(self, now: float) -> dict[str, str]:
         """Return its figures by name."""
-        controller, rest = self.controller, self.odometry.support
-        lock = controller.lock
+        controller, odometry = self.controller, self.odometry
+        lock, rest = controller.lock, odometry.support
         found: dict[str, str] = {}
-        for k, crank in enumerate(controller.cranks):
-            found[f'{crank.joint} phase_error'] = f'{lock.errors[k]:.5f}'
-            found[f'{crank.joint} off_gait'] = f'{lock.phases()[k]:.4f}'
-            found[f'{crank.joint} velocity'] = f'{crank.velocity:.4f}'
-            found[f'{crank.joint} silent'] = f'{crank.age(now):.2f}'
-            found[f'{crank.joint} rejected'] = str(crank.rejected)
-            found[f'{crank.joint} jumps'] = str(crank.jumps)
-            found[f'{crank.joint} offsets'] = str(crank.offsets)
-            found[f'{crank.joint} offset_sum'] = f'{crank.offset_sum:.4f}'
-            found[f'{crank.joint} encoder_noise'] = f'{crank.detector.noise:.5f}'
+        for crank, error, phase in zip(controller.cranks, lock.errors, lock.phases(), strict=True):
+            found |= {
+                f'{crank.joint} {name}': text
+                for name, text in (
+                    ('phase_error', f'{error:.5f}'),
+                    ('off_gait', f'{phase:.4f}'),
+                    ('velocity', f'{crank.velocity:.4f}'),
+                    ('silent', f'{crank.age(now):.2f}'),
+                    ('rejected', str(crank.rejected)),
+                    ('jumps', str(crank.jumps)),
+                    ('offsets', str(crank.offsets)),
+                    ('offset_sum', f'{crank.offset_sum:.4f}'),
+                    ('encoder_noise', f'{crank.detector.noise:.5f}'),
+                )
+            }
         names = [leg.name for leg in self.feet.robot.legs]
-        found['supporting_feet'] = ' '.join(names[i] for i in rest.feet) if rest else ''
-        found['static_margin'] = f'{rest.margin if rest else nan:.4f}'
-        found['linear'] = f'{controller.motion.linear:.4f}'
-        found['angular'] = f'{controller.motion.angular:.4f}'
-        found['rate_scale'] = f'{lock.rate_scale:.3f}'
-        found['pauses'] = str(controller.pauses)
-        found['limits_hit'] = ' '.join(controller.limits_hit)
-        found['cmd_vel_rejected'] = str(controller.rejected)
-        found['cmd_vel_late'] = str(controller.late)
-        found['cmd_vel_refused'] = str(controller.refused)
-        found['travelled'] = f'{self.odometry.travelled:.3f}'
         has_imu = self._imu_age.age(now) <= self._imu_timeout
-        found['imu'] = 'used' if has_imu else 'none'
-        found['accelerometer'] = self.odometry.accelerometer_state if has_imu else 'none'
-        found['velocity_innovation'] = f'{self.odometry.innovation:.3f}'
-        found['tilt_innovation'] = f'{self.odometry.tilt_innovation:.3f}'
-        found['gyro_bias'] = f'{self.odometry.gyro_bias:.5f}'
-        return found
+        return found | {
+            'supporting_feet': ' '.join(names[i] for i in rest.feet) if rest else '',
+            'static_margin': f'{rest.margin if rest else nan:.4f}',
+            'linear': f'{controller.motion.linear:.4f}',
+            'angular': f'{controller.motion.angular:.4f}',
+            'rate_scale': f'{lock.rate_scale:.3f}',
+            'pauses': str(controller.pauses),
+            'limits_hit': ' '.join(controller.limits_hit),
+            'cmd_vel_rejected': str(controller.rejected),
+            'cmd_vel_late': str(controller.late),
+            'cmd_vel_refused': str(controller.refused),
+            'travelled': f'{odometry.travelled:.3f}',
+            'imu': 'used' if has_imu else 'none',
+            'accelerometer': odometry.accelerometer_state if has_imu else 'none',
+            'velocity_innovation': f'{odometry.innovation:.3f}',
+            'tilt_innovation': f'{odometry.tilt_innovation:.3f}',
+            'gyro_bias': f'{odometry.gyro_bias:.5f}',
+        }
 
 
 def _mean_motion(before: OdometryEstimate, after: OdometryEstimate, seconds: float) -> Twist2D:
