@@ -21,7 +21,7 @@ from .tables import mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
-CODES_OF_ERRORS = {**dict.fromkeys((ExerciseError, OSError), NOT_READ), PrintError: NOT_WRITTEN}
+CODES_OF_ERRORS = {ExerciseError: NOT_READ, PrintError: NOT_WRITTEN}
 CLASS_PURPOSE = """\
 Exercises of both courses: every student gets numbers of their own, drawn from
 the student number and the kind alone, with a figure; the key and the marking
@@ -86,7 +86,7 @@ def _mark(options: argparse.Namespace) -> int:
         for each in exercises:
             print(f'{printable(student)}  {each.kind}  {each.points:g} of {len(each.marks)}')
             for mark in each.marks:
-                if mark.points < 1.0 or mark.carried:
+                if mark.points < 1.0:
                     given = printable(mark.given, 40) or '-'
                     reason = mark.reason(options.language)
                     print(f'    {mark.question} = {given}: {mark.points:g}, {reason}')

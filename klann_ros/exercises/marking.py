@@ -11,9 +11,9 @@ import unicodedata
 from .calculation import Answer, slip_of
 from .variant import difference, Question, texts, Variant
 
-# Points of an answer with a named slip; one that follows from the same slip before has all.
+# Points of an answer with a named slip, and of one that follows from the same slip before.
 SLIP_CREDIT = {'rounding': 0.8, 'units': 0.8, 'short': 0.7}
-DEFAULT_CREDIT = 0.5
+DEFAULT_CREDIT, CARRIED_CREDIT = 0.5, 0.8
 RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
 # A wrong answer this near (in units of the last digit) was rounded on the way.
 ROUNDING_REACH = 30.0
@@ -167,7 +167,8 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
             slip = _slip(variant, question, value, fitting[question.name], weights)
             carried = slip != WRONG and any(each.slip == slip for each in marks)
             points = 0.0 if slip == WRONG else SLIP_CREDIT.get(slip, DEFAULT_CREDIT)
-            marks.append(Mark(question.name, text, 1.0 if carried else points, slip, carried))
+            points = max(points, CARRIED_CREDIT) if carried else points
+            marks.append(Mark(question.name, text, points, slip, carried))
     return marks
 
 

@@ -42,9 +42,7 @@ def read_students(path: str) -> list[Student]:
     Raises
     ------
     ExerciseError
-        The file is no such table, or has a student twice.
-    OSError
-        It cannot be read.
+        The file cannot be read, is no such table, or has a student twice.
 
     """
     rows = _rows(path, ('student',))
@@ -68,9 +66,7 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], li
     Raises
     ------
     ExerciseError
-        The file is no table of answers.
-    OSError
-        It cannot be read.
+        The file cannot be read, or is no table of answers.
 
     """
     answers: dict[tuple[str, str], dict[str, str]] = {}
@@ -99,8 +95,12 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], li
 
 def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a table with these columns, each with its line number."""
-    with open_regular(path) as file:
-        data = file.read(MAX_TABLE + 1)
+    try:
+        with open_regular(path) as file:
+            data = file.read(MAX_TABLE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ExerciseError(f'{printable(path)} cannot be read: {printable(reason)}') from error
     if len(data) > MAX_TABLE:
         raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
     try:

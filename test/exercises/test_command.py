@@ -101,6 +101,16 @@ def test_a_class_list_that_is_none_is_refused_in_one_line(
     assert not (tmp_path / 'out').exists()
 
 
+@pytest.mark.parametrize('name', ['none.csv', '.', 'a\0b'])
+def test_answers_that_cannot_be_read_are_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert main(['mark', f'{tmp_path}/{name}']) == 2
+    error = capsys.readouterr().err
+    assert 'cannot be read: ' in error
+    assert error.count('\n') == 1
+
+
 def test_an_unknown_kind_is_refused(
     students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

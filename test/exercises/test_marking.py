@@ -104,7 +104,7 @@ def test_a_slip_is_charged_once(four_bar: Variant) -> None:
     wrong = {name: f'{value:.6g}' for name, value in four_bar.mistaken['assembly:1'].items()}
     marks = mark(four_bar, right_answers(four_bar) | wrong)
     charged = [each for each in marks if each.slip == 'assembly']
-    assert [each.points for each in charged] == [0.5, 1.0]
+    assert [each.points for each in charged] == [0.5, 0.8]
     assert charged[1].reason('pt') == 'a outra montagem; segue de um erro anterior'
 
 
