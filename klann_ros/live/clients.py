@@ -27,7 +27,7 @@ _ALIKE = 0.004
 
 # Values read of a status at most.
 MAX_VALUES = 64
-LEVELS = ('fine', 'look', 'fault', 'silent')
+LEVELS = ('ok', 'warning', 'error', 'stale')
 # Patterns of messages and their meanings; the first match counts. Without a match the message is
 # shown as it is: other nodes have texts of their own.
 _MEANINGS: Sequence[tuple[str, str]] = (
@@ -178,7 +178,7 @@ class Client:
         self.number = number
         self._socket, self._state, self._notifier = socket, state, notifier
         self._may_drive = may_drive
-        self._you = {'page': number, 'may': may_drive, 'runs': has_runs}
+        self._client = {'page': number, 'may_drive': may_drive, 'runs': has_runs}
         self._loop = asyncio.get_running_loop()
         self._limit = RateLimit()
         self._drawn = asyncio.Event()
@@ -239,7 +239,7 @@ class Client:
         self._state.command(self.number, command, answer)
 
     def _answer(self, number: int, is_done: bool, message: str) -> None:
-        self._answers.append({'id': number, 'done': is_done, 'said': message})
+        self._answers.append({'id': number, 'done': is_done, 'message': message})
         self._answered.set()
 
     def _frame(self, poses: str) -> str:
@@ -247,7 +247,7 @@ class Client:
         if poses:
             fields.append(f'"poses":{poses}')
         if self._sent == 1:
-            fields.append(f'"you":{json.dumps(self._you)}')
+            fields.append(f'"client":{json.dumps(self._client)}')
         for name, (version, text) in self._state.parts().items():
             if self._versions.get(name) != version:
                 self._versions[name] = version
@@ -262,7 +262,7 @@ class Client:
 class StatusText:
     """A status on the page."""
 
-    who: str
+    name: str
     # One of LEVELS.
     level: str
     # Its meaning in plain words; '' if only its own text explains it.
@@ -287,7 +287,7 @@ def status_text(
     figures = {key: printable(value, 60) for key, value in values[:MAX_VALUES] if key in _SHOWN}
     return StatusText(
         printable(name, 100),
-        LEVELS[level] if 0 <= level < len(LEVELS) else 'fault',
+        LEVELS[level] if 0 <= level < len(LEVELS) else 'error',
         meaning,
         shown,
         figures,

@@ -22,7 +22,7 @@ _POSES = 240
 _UPRIGHT = (pi / 2, 0.0, 0.0)
 # Digits beyond a tenth of a micrometre draw nothing.
 _DIGITS = 7
-_ASSUMED = 'It tells no lengths: the leg is drawn with those of SEM 104, which may not be its own.'
+_ASSUMED = 'It publishes no lengths: the leg is drawn as SEM 104, which may not be its own.'
 _UNKNOWN_SOLVER = 'Its lengths are unknown, and its joints are not a Klann leg: not drawn.'
 _CHANGED = (
     'Its lengths were changed while it was recorded: the leg is drawn with the last ones, which '

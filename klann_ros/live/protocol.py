@@ -2,7 +2,7 @@
 The messages of a page and their rate limit; each message is checked before it has an effect.
 
 A page acknowledges a drawn frame (`{"ack": 7}`) or sends a command
-(`{"id": 3, "do": "turn", "what": "...", "value": 1.5}`). All else is refused.
+(`{"id": 3, "command": "turn", "target": "...", "value": 1.5}`). All else is refused.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ MAX_MESSAGE_SIZE = 4096
 RATE, BURST = 800.0, 1200.0
 # The commands, and the fields of each.
 COMMANDS = {
-    'take': ('what',),
-    'release': ('what',),
-    'turn': ('what', 'value'),
-    'spin': ('what', 'value'),
-    'walk': ('what', 'value', 'turn'),
-    'set': ('what', 'values'),
-    'call': ('what', 'name'),
-    'seek': ('what', 'value'),
-    'rate': ('what', 'value'),
+    'take': ('target',),
+    'release': ('target',),
+    'turn': ('target', 'value'),
+    'spin': ('target', 'value'),
+    'walk': ('target', 'value', 'turn'),
+    'set': ('target', 'values'),
+    'call': ('target', 'name'),
+    'seek': ('target', 'value'),
+    'rate': ('target', 'value'),
 }
 _MAX_TEXT = 256
 _MAX_VALUES = 20
@@ -45,9 +45,9 @@ class Command:
     # Its number, repeated in the answer.
     number: int
     # One of COMMANDS.
-    do: str
+    command: str
     # Its target: the name of a drive, a solver, a recorder or a player.
-    what: str
+    target: str
     # Its numbers, if any.
     value: float = 0.0
     turn: float = 0.0
@@ -68,33 +68,35 @@ def parsed(text: str) -> Command | int | None:
 
     """
     try:
-        said = json.loads(text, parse_constant=_refuse)
+        message = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise ProtocolError('no JSON') from error
-    if not isinstance(said, dict):
+    if not isinstance(message, dict):
         raise ProtocolError('no mapping')
-    if set(said) == {'ack'}:
-        return _whole(said['ack'])
-    if not said:
+    if set(message) == {'ack'}:
+        return _whole(message['ack'])
+    if not message:
         return None
-    return _command(said)
+    return _command(message)
 
 
-def _command(said: dict[str, Any]) -> Command:
-    do = said.get('do')
-    if not isinstance(do, str) or do not in COMMANDS:
-        raise ProtocolError('nothing that can be done')
-    if set(said) != {'id', 'do', *COMMANDS[do]}:
-        raise ProtocolError(f'{do} takes {", ".join(COMMANDS[do])}')
+def _command(message: dict[str, Any]) -> Command:
+    command = message.get('command')
+    if not isinstance(command, str) or command not in COMMANDS:
+        raise ProtocolError('no known command')
+    if set(message) != {'id', 'command', *COMMANDS[command]}:
+        raise ProtocolError(f'{command} takes {", ".join(COMMANDS[command])}')
     checks: dict[str, Callable[[Any], Any]] = {
-        'what': _text,
+        'target': _text,
         'name': _text,
         'value': _number,
         'turn': _number,
         'values': _values,
     }
     return Command(
-        number=_whole(said['id']), do=do, **{key: checks[key](said[key]) for key in COMMANDS[do]}
+        number=_whole(message['id']),
+        command=command,
+        **{key: checks[key](message[key]) for key in COMMANDS[command]},
     )
 
 

@@ -17,7 +17,7 @@ from klann_ros.live.server import LiveServer, ServerError
 from multidict import CIMultiDict
 import pytest
 
-TAKE = {'id': 1, 'do': 'take', 'what': 'crank:/crank_angle'}
+TAKE = {'id': 1, 'command': 'take', 'target': 'crank:/crank_angle'}
 PATIENCE = 20.0
 Socket = aiohttp.ClientWebSocketResponse
 
@@ -146,12 +146,16 @@ def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> 
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served, token) as socket:
             before = list(served.state.commands)
-            you = (await frame(socket))['you']
-            assert not you['may']
+            you = (await frame(socket))['client']
+            assert not you['may_drive']
             assert not you['runs']
             for number, do in enumerate(('take', 'release'), start=1):
-                answer = await wanted(socket, {**TAKE, 'id': number, 'do': do})
-                assert answer == {'id': number, 'done': False, 'said': 'this page may only view'}
+                answer = await wanted(socket, {**TAKE, 'id': number, 'command': do})
+                assert answer == {
+                    'id': number,
+                    'done': False,
+                    'message': 'this page may only view',
+                }
             assert served.state.commands == before
 
     run(attack)
@@ -162,21 +166,21 @@ MESSAGES: dict[str, str] = {
     'no mapping': '[]',
     'a number': '1',
     'deep': '[' * 2000,
-    'nothing known': '{"id": 1, "do": "shutdown", "what": ""}',
-    'too much': '{"id": 1, "do": "take", "what": "", "and": 1}',
-    'too little': '{"id": 1, "do": "turn", "what": ""}',
-    'do is a list': '{"id": 1, "do": ["take"], "what": ""}',
-    'NaN': '{"id": 1, "do": "turn", "what": "", "value": NaN}',
-    'infinity': '{"id": 1, "do": "turn", "what": "", "value": 1e999}',
-    'huge': '{"id": 1, "do": "turn", "what": "", "value": 1e300}',
-    'a long integer': '{"id": 1, "do": "turn", "what": "", "value": ' + '9' * 3000 + '}',
-    'a text as number': '{"id": 1, "do": "turn", "what": "", "value": "1"}',
-    'true as number': '{"id": 1, "do": "turn", "what": "", "value": true}',
-    'an id below 0': '{"id": -1, "do": "take", "what": ""}',
-    'a long name': '{"id": 1, "do": "take", "what": "' + 'x' * 1000 + '"}',
-    'no values': '{"id": 1, "do": "set", "what": "", "values": {}}',
-    'values of texts': '{"id": 1, "do": "set", "what": "", "values": {"l_ab": "x"}}',
-    'three signs': '{"id": 1, "do": "set", "what": "", "values": {"assembly": [1, 1, 1]}}',
+    'nothing known': '{"id": 1, "command": "shutdown", "target": ""}',
+    'too much': '{"id": 1, "command": "take", "target": "", "and": 1}',
+    'too little': '{"id": 1, "command": "turn", "target": ""}',
+    'do is a list': '{"id": 1, "command": ["take"], "target": ""}',
+    'NaN': '{"id": 1, "command": "turn", "target": "", "value": NaN}',
+    'infinity': '{"id": 1, "command": "turn", "target": "", "value": 1e999}',
+    'huge': '{"id": 1, "command": "turn", "target": "", "value": 1e300}',
+    'a long integer': '{"id": 1, "command": "turn", "target": "", "value": ' + '9' * 3000 + '}',
+    'a text as number': '{"id": 1, "command": "turn", "target": "", "value": "1"}',
+    'true as number': '{"id": 1, "command": "turn", "target": "", "value": true}',
+    'an id below 0': '{"id": -1, "command": "take", "target": ""}',
+    'a long name': '{"id": 1, "command": "take", "target": "' + 'x' * 1000 + '"}',
+    'no values': '{"id": 1, "command": "set", "target": "", "values": {}}',
+    'values of texts': '{"id": 1, "command": "set", "target": "", "values": {"l_ab": "x"}}',
+    'three signs': '{"id": 1, "command": "set", "target": "", "values": {"assembly": [1, 1, 1]}}',
     'an ack that is none': '{"ack": "1"}',
 }
 
@@ -388,7 +392,7 @@ def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
 def test_a_world_is_reported_who_is_gone(served: Served) -> None:
     async def leave(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
-            page = (await frame(socket))['you']['page']
+            page = (await frame(socket))['client']['page']
         while page not in served.state.gone:
             await asyncio.sleep(0.01)
 

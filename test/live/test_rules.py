@@ -106,7 +106,9 @@ def test_a_page_may_say_so_much_and_no_more() -> None:
 def test_what_a_page_says_is_understood() -> None:
     assert parsed('{}') is None
     assert parsed('{"ack": 3}') == 3
-    wish = parsed('{"id": 1, "do": "set", "what": "/s", "values": {"l": 1, "assembly": [1, -1]}}')
+    wish = parsed(
+        '{"id": 1, "command": "set", "target": "/s", "values": {"l": 1, "assembly": [1, -1]}}'
+    )
     assert wish == Command(1, 'set', '/s', values={'l': 1.0, 'assembly': [1, -1]})
 
 
@@ -287,8 +289,8 @@ def test_a_status_is_shown_in_plain_words(level: int, message: str, meaning: str
 
 def test_a_status_of_a_stranger_is_short_and_visible() -> None:
     status = status_text(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
-    assert status.level == 'fault'
-    assert len(status.who) < 150
+    assert status.level == 'error'
+    assert len(status.name) < 150
     assert status.text.isprintable()
     assert len(status.figures['rate']) < 100
 

@@ -1,16 +1,15 @@
 'use strict';
 /*
- * The socket: one frame at a time, answered when it is its turn to be drawn, so that the next one is
- * under way meanwhile. A frame that is not drawn is not answered, so nothing queues up, neither here
- * nor there.
+ * The socket: one frame at a time, acknowledged when it is drawn, so that the next one is under way
+ * meanwhile. A frame that is not drawn is not acknowledged, so nothing is queued on either side.
  */
 
-// Says that the page is there, while it drives [ms]; view_node lets go after 350.
+// Keep-alive period while the page drives [ms]; view_node releases the drive after 350.
 const BEAT = 100;
 const RETRY = [500, 1000, 2000, 4000];
 
 class Connection {
-  /** `draw` is given each frame, `changed` whether there is a connection. */
+  /** `draw` receives each frame, `changed` whether there is a connection. */
   constructor(draw, changed) {
     this.draw = draw;
     this.changed = changed;
@@ -18,7 +17,7 @@ class Connection {
     this.waiting = new Map();
     this.failures = 0;
     this.drives = false;
-    setInterval(() => this.drives && this.say({}), BEAT);
+    setInterval(() => this.drives && this.send({}), BEAT);
     addEventListener('pagehide', () => this.socket && this.socket.close());
     this.open();
   }
@@ -32,7 +31,7 @@ class Connection {
     socket.addEventListener('close', (event) => this.close(socket, event));
   }
 
-  /** Take a frame. What moves nothing waits for no screen: the pose comes right behind its answer. */
+  /** Receive a frame; one without poses is processed at once, as the next one has the pose. */
   receive(socket, text) {
     const frame = JSON.parse(text);
     if (frame.poses) requestAnimationFrame(() => this.take(socket, frame));
@@ -43,14 +42,14 @@ class Connection {
     if (socket !== this.socket || socket.readyState !== WebSocket.OPEN) return;
     if (frame.n === 1) this.changed(true, '');
     this.failures = 0;
-    this.say({ ack: frame.n });
+    this.send({ ack: frame.n });
     for (const answer of frame.answers || []) this.answered(answer);
     this.draw(frame);
   }
 
   close(socket, event) {
     if (socket !== this.socket) return;
-    for (const tell of this.waiting.values()) tell({ done: false, said: 'the connection is lost' });
+    for (const resolve of this.waiting.values()) resolve({ done: false, message: 'the connection is lost' });
     this.waiting.clear();
     this.drives = false;
     this.changed(false, event.reason);
@@ -59,27 +58,27 @@ class Connection {
     setTimeout(() => this.open(), wait);
   }
 
-  say(message) {
+  send(message) {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
-  /** Want something done; resolves to {done, said}. */
-  want(wish) {
+  /** Send a command; resolves to {done, message}. */
+  request(command) {
     if (this.socket.readyState !== WebSocket.OPEN) {
-      return Promise.resolve({ done: false, said: 'there is no connection' });
+      return Promise.resolve({ done: false, message: 'there is no connection' });
     }
     this.number += 1;
     const id = this.number;
-    this.say({ id, ...wish });
-    return new Promise((tell) => {
-      this.waiting.set(id, tell);
-      setTimeout(() => this.answered({ id, done: false, said: 'no answer' }), 8000);
+    this.send({ id, ...command });
+    return new Promise((resolve) => {
+      this.waiting.set(id, resolve);
+      setTimeout(() => this.answered({ id, done: false, message: 'no answer' }), 8000);
     });
   }
 
   answered(answer) {
-    const tell = this.waiting.get(answer.id);
+    const resolve = this.waiting.get(answer.id);
     this.waiting.delete(answer.id);
-    if (tell) tell(answer);
+    if (resolve) resolve(answer);
   }
 }

@@ -1,7 +1,7 @@
 'use strict';
-/* What the page turns: only after its button was pressed, and no longer than it is seen. */
+/* The drives of the page: active only after their button was pressed, while the page is visible. */
 
-// What full speed is [m/s], [rad/s].
+// Full speed [m/s], [rad/s].
 const WALK_SPEED = 0.25;
 const WALK_TURN = 0.8;
 const KEYS = {
@@ -15,80 +15,82 @@ function byId(id) {
   return document.getElementById(id);
 }
 
-/** What is taken over by a button: a crank or a walker. */
+/** A drive with its button: a crank or a walker. */
 class Drive {
   constructor(live, kind, button, state) {
     this.live = live;
     this.kind = kind;
     this.button = byId(button);
     this.state = byId(state);
-    this.told = null;
+    this.report = null;
     this.refusal = '';
-    // Why this page drives no more, where only it knows; until somebody drives.
+    // The reason for the end of this page's drive, if only the page knows it; until the next drive.
     this.note = '';
     this.wasMine = false;
     this.button.addEventListener('click', () => this.toggle());
   }
 
-  /** Whether this page has it, or waits for others to yield. */
+  /** Whether this page owns the drive, or waits for others to yield. */
   get isOwner() {
-    return Boolean(this.told && this.live.you && this.told.owner === this.live.you.page);
+    return Boolean(this.report && this.live.client && this.report.owner === this.live.client.page);
   }
 
   get isMine() {
-    return this.isOwner && !this.told.taking;
+    return this.isOwner && !this.report.taking;
   }
 
-  /** Take the state that view_node reports; null where there is nothing to drive. */
-  tell(told) {
-    this.told = told;
-    if (told && told.owner !== null) this.note = '';
-    const may = Boolean(told && this.live.you && this.live.you.may);
-    this.button.disabled = !may;
-    this.button.textContent = this.isOwner ? 'Let go' : 'Take over';
+  /** Show the state that view_node reports; null without anything to drive. */
+  update(report) {
+    this.report = report;
+    if (report && report.owner !== null) this.note = '';
+    const mayDrive = Boolean(report && this.live.client && this.live.client.may_drive);
+    this.button.disabled = !mayDrive;
+    this.button.textContent = this.isOwner ? 'Release' : 'Take over';
     this.button.setAttribute('aria-pressed', String(this.isOwner));
-    const text = this.words(may);
+    const text = this.statusText(mayDrive);
     if (this.state.textContent !== text) this.state.textContent = text;
-    this.state.classList.toggle('lost', this.isLoser && Boolean(told.why));
+    this.state.classList.toggle('lost', this.hasLost && Boolean(report.reason));
+    // A refusal of a command that crossed the loss of the drive is of no interest.
+    if (this.wasMine && !this.isMine) this.refusal = '';
     this.enable(this.isMine);
     if (this.isMine && !this.wasMine) this.state.closest('.card').scrollIntoView({ block: 'nearest' });
     this.wasMine = this.isMine;
   }
 
-  get isLoser() {
-    return Boolean(this.told && this.live.you && this.told.loser === this.live.you.page);
+  get hasLost() {
+    return Boolean(this.report && this.live.client && this.report.previous_owner === this.live.client.page);
   }
 
-  words(may) {
-    const { told } = this;
-    if (!told) return this.none;
+  statusText(mayDrive) {
+    const { report } = this;
+    if (!report) return this.none;
     if (this.refusal) return this.refusal;
-    const { topic } = told;
-    const rest = told.publishers.filter((name) => !told.yielded.includes(name));
-    if (this.isOwner && told.taking) {
+    const { topic } = report;
+    const rest = report.publishers.filter((name) => !report.yielded.includes(name));
+    if (this.isOwner && report.taking) {
       return `Nothing moves yet: waiting until ${listed(rest) || 'all publishers'} ${rest.length > 1 ? 'yield' : 'yields'}.`;
     }
     if (this.isOwner) {
-      const yielded = told.yielded.length
-        ? ` ${listed(told.yielded)} ${verb(told.yielded, 'has', 'have')} yielded and ${verb(told.yielded, 'resumes', 'resume')} when you let go.`
+      const yielded = report.yielded.length
+        ? ` ${listed(report.yielded)} ${verb(report.yielded, 'has', 'have')} yielded and ${verb(report.yielded, 'resumes', 'resume')} when you release it.`
         : '';
       const idle = rest.length ? ` ${listed(rest)} cannot yield, but ${verb(rest, 'is', 'are')} silent.` : '';
       return `This page drives ${topic}.${yielded}${idle}`;
     }
-    if (told.owner !== null) {
-      return this.isLoser
+    if (report.owner !== null) {
+      return this.hasLost
         ? `Another page has taken over: it drives ${topic}, this page no longer does.`
         : `Another page drives ${topic}.`;
     }
-    const stopped = this.isLoser && told.why ? told.why : this.note;
+    const stopped = this.hasLost && report.reason ? report.reason : this.note;
     if (stopped) return `This page drives nothing: ${stopped}.`;
-    if (told.elsewhere) return `${told.elsewhere} drives ${topic}.`;
-    const names = told.publishers;
+    if (report.elsewhere) return `${report.elsewhere} drives ${topic}.`;
+    const names = report.publishers;
     const who = names.length ? `Published by ${listed(names)}.` : `No node publishes ${topic}.`;
-    if (!may) {
+    if (!mayDrive) {
       return `${who} This page may only view; the whole address that view_node printed may drive.`;
     }
-    const { foreign } = told;
+    const { foreign } = report;
     if (foreign.length) {
       return `${who} ${listed(foreign)} cannot yield: while ${verb(foreign, 'it sends', 'they send')}, this page cannot drive.`;
     }
@@ -96,25 +98,26 @@ class Drive {
   }
 
   async toggle() {
-    if (!this.told) return;
-    const wish = { do: this.isOwner ? 'release' : 'take', what: this.told.what };
+    if (!this.report) return;
+    const command = { command: this.isOwner ? 'release' : 'take', target: this.report.target };
     this.note = '';
-    // From now on, not from when view_node has answered.
+    // Before view_node has answered.
     if (!this.isOwner) this.live.connection.drives = true;
-    const answer = await this.live.want(wish);
-    this.refusal = answer.done ? '' : answer.said;
+    const answer = await this.live.request(command);
+    this.refusal = answer.done ? '' : answer.message;
   }
 
-  release(why) {
+  release(reason) {
     if (!this.isOwner) return;
-    this.live.want({ do: 'release', what: this.told.what });
-    this.note = why;
+    this.live.request({ command: 'release', target: this.report.target });
+    this.note = reason;
   }
 
-  async want(wish) {
+  async request(command) {
     if (!this.isMine) return;
-    const answer = await this.live.want({ what: this.told.what, ...wish });
-    this.refusal = answer.done ? '' : answer.said;
+    const answer = await this.live.request({ target: this.report.target, ...command });
+    if (!this.isMine) return;
+    this.refusal = answer.done ? '' : answer.message;
   }
 }
 
@@ -129,7 +132,7 @@ function verb(names, one, many) {
 class CrankDrive extends Drive {
   constructor(live) {
     super(live, 'crank', 'take', 'crank-state');
-    this.none = 'No solver that hears crank angles.';
+    this.none = 'No solver subscribes to a crank angle.';
     this.slider = byId('angle');
     this.speed = byId('speed');
     this.halt = byId('halt');
@@ -143,7 +146,7 @@ class CrankDrive extends Drive {
     this.halt.addEventListener('click', () => this.spin(0));
   }
 
-  /** On a walker the walk comes first: the crank only on request. */
+  /** Fold the crank card on a walker: the walk has priority. */
   foldIf(isWalker) {
     if (isWalker === this.isFolded) return;
     this.isFolded = isWalker;
@@ -170,13 +173,13 @@ class CrankDrive extends Drive {
     const now = this.track.x[0];
     const alpha = now + wrapped((Number(this.slider.value) * TURN) / 360 - now);
     const { direction, phase } = this.leg;
-    this.say(Number(this.slider.value));
-    this.want({ do: 'turn', value: (alpha - phase) / direction });
+    this.showAngle(Number(this.slider.value));
+    this.request({ command: 'turn', value: (alpha - phase) / direction });
   }
 
   spin(value) {
     this.setSpeed(value);
-    this.want({ do: 'spin', value: value * this.leg.direction });
+    this.request({ command: 'spin', value: value * this.leg.direction });
   }
 
   /** Let the slider follow the leg, unless it is being moved. */
@@ -184,10 +187,10 @@ class CrankDrive extends Drive {
     if (!this.track || !this.track.x || performance.now() - this.held < 400) return;
     const angle = degrees(wrapped(this.track.x[0]));
     this.slider.value = angle;
-    this.say(angle);
+    this.showAngle(angle);
   }
 
-  say(angle) {
+  showAngle(angle) {
     const text = `${angle.toFixed(1)}°`;
     byId('angle-text').textContent = text;
     this.slider.setAttribute('aria-valuetext', `${angle.toFixed(0)} degrees`);
@@ -208,13 +211,13 @@ class WalkDrive extends Drive {
     this.stick.addEventListener('pointerdown', (event) => this.grab(event));
     this.stick.addEventListener('pointermove', (event) => this.pull(event));
     for (const name of ['pointerup', 'pointercancel']) {
-      this.stick.addEventListener(name, () => this.leave('stick'));
+      this.stick.addEventListener(name, () => this.lift('stick'));
     }
   }
 
-  tell(told) {
-    byId('walk-card').hidden = !told;
-    super.tell(told);
+  update(report) {
+    byId('walk-card').hidden = !report;
+    super.update(report);
     this.mark();
   }
 
@@ -224,7 +227,7 @@ class WalkDrive extends Drive {
     if (!isMine) this.keys.clear();
   }
 
-  /** Show which buttons and keys are down, and the command that they make. */
+  /** Show the pressed buttons and keys, and their command. */
   mark() {
     const held = [...this.keys.values()].map(String);
     for (const button of this.buttons) {
@@ -236,23 +239,23 @@ class WalkDrive extends Drive {
   }
 
   key(event, isDown) {
-    const wish = KEYS[event.code];
-    if (!wish || !this.isMine || event.altKey || event.ctrlKey || event.metaKey) return;
+    const direction = KEYS[event.code];
+    if (!direction || !this.isMine || event.altKey || event.ctrlKey || event.metaKey) return;
     if (event.target.matches && event.target.matches('input, select')) return;
     event.preventDefault();
     if (event.repeat) return;
-    if (isDown) this.press(event.code, wish);
-    else this.leave(event.code);
+    if (isDown) this.press(event.code, direction);
+    else this.lift(event.code);
   }
 
   hold(button) {
-    const wish = button.dataset.walk.split(',').map(Number);
+    const direction = button.dataset.walk.split(',').map(Number);
     button.addEventListener('pointerdown', (event) => {
       button.setPointerCapture(event.pointerId);
-      this.press(button, wish);
+      this.press(button, direction);
     });
     for (const name of ['pointerup', 'pointercancel', 'lostpointercapture']) {
-      button.addEventListener(name, () => this.leave(button));
+      button.addEventListener(name, () => this.lift(button));
     }
   }
 
@@ -273,13 +276,13 @@ class WalkDrive extends Drive {
     this.press('stick', [-y, -x]);
   }
 
-  press(key, wish) {
+  press(key, direction) {
     if (!this.isMine) return;
-    this.keys.set(key, wish);
+    this.keys.set(key, direction);
     this.walk();
   }
 
-  leave(key) {
+  lift(key) {
     if (key === 'stick') byId('knob').style.transform = '';
     if (this.keys.delete(key)) this.walk();
   }
@@ -290,7 +293,7 @@ class WalkDrive extends Drive {
     this.walk();
   }
 
-  /** Return the velocities that the keys, buttons and the stick ask for [m/s], [rad/s]. */
+  /** Return the velocities commanded by keys, buttons and stick [m/s], [rad/s]. */
   command() {
     let [forward, turn] = [0, 0];
     for (const [u, v] of this.keys.values()) {
@@ -304,6 +307,6 @@ class WalkDrive extends Drive {
   walk() {
     this.mark();
     const [value, turn] = this.command();
-    this.want({ do: 'walk', value, turn });
+    this.request({ command: 'walk', value, turn });
   }
 }

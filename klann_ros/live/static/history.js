@@ -1,14 +1,14 @@
 'use strict';
-/* What a leg did in the last half minute, and the charts of it. */
+/* The last half minute of a leg, and its charts. */
 
 const SPAN = 30;
-// Charts follow so often; the eye wants no more [ms].
+// Update period of the charts [ms].
 const CHART_PERIOD = 200;
-// A speed is that of so long [s].
+// Averaging time of a speed [s].
 const RATE_TIME = 0.2;
 const CHART_FONT = '12px system-ui, sans-serif';
 
-/** The poses of a leg, as they came. */
+/** The received poses of a leg. */
 class Track {
   constructor(leg) {
     this.leg = leg;
@@ -23,7 +23,7 @@ class Track {
     this.age = Infinity;
   }
 
-  /** Take a pose: how old it is and its stamp [s], and its coordinates. */
+  /** Add a pose: its age and stamp [s], and its coordinates. */
   add(now, [age, stamp, ...x]) {
     this.age = age;
     const time = now - age;
@@ -34,7 +34,7 @@ class Track {
       this.points = pointsOf(this.leg.shape, x);
       this.foot = this.points[this.footIndex];
     }
-    // One that is told again, or that stands still, is a point of the chart all the same.
+    // A repeated pose, or one at rest, is a point of the chart all the same.
     if (time <= last || (isSame && time < last + 0.05)) return;
     this.times.push(time);
     this.poses.push(x);
@@ -45,11 +45,11 @@ class Track {
 
   forget(before) {
     if (this.times[0] > before - 1) return;
-    const kept = this.times.findIndex((time) => time >= before);
-    for (const column of [this.times, this.poses, this.stamps, this.feet]) column.splice(0, kept);
+    const first = this.times.findIndex((time) => time >= before);
+    for (const column of [this.times, this.poses, this.stamps, this.feet]) column.splice(0, first);
   }
 
-  /** Return where the foot was in the last seconds. */
+  /** Return the places of the foot in the last seconds. */
   trail(seconds) {
     const { times } = this;
     let first = times.length;
@@ -167,7 +167,7 @@ class History {
   }
 }
 
-/** Return how fast the crank turned, by the stamps of poses a while apart [rad/s]. */
+/** Return the rates of the crank, from the stamps of poses RATE_TIME apart [rad/s]. */
 function rates({ times, poses, stamps }) {
   let j = 0;
   return times.map((time, i) => {

@@ -1,14 +1,14 @@
 'use strict';
-/* The page: frames come in, and what they say is shown. */
+/* The page: it shows the frames that it receives. */
 
-// Texts, and legs that are shown beside the chosen one, follow so often [s].
+// Update period of texts, and of the legs beside the selected one [s].
 const READ_PERIOD = 0.1;
-// A walker with more of them is seen so often as well.
+// The update period holds for a walker with more legs as well.
 const MANY_LEGS = 8;
 
 class Live {
   constructor() {
-    this.you = null;
+    this.client = null;
     this.solvers = [];
     this.legs = [];
     this.tracks = [];
@@ -23,51 +23,51 @@ class Live {
     this.crank = new CrankDrive(this);
     this.walk = new WalkDrive(this);
     this.lengths = new LengthFields(this, byId('lengths'), byId('lengths-state'));
-    document.addEventListener('visibilitychange', () => document.hidden && this.letGo('it was hidden'));
+    document.addEventListener('visibilitychange', () => document.hidden && this.releaseAll('it was hidden'));
     onThemeChange(() => this.history && (this.history.last = 0));
     this.connection = new Connection(
       (frame) => this.draw(frame),
-      (isThere, why) => this.connected(isThere, why),
+      (isOpen, reason) => this.connected(isOpen, reason),
     );
-    setInterval(() => this.say(), 1000);
+    setInterval(() => this.showState(), 1000);
   }
 
-  get may() {
-    return Boolean(this.you && this.you.may);
+  get mayDrive() {
+    return Boolean(this.client && this.client.may_drive);
   }
 
-  want(wish) {
-    return this.connection.want(wish);
+  request(command) {
+    return this.connection.request(command);
   }
 
-  letGo(why) {
-    for (const drive of [this.crank, this.walk]) drive.release(why);
+  releaseAll(reason) {
+    for (const drive of [this.crank, this.walk]) drive.release(reason);
   }
 
-  connected(isThere, why) {
-    this.isThere = isThere;
-    this.why = why;
-    if (!isThere) {
+  connected(isOpen, reason) {
+    this.isOpen = isOpen;
+    this.reason = reason;
+    if (!isOpen) {
       for (const drive of [this.crank, this.walk]) {
         if (drive.isOwner) drive.note = 'its connection was lost';
       }
-      this.you = null;
+      this.client = null;
       this.version = -1;
-      this.tellDrives([]);
+      this.updateDrives([]);
     }
-    this.say();
+    this.showState();
   }
 
-  /** Say whether what is shown is of now. */
-  say() {
+  /** Show the connection, and whether the pose is current. */
+  showState() {
     const rate = this.drawn.filter((time) => time > performance.now() - 1000).length;
     const hasPose = this.legs.some((_, i) => this.tracks[i].age < OLD);
-    const state = !this.isThere ? 'bad' : hasPose && rate ? 'good' : 'still';
+    const state = !this.isOpen ? 'bad' : hasPose && rate ? 'good' : 'still';
     const notes = this.solvers.map((solver) => solver.note && `${solver.node}: ${solver.note}`).join(' ');
     const titles = { bad: 'No connection', good: 'Live', still: 'Nothing moves' };
     const texts = {
-      bad: this.why || 'Is view_node running? Started anew, it has a new address.',
-      good: `${rate} frames a second${this.may ? '' : ', looking only'}`,
+      bad: this.reason || 'Is view_node running? After a restart it has a new address.',
+      good: `${rate} frames a second${this.mayDrive ? '' : ', looking only'}`,
       still: this.legs.length ? 'No new poses.' : notes || 'No leg publishes yet.',
     };
     byId('state').className = `verdict ${state}`;
@@ -76,23 +76,23 @@ class Live {
   }
 
   draw(frame) {
-    if (frame.you) this.greet(frame.you);
-    if (frame.legs) this.tellLegs(frame.legs);
-    if (frame.drives || frame.you) this.tellDrives(frame.drives || []);
+    if (frame.client) this.setClient(frame.client);
+    if (frame.legs) this.updateLegs(frame.legs);
+    if (frame.drives || frame.client) this.updateDrives(frame.drives || []);
     if (frame.diagnostics) showDiagnostics(byId('diagnostics'), frame.diagnostics);
     if (frame.topics) showTopics(byId('topics'), frame.topics);
-    if (frame.machines) this.tellMachines(frame.machines);
+    if (frame.machines) this.updateMachines(frame.machines);
     if (frame.poses) this.move(frame.poses);
-    if (frame.you) this.say();
+    if (frame.client) this.showState();
   }
 
-  greet(you) {
-    this.you = you;
-    byId('runs').hidden = !you.runs;
+  setClient(client) {
+    this.client = client;
+    byId('runs').hidden = !client.runs;
     byId('runs').href = `/runs${location.search}`;
   }
 
-  tellLegs(solvers) {
+  updateLegs(solvers) {
     this.solvers = solvers;
     const before = this.legs;
     const tracks = this.tracks;
@@ -114,13 +114,13 @@ class Live {
     });
     const look = (legs) => JSON.stringify(legs.map((leg) => [leg.key, leg.text]));
     if (look(before) !== look(this.legs)) this.arrange();
-    // What its solver tells of it may be new all the same.
+    // Its lengths may be new all the same.
     this.leg = this.legs.find((leg) => leg.key === this.shown);
-    if (this.leg) this.lengths.tell(this.leg.solver, this.leg);
-    this.tellDrives(this.driven || []);
+    if (this.leg) this.lengths.update(this.leg.solver, this.leg);
+    this.updateDrives(this.driven || []);
   }
 
-  /** Draw all that is drawn of legs anew. */
+  /** Make the pictures of all legs again. */
   arrange() {
     const holder = byId('legs');
     const drawable = this.legs.filter((leg) => leg.shape);
@@ -145,13 +145,13 @@ class Live {
     const still = drawable.find((leg) => leg.key === this.shown) || drawable[0];
     this.leg = null;
     if (still) this.choose(still.key);
-    else this.miss();
+    else this.showNoLeg();
   }
 
-  /** Say that there is no leg to be drawn any more; the last one stays, and is pale. */
-  miss() {
+  /** Show that no leg can be drawn any more; the last one stays, pale. */
+  showNoLeg() {
     byId('title').textContent = 'Waiting for a leg';
-    byId('subtitle').textContent = 'Nobody publishes a leg that can be drawn.';
+    byId('subtitle').textContent = 'No node publishes a leg that can be drawn.';
     byId('picture').classList.add('old');
     byId('lengths-section').hidden = true;
   }
@@ -163,7 +163,7 @@ class Live {
     this.picture = new LegPicture(byId('picture'), leg);
     this.picture.show(this.trackOf(leg));
     this.history = new History(byId('charts'), leg);
-    this.lengths.tell(leg.solver, leg);
+    this.lengths.update(leg.solver, leg);
     for (const tile of this.tiles) tile.button.setAttribute('aria-pressed', String(tile.leg.key === key));
     const count = this.legs.length;
     byId('title').textContent = count === 1 ? leg.name || leg.kind : titleOf(this.legs);
@@ -172,10 +172,10 @@ class Live {
     note.hidden = !leg.solver.note;
     note.textContent = leg.solver.note;
     this.caption(this.trackOf(leg));
-    this.tellDrives(this.driven || []);
+    this.updateDrives(this.driven || []);
   }
 
-  tellDrives(drives) {
+  updateDrives(drives) {
     this.driven = drives;
     const crank = this.leg
       ? drives.find((one) => one.kind === 'crank' && this.leg.solver.cranks.includes(one.topic))
@@ -184,19 +184,19 @@ class Live {
       this.crank.leg = this.leg;
       this.crank.track = this.trackOf(this.leg);
     }
-    this.crank.tell(crank || null);
+    this.crank.update(crank || null);
     const walk = drives.find((one) => one.kind === 'walk') || null;
     this.crank.foldIf(Boolean(walk) && this.views.length > 0);
-    this.walk.tell(walk);
+    this.walk.update(walk);
     const isOwner = this.crank.isOwner || this.walk.isOwner;
     document.body.classList.toggle('drives', isOwner);
     document.body.classList.toggle('walks', this.views.length > 0);
     if (this.connection) this.connection.drives = isOwner;
   }
 
-  tellMachines(machines) {
+  updateMachines(machines) {
     byId('machines-section').hidden = !machines.length;
-    const keys = machines.map((machine) => JSON.stringify([machine.node, machine.services, this.may]));
+    const keys = machines.map((machine) => JSON.stringify([machine.node, machine.services, this.mayDrive]));
     for (const key of this.cards.keys()) {
       if (keys.includes(key)) continue;
       this.cards.get(key).card.remove();
@@ -207,7 +207,7 @@ class Live {
         this.cards.set(keys[i], new MachineCard(this, machine));
         byId('machines').append(this.cards.get(keys[i]).card);
       }
-      this.cards.get(keys[i]).tell(machine);
+      this.cards.get(keys[i]).update(machine);
     });
   }
 
@@ -223,7 +223,7 @@ class Live {
       const track = this.tracks[number];
       if (track && track.leg.shape && pose.length - 2 === track.leg.joints.length) track.add(now, pose);
     }
-    // Nobody reads faster; and a text that changes costs more than a leg that moves.
+    // Texts need no faster update, and cost more than a moving leg.
     const isRead = now - this.read >= READ_PERIOD;
     if (isRead) this.read = now;
     if (isRead) for (const { leg, picture } of this.tiles) picture.show(this.trackOf(leg));
@@ -242,7 +242,7 @@ class Live {
     byId('odometry').textContent = this.ground.text;
   }
 
-  /** Return the odometry in the walker's namespace, or the only one there is. */
+  /** Return the odometry in the walker's namespace, or the only one. */
   odomOf(odoms) {
     const [leg] = this.views.length ? this.views[0].legs : [];
     const parent = (name) => name.slice(0, name.lastIndexOf('/'));
@@ -263,7 +263,7 @@ class Live {
   }
 }
 
-/** Return what the unnamed leg of a solver is called: a player has several of different topics. */
+/** Return the title of an unnamed leg: a player has several, of different topics. */
 function titleAmong(solvers, solver) {
   if (solvers.length === 1) return 'Leg';
   const isOne = solvers.filter((other) => other.node === solver.node).length === 1;
@@ -275,5 +275,5 @@ function titleOf(legs) {
   return isWalker ? `Walker with ${legs.length} legs` : `${legs.length} legs`;
 }
 
-// One name for whoever opens the console.
+// For the console.
 const live = new Live();

@@ -1,9 +1,9 @@
 'use strict';
-/* A leg in its own plane: its bars, the path that its foot has, and the trail that it left. */
+/* A leg in its own plane: its bars, the path of its foot, and its trail. */
 
-// The trail is what the foot did in so long [s].
+// Length of the trail [s].
 const TRAIL = 1.2;
-// A pose that is older is shown pale [s].
+// Older poses are shown pale [s].
 const OLD = 1.5;
 
 class LegPicture {
@@ -26,7 +26,7 @@ class LegPicture {
     this.svg.classList.toggle('old', track.age > OLD);
     this.bodies.show(points);
     this.trail.setAttribute('d', this.drawing.line(track.trail(TRAIL)));
-    // For whoever looks over the page's shoulder.
+    // For tests.
     if (track.x) this.svg.dataset.x = track.x.join(' ');
   }
 }

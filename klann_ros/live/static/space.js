@@ -1,5 +1,5 @@
 'use strict';
-/* From a leg's plane to base_link, and from there to what one sees from the side and from above. */
+/* From a leg's plane to base_link, and from there to the views from the side and from above. */
 
 const TURN = 2 * Math.PI;
 
@@ -13,7 +13,7 @@ function axesOf([roll, pitch, yaw]) {
   ];
 }
 
-/** Return where points (x, y) of a mounted plane are in base_link: (x, y, z). */
+/** Return points (x, y) of a mounted plane in base_link: (x, y, z). */
 function mounted(points, mount) {
   const [u, v] = axesOf(mount.rpy);
   return points.map(([x, y]) => [0, 1, 2].map((i) => mount.xyz[i] + x * u[i] + y * v[i]));

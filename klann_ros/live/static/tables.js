@@ -1,9 +1,9 @@
 'use strict';
-/* Lists and tables: every text of others is text, whatever is in it. */
+/* Lists and tables; untrusted text is inserted as text, never as markup. */
 
-const LEVEL_CLASS = { fine: 'good', look: 'warning', fault: 'error', silent: 'note' };
-const LEVEL_MARK = { fine: '✓', look: '!', fault: '×', silent: '…' };
-const SERVICE_WORDS = {
+const LEVEL_CLASS = { ok: 'good', warning: 'warning', error: 'error', stale: 'note' };
+const LEVEL_MARK = { ok: '✓', warning: '!', error: '×', stale: '…' };
+const SERVICE_LABELS = {
   pause: 'Pause', resume: 'Resume', split: 'New file', step: 'One message on', trigger: 'Keep this moment',
 };
 
@@ -15,7 +15,7 @@ function make(name, className, ...content) {
   return node;
 }
 
-/** Show what nodes say of themselves; what several say alike is said once. */
+/** Show the diagnostics; equal ones of several nodes are grouped. */
 function showDiagnostics(list, statuses) {
   const groups = new Map();
   for (const status of statuses) {
@@ -32,25 +32,25 @@ function diagnosis(group) {
   const mark = make('span', 'mark', LEVEL_MARK[status.level]);
   mark.setAttribute('role', 'img');
   mark.setAttribute('aria-label', status.level);
-  const own = status.meaning && status.level !== 'fine' ? make('em', '', status.text) : '';
+  const own = status.meaning && status.level !== 'ok' ? make('em', '', status.text) : '';
   const figures = Object.entries(status.figures).map(([key, value]) => `${key} ${value}`);
-  const words = make(
+  const text = make(
     'div',
     '',
-    make('b', '', whose(group)),
+    make('b', '', groupName(group)),
     ` ${status.meaning || status.text}`,
     own,
     group.length === 1 ? make('em', 'figures', figures.join(' · ')) : '',
   );
-  return make('li', LEVEL_CLASS[status.level], mark, words);
+  return make('li', LEVEL_CLASS[status.level], mark, text);
 }
 
-/** Return the names of a group, what they have in common once. */
-function whose(group) {
-  const [first, ...others] = group.map((status) => status.who);
+/** Return the names of a group, with their common part once. */
+function groupName(group) {
+  const [first, ...others] = group.map((status) => status.name);
   const [node, leg] = first.split(': ');
-  if (!leg || others.some((who) => !who.startsWith(`${node}: `))) return [first, ...others].join(', ');
-  return `${node}: ${[leg, ...others.map((who) => who.slice(node.length + 2))].join(', ')}`;
+  if (!leg || others.some((name) => !name.startsWith(`${node}: `))) return [first, ...others].join(', ');
+  return `${node}: ${[leg, ...others.map((name) => name.slice(node.length + 2))].join(', ')}`;
 }
 
 function showTopics(body, topics) {
@@ -58,27 +58,27 @@ function showTopics(body, topics) {
     const head = make('th', '', topic.name);
     head.scope = 'row';
     const rate = topic.silence === null ? topic.rate.toFixed(1) : `silent for ${topic.silence} s`;
-    const lost = topic.lost === null ? 'cannot be told' : String(topic.lost);
+    const lost = topic.lost === null ? 'unknown' : String(topic.lost);
     const cells = [rate, lost, String(topic.publishers), topic.type];
     return make('tr', '', head, ...cells.map((text) => make('td', '', text)));
   });
   body.replaceChildren(...rows);
 }
 
-/** A recorder or a player: what it says, and its buttons. */
+/** A recorder or a player: its state and its buttons. */
 class MachineCard {
   constructor(live, machine) {
     this.live = live;
     this.node = machine.node;
     const title = machine.kind === 'recorder' ? 'Recorder' : 'Player';
     this.text = make('p', '');
-    this.said = make('p', 'quiet');
-    this.said.setAttribute('role', 'status');
+    this.reply = make('p', 'quiet');
+    this.reply.setAttribute('role', 'status');
     const buttons = machine.services.map((name) => {
-      const button = make('button', '', SERVICE_WORDS[name] || name);
+      const button = make('button', '', SERVICE_LABELS[name] || name);
       button.type = 'button';
-      button.disabled = !live.may;
-      button.addEventListener('click', () => this.want({ do: 'call', name }));
+      button.disabled = !live.mayDrive;
+      button.addEventListener('click', () => this.request({ command: 'call', name }));
       return button;
     });
     this.card = make(
@@ -87,27 +87,27 @@ class MachineCard {
       make('h3', '', `${title} ${machine.node}`),
       this.text,
       make('div', 'buttons', ...buttons),
-      this.said,
+      this.reply,
     );
-    if (machine.kind === 'player') this.card.insertBefore(this.seek(machine), this.said);
+    if (machine.kind === 'player') this.card.insertBefore(this.seek(machine), this.reply);
   }
 
   seek(machine) {
     const input = make('input', '');
     Object.assign(input, { type: 'range', min: 0, max: machine.length || 1, step: 'any' });
     input.value = machine.position || 0;
-    input.disabled = !this.live.may;
+    input.disabled = !this.live.mayDrive;
     const output = make('output', '');
-    const say = () => (output.textContent = `${Number(input.value).toFixed(2)} s`);
-    say();
-    input.addEventListener('input', say);
-    input.addEventListener('change', () => this.want({ do: 'seek', value: Number(input.value) }));
+    const showPosition = () => (output.textContent = `${Number(input.value).toFixed(2)} s`);
+    showPosition();
+    input.addEventListener('input', showPosition);
+    input.addEventListener('change', () => this.request({ command: 'seek', value: Number(input.value) }));
     this.slider = input;
-    this.say = say;
+    this.showPosition = showPosition;
     return make('label', 'slider', 'Go to ', output, input);
   }
 
-  tell(machine) {
+  update(machine) {
     if (machine.kind === 'recorder') {
       const counts = 'written' in machine
         ? `${machine.written.toLocaleString('en')} messages written, ${machine.lost.toLocaleString('en')} lost`
@@ -115,22 +115,22 @@ class MachineCard {
       this.text.textContent = `${machine.paused ? 'Paused' : 'Recording'}: ${counts}.`;
     } else {
       const known = (value, unit) => (value === undefined ? '–' : `${value.toFixed(2)} ${unit}`);
-      this.text.textContent = `${known(machine.length, 's')} long, at ${known(machine.rate, '×')}; last told to be at ${known(machine.position, 's')}.`;
+      this.text.textContent = `${known(machine.length, 's')} long, at ${known(machine.rate, '×')}; last known position ${known(machine.position, 's')}.`;
       if (this.slider !== document.activeElement) {
         this.slider.max = machine.length || 1;
         this.slider.value = machine.position || 0;
-        this.say();
+        this.showPosition();
       }
     }
   }
 
-  async want(wish) {
-    const answer = await this.live.want({ what: this.node, ...wish });
-    this.said.textContent = answer.done ? answer.said || 'Done.' : `Refused: ${answer.said}`;
+  async request(command) {
+    const answer = await this.live.request({ target: this.node, ...command });
+    this.reply.textContent = answer.done ? answer.message || 'Done.' : `Refused: ${answer.message}`;
   }
 }
 
-/** The lengths of a leg, each a field; what a solver refuses goes back to what it was. */
+/** The lengths of a leg, each a field; a refused value is set back. */
 class LengthFields {
   constructor(live, holder, state) {
     this.live = live;
@@ -140,16 +140,16 @@ class LengthFields {
     this.fields = new Map();
   }
 
-  tell(solver, leg) {
+  update(solver, leg) {
     const lengths = solver ? solver.lengths.filter((one) => one.leg === leg.name && one.unit) : [];
     byId('lengths-section').hidden = !lengths.length;
-    const key = JSON.stringify([solver && solver.node, this.live.may, lengths.map((one) => one.name)]);
+    const key = JSON.stringify([solver && solver.node, this.live.mayDrive, lengths.map((one) => one.name)]);
     if (key !== this.key) {
       this.key = key;
       this.fields.clear();
       this.holder.replaceChildren(...lengths.map((one) => this.field(solver.node, one)));
-      this.state.textContent = this.live.may
-        ? 'A new number is the solver’s at once; it says so if it cannot be.'
+      this.state.textContent = this.live.mayDrive
+        ? 'A new number takes effect at once; a refusal is shown here.'
         : 'This page may only view.';
     }
     for (const one of lengths) {
@@ -163,7 +163,7 @@ class LengthFields {
     const input = make('input', '');
     Object.assign(input, { type: 'number', step: one.unit === 'm' ? 0.001 : 0.01 });
     input.value = shortened(one.value);
-    input.disabled = !this.live.may;
+    input.disabled = !this.live.mayDrive;
     input.addEventListener('change', () => this.set(node, one.name, input));
     this.fields.set(one.name, input);
     return make('label', '', `${one.name.split('.').pop()} [${one.unit}]`, input);
@@ -171,18 +171,18 @@ class LengthFields {
 
   async set(node, name, input) {
     const value = Number(input.value);
-    const answer = await this.live.want({ do: 'set', what: node, values: { [name]: value } });
+    const answer = await this.live.request({ command: 'set', target: node, values: { [name]: value } });
     input.classList.toggle('refused', !answer.done);
     input.setAttribute('aria-invalid', String(!answer.done));
     this.state.classList.toggle('bad', !answer.done);
     this.state.textContent = answer.done
       ? `${name} is ${value} now.`
-      : `Refused, and nothing is changed: ${answer.said}`;
+      : `Refused, and nothing is changed: ${answer.message}`;
     if (!answer.done) input.value = input.dataset.held;
   }
 }
 
-/** Return a number with the digits that one can read. */
+/** Return a number with readable digits. */
 function shortened(value) {
   return Number(value.toPrecision(7));
 }

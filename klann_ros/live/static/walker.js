@@ -1,10 +1,10 @@
 'use strict';
 /* All legs of a walker in base_link, from the side and from above, on ground that moves by odom. */
 
-// A point of the path walked is kept every so many metres [m].
+// Distance between points of the path walked [m].
 const PATH_STEP = 0.01;
 const PATH_POINTS = 2000;
-// A step of the odometry that no walker makes: it was reset [m].
+// A larger step of the odometry is a reset [m].
 const JUMP = 0.5;
 
 /** The ground under a walker, by its odometry. */
@@ -15,7 +15,7 @@ class Ground {
     this.path = [];
   }
 
-  /** Take x, y [m] and heading [rad] of the walker, if there are any. */
+  /** Take x, y [m] and heading [rad] of the walker; undefined without odometry. */
   move(odom) {
     if (!odom) return;
     const [x, y, yaw] = odom;
@@ -28,8 +28,8 @@ class Ground {
     if (this.path.length > PATH_POINTS) this.path.splice(0, PATH_POINTS / 10);
   }
 
-  /** Return where a point of the ground is in base_link, seen from above. */
-  seen([x, y]) {
+  /** Return a point of the ground in base_link, from above. */
+  toBase([x, y]) {
     const [left, bottom, yaw] = this.place;
     const [u, v] = [x - left, y - bottom];
     const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
@@ -60,7 +60,7 @@ class WalkerPicture {
     });
     this.drawing = new Drawing(svg, planeAround(corners, { width: 640, margin: 30 }));
     const { width, scale } = this.drawing.plane;
-    // Between lines of the ground [m]: about a tenth of what is seen.
+    // Between lines of the ground [m]: about a tenth of the view.
     this.grid = 10 ** Math.round(Math.log10(width / scale / 10));
     this.lines = this.drawing.add('path', 'ground');
     this.walked = this.drawing.add('path', 'walked');
@@ -109,11 +109,11 @@ class WalkerPicture {
     const parts = [];
     for (let i = -count; i <= count; i += 1) {
       for (const ends of [[[i, -count], [i, count]], [[-count, i], [count, i]]]) {
-        parts.push(drawing.line(ends.map(([u, v]) => ground.seen([(x + u) * grid, (y + v) * grid]))));
+        parts.push(drawing.line(ends.map(([u, v]) => ground.toBase([(x + u) * grid, (y + v) * grid]))));
       }
     }
     this.lines.setAttribute('d', parts.join(''));
-    const at = [...ground.path, ground.place.slice(0, 2)].map((point) => ground.seen(point));
+    const at = [...ground.path, ground.place.slice(0, 2)].map((point) => ground.toBase(point));
     this.walked.setAttribute('d', drawing.line(at));
   }
 

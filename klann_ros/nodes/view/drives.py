@@ -69,8 +69,8 @@ class _Driven:
     # Since when no other publisher has sent anything [s].
     alone: float | None = None
     # The page that lost it last, and the reason; shown until a page drives.
-    loser: int | None = None
-    why: str = ''
+    previous_owner: int | None = None
+    reason: str = ''
     # Stop messages that are still to be sent to a walker.
     stops: int = 0
     # Messages sent from here, and the counts of sent and received ones when the drive began.
@@ -120,13 +120,13 @@ class _Driven:
         """Return its state for the page, ready for JSON."""
         offer, owner, yielded = self.offer, self.drive.owner, self.lease.yielded
         return {
-            'what': offer.name,
+            'target': offer.name,
             'kind': offer.kind,
             'topic': offer.topic,
             'owner': owner,
             'taking': owner is not None and self.taking is not None,
-            'loser': self.loser,
-            'why': self.why,
+            'previous_owner': self.previous_owner,
+            'reason': self.reason,
             'publishers': list(offer.publishers),
             'foreign': [name for name in offer.publishers if name not in offer.yielding],
             'yielded': [n for n in offer.publishers if n in yielded] if owner else [],
@@ -218,7 +218,7 @@ class Drives:
     def command(self, page: int, command: Command, answer: Answer) -> None:
         """Take, drive or release, and answer."""
         with self._lock:
-            driven = self._drives.get(command.what)
+            driven = self._drives.get(command.target)
             try:
                 if driven is None:
                     raise DriveError('that cannot be driven any more')  # noqa: TRY301
@@ -227,29 +227,29 @@ class Drives:
                 answer(False, str(error))
                 return
         self._wake.set()
-        if command.do in {'take', 'release'}:
+        if command.command in {'take', 'release'}:
             self._put(self._on_change)
         answer(True, '')
 
     def _do(self, driven: _Driven, page: int, command: Command) -> None:
         drive, now = driven.drive, monotonic()
-        if command.do == 'take':
+        if command.command == 'take':
             self._take(driven, page, now)
             return
         if drive.owner != page:
             raise DriveError('this page does not drive it: take it over first')
-        if command.do == 'release':
+        if command.command == 'release':
             self._release(driven, '')
         elif driven.taking is not None:
             raise DriveError('not yet: the other publishers have not yielded')
-        elif isinstance(drive, CrankDrive) and command.do == 'turn':
+        elif isinstance(drive, CrankDrive) and command.command == 'turn':
             drive.turn_to(command.value, now)
-        elif isinstance(drive, CrankDrive) and command.do == 'spin':
+        elif isinstance(drive, CrankDrive) and command.command == 'spin':
             drive.spin(command.value, now)
-        elif isinstance(drive, WalkDrive) and command.do == 'walk':
+        elif isinstance(drive, WalkDrive) and command.command == 'walk':
             drive.walk(command.value, command.turn)
         else:
-            raise DriveError(f'a {driven.offer.kind} does not {command.do}')
+            raise DriveError(f'a {driven.offer.kind} does not {command.command}')
 
     def _take(self, driven: _Driven, page: int, now: float) -> None:
         drive, before = driven.drive, driven.drive.owner
@@ -259,19 +259,19 @@ class Drives:
         is_held = before is not None and driven.taking is None
         angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
         drive.take(page, now, angle)
-        driven.loser = before
-        driven.why = 'another page has taken it over' if before is not None else ''
+        driven.previous_owner = before
+        driven.reason = 'another page has taken it over' if before is not None else ''
         driven.stops = 0
         if not is_held:
             driven.taking, driven.alone = now, None
         if driven.publisher is None:
             self._put(lambda: self._create_publisher(driven))
 
-    def _release(self, driven: _Driven, why: str) -> None:
+    def _release(self, driven: _Driven, reason: str) -> None:
         drive = driven.drive
         if drive.owner is None:
             return
-        driven.loser, driven.why = drive.owner if why else None, why
+        driven.previous_owner, driven.reason = drive.owner if reason else None, reason
         drive.owner = None
         if driven.offer.kind == WALK and driven.taking is None:
             driven.stops = _STOP_MESSAGES
@@ -308,9 +308,9 @@ class Drives:
         drive, now = driven.drive, monotonic()
         if drive.owner is None and not driven.stops:
             return None
-        why = self._obstacle(driven, now)
-        if why and drive.owner is not None:
-            self._release(driven, why)
+        reason = self._obstacle(driven, now)
+        if reason and drive.owner is not None:
+            self._release(driven, reason)
             self._put(self._on_change)
         if drive.owner is None:
             if driven.stops:
@@ -335,12 +335,12 @@ class Drives:
             return 'view_node was stopped for a while'
         if owner is None or driven.taking is None:
             return driven.intruder(self._rate_of) if owner is not None else ''
-        is_alone, why = driven.is_alone(now, self._rate_of)
+        is_alone, reason = driven.is_alone(now, self._rate_of)
         if is_alone and driven.publisher is not None:
             angle = self._crank_angle(driven.offer.name) if driven.offer.kind == CRANK else 0.0
             driven.start(owner, angle)
             self._put(self._on_change)
-        return why
+        return reason
 
     def _publish_walk(self, driven: _Driven, forward: float, turn: float) -> None:
         message = TwistStamped()

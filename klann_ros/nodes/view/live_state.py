@@ -132,15 +132,15 @@ class LiveState(PageState):
         """Carry out a command of a page that may drive."""
         if self._drives is None:
             answer(False, 'this page may only view')
-        elif command.do == 'set':
+        elif command.command == 'set':
             self._set(command, answer)
-        elif command.do in {'call', *_PLAYER_NUMBERS}:
+        elif command.command in {'call', *_PLAYER_NUMBERS}:
             self._operate(command, answer)
         else:
             self._drives.command(page, command, answer)
 
     def _set(self, command: Command, answer: Answer) -> None:
-        solver = self._solvers.get(command.what)
+        solver = self._solvers.get(command.target)
         if solver is None or not set(command.values) <= solver.settable:
             answer(False, 'there are no such lengths to set')
             return
@@ -148,7 +148,7 @@ class LiveState(PageState):
         self._put(lambda: self._calls.set_parameters(node, values, answer), answer)
 
     def _operate(self, command: Command, answer: Answer) -> None:
-        machine = next((m for m in self._machines if m.node == command.what), None)
+        machine = next((m for m in self._machines if m.node == command.target), None)
         if machine is None:
             answer(False, 'it is not there any more')
             return
@@ -159,11 +159,11 @@ class LiveState(PageState):
             if is_player:
                 self._query_player(node)
 
-        if command.do == 'call' and command.name in machine.services:
+        if command.command == 'call' and command.name in machine.services:
             service = f'{node}/{command.name}'
             self._put(lambda: self._calls.trigger(service, answer_and_refresh), answer)
-        elif command.do in _PLAYER_NUMBERS and is_player:
-            values = {_PLAYER_NUMBERS[command.do]: command.value}
+        elif command.command in _PLAYER_NUMBERS and is_player:
+            values = {_PLAYER_NUMBERS[command.command]: command.value}
             self._put(lambda: self._calls.set_parameters(node, values, answer_and_refresh), answer)
         else:
             answer(False, 'it cannot do that')
@@ -318,7 +318,7 @@ class LiveState(PageState):
         if machine.kind == 'recorder' and found is not None:
             values = [(value.key, value.value) for value in found[0].values]
             paused = dict(values).get('paused') == 'true'
-            data |= {**recorded(values), 'paused': paused, 'said': found[1].text}
+            data |= {**recorded(values), 'paused': paused}
         return data
 
     def _query_player(self, node: str) -> None:

@@ -45,13 +45,15 @@ class Tab:
             frame = json.loads(message.data)
             await self._socket.send_json({'ack': frame['n']})
             self.drive = next(
-                (d for d in frame.get('drives', ()) if d['what'] == CRANK), self.drive
+                (d for d in frame.get('drives', ()) if d['target'] == CRANK), self.drive
             )
         return self.drive
 
     async def command(self, do: str, **values: float) -> None:
         self._number += 1
-        await self._socket.send_json({'id': self._number, 'do': do, 'what': CRANK, **values})
+        await self._socket.send_json(
+            {'id': self._number, 'command': do, 'target': CRANK, **values}
+        )
 
 
 def drive(ros: Domain, url: str, test: Callable[[Tab], Awaitable[None]]) -> None:
@@ -135,15 +137,15 @@ def test_a_publisher_that_cannot_yield_is_named_and_nothing_is_driven(ros: Domai
     async def take(tab: Tab) -> None:
         await tab.until(lambda drive: drive['foreign'] == ['/probe'])
         await tab.command('take')
-        refused = await tab.until(lambda drive: drive['why'])
-        assert refused['why'] == '/probe still publishes and does not yield'
+        refused = await tab.until(lambda drive: drive['reason'])
+        assert refused['reason'] == '/probe still publishes and does not yield'
         assert refused['owner'] is None
         timer.cancel()
         await tab.command('take')
         await tab.until(lambda drive: drive['owner'] and not drive['taking'])
         timer.reset()
         lost = await tab.until(lambda drive: drive['owner'] is None)
-        assert lost['why'] == '/probe publishes /crank_angle as well and does not yield'
+        assert lost['reason'] == '/probe publishes /crank_angle as well and does not yield'
 
     drive(ros, url, take)
 

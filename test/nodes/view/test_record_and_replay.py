@@ -153,12 +153,12 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
         assert np.abs(points - leg.solve(x[0]).points).max() < NEAR
     assert page.locator('#take').is_disabled()
     assert player.stop() == 0
-    live.until("document.getElementById('subtitle').textContent.startsWith('Nobody publishes')")
+    live.until("document.getElementById('subtitle').textContent.startsWith('No node publishes')")
     assert page.locator('#picture.old').count() == 1
     assert live.errors == []
 
 
 def shown_position(card: Machine) -> float:
     """Return where a player is, as the page says [s]."""
-    words = str(card.card.text_content()).partition('last told to be at ')[2]
+    words = str(card.card.text_content()).partition('last known position ')[2]
     return float(words.split()[0]) if words and words[0].isdigit() else -1.0

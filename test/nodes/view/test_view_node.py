@@ -142,7 +142,7 @@ def test_a_second_page_that_takes_over_is_announced_in_the_first_only(
     )
     second.page.close()
     for page in (moving, spectator):
-        page.until('live.crank.told.owner === null')
+        page.until('live.crank.report.owner === null')
         assert page.text('#crank-state').startswith('Published by /probe')
     spectator.page.close()
     assert moving.errors == []
@@ -152,7 +152,7 @@ def test_a_silent_page_loses_its_drive(moving: Live) -> None:
     moving.press('#take')
     moving.until('live.crank.isMine')
     # As when its machine sleeps: the socket stays, and nothing comes.
-    moving.page.evaluate('live.connection.say = () => {}')
+    moving.page.evaluate('live.connection.send = () => {}')
     moving.ros.probe.until(lambda: is_publishing(moving.ros))
     moving.ros.probe.until(lambda: not is_publishing(moving.ros))
 
@@ -197,7 +197,7 @@ def test_foreign_texts_are_never_markup(moving: Live) -> None:
     assert moving.page.locator('img').count() == 0
     moving.press('#legs button:last-child')
     moving.until("document.getElementById('picture-text').textContent.includes('<img')")
-    assert 'tells no lengths' in moving.text('#picture-note')
+    assert 'publishes no lengths' in moving.text('#picture-note')
     assert moving.errors == []
     probe.node.destroy_publisher(diagnostics)
     probe.node.destroy_publisher(states)
