@@ -2,7 +2,7 @@
 One MCAP file being written: schemas, channels, chunks with checksums (CRC), and its index.
 
 The records are the MCAP library's, but for messages and their index: its writer packs each field
-of a message by a call, which takes five times as long.
+of a message by a call of its own, which takes four times as long.
 """
 
 from array import array
