@@ -44,7 +44,7 @@ class SolverParameters:
 
     @property
     def without_files(self) -> dict[str, Any]:
-        """Return the parameters without names of files: a run must not choose what is opened."""
+        """Return the parameters without names of files: a run must not choose the files to open."""
         return {k: v for k, v in self.parameters.items() if k.rpartition('.')[2] != 'linkage'}
 
 

@@ -100,7 +100,7 @@ class ArgumentParser(argparse.ArgumentParser):
 
     def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
         """Parse as argparse does; answer the shell instead if it asks for completions."""
-        # It parses what is typed so far by this very function.
+        # It parses the typed words by this very function.
         if '_ARGCOMPLETE' in os.environ and not self._is_completed:
             self._is_completed = True
             import argcomplete  # noqa: PLC0415 - for a shell that completes, and for nothing else
@@ -140,5 +140,5 @@ class ArgumentParser(argparse.ArgumentParser):
             return next(code for kind, code in codes.items() if isinstance(error, kind))
 
     def error(self, message: str) -> NoReturn:
-        """Print the usage and a line of what is wrong, and end with exit code 2."""
+        """Print the usage and a line with the error, and end with exit code 2."""
         super().error(printable_line(message))

@@ -197,7 +197,7 @@ class RecordScan:
             name = name_of(span.opcode)
             self.remarks.append(
                 f'at byte {end}: what stands behind the fields of a {name} looks like records; '
-                f'it belongs to the {name}, which says that it is so long'
+                f'it belongs to the {name}, whose length includes it'
             )
         return found and not self._summary.closed
 

@@ -64,7 +64,7 @@ class Timeline:
         return max(self.floor, self._exact(now))
 
     def due(self, position: float) -> float:
-        """Return the time at which a position is due [s]; infinite while stopped."""
+        """Return the due time of a position [s]; infinite while stopped."""
         if self.since is None:
             return inf
         return self.since + (position - self.position) / self.rate

@@ -146,7 +146,7 @@ def _foreign_format(path: Path, start: bytes) -> str:
     if start[_TAR_OFFSET:].startswith(_TAR):
         return f'it is a tar archive{_UNPACK}'
     if path.name == FILE_NAME:
-        return f'it only says what is in the bag; give the folder, {printable(path.parent)}'
+        return f'it only describes the bag; give the folder, {printable(path.parent)}'
     return 'it does not start as an MCAP file does; it is text' if _is_text(start) else ''
 
 

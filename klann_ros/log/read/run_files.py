@@ -63,7 +63,7 @@ def run_files(path: AnyPath) -> LogFiles:
     try:
         if place.is_dir():
             return _folder_files(place)
-        # Opening it says what it is if it is no file.
+        # If it is no file, opening it names its kind.
         if place.exists():
             return LogFiles([place])
     except (OSError, ValueError) as error:  # ValueError: a path with a null byte

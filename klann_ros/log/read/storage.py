@@ -66,7 +66,7 @@ class Overview:
 
 @dataclass
 class SalvageReport:
-    """What was left out of a file, and other remarks, one line each."""
+    """The parts of a file that were left out, and other remarks, one line each."""
 
     lost: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)

@@ -1,5 +1,5 @@
 """
-Temporary files that hold what was unpacked or copied from a log.
+Temporary files with the unpacked or copied content of a log.
 
 They are in one folder of this process below TMPDIR, which is removed at the end of the process;
 that of a killed process is removed when the next one makes its own.

@@ -149,7 +149,7 @@ class BagDescription:
     metadata: list[str] = field(default_factory=list)
     # Installed definitions by type, '' without one: bags before Iron have none of their own.
     installed: dict[str, str] = field(default_factory=dict)
-    # What was left out, one line each.
+    # The parts that were left out, one line each.
     problems: list[str] = field(default_factory=list)
 
     def add_topics(

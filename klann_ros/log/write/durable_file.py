@@ -211,7 +211,7 @@ class DurableFile:
         self.synced_size = self._flushed
 
     def find_fault(self) -> FileFault | None:
-        """Compare the path and the size with what was written; None if both match."""
+        """Compare the path and the size with the written data; None if both match."""
         try:
             status = os.fstat(self._descriptor)
             if not os.path.samestat(self.path.stat(), status):

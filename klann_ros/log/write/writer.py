@@ -218,7 +218,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self._add(lambda file: file.add_metadata(name, content), in_every_file=in_every_file)
 
     def flush(self) -> None:
-        """Flush and fsync: neither kill -9 nor a power cut loses what was written before."""
+        """Flush and fsync: neither kill -9 nor a power cut loses earlier writes."""
         self._require_open()
         self.file.flush()
         self._flushes += 1
