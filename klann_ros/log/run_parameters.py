@@ -44,7 +44,7 @@ class SolverParameters:
 
     @property
     def without_files(self) -> dict[str, Any]:
-        """Return the parameters without names of files: a run must not choose the files to open."""
+        """Return the parameters without names of files: a run must not choose files."""
         return {k: v for k, v in self.parameters.items() if k.rpartition('.')[2] != 'linkage'}
 
 
