@@ -2,6 +2,7 @@
 Odometry compared: walker_node's and that of others, on the same simulated walks.
 
     python3 benchmarks/odometry.py [--walks FOLDER] [--seeds N] [--held-out N] [--processes N]
+    python3 benchmarks/odometry.py --evo
 
 Six robots walk on flat floors, slopes within 3 deg and rough floors of +-10 mm, friction 0.4 to
 1.0, with noise on all sensors, a gyro bias and yaw drift of 0.003 rad/s (0.17 deg/s) and an
@@ -10,7 +11,9 @@ FOLDER. Held-out walks have a second contact model: softer, with pyramids of fri
 
 Printed for each robot, floor and method, in the median over the walks: APE (root mean square of
 the position error along the walk, of the path), RPE over 1 m of path (position, and yaw), as evo
-defines them, and NEES of x, y and yaw at the end, in the mean; 3 is right.
+defines them, and NEES of x, y and yaw at the end, in the mean; 3 is right. With --evo: APE and RPE
+of three walks beside those of evo (M. Grupp; pip install evo), whose lengths of pairs differ by up
+to 1 cm.
 """
 
 import argparse
@@ -226,6 +229,41 @@ def summary(results: dict[Task, dict[str, Result]]) -> Iterator[str]:
         )
 
 
+def checked(folder: Path) -> Iterator[str]:
+    """Yield APE and RPE of walks by `result`, and by evo."""
+    from evo.core import metrics, trajectory  # noqa: PLC0415
+
+    def path(poses: FloatArray) -> object:
+        x, y, yaw = poses.T
+        zero = np.zeros(len(poses))
+        return trajectory.PoseTrajectory3D(
+            np.stack([x, y, zero], axis=1),
+            np.stack([np.cos(yaw / 2.0), zero, zero, np.sin(yaw / 2.0)], axis=1),
+            PERIOD * np.arange(len(poses)),
+        )
+
+    metre = {'delta': 1.0, 'delta_unit': metrics.Unit.meters, 'all_pairs': True}
+    moved, turned = metrics.PoseRelation.translation_part, metrics.PoseRelation.rotation_angle_rad
+    for name, floor in (('six', 'flat'), ('jansen', 'rough'), ('eight', 'slope')):
+        walk = recorded(folder, name, floor, 1, seconds=2.0 if SMOKE else 24.0)
+        true = truth(walk)
+        poses, _ = estimates(feet_of(name), walk, 1)['ours, IMU']
+        ours, found = result(true, poses, None), []
+        for metric in (
+            metrics.APE(moved),
+            metrics.RPE(moved, rel_delta_tol=0.01, **metre),
+            metrics.RPE(turned, rel_delta_tol=0.01, **metre),
+        ):
+            metric.process_data((path(true), path(poses)))
+            found.append(metric.get_statistic(metrics.StatisticsType.rmse))
+        way = float(np.hypot(*np.diff(true[:, :2], axis=0).T).sum())
+        yield (
+            f'{name}, {floor}: APE {100 * ours.ape * way:.2f} cm, evo {100 * found[0]:.2f}; RPE '
+            f'{100 * ours.rpe:.2f} cm, evo {100 * found[1]:.2f}; yaw '
+            f'{np.degrees(ours.rpe_yaw):.3f} deg, evo {np.degrees(found[2]):.3f}'
+        )
+
+
 def main() -> None:
     """Print it."""
     parser = argparse.ArgumentParser(
@@ -236,7 +274,11 @@ def main() -> None:
     parser.add_argument('--seeds', type=int, default=1 if SMOKE else 20, help='walks a row')
     parser.add_argument('--held-out', type=int, default=0 if SMOKE else 10, help='walks a robot')
     parser.add_argument('--processes', type=int, default=1)
+    parser.add_argument('--evo', action='store_true', help='check three walks against evo')
     options = parser.parse_args()
+    if options.evo:
+        print(*checked(options.walks), sep='\n')
+        return
     names, floors = (['eight'], FLOORS[:1]) if SMOKE else ([*ROBOTS], FLOORS)
     tasks: list[Task] = [
         (options.walks, name, floor, seed, False)

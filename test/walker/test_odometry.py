@@ -114,6 +114,14 @@ def test_a_crank_that_disagrees_with_its_rate_is_not_filtered(two_motors: Feet) 
     assert odometry.slid > 0.01
 
 
+def test_the_filter_of_the_encoders_does_not_lag_while_cranks_accelerate(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(100):
+        time = 0.01 * k
+        odometry.update((time**2, time**2), (2.0 * time, 2.0 * time), 0.01)
+    assert odometry._cranks == pytest.approx([0.99**2] * 2, abs=1e-9)
+
+
 def test_on_the_spot_the_feet_are_trusted_less_than_straight_on(two_motors: Feet) -> None:
     _, spot = walked(two_motors, -1.0, 1.0)
     _, straight = walked(two_motors, 1.0, 1.0)
