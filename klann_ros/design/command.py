@@ -32,8 +32,8 @@ WISH is YAML: linkage (a name, a file or a list), vary (a percentage, or ranges 
 figures (each minimize, maximize, at_least, at_most or near) and path (points, CSV or SVG).
 FOLDER gets leg_001.yaml ..., which every program takes, design.json and index.html."""
 EPILOG = """\
-The same seed and evaluations give the same files, for any number of jobs. Ctrl-C keeps what is
-found; --resume continues, also after a crash.
+The same seed and evaluations give the same files, for any number of jobs. Ctrl-C keeps the
+legs found; --resume continues, also after a crash.
 Exit code: 0 found, 1 no leg fulfils the wish (the report names the figure that fails), 2 WISH is
 refused, 3 FOLDER cannot be written."""
 

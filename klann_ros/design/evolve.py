@@ -98,7 +98,7 @@ def evolve(island: Island) -> FloatArray:
 
 
 def sampled(wish: Wish, space: Space, random: np.random.Generator, count: int) -> FloatArray:
-    """Return the best of so many random candidates, and the linkage as it is."""
+    """Return the best random candidates; one of them is the linkage as drawn."""
     x = random.uniform(size=(count, len(space.names)))
     x[0] = as_drawn(space)
     found = scores(wish, space, x)
@@ -118,7 +118,7 @@ def _chosen(found: Scores, order: IndexArray) -> IndexArray:
 
 
 def as_drawn(space: Space) -> FloatArray:
-    """Return the linkage as it is as a candidate, shape (d,)."""
+    """Return the linkage as drawn, as a candidate, shape (d,)."""
     own = np.array([space.linkage.dimensions.get(name, 1.0) for name in space.names])
     return np.asarray(np.clip((own - space.low) / (space.high - space.low), 0.0, 1.0))
 
@@ -152,12 +152,12 @@ def _evolved(
 
 def pareto_front(losses: FloatArray) -> IndexArray:
     """Return the rows that no other row dominates, shape (n, m); of equal rows the first."""
-    kept: list[int] = []
+    front: list[int] = []
     for row in np.lexsort(losses.T[::-1]).tolist():
-        better = losses[kept] <= losses[row]
+        better = losses[front] <= losses[row]
         if not better.all(axis=1).any():
-            kept.append(row)
-    return np.array(sorted(kept), dtype=np.intp)
+            front.append(row)
+    return np.array(sorted(front), dtype=np.intp)
 
 
 def hypervolume(losses: FloatArray, reference: FloatArray) -> float:

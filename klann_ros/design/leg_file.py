@@ -49,6 +49,7 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
             for body, at in bodies
         }
     content.setdefault('density', DEFAULT_BAR_DENSITY)
+    content['source'] = f'design, from the {content["name"]}'
     text = dump(content) + '\n'
     return RobotLeg('', linkage_from_text(text, 'the leg'), masses=leg.masses, description=text)
 

@@ -22,7 +22,7 @@ PAGE_PARTS = Parts(
     scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC / 'design.js'),
 )
 # Poses of a leg's animation.
-POSES = 120
+ANIMATION_POSES = 120
 
 
 def page(found: Found) -> str:
@@ -84,9 +84,11 @@ def _table(found: Found, names: list[str]) -> Markup:
 
 def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
     units = found.wish.units
-    poses: Any = linkage_poses(leg.linkage, crank_angles(POSES), points=True)
+    poses: Any = linkage_poses(leg.linkage, crank_angles(ANIMATION_POSES), points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
-    lasts = (crank_angles(POSES) - stance.start) % (2.0 * np.pi) <= stance.end - stance.start
+    lasts = (crank_angles(ANIMATION_POSES) - stance.start) % (
+        2.0 * np.pi
+    ) <= stance.end - stance.start
     return {
         'name': name,
         'linkage': leg.linkage.name,

@@ -15,12 +15,12 @@ import numpy as np
 
 from .figures import sheet_figures
 from .leg_file import walker_parameters, with_numbers
-from .wish import Space, Wish
+from .wish import Limit, Space, Wish
 
 # Relative half-width of all lengths where the wish has no tolerance.
 DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS, STUDY_ANGLES = 1000, 180
-# Crank angles at which a leg is compared with its path.
+# Crank angles of the comparison of a leg with its path.
 PROOF_ANGLES = 1024
 
 
@@ -67,7 +67,15 @@ class FoundLeg:
 
 
 class ProofError(ValueError):
-    """A leg that is no answer; the text says why."""
+    """
+    A leg that is no answer; the text says why.
+
+    `limit` is the one that does not hold, and `value` the leg's figure (SI).
+    """
+
+    def __init__(self, text: str, limit: Limit | None = None, value: float = np.nan) -> None:
+        super().__init__(text)
+        self.limit, self.value = limit, value
 
 
 def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]) -> FoundLeg:
@@ -118,7 +126,7 @@ def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]
     for limit in wish.limits:
         value = reached.get(limit.figure, np.nan)
         if not limit.shortfall(value) <= 0.0:
-            raise ProofError(f'{limit.figure} does not hold')
+            raise ProofError(f'{limit.figure} does not hold', limit, float(value))
     return FoundLeg(
         leg,
         space,

@@ -161,7 +161,7 @@ def _residuals(target: Target, space: Space, point: _Point) -> _Residuals | None
 
 
 def _nearest(leg: Linkage, point: _Point, z: ComplexArray) -> FloatArray:
-    """Return the crank angles at which the path is nearest to points."""
+    """Return the crank angles where the path is nearest to points."""
     alphas = crank_angles(NEAREST_ANGLES)
     path = point.factor * (linkage_poses(leg, alphas).h @ (1.0, 1j)) + point.shift
     nearest = alphas[np.nanargmin(np.abs(path[:, None] - z), axis=0)]

@@ -78,7 +78,7 @@ def report(found: Found) -> str:
 
 
 def leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
-    """Return what is known of a leg, for JSON."""
+    """Return the content of a leg, for JSON."""
     return {
         'file': f'{name}.yaml',
         'walker': f'{name}_walker.yaml' if leg.walker is not None else None,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError, Linkage, Variants
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.text import counted
 import numpy as np
 
 from .evolve import (
@@ -24,7 +25,7 @@ from .evolve import (
 from .figures import FIGURES
 from .proof import FoundLeg, ProofError, prove
 from .refine import refined
-from .wish import spread, Wish
+from .wish import Limit, spread, Wish
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
@@ -33,7 +34,7 @@ MAX_ROUND, MIGRANTS = 20_000, 6
 DEFAULT_EVALUATIONS = 30_000
 # Legs that are proven for each leg wanted, as some fail.
 PROVEN_PER_LEG = 3
-# With one aim: of so many of the best, so many that are far apart are refined and proven.
+# With one aim: the number of the best candidates, and of those far apart that are refined.
 BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 
 
@@ -41,7 +42,8 @@ class State(NamedTuple):
     """
     A search between two rounds: all that a later one depends on.
 
-    `populations` are those of the islands, and `hypervolumes` those after each round.
+    `populations` are those of the islands, and `hypervolumes` those after each round, in the
+    `frame` of the first front: the least of each loss, and its range.
     """
 
     key: str
@@ -49,6 +51,7 @@ class State(NamedTuple):
     evaluations: int
     populations: tuple[FloatArray | None, ...]
     hypervolumes: tuple[float, ...] = ()
+    frame: tuple[tuple[float, float], ...] = ()
 
     def content(self) -> dict[str, Any]:
         """Return it for JSON, whose numbers are exact."""
@@ -64,7 +67,8 @@ class State(NamedTuple):
         ]
         hypervolumes = tuple(map(float, content['hypervolumes']))
         numbers = int(content['rounds']), int(content['evaluations'])
-        return cls(str(content['key']), *numbers, tuple(arrays), hypervolumes)
+        frame = tuple((float(low), float(reach)) for low, reach in content['frame'])
+        return cls(str(content['key']), *numbers, tuple(arrays), hypervolumes, frame)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +208,12 @@ def _next_round(
     populations = [old if isinstance(answer, str) else answer for answer, old in pairs]
     populations = _migrated(wish, populations)
     spent = state.evaluations + share * len(islands)
-    state = State(state.key, state.rounds + 1, spent, tuple(populations), state.hypervolumes)
-    return state._replace(hypervolumes=(*state.hypervolumes, _hypervolume(wish, state)))
+    now: dict[str, Any] = {
+        'rounds': state.rounds + 1,
+        'evaluations': spent,
+        'populations': tuple(populations),
+    }
+    return _with_hypervolume(wish, state._replace(**now))
 
 
 def _migrated(wish: Wish, populations: Sequence[FloatArray | None]) -> list[FloatArray | None]:
@@ -237,16 +245,21 @@ def _all_scores(wish: Wish, state: State) -> list[tuple[int, FloatArray, Scores]
     ]
 
 
-def _hypervolume(wish: Wish, state: State) -> float:
+def _with_hypervolume(wish: Wish, state: State) -> State:
+    """Return the state with the volume that its front dominates."""
     losses = np.concatenate([s.losses[s.total <= 0.0] for _, _, s in _all_scores(wish, state)])
     losses = losses[(losses < WORST_LOSS).all(axis=1)]
-    if not len(losses):
-        return 0.0
-    # Relative to a leg with the worst of each aim among the front.
-    front = losses[pareto_front(losses)]
-    low, reach = front.min(axis=0), np.ptp(front, axis=0)
-    scale = np.where(reach > 0.0, reach, 1.0)
-    return hypervolume((front - low) / scale, np.full(front.shape[1], 1.1))
+    if len(losses) and not state.frame:
+        # Relative to the first front, so that later ones compare with it.
+        front = losses[pareto_front(losses)]
+        low, reach = front.min(axis=0), np.ptp(front, axis=0)
+        reach = np.where(reach > 0.0, reach, np.maximum(np.abs(low), 1e-12))
+        state = state._replace(frame=tuple(zip(low.tolist(), reach.tolist(), strict=True)))
+    volume = 0.0
+    if len(losses):
+        low, reach = np.array(state.frame).T
+        volume = hypervolume((losses - low) / reach, np.full(len(low), 1.1))
+    return state._replace(hypervolumes=(*state.hypervolumes, volume))
 
 
 def _progress(wish: Wish, state: State, seconds: float) -> Progress:
@@ -283,18 +296,25 @@ def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str
         ready.sort(key=lambda item: item[-1])
     legs: list[FoundLeg] = []
     refused: dict[str, int] = {}
+    nearest: dict[Limit, float] = {}
     for start in range(0, len(ready), wish.count):
         for answer in _in_order(_proven, ready[slice(start, start + wish.count)], jobs, engine):
             if isinstance(answer, FoundLeg):
                 legs.append(answer)
-            else:
-                refused[answer] = refused.get(answer, 0) + 1
+                continue
+            text, limit, value = answer if isinstance(answer, tuple) else (answer, None, 0.0)
+            refused[text] = refused.get(text, 0) + 1
+            if limit is not None:
+                values = [value, nearest.get(limit, value)]
+                nearest[limit] = min(values, key=limit.shortfall)
         if len(legs) >= wish.count:
             break
     legs = legs[: wish.count]
     legs = _best(wish, legs)
-    reasons = tuple(f'{text}, of {n} legs' for text, n in refused.items()) if not legs else ()
-    return Found(wish, tuple(legs), reasons, state, seed, refused)
+    reasons = [_shortfall(wish, limit, value) for limit, value in nearest.items()]
+    reasons += [f'{text}: {counted(n, "leg")}' for text, n in refused.items()]
+    reasons = [] if legs else reasons
+    return Found(wish, tuple(legs), tuple(reasons), state, seed, refused)
 
 
 def _in_order(function: Any, items: Sequence[Any], jobs: int | None, engine: str) -> list[Any]:
@@ -333,15 +353,17 @@ def _made(item: tuple[Wish, int, FloatArray, dict[str, float]]) -> tuple[Linkage
         return str(error)
 
 
-def _proven(item: tuple[Wish, int, Linkage, dict[str, float], float]) -> FoundLeg | str:
-    """Return a leg with its proof, or why it is none."""
+def _proven(
+    item: tuple[Wish, int, Linkage, dict[str, float], float],
+) -> FoundLeg | tuple[str, Limit | None, float]:
+    """Return a leg with its proof; or why it is none, the limit that fails and the figure."""
     wish, space_index, linkage, expected, error = item
     if wish.target is not None:
         expected = {**expected, 'path_error': error}
     try:
         return prove(wish, wish.spaces[space_index], linkage, expected)
     except ProofError as refusal:
-        return str(refusal)
+        return str(refusal), refusal.limit, refusal.value
 
 
 def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
@@ -384,11 +406,14 @@ def _reasons(wish: Wish, every: Sequence[tuple[int, FloatArray, Scores]]) -> lis
         own = float(found.figures[limit.figure][i])
         if limit.shortfall(own) <= 0.0:
             continue
-        unit, text = FIGURES[limit.figure].unit, wish.units.text
-        miss = text(float(limit.shortfall(own)), unit)
-        alone = text(best, unit)
-        reasons.append(
-            f'{limit.figure} is {text(own, unit)} where {limit.sense.replace("_", " ")} '
-            f'{text(limit.value, unit)} is wanted, {miss} short; alone it reaches {alone}'
-        )
+        alone = wish.units.text(best, FIGURES[limit.figure].unit)
+        reasons.append(f'{_shortfall(wish, limit, own)}; alone it reaches {alone}')
     return reasons or ['the limits hold only within rounding: relax one of them a little']
+
+
+def _shortfall(wish: Wish, limit: Limit, value: float) -> str:
+    """Return by how much a figure misses a limit."""
+    unit, text = FIGURES[limit.figure].unit, wish.units.text
+    wanted = f'{limit.sense.replace("_", " ")} {text(limit.value, unit)}'
+    miss = text(float(limit.shortfall(value)), unit)
+    return f'{limit.figure} is {text(value, unit)} where {wanted} is wanted, {miss} short'

@@ -42,7 +42,7 @@ class Aim(NamedTuple):
     value: float = 0.0
 
     def loss(self, values: Any) -> Any:
-        """Return what is to be minimized."""
+        """Return the loss, which is minimized."""
         if self.sense == 'near':
             return np.abs(values - self.value)
         return values if self.sense == 'minimize' else -values

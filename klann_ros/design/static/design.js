@@ -4,7 +4,7 @@
 const data = JSON.parse(document.getElementById('data').textContent);
 const TURN_TIME = 3000;
 const MAX_CHOSEN = 4;
-const SIZE = { width: 560, height: 340, left: 62, right: 14, top: 14, bottom: 42 };
+const SIZE = { width: 560, height: 340, left: 62, right: 14, top: 28, bottom: 42 };
 
 function make(name, content = '', className = '') {
   const node = document.createElement(name);

@@ -1,0 +1,173 @@
+"""
+The search for legs: speed of judging, proof of many legs, paths that it should recover.
+
+Recovery: the foot path of a hidden Klann leg, each dimension within 20 % of the shipped one, in
+the frame of the leg. Jansen: his own path at 180 equal steps of the crank, each of his 13 lengths
+free within 50 %, which a published comparison leaves open. Its medians of the RMSE after 100,000
+evaluations are 1.08 (annealing), 3.68 (gradient) and 12.76 (genetic), in his units.
+
+    python benchmarks/design.py [poses|proof|recovery|jansen ...] [--smoke]
+"""
+
+from collections.abc import Callable
+import resource
+import sys
+import tempfile
+import time
+
+from klann_ros.design import search, wish_from
+from klann_ros.design.figures import CANDIDATE_ANGLES, judge
+from klann_ros.design.leg_file import leg_text, with_numbers
+from klann_ros.kinematics import (
+    GeometryError,
+    linkage_poses,
+    shipped_linkage,
+    turns_fully,
+    Variants,
+)
+from klann_ros.kinematics.angles import TURN
+from klann_ros.robot import robot_of
+import numpy as np
+from support.aims import exit_code, SMOKE
+
+POSES, CHUNK = (10**6, 2048) if SMOKE else (10**9, 8192)
+LEGS, ANGLES = (20, 1000) if SMOKE else (10_000, 100_000)
+CASES, CASE_EVALUATIONS = (1, 600) if SMOKE else (100, 8000)
+SEEDS, EVALUATIONS = (1, 600) if SMOKE else (5, 100_000)
+FIGURES = frozenset({'stride', 'lift', 'duty_factor', 'deviation', 'transmission_angle'})
+FIXED = {'move': False, 'turn': False, 'scale': False}
+
+
+def random_legs(name: str, spread: float, count: int, random: np.random.Generator) -> Variants:
+    """Return legs with all dimensions within a part of the shipped ones."""
+    linkage = shipped_linkage(name)
+    changes = {
+        dimension: value * random.uniform(1.0 - spread, 1.0 + spread, count)
+        for dimension, value in linkage.dimensions.items()
+    }
+    return Variants(linkage, changes)
+
+
+def poses() -> bool:
+    """Judge poses by path figures, transmission angle and turning, in one process."""
+    random, done, turning = np.random.default_rng(1), 0, 0
+    judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
+    begin = time.perf_counter()
+    while done < POSES:
+        found = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
+        turning += int(found.turns.sum())
+        done += CHUNK * CANDIDATE_ANGLES
+    seconds = time.perf_counter() - begin
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    legs = done // CANDIDATE_ANGLES
+    print(
+        f'{done:.3g} poses of {legs} legs, {100.0 * turning / legs:.0f} % turn, in one process: '
+        f'{seconds:.1f} s ({1e9 * seconds / done:.0f} ns a pose), memory {memory:.2f} GB'
+    )
+    print('aim: 1e9 in 60 s on two cores (120 ns a pose and core), below 1 GB')
+    return SMOKE or (1e9 * seconds / done <= 120.0 and memory < 1.0)
+
+
+def proof() -> bool:
+    """Solve legs that the search takes as turning at many angles; none may jam or jump."""
+    random, checked, jam, jump, refused = np.random.default_rng(2), 0, 0, 0, 0
+    alphas = np.linspace(0.0, TURN, ANGLES)
+    while checked < LEGS:
+        legs = random_legs('klann', 0.2, CHUNK, random)
+        for i in np.flatnonzero(judge(legs, frozenset()).turns).tolist():
+            if checked == LEGS:
+                break
+            leg = legs[i]
+            if not turns_fully(leg):
+                # The proof of the search drops it.
+                refused += 1
+                continue
+            found = linkage_poses(leg, alphas)
+            steps = np.linalg.norm(np.diff(found.h, axis=0), axis=1)
+            jam += bool(found.reason.any())
+            # A change of branch moves the foot by a part of the leg at once.
+            jump += bool(steps.max() > 0.1 * leg.size)
+            checked += 1
+    print(
+        f'{checked} legs at {ANGLES} angles: {jam} jam, {jump} change branch, aim 0 and 0; '
+        f'the proof refuses {refused} more that turn at all {CANDIDATE_ANGLES} angles'
+    )
+    return jam == jump == 0
+
+
+def recovery() -> bool:
+    """Recover the foot paths of hidden Klann legs."""
+    random, errors, seconds = np.random.default_rng(3), list[float](), list[float]()
+    alphas = np.arange(360) * (TURN / 360)
+    while len(errors) < CASES:
+        hidden = random_legs('klann', 0.2, 1, random)
+        found = linkage_poses(hidden, alphas)
+        if found.reason.any():
+            continue
+        path = {'points': found.h[0].tolist(), **FIXED}
+        wish = wish_from({'linkage': 'klann', 'vary': 20, 'path': path, 'count': 1})
+        begin = time.perf_counter()
+        legs = search(wish, evaluations=CASE_EVALUATIONS).legs
+        seconds.append(time.perf_counter() - begin)
+        size = wish.target.size if wish.target else 1.0
+        errors.append(min((leg.reached['path_error'] / size for leg in legs), default=1.0))
+        print(f'  {100.0 * errors[-1]:.4f} % of the size, {seconds[-1]:.1f} s', flush=True)
+    good = sum(error <= 1e-3 for error in errors)
+    median = 100.0 * float(np.median(errors))
+    print(f'recovered within 0.1 %: {good} of {CASES}, aim 95 of 100; median {median:.4f} %')
+    print(f'time: median {np.median(seconds):.1f} s, greatest {max(seconds):.1f} s, aim 30 s')
+    return SMOKE or good >= 0.95 * CASES
+
+
+def other_jansen(seed: int) -> str:
+    """Return the file of a leg of his structure: the search must not begin with the answer."""
+    (own,) = robot_of('jansen').legs
+    random = np.random.default_rng(seed)
+    while True:
+        changes = {
+            name: value * random.uniform(0.6, 1.4)
+            for name, value in own.linkage.dimensions.items()
+        }
+        try:
+            text = leg_text(with_numbers(own, own.linkage.varied(changes)))
+        except GeometryError:
+            continue
+        with tempfile.NamedTemporaryFile('w', suffix='.yaml', delete=False) as file:
+            file.write(text)
+        return file.name
+
+
+def jansen() -> bool:
+    """Follow Jansen's path with the lengths of his leg, by 100,000 evaluations."""
+    drawn, errors = shipped_linkage('jansen'), list[float]()
+    path = linkage_poses(drawn, np.arange(180) * (TURN / 180)).h
+    vary = {
+        name: sorted([0.5 * value, 1.5 * value])
+        for name, value in drawn.dimensions.items()
+        if value
+    }
+    for seed in range(SEEDS):
+        content = {'linkage': other_jansen(seed), 'vary': vary, 'count': 1}
+        content['path'] = {'points': path.tolist(), 'timing': 'prescribed', **FIXED}
+        legs = search(wish_from(content), seed=seed, evaluations=EVALUATIONS).legs
+        # His units are centimetres here.
+        errors.append(min((100.0 * leg.reached['path_error'] for leg in legs), default=np.inf))
+        print(f'  RMSE {errors[-1]:.4g}', flush=True)
+    median = float(np.median(errors))
+    print(f'Jansen, {EVALUATIONS} evaluations, {SEEDS} seeds: median RMSE {median:.4g}, aim 0.3')
+    return SMOKE or median <= 0.3
+
+
+PARTS: dict[str, Callable[[], bool]] = {
+    each.__name__: each for each in (poses, proof, recovery, jansen)
+}
+
+
+def main() -> int:
+    """Run the named parts, all by default; return 0 if they reach their aims."""
+    names = [name for name in sys.argv[1:] if name in PARTS] or [*PARTS]
+    return exit_code(*[PARTS[name]() for name in names])
+
+
+if __name__ == '__main__':
+    sys.exit(main())
