@@ -157,6 +157,17 @@ def test_a_hidden_leg_is_recovered_from_its_path() -> None:
     assert nearest.max() < 2e-2 * wish.target.size
 
 
+@pytest.mark.parametrize('name', ['slider_crank', 'stephenson'])
+def test_legs_that_slide_or_have_coupled_loops_are_found_and_read_back(
+    name: str, tmp_path: Path
+) -> None:
+    found = search(wish_from({'linkage': name, 'vary': 3, 'count': 1}), evaluations=480)
+    (leg,) = found.legs
+    file = tmp_path / 'leg.yaml'
+    file.write_text(leg_text(leg.leg))
+    assert robot_from_file(file).legs[0].linkage == leg.linkage
+
+
 def test_the_front_is_that_of_all_pairs() -> None:
     losses = np.random.default_rng(0).uniform(size=(60, 3)).round(1)
     kept = set(pareto_front(losses).tolist())

@@ -1,7 +1,8 @@
 'use strict';
 /* The scatter of the aims, and up to four chosen legs in motion. */
 
-const data = JSON.parse(document.getElementById('data').textContent);
+// Without legs there is no data.
+const data = JSON.parse(document.getElementById('data')?.textContent ?? 'null');
 const TURN_TIME = 3000;
 const MAX_CHOSEN = 4;
 const SIZE = { width: 560, height: 340, left: 62, right: 14, top: 28, bottom: 42 };
@@ -119,10 +120,10 @@ class LegCard {
     const onGround = feet.map((at, i) => (leg.stands[i] ? at : null));
     drawing.add('path', 'trail').setAttribute('d', drawing.line(onGround));
     this.drawn = new DrawnLeg(drawing, leg.shape);
-    this.table(['', 'expected', 'reached'], leg.rows);
+    this.table(['figure', 'expected', 'reached'], leg.rows);
     const details = make('details');
     details.append(make('summary', 'Margins: it turns fully from, to'));
-    this.table(['', 'from', 'to'], leg.margins, details);
+    this.table(['dimension', 'from', 'to'], leg.margins, details);
     this.node.append(details);
     const files = make('p', '', 'quiet');
     files.append(this.link(`${leg.name}.yaml`));
@@ -196,4 +197,4 @@ class DesignPage {
   }
 }
 
-new DesignPage();
+if (data) new DesignPage();

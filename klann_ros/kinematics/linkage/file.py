@@ -163,7 +163,7 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
         elif dimension.kind == 'brace':
             bars[place]['brace']['length'] = value
         elif dimension.kind == 'bend':
-            bars[place]['direction' if 'direction' in bars[place] else 'bend'] = value
+            bars[place]['direction' if 'along' in bars[place] else 'bend'] = value
         else:
             bars[place]['length'] = value
     return content

@@ -1,0 +1,92 @@
+"""The page of a search in a real browser: offline, on telephones, with keys."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from browser import find
+from hostile_leg import LINKAGE
+from klann_ros.design import Found, search, wish_from
+from klann_ros.design.page import page
+from opened_page import OpenedPage, visitor
+import pytest
+
+pytest.importorskip('playwright')
+if find() is None:
+    pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
+
+ALL = ('legs', 'none', 'hostile')
+FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'), 'maximize')
+
+
+@pytest.fixture(scope='module')
+def found() -> Found:
+    wish = wish_from({'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6})
+    return search(wish, evaluations=2400)
+
+
+@pytest.fixture(scope='module')
+def pages(found: Found, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp('designs')
+    file = folder / 'hostile.yaml'
+    file.write_text(LINKAGE)
+    hostile = search(wish_from({'linkage': str(file), 'vary': 1, 'count': 2}), evaluations=480)
+    results = {
+        'legs': found,
+        'none': replace(found, legs=(), reasons=('stride is 1 m <b>short</b>',)),
+        'hostile': hostile,
+    }
+    made = {name: folder / f'{name}.html' for name in ALL}
+    for name, result in results.items():
+        made[name].write_text(page(result), encoding='utf-8')
+    return made
+
+
+@pytest.fixture
+def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
+    with visitor(browser, pages) as open_page:
+        yield open_page
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_it_asks_for_nothing_has_no_error_and_fits_on_a_telephone(
+    visit: Callable[..., OpenedPage], pages: dict[str, Path], name: str
+) -> None:
+    opened = visit(name, viewport={'width': 360, 'height': 760})
+    assert opened.requests == [pages[name].as_uri()]
+    assert opened.complaints == []
+    wide = 'document.documentElement.scrollWidth > document.documentElement.clientWidth'
+    assert not opened.page.evaluate(wide)
+
+
+@pytest.mark.parametrize('scheme', ['dark', 'light'])
+def test_axe_finds_no_barrier(visit: Callable[..., OpenedPage], scheme: str) -> None:
+    axe = pytest.importorskip('axe_playwright_python.sync_playwright')
+    found = axe.Axe().run(visit('legs', color_scheme=scheme).page).response['violations']
+    assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in found] == []
+
+
+def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Callable[..., OpenedPage]) -> None:
+    opened = visit('legs')
+    dots, titles = opened.page.locator('.scatter circle'), opened.page.locator('.chosen h3')
+    assert dots.count() == 6
+    assert titles.count() == 1
+    for n in range(1, 5):
+        dots.nth(n).focus()
+        opened.page.keyboard.press('Enter')
+    shown = [text.split(',')[0] for text in titles.all_text_contents()]
+    assert shown == ['leg_002', 'leg_003', 'leg_004', 'leg_005']
+    dots.nth(4).click()
+    assert titles.count() == 3
+    assert dots.nth(4).get_attribute('aria-pressed') == 'false'
+
+
+def test_the_cards_show_the_figures_in_the_units_of_the_wish(
+    visit: Callable[..., OpenedPage], found: Found
+) -> None:
+    opened = visit('legs')
+    rows = opened.page.locator('.chosen table').first.locator('tbody tr')
+    cells = {row.locator('th').text_content(): row for row in rows.all()}
+    reached = cells['stride'].locator('td').last.text_content()
+    assert reached == f'{found.legs[0].reached["stride"]:.4g} m'
