@@ -93,6 +93,7 @@ setup(
         (f'share/{NAME}/urdf', [*glob('urdf/*.xacro'), *glob('urdf/*.urdf')]),
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/foxglove', glob('foxglove/*.json')),
+        (f'share/{NAME}/plotjuggler', glob('plotjuggler/*.xml')),
         # `ros2 run` looks in lib/klann_ros; pip puts its scripts in bin only. colcon overwrites
         # these launchers with executables of its own.
         (f'lib/{NAME}', glob('scripts/launchers/*')),

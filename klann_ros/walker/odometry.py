@@ -593,6 +593,9 @@ class Odometry:
         common = (n.slip_error * slip) ** 2 + rocks * rocks
         if reading is None:
             w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2
+        elif self._imu.period:
+            # The yaw rate is that of one reading.
+            w += n.gyro_noise**2 / self._imu.period
         return OdometryEstimate(
             self._x,
             self._y,

@@ -9,7 +9,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # Whatever setup.py installs or reads. test/packaging compares the result with colcon's, which
 # builds from the checkout itself, so a missing name is detected.
-FOLDERS = ('config', 'foxglove', 'klann_ros', 'launch', 'resource', 'rviz', 'urdf')
+FOLDERS = (
+    *('config', 'foxglove', 'klann_ros', 'launch', 'plotjuggler', 'resource', 'rviz', 'urdf'),
+)
 FILES = ('LICENSE', '*.cfg', '*.md', '*.py', '*.rst', '*.toml', '*.xml', 'scripts/launchers/*')
 
 

@@ -107,7 +107,7 @@ def test_a_build_of_links_works_too(tmp_path: Path) -> None:
     )
     assert done.stdout.startswith('review ')
     share = base / 'klann_ros' / 'share/klann_ros'
-    for folder in ('config', 'foxglove', 'launch', 'rviz', 'urdf'):
+    for folder in ('config', 'foxglove', 'launch', 'plotjuggler', 'rviz', 'urdf'):
         assert files(share / folder) == files(ROOT / folder)
 
 

@@ -1,20 +1,62 @@
-"""What RViz and Foxglove load: files that parse and name topics that are published."""
+"""What RViz, Foxglove and PlotJuggler load: files that parse and name published topics."""
 
 from collections.abc import Iterator
 import json
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
+import pytest
+from rosbags.typesys import get_typestore, Stores
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-LAYOUT = json.loads((ROOT / 'foxglove' / 'klann.json').read_text())
-TOPICS = {
-    '/joint_states': 'position',
-    '/point_h': 'point',
-    '/markers': 'markers',
-    '/diagnostics': 'status',
-    '/robot_description': 'data',
+LAYOUTS = {
+    path.stem: json.loads(path.read_text(encoding='utf-8'))
+    for path in sorted((ROOT / 'foxglove').glob('*.json'))
+}
+STORE = get_typestore(Stores.ROS2_JAZZY)
+# Of the topics of a leg, of a walker, and of an annotated run.
+TYPES = {
+    '/joint_states': 'sensor_msgs/msg/JointState',
+    '/point_h': 'geometry_msgs/msg/PointStamped',
+    '/markers': 'visualization_msgs/msg/MarkerArray',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/robot_description': 'std_msgs/msg/String',
+    '/cmd_vel': 'geometry_msgs/msg/TwistStamped',
+    '/crank_command': 'sensor_msgs/msg/JointState',
+    '/crank_state': 'sensor_msgs/msg/JointState',
+    '/imu': 'sensor_msgs/msg/Imu',
+    '/odom': 'nav_msgs/msg/Odometry',
+    '/ground_truth': 'nav_msgs/msg/Odometry',
+    '/review/findings': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/review/joint_states': 'sensor_msgs/msg/JointState',
+    '/review/point_h': 'geometry_msgs/msg/PointStamped',
+}
+TITLES = {'title', 'foxglovePanelTitle', 'lichtblickPanelTitle'}
+PATH = {'value', 'enabled', 'timestampMethod', 'label', 'color', 'showLine', 'lineSize'}
+# Configurations of Lichtblick's panels (packages/suite-base/src/panels, 2026-11), required first.
+PANELS: dict[str, tuple[set[str], set[str]]] = {
+    '3D': (
+        {'cameraState', 'followTf', 'followMode', 'scene', 'transforms', 'topics', 'layers'},
+        {'imageMode', 'publish'},
+    ),
+    'Plot': (
+        {
+            *('paths', 'showLegend', 'legendDisplay', 'showPlotValuesInLegend', 'isSynced'),
+            *('showXAxisLabels', 'showYAxisLabels', 'xAxisVal', 'sidebarDimension'),
+        },
+        {'xAxisPath', 'xAxisLabel', 'yAxisLabel', 'minYValue', 'maxYValue', *TITLES},
+    ),
+    'DiagnosticSummary': (
+        {'minLevel', 'pinnedIds', 'topicToRender', 'hardwareIdFilter'},
+        {'sortByLevel', 'secondsUntilStale'},
+    ),
+    'DiagnosticStatusPanel': (
+        {'topicToRender'},
+        {'selectedHardwareId', 'selectedName', 'splitFraction', 'collapsedSections'},
+    ),
+    'StateTransitions': ({'isSynced', 'paths'}, {'xAxisRange', 'showPoints', *TITLES}),
 }
 
 
@@ -37,27 +79,78 @@ def test_rviz_shows_topics_that_there_are() -> None:
     assert displays['RobotModel']['Description Topic']['Value'] == '/robot_description'
     assert displays['MarkerArray']['Topic']['Value'] == '/markers'
     named = {text for text in strings(manager) if text.startswith('/')}
-    assert named <= set(TOPICS)
+    assert named <= TYPES.keys()
     assert manager['Global Options']['Fixed Frame'] == 'base_link'
 
 
-def test_foxglove_shows_topics_that_there_are() -> None:
-    paths = {text for text in strings(LAYOUT) if text.startswith('/')}
-    assert {path.split('.')[0] for path in paths} == set(TOPICS)
+def type_at(path: str, separator: str) -> str:
+    """Return the type of a field of a topic, such as `/odom.pose.pose`; KeyError for none."""
+    topic = max((t for t in TYPES if path.startswith(t)), key=len)
+    kind = TYPES[topic]
+    for part in path.removeprefix(topic).split(separator)[1:]:
+        name, index, _ = part.partition('[')
+        fields = dict(STORE.fielddefs[kind][1])
+        node, detail = fields[name]
+        # 3 and 4 are the kinds of arrays.
+        if index:
+            assert node in (3, 4)
+            node, detail = detail[0]
+        kind = detail if isinstance(detail, str) else detail[0]
+    return str(kind)
+
+
+@pytest.mark.parametrize('name', LAYOUTS)
+def test_foxglove_shows_fields_that_there_are(name: str) -> None:
+    paths = {text for text in strings(LAYOUTS[name]) if text.startswith('/')}
     for path in paths:
-        topic, *fields = path.split('.')
-        assert not fields or fields[0].split('[')[0] == TOPICS[topic]
+        type_at(path, '.')
+    of_leg = {'/joint_states', '/point_h', '/review/joint_states', '/review/point_h'}
+    shown = {path.split('.')[0] for path in paths}
+    assert (of_leg <= shown) is (name == 'klann')
+    assert {'/markers', '/diagnostics', '/review/findings', '/robot_description'} <= shown
+
+
+@pytest.mark.parametrize('name', LAYOUTS)
+def test_foxglove_panels_are_configured_as_they_can_be(name: str) -> None:
+    for panel, config in LAYOUTS[name]['configById'].items():
+        required, optional = PANELS[panel.partition('!')[0]]
+        assert required <= config.keys()
+        assert config.keys() <= required | optional
+        for path in [*config.get('paths', ()), *filter(None, [config.get('xAxisPath')])]:
+            assert path.keys() <= PATH
+            assert path['timestampMethod'] in ('receiveTime', 'headerStamp')
 
 
 def test_foxglove_names_the_angles_as_they_are_published() -> None:
     names = KlannLeg(KlannGeometry.sem104()).joint_names
-    labels = {
-        path['value']: path['label'] for path in LAYOUT['configById']['Plot!angles']['paths']
-    }
+    paths = LAYOUTS['klann']['configById']['Plot!angles']['paths']
     # The crank's own angle grows with every turn.
-    assert labels == {f'/joint_states.position[{i}]': names[i] for i in range(1, 5)}
+    assert {path['value']: path['label'] for path in paths} == {
+        f'{topic}.position[{i}]': f'{names[i]}{end}'
+        for topic, end in (('/joint_states', ''), ('/review/joint_states', ', right'))
+        for i in range(1, 5)
+    }
 
 
-def test_foxglove_lays_out_every_panel_once() -> None:
-    panels = [text for text in strings(LAYOUT['layout']) if '!' in text]
-    assert sorted(panels) == sorted(LAYOUT['configById'])
+@pytest.mark.parametrize('name', LAYOUTS)
+def test_foxglove_lays_out_every_panel_once(name: str) -> None:
+    panels = [text for text in strings(LAYOUTS[name]['layout']) if '!' in text]
+    assert sorted(panels) == sorted(LAYOUTS[name]['configById'])
+
+
+def test_plotjuggler_plots_fields_that_there_are() -> None:
+    root = ET.parse(ROOT / 'plotjuggler' / 'klann.xml').getroot()  # noqa: S314 - our own
+    curves = [str(curve.get('name')) for curve in root.iter('curve')]
+    assert len(curves) == len(set(curves)) > 10
+    joints = {*KlannLeg().joint_names, 'left_crank', 'right_crank'}
+    for curve in curves:
+        *topic, name, field = curve.split('/')
+        if TYPES.get('/'.join(topic)) == 'sensor_msgs/msg/JointState':
+            # PlotJuggler names its series by the joints.
+            assert name in joints
+            assert field in {'position', 'velocity', 'effort'}
+        else:
+            assert type_at(curve, '/') == 'float64'
+    for split in root.iter('DockSplitter'):
+        sizes = [float(size) for size in str(split.get('sizes')).split(';')]
+        assert len(sizes) == len(split) == int(str(split.get('count')))

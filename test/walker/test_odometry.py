@@ -166,6 +166,20 @@ def test_a_gyro_alone_is_summed_up(two_motors: Feet) -> None:
     assert at.yaw == pytest.approx(0.2)
 
 
+def test_a_yaw_rate_is_as_uncertain_as_one_reading_of_the_gyro(two_motors: Feet) -> None:
+    odometry, rng, period = Odometry(two_motors), np.random.default_rng(2), 0.01
+    # A density is the deviation of one reading by the root of its rate.
+    noise = odometry.noise.gyro_noise / period**0.5
+    errors = []
+    for k in range(3000):
+        odometry.imu(ImuReading(0.0, noise * rng.standard_normal(), period * k))
+        at = odometry.update((period * k, period * k), (1.0, 1.0))
+        if k >= 1000:
+            errors.append(at.angular**2 / at.rate_variances[2])
+    assert np.mean(errors) < 1.2
+    assert at.rate_variances[2] > 0.99 * noise**2
+
+
 def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering) -> None:
     walker = Walker(steering, imu_timeout=0.2)
     for k in range(300):
