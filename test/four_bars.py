@@ -6,7 +6,15 @@ import math
 from sys import float_info
 
 from hypothesis import assume, settings, strategies as st
-from klann_ros.kinematics import FourBar, FourBarPose, GeometryError, UnreachableError
+from klann_ros.kinematics import (
+    FourBar,
+    FourBarPose,
+    GeometryError,
+    linkage_from_text,
+    LinkageFileError,
+    UnreachableError,
+)
+import pytest
 
 COURSE = (0.180, 0.080, 0.200, 0.150)
 # The same as a file; its units of angles, and how it is put together, are left open.
@@ -131,3 +139,11 @@ def _starts(bar: FourBar) -> list[tuple[float, float, float]]:
 
 def dot(a: list[float], b: list[float]) -> float:
     return sum(p * q for p, q in zip(a, b, strict=True))
+
+
+def refusal(end: str, angle: str = ', angle: deg', text: str = FOUR_BAR) -> str:
+    """Return the one line with which a file of a four-bar is refused, without its name."""
+    with pytest.raises(LinkageFileError) as caught:
+        linkage_from_text(text % (angle, end), 'four_bar.yaml')
+    assert '\n' not in str(caught.value)
+    return str(caught.value).removeprefix('four_bar.yaml holds no linkage: ')

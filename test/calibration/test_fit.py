@@ -43,7 +43,7 @@ def test_the_known_observability_of_the_klann_leg(  # noqa: PLR0917 - a row of t
     assert math.degrees(found.standard_errors[13]) == pytest.approx(zero, rel=0.2)
 
 
-def test_errors_are_as_large_as_they_are_said_to_be() -> None:
+def test_errors_are_as_large_as_their_standard_errors() -> None:
     found = []
     for seed in range(30):
         robot = Robot(built(seed), phase=0.1 * seed, seed=seed)
@@ -225,7 +225,7 @@ def test_a_late_clock_is_found_where_the_speed_changes() -> None:
     assert {n for n, _ in even.observability.combinations[0].parts} == {'delay', 'phase'}
 
 
-def test_part_of_a_turn_gives_larger_errors_or_says_what_is_unknown() -> None:
+def test_part_of_a_turn_gives_larger_errors_or_names_the_unknown() -> None:
     robot = Robot(speed=0.35)
     found = calibrate(DRAWN, robot.measured('HG'))
     known = np.isfinite(found.standard_errors)

@@ -58,7 +58,7 @@ def test_a_changed_four_bar_keeps_its_settings() -> None:
 
 
 @pytest.mark.parametrize('fixed', LINKS)
-def test_an_inversion_moves_as_grashof_says(fixed: str) -> None:
+def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
     inversion = BAR.inversion(fixed)
     of_law = BAR.grashof.inversions[fixed]
     assert (inversion.grashof.motion, inversion.grashof.class_) == (of_law.motion, of_law.class_)

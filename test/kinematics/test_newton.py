@@ -63,7 +63,7 @@ def test_every_degree_converges_from_the_books_guess() -> None:
 
 @for_both
 @given(numbers=st.tuples(*[st.floats(-3.0, 3.0)] * 4))
-def test_it_ends_at_a_root_or_says_why_with_its_iterates(
+def test_it_ends_at_a_root_or_gives_the_reason_with_its_iterates(
     case: Case, numbers: tuple[float, ...]
 ) -> None:
     guess = numbers[: len(case.guess)]

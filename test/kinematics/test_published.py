@@ -12,7 +12,7 @@ def test_ours_is_within_the_reading_error(cited: Cited) -> None:
     assert cited.deviation <= cited.error, cited.ours
 
 
-def test_every_shipped_linkage_is_cited_or_says_why_not() -> None:
+def test_every_shipped_linkage_is_cited_or_has_a_reason() -> None:
     cited = {number.linkage for number in CITED}
     assert not cited & set(WITHOUT)
     assert cited | set(WITHOUT) == set(shipped_linkages())
@@ -21,7 +21,7 @@ def test_every_shipped_linkage_is_cited_or_says_why_not() -> None:
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
-def test_every_shipped_linkage_tells_its_source(name: str) -> None:
+def test_every_shipped_linkage_has_a_source(name: str) -> None:
     assert shipped_linkage(name).source.strip()
 
 
@@ -30,7 +30,7 @@ def test_no_number_is_cited_twice() -> None:
     assert [name for name, times in names.items() if times > 1] == []
 
 
-def test_every_source_is_cited_and_tells_its_error() -> None:
+def test_every_source_is_cited_and_has_an_error() -> None:
     assert {number.source for number in CITED} == set(SOURCES)
     assert all(source.title and source.at and source.exact for source in SOURCES.values())
 

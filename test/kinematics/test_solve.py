@@ -144,7 +144,7 @@ B_AT_170 = 0.12 * math.cos(math.radians(170.0)), 0.09 + 0.12 * math.sin(math.rad
         ),
     ],
 )
-def test_an_unreachable_angle_says_what_is_missing_and_leaves_the_last_pose(
+def test_an_unreachable_angle_has_its_shortfall_and_leaves_the_last_pose(
     leg: AnyLeg, degrees: float, names: tuple[str, ...], shortfall: float, text: str
 ) -> None:
     before, alpha = leg.solve(1.0), math.radians(degrees)

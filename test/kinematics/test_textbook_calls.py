@@ -78,14 +78,14 @@ def test_a_stop_that_is_none_is_refused(name: str, value: float) -> None:
         BAR[0].newton(ALPHA, BAR[1], **{name: value})
 
 
-def test_a_stop_that_is_not_reached_says_so() -> None:
+def test_a_stop_that_is_not_reached_is_reported() -> None:
     bar, guess = BAR
     with pytest.raises(NotConvergedError, match=r'\|f\| is not below 1e-05 m after 2') as caught:
         bar.newton(ALPHA, guess, residual=1e-5, max_iterations=2)
     assert caught.value.iterates.shape == (3, 2)
 
 
-def test_an_angle_at_which_nothing_closes_is_told_as_such() -> None:
+def test_an_angle_without_any_assembly_is_reported() -> None:
     bar = FourBar(0.3, 0.25, 0.2, 0.24)
     with pytest.raises(NotConvergedError, match=r'at this crank angle it closes in no assembly$'):
         bar.newton(math.pi, [0.1, 0.2])

@@ -48,13 +48,13 @@ def test_weight_is_down_in_base_link_however_a_leg_is_mounted(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize('name', ['sem104', 'patent'])
-def test_a_preset_weighs_what_its_parameter_file_says(name: str) -> None:
+def test_a_preset_has_the_masses_of_its_parameter_file(name: str) -> None:
     (leg,), (of_file,) = robot_of(name).legs, robot_of(str(ROOT / 'config' / f'{name}.yaml')).legs
     assert leg.masses == of_file.masses
     assert leg.linkage == of_file.linkage
 
 
-def test_a_leg_without_masses_says_which_are_missing(tmp_path: Path) -> None:
+def test_a_leg_without_masses_names_the_missing_ones(tmp_path: Path) -> None:
     file = tmp_path / 'leg.yaml'
     file.write_text('l_ab: 0.12')
     robot = robot_from_file(file)

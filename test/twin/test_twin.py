@@ -51,7 +51,7 @@ def driven(seconds: float, left: float, right: float, **options: object) -> Twin
     return twin
 
 
-def test_it_walks_on_two_motors_and_tells_where_it_is() -> None:
+def test_it_walks_on_two_motors_and_knows_its_true_pose() -> None:
     twin = driven(4.0, 1.0, 1.0)
     truth = twin.truth()
     assert truth.position[0] == pytest.approx(0.56, abs=0.04)
@@ -163,7 +163,7 @@ def test_what_an_imu_feels_between_two_readings_is_all_reported() -> None:
     assert gained == pytest.approx(has, abs=0.01)
 
 
-def test_a_reset_begins_anew() -> None:
+def test_a_reset_restarts_it() -> None:
     twin = driven(0.3, 2.0, 2.0)
     began = Twin(two_motors()).truth()
     twin.reset()
@@ -199,7 +199,7 @@ def test_the_engine_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert [*tmp_path.iterdir()] == []
 
 
-def test_a_fallen_robot_says_so() -> None:
+def test_a_fallen_robot_reports_it() -> None:
     twin = Twin(two_motors())
     twin._data.qpos[3:7] = (math.cos(0.8), math.sin(0.8), 0.0, 0.0)
     assert twin.state == 'it has fallen, tilted by 92 deg'
@@ -255,7 +255,7 @@ def test_a_pace_that_is_kept_loses_no_tick() -> None:
     assert pace.slipped == 0.0
 
 
-def test_what_is_later_than_can_be_caught_up_is_given_up_and_told() -> None:
+def test_a_delay_beyond_the_limit_is_dropped_and_reported() -> None:
     pace = Pace(0.01, 1.0, 0.0)
     assert pace.due(0.01) == 1
     assert pace.due(0.15) == 14
@@ -271,7 +271,7 @@ def test_time_can_go_faster() -> None:
     assert pace.factor(0.1).factor == pytest.approx(4.0)
 
 
-def test_without_the_engine_a_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_engine_the_error_has_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, 'mujoco', None)
     with pytest.raises(NoMujocoError, match=r"pip install 'klann_ros\[sim\]'"):
         Twin(robot_of('sem104'))

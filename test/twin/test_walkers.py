@@ -70,7 +70,7 @@ def predicted(robot: Robot) -> float:
     return float(-np.take_along_axis(rates, lowest, 0).mean())
 
 
-def test_six_legs_walk_as_fast_as_their_stance_says() -> None:
+def test_six_legs_walk_at_the_speed_of_their_stance() -> None:
     expected = predicted(walker(6))
     assert expected == pytest.approx(0.1501, rel=0.005)
     assert walked(6, 1.0).speed == pytest.approx(expected, rel=0.04)

@@ -20,6 +20,7 @@ from klann_ros.kinematics import (
     UnreachableError,
     Variants,
 )
+from klann_ros.kinematics.batch import blockwise
 from mechanisms import fresh, NAMES
 import numpy as np
 import pytest
@@ -95,8 +96,18 @@ def test_a_singular_pose_has_no_velocity() -> None:
     assert poses.reason.tolist() == [0, 0, 0]
     assert np.isnan(poses.h_1[:, 0]).tolist() == [True, False, True]
     assert not np.isnan(poses.transmission_angles).any()
-    with pytest.raises(SingularPoseError):
-        bar.velocity(bar.closed_form(0.0), 1.0)
+    # Rounding decides beside it, too.
+    for angle in (0.0, 3e-8):
+        assert np.isnan(linkage_poses(bar, angle, velocities=True).h_1).all()
+        with pytest.raises(SingularPoseError):
+            bar.velocity(bar.closed_form(angle), 1.0)
+
+
+def test_coupled_loops_that_do_not_converge_have_no_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blockwise, 'MAX_ITERATIONS', 1)
+    poses = linkage_poses(shipped_linkage('stephenson'), ALPHAS)
+    assert (poses.reason == Reason.LOOPS_1_OPEN).mean() > 0.9
+    assert np.isnan(poses.h[poses.reason != 0]).all()
 
 
 def test_the_torque_is_that_of_the_leg() -> None:
@@ -137,7 +148,7 @@ def test_any_shape_of_angles_and_none_at_all() -> None:
 
 
 @pytest.mark.parametrize('alphas', [np.zeros(3), [0.0, 1.0], (), range(3), np.zeros((2, 2))])
-def test_one_angle_at_a_time_is_solved_and_the_text_says_what_solves_many(alphas: Any) -> None:
+def test_one_angle_at_a_time_is_solved_and_the_error_names_the_bulk_solver(alphas: Any) -> None:
     for leg in (KlannLeg(), FourBar(0.18, 0.08, 0.2, 0.15), LinkageLeg(shipped_linkage('jansen'))):
         for call in (leg.solve, leg.closed_form):
             with pytest.raises(CrankAngleError) as caught:

@@ -103,7 +103,7 @@ def test_the_class_is_that_of_the_sums(bar: FourBar) -> None:
     assert bar.grashof.shape == ''
 
 
-def test_it_is_said_in_a_line() -> None:
+def test_it_is_shown_in_a_line() -> None:
     assert str(FourBar(180.0, 80.0, 200.0, 150.0).grashof) == (
         'class I, crank-rocker: ground fixed, crank rotates, coupler oscillates, rocker oscillates'
     )

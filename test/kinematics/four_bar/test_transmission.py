@@ -44,7 +44,7 @@ def test_the_extremes_are_the_extremes(bar: FourBar) -> None:
 
 
 @pytest.mark.parametrize('lengths', [COURSE, BOTH_LIMITS, (0.5, 0.3, 0.4, 0.35)])
-def test_the_extremes_are_where_they_are_said_to_be(lengths: tuple[float, ...]) -> None:
+def test_the_extremes_are_at_their_angles(lengths: tuple[float, ...]) -> None:
     bar = FourBar(*lengths)
     extremes = bar.transmission_extremes
     for theta2 in extremes.least_at:

@@ -52,7 +52,7 @@ def test_the_example_draws_a_figure(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(PNG)
 
 
-def test_the_example_says_that_matplotlib_is_missing(tmp_path: Path) -> None:
+def test_the_example_reports_that_matplotlib_is_missing(tmp_path: Path) -> None:
     (tmp_path / 'matplotlib.py').write_text('raise ImportError("none here")\n')
     paths = os.pathsep.join([str(tmp_path), PACKAGE, os.environ.get('PYTHONPATH', '')])
     result = subprocess.run(
@@ -68,7 +68,7 @@ def test_the_example_says_that_matplotlib_is_missing(tmp_path: Path) -> None:
     assert 'greatest difference' in result.stdout
 
 
-def test_the_example_says_where_it_cannot_write(tmp_path: Path) -> None:
+def test_the_example_reports_a_file_that_it_cannot_write(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     result = run('--plot', tmp_path / 'no' / 'folder.png')
     assert result.returncode == 1

@@ -1,4 +1,4 @@
-"""A linkage is one YAML file; what is wrong in it is said in one line."""
+"""A linkage is one YAML file; an error in it is reported in one line."""
 
 import math
 from pathlib import Path
@@ -48,7 +48,7 @@ def edited(**changes: str) -> str:
 
 
 @pytest.mark.parametrize(('old', 'new', 'reason'), REFUSED)
-def test_what_is_wrong_is_said_in_one_line(old: str, new: str, reason: str) -> None:
+def test_an_error_is_reported_in_one_line(old: str, new: str, reason: str) -> None:
     with pytest.raises(LinkageFileError) as caught:
         linkage_from_text(edited(**{old: new}), 'watt.yaml')
     assert str(caught.value).startswith('watt.yaml holds no linkage: ')

@@ -106,7 +106,7 @@ def test_the_scotch_yoke_is_a_cosine() -> None:
         np.testing.assert_allclose(found[:, 1], pin, **DIGITS)
 
 
-def test_a_piston_out_of_reach_is_told_with_what_is_short() -> None:
+def test_a_piston_out_of_reach_is_reported_with_its_shortfall() -> None:
     linkage = linkage_from_text(SLIDER.replace('P: [0, 0]', 'P: [0, 0.12]'), 'test')
     leg = LinkageLeg(linkage)
     # The rod of 0.15 ends where the crank's pin is 0.15 from the line.
@@ -123,7 +123,7 @@ def test_a_piston_out_of_reach_is_told_with_what_is_short() -> None:
     assert np.isnan(poses.h[0]).all()
 
 
-def test_a_slot_that_passes_its_pivot_too_far_off_is_told() -> None:
+def test_a_slot_that_passes_its_pivot_too_far_off_is_reported() -> None:
     leg = LinkageLeg(linkage_from_text(SLOT, 'test'))
     with pytest.raises(
         UnreachableError, match=r'B is 0\.05 m nearer to O than the line along arm'
