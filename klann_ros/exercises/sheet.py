@@ -1,13 +1,13 @@
 """Exercises as printable pages: sheets of a class, their key, and the parts of every format."""
 
 from collections.abc import Iterable, Sequence
-from math import ceil, floor, log10
+from math import floor, log10
 from pathlib import Path
 import re
 from typing import Any
 
-from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.drawing import line_directions, PIVOT, PoseDrawing
+from klann_ros.kinematics.drawing import PoseDrawing
+from klann_ros.kinematics.svg import pose_svg
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import Parts
 import numpy as np
@@ -37,8 +37,6 @@ SPECIAL = {'s_l': 's + l', 'p_q': 'p + q', 'h_x': 'dx_H/dα', 'h_y': 'dy_H/dα'}
 UNIT_SIGNS = {'deg': '°', '1': '', 'count': '', 'choice': ''}
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
-# Size of a drawing and its margin [px], half a support and a joint's radius [px].
-WIDTH, HEIGHT, MARGIN, SUPPORT, JOINT = 420.0, 320.0, 42.0, 11.0, 4.0
 # Rows of a column of givens; digits of intermediate results.
 GIVEN_ROWS, STEP_DIGITS = 9, 6
 
@@ -221,80 +219,22 @@ def picture(variant: Variant) -> Markup:
         start, end = arcs[0]
         angle = start + 0.4 * (end - start)
     pose = leg.closed_form(angle)
-    return drawing_of(pose, _bar_names(variant))
+    return Markup(pose_svg(pose, names=_bar_names(variant, pose)))
 
 
-def _bar_names(variant: Variant) -> dict[int, str]:
-    """Return the names of numbered lengths, by their micrometres."""
-    return {
-        round(1e3 * value): name
+def _bar_names(variant: Variant, pose: Any) -> dict[tuple[str, str], str]:
+    """Return the names of bars with numbered lengths, by their two points."""
+    names = {
+        round(1e3 * value): name.replace('_', '').translate(SUBSCRIPTS)
         for name, value in variant.givens.items()
         if name.startswith('L_') and name[2:].isdigit()
     }
-
-
-def drawing_of(pose: Any, bar_names: dict[int, str]) -> Markup:
-    """Return a pose as SVG, its points lettered, and its bars named by their length."""
     drawn = PoseDrawing.of(pose)
-    places = np.array([*drawn.points.values()])
-    low, span = places.min(axis=0), np.maximum(np.ptp(places, axis=0), 1e-9)
-    scale = min((WIDTH - 2.0 * MARGIN) / span[0], (HEIGHT - 2.0 * MARGIN) / span[1])
-    height = ceil(scale * span[1] + 2.0 * MARGIN)
-    width = ceil(scale * span[0] + 2.0 * MARGIN)
-
-    def at(place: FloatArray) -> tuple[float, float]:
-        x, y = scale * (place - low)
-        return round(MARGIN + float(x), 1), round(height - MARGIN - float(y), 1)
-
-    shapes, names = [], []
-    directions = iter(line_directions(pose))
-    for body in drawn.bodies:
-        if len(body.points) > 2:
-            corners = ' '.join('{:.1f},{:.1f}'.format(*at(p)) for p in drawn.outline(body))
-            shapes.append(element('polygon', points=corners, fill=body.colour, opacity='0.2'))
-        if body.line:
-            ends = [at(p) for p in drawn.guide(body, next(directions))]
-            shapes.append(_line(ends, stroke=body.colour, stroke_dasharray='6 4'))
-            x, y = at(drawn.points[body.line[1]])
-            box = {'x': x - 9.0, 'y': y - 6.0, 'width': 18.0, 'height': 12.0}
-            shapes.append(element('rect', **box, fill='#fff', stroke=body.colour))
-        for start, end in body.bars:
-            first, last = drawn.points[start], drawn.points[end]
-            style: dict[str, Any] = {'stroke': body.colour, 'stroke_width': '5'}
-            shapes.append(_line([at(first), at(last)], **style, stroke_linecap='round'))
-            # The library's lengths are in m, or in mm where the exercise's are.
-            length = float(np.hypot(*(last - first)))
-            name = bar_names.get(round(1e6 * length)) or bar_names.get(round(1e3 * length))
-            if name:
-                x, y = at((first + last) / 2.0)
-                names.append(
-                    _letter(x + 9.0, y - 7.0, name.replace('_', '').translate(SUBSCRIPTS))
-                )
-    jointed = {point for body in drawn.bodies for bar in body.bars for point in bar}
-    for name, place in drawn.points.items():
-        if name in drawn.joints[PIVOT] and name not in jointed:
-            # It is only the start of a line.
-            continue
-        x, y = at(place)
-        if name in drawn.joints[PIVOT]:
-            base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
-            shapes.append(element('polygon', points=f'{x},{y} {base}', fill='#ccc', stroke='#000'))
-        shapes.append(element('circle', cx=x, cy=y, r=JOINT, fill='#fff', stroke='#000'))
-        u, v = drawn.free_side(name)
-        names.append(_letter(x + 16.0 * u, y - 16.0 * v, name))
-    view = f'0 0 {width} {height}'
-    return element(
-        'svg', *shapes, *names, xmlns='http://www.w3.org/2000/svg', viewBox=view,
-        width=width, height=height, role='img', aria_label='linkage',
-    )  # fmt: skip
-
-
-def _line(ends: Sequence[tuple[float, float]], **style: Any) -> Markup:
-    (x, y), (p, q) = ends
-    return element('line', x1=x, y1=y, x2=p, y2=q, fill='none', **style)
-
-
-def _letter(x: float, y: float, text: str) -> Markup:
-    style = {'text_anchor': 'middle', 'dominant_baseline': 'middle', 'font_size': '14'}
-    style |= {'stroke': '#fff', 'stroke_width': '4', 'paint_order': 'stroke'}
-    return element('text', text, x=round(x, 1), y=round(y, 1), font_family='sans-serif', **style)
+    found = {}
+    for bar in (bar for body in drawn.bodies for bar in body.bars):
+        length = float(np.hypot(*(drawn.points[bar[1]] - drawn.points[bar[0]])))
+        # The library's lengths are in m, or in mm where the exercise's are.
+        name = names.get(round(1e6 * length)) or names.get(round(1e3 * length))
+        if name:
+            found[bar] = name
+    return found

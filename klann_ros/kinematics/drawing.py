@@ -76,6 +76,11 @@ class PoseDrawing(NamedTuple):
         """Return the fixed pivots."""
         return self.joints[PIVOT]
 
+    @property
+    def on_bars(self) -> set[str]:
+        """Return the points of bars; any other is the start of a slider's line."""
+        return {name for body in self.bodies for bar in body.bars for name in bar}
+
     def at(self, names: Sequence[str]) -> FloatArray:
         """Return points, shape (n, 2) [m]."""
         return np.array([self.points[name] for name in names]).reshape(-1, 2)

@@ -16,7 +16,7 @@ import numpy as np
 
 SIZE = (420.0, 320.0)
 """Largest width and height of a picture [px]."""
-MARGIN, JOINT, SUPPORT, LETTER = 26.0, 4.0, 9.0, 14.0
+MARGIN, JOINT, SUPPORT, LETTER = 30.0, 4.0, 9.0, 14.0
 # Samples of a foot path, and frames of a turn.
 SAMPLES = 90
 # A tag, its style, and the attributes that move.
@@ -169,8 +169,9 @@ def _pose_shapes(
     for name, (x, y) in zip(
         drawn.points, view.points(np.array([*drawn.points.values()])), strict=True
     ):
-        u, v = drawn.free_side(name)
-        yield _text(x + LETTER * u, y - LETTER * v, name)
+        if name in drawn.on_bars:
+            u, v = drawn.free_side(name)
+            yield _text(x + LETTER * u, y - LETTER * v, name)
 
 
 def _frame(drawn: PoseDrawing, view: _View) -> Iterator[_Shape]:
@@ -193,14 +194,14 @@ def _frame(drawn: PoseDrawing, view: _View) -> Iterator[_Shape]:
                 'stroke': body.colour,
             }
             yield 'rect', block, {'x': x - 9.0, 'y': y - 6.0}
-    for name in drawn.pivots:
+    for name in (name for name in drawn.pivots if name in drawn.on_bars):
         x, y = at[name]
         base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
         yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
     for kind, names in drawn.joints.items():
         radius, fill = (2.5, '#000') if kind == POINT else (JOINT, '#fff')
         dot: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
-        for x, y in (at[name] for name in names):
+        for x, y in (at[name] for name in names if name in drawn.on_bars):
             yield 'circle', dot, {'cx': x, 'cy': y}
 
 
