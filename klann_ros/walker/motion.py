@@ -10,9 +10,8 @@ from math import copysign, inf, pi
 
 from .steering import Rates, Twist2D
 
-# The largest corrections of speed and yaw rate, as parts of the command, and the largest lag, as a
-# multiple of these.
-MAX_SHARES, MAX_WINDUP = Twist2D(0.5, 1.0), 6.0
+# The largest correction, as a part of the command; and the largest lag, as a multiple of that.
+MAX_SHARE, MAX_WINDUP = 0.5, 6.0
 # K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
 # on the spot, where it comes evenly. Chosen in MuJoCo.
 CURVE_GAIN, SPOT_GAIN = 0.5, 2.0
@@ -111,10 +110,7 @@ class MotionFeedback:
         """Add the motion of a time [s]."""
         if not (self.gain and 0.0 < seconds <= MAX_INTERVAL):
             return
-        limits = [
-            MAX_WINDUP * share / self.gain * abs(each)
-            for share, each in zip(MAX_SHARES, commanded, strict=True)
-        ]
+        limits = [MAX_WINDUP * MAX_SHARE / self.gain * abs(each) for each in commanded]
         if _is_on_spot(commanded):
             limits[0] = self._step
         self.lag = Twist2D(
@@ -131,11 +127,10 @@ class MotionFeedback:
         (linear, angular), lag = commanded, self.lag
         if _is_on_spot(commanded):
             gain = SPOT_GAIN * self.gain
-            return Twist2D(self.gain * lag.linear, _corrected(angular, gain * lag.angular, 1))
+            return Twist2D(self.gain * lag.linear, _corrected(angular, gain * lag.angular))
         gain = CURVE_GAIN * self.gain
         return Twist2D(
-            _corrected(linear, self.gain * lag.linear, 0),
-            _corrected(angular, gain * lag.angular, 1),
+            _corrected(linear, self.gain * lag.linear), _corrected(angular, gain * lag.angular)
         )
 
 
@@ -143,6 +138,5 @@ def _is_on_spot(commanded: Twist2D) -> bool:
     return commanded.linear == 0.0 and commanded.angular != 0.0
 
 
-def _corrected(wanted: float, correction: float, part: int) -> float:
-    most = MAX_SHARES[part] * abs(wanted)
-    return wanted + copysign(min(abs(correction), most), correction)
+def _corrected(wanted: float, correction: float) -> float:
+    return wanted + copysign(min(abs(correction), MAX_SHARE * abs(wanted)), correction)
