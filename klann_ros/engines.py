@@ -149,7 +149,13 @@ class _Worker:
         self.connection, remote_end = _SPAWN.Pipe()
         own: Any = {'daemon': True, 'name': 'klann_ros worker'}
         self._process = _SPAWN.Process(target=_work, args=(remote_end, self._function), **own)
-        self._process.start()
+        # A worker ignores Ctrl-C, which reaches all processes of a terminal; but during its
+        # imports it would end with a traceback.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         # The worker then holds the only copy: the pipe closes when it dies.
         remote_end.close()
 

@@ -1,7 +1,12 @@
 """What the command `design` writes, refuses and leaves alone."""
 
 import json
+import os
 from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
 
 from klann_ros.datasheet.command import main as describe
 from klann_ros.design.command import main
@@ -108,6 +113,23 @@ def test_a_refusal_is_one_line(
     assert message in error.splitlines()[-1]
     assert 'Traceback' not in error
     assert wish.exists()
+
+
+def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(wish: Path) -> None:
+    command = [sys.executable, '-c', 'from klann_ros.executables import design; design()']
+    arguments = ['wish.yaml', '--evaluations', '10000000', '--jobs', '2']
+    process = subprocess.Popen(
+        [*command, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    folder = wish.parent / 'wish_legs'
+    while not (folder / 'search.json').exists():
+        assert process.poll() is None
+        time.sleep(0.05)
+    # As a terminal does: the workers of the next round are starting.
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=200)
+    assert 'Traceback' not in error
+    assert json.loads((folder / 'design.json').read_text())['legs']
 
 
 def test_a_damaged_search_is_not_resumed(wish: Path, capsys: pytest.CaptureFixture[str]) -> None:
