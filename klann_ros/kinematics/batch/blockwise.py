@@ -100,6 +100,8 @@ class Blockwise:
         why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
         for block in self.blocks:
             gone = np.isnan(sum(u[j] for j in block.unknowns)) & (why == 0)
+            if not gone.any():
+                continue
             if not block.is_dyad:
                 why[gone] = open_loops(block.number)
                 continue
@@ -116,7 +118,8 @@ class Blockwise:
             closings = [block.closing(u) for block in self.blocks]
             x_1, u_1 = joints.solve_rates(structure, u, closings, 1.0)
             singular = np.isnan(np.sum(x_1, axis=0))
-            x_1, u_1 = ([np.where(singular, np.nan, v) for v in some] for some in (x_1, u_1))
+            if singular.any():
+                x_1, u_1 = ([np.where(singular, np.nan, v) for v in some] for some in (x_1, u_1))
         for name, array in results.arrays().items():
             if name == 'transmission_angles':
                 for k, block in enumerate(self.blocks):
@@ -171,7 +174,8 @@ class Blockwise:
     def _end(self, vectors: Any, u: Any, fixed: float, path: Path) -> Any:
         """Return the end of a path by its bars and u, and its pivots with a factor."""
         terms, constant = path_terms(self.structure, path, *vectors)
-        return sum((w * u[j] for j, w in terms.items()), fixed * constant + 0j * u[-1])
+        start = np.zeros(np.shape(u[-1]), dtype=np.complex128) + fixed * constant
+        return sum((w * u[j] for j, w in terms.items()), start)
 
     def _put(
         self, name: str, array: Any, coordinate: Callable[[int], Any], end: Callable[[Path], Any]
