@@ -194,7 +194,7 @@ def test_a_turn_shows_the_angles_of_the_poses_without_jumps() -> None:
         ('foot', lambda pose: pose.h, 1.0),
     ],
 )
-def test_a_turn_shows_what_the_poses_have(what: str, value: object, scale: float) -> None:
+def test_a_turn_plots_the_quantities_of_the_poses(what: str, value: object, scale: float) -> None:
     leg = LinkageLeg(shipped_linkage('jansen'))
     lines = plotting.plot_turn(leg, what, ax=new_axes()).lines
     alphas = np.radians(lines[0].get_xdata())

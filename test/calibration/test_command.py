@@ -182,7 +182,7 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
         ('--point H=/mocap/foot --leg-name front', 'name the leg with --leg-name'),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_one_line(
+def test_unusable_input_is_refused_in_one_line(
     run: Path, capsys: Capture, arguments: str, words: str
 ) -> None:
     try:
@@ -205,7 +205,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(
         (lambda text: text.replace('H.x', 'K.x').replace('H.y', 'K.y'), 'K is no point'),
     ],
 )
-def test_so_are_tables(
+def test_unusable_tables_are_refused_in_one_line(
     table: Path, tmp_path: Path, capsys: Capture, make: Callable[[str], str], words: str
 ) -> None:
     file = tmp_path / 'bad.csv'
@@ -215,7 +215,7 @@ def test_so_are_tables(
     assert words in line
 
 
-def test_a_stranger_in_a_run_is_no_terminal_output(tmp_path: Path, capsys: Capture) -> None:
+def test_hostile_names_in_a_run_are_escaped(tmp_path: Path, capsys: Capture) -> None:
     topics = {'/crank_state': crank_topic(ROBOT), '/\x1b[31mred': points_topic(ROBOT, 'H')}
     folder = write_run(tmp_path / 'run', topics)
     assert main([str(folder), '--leg', 'sem104', '--point', 'H=/red']) == 2

@@ -55,7 +55,7 @@ def test_errors_are_as_large_as_their_standard_errors() -> None:
 
 
 @pytest.mark.parametrize('name', ['jansen', 'quick_return', 'stephenson', 'watt_six_bar'])
-def test_so_are_those_of_other_linkages(name: str) -> None:
+def test_errors_of_other_linkages_match_their_standard_errors(name: str) -> None:
     drawn = shipped_linkage(name)
     size = drawn.size
     robot = Robot(built(3, drawn, length=1e-3 * size), noise=1e-4 * size, count=600, speed=2.2)
@@ -84,7 +84,7 @@ def test_the_foot_of_a_new_turn_is_predicted_to_the_noise() -> None:
     assert np.std(predicted - held_out.seen('H')) < 1.05 * NOISE
 
 
-def test_a_zero_that_is_no_more_than_a_guess_is_found() -> None:
+def test_an_unknown_encoder_zero_is_found() -> None:
     robot = Robot(phase=2.4)
     found = calibrate(DRAWN, robot.measured())
     assert found.phase == pytest.approx(2.4, abs=1e-3)
@@ -120,7 +120,7 @@ def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> 
     assert settled.dimension('camera rotation')[0] == pytest.approx(0.3, abs=0.01)
 
 
-def test_a_prior_fixes_what_the_measurements_leave_open() -> None:
+def test_a_prior_fixes_unobservable_dimensions() -> None:
     robot = Robot(count=300, speed=0.5)
     free = calibrate(DRAWN, robot.measured('H'))
     assert not free.is_complete
@@ -294,7 +294,7 @@ def test_another_assembly_mode_or_direction_is_named(
         (lambda h: h * np.nan, '0 samples have a crank angle at their stamp'),
     ],
 )
-def test_what_is_no_measurement_of_this_leg_is_refused(change: Any, words: str) -> None:
+def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> None:
     robot = Robot()
     values = change(robot.seen('H'))
     crank = CrankSamples.of(robot.times, robot.crank)

@@ -79,7 +79,7 @@ def test_a_motor_that_cannot_turn_the_crank_gives_exit_code_1(
         (['{bare}', '--motor', MOTOR], 'bar_density [kg/m]'),
     ],
 )
-def test_what_is_refused_is_reported_in_one_line(
+def test_refusals_are_one_line(
     arguments: list[str], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bare, pipe = tmp_path / 'bare.yaml', tmp_path / 'pipe'
@@ -94,7 +94,7 @@ def test_what_is_refused_is_reported_in_one_line(
 
 
 @pytest.mark.parametrize('option', ['--speed', '--load', '--bar-density'])
-def test_what_is_no_number_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_non_numbers_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main([SEM, option, 'much'])
     assert end.value.code == 2

@@ -32,7 +32,7 @@ def test_the_line_is_that_of_the_gears_output() -> None:
     assert [motor.torque(w) for w in (0.0, 5.0, 10.0)] == [10.0, 5.0, 0.0]
 
 
-def test_the_margin_is_what_it_has_over_what_it_needs() -> None:
+def test_the_motor_margin_is_available_over_required_torque() -> None:
     judged = verdict(Motor(**GOOD), load([2.0, -8.0], [0.0, 0.0]), 5.0)
     assert judged.margin == 2.5
     # Against the losses that help: 2 N m by 10 over a half.
@@ -68,7 +68,7 @@ def test_each_fault_is_reported(
     assert fault in judged.faults[0]
 
 
-def test_what_needs_nothing_has_any_margin() -> None:
+def test_without_load_the_margin_is_unlimited() -> None:
     judged = verdict(Motor(**GOOD, continuous_torque=1.0), load([0.0], [0.0]), 5.0)
     assert (judged.margin, judged.braking_margin, judged.thermal_margin) == (inf, inf, inf)
     assert judged.fastest == 10.0
@@ -105,7 +105,7 @@ def test_the_fastest_is_the_first_speed_at_which_something_is_short(
     assert not inside.any()
 
 
-def test_the_example_can_turn_sem104s_leg_and_says_how_fast() -> None:
+def test_the_example_motor_turns_the_sem104_leg() -> None:
     motor, robot = motor_from_file(str(EXAMPLE)), robot_of('sem104')
     judged = data_sheet(robot, motor=motor).cranks[0].motor
     assert judged is not None

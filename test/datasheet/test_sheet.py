@@ -109,7 +109,7 @@ def stands(sheet: DataSheet, alphas: np.ndarray) -> np.ndarray:
     return np.any([(stance.start <= a) & (a <= stance.end) for a in turns], axis=0)
 
 
-def test_a_load_takes_what_virtual_work_says(sheet: DataSheet) -> None:
+def test_the_torque_of_a_load_follows_from_virtual_work(sheet: DataSheet) -> None:
     (crank,) = sheet.cranks
     assert crank.loaded is not None
     assert crank.empty is not None
@@ -162,7 +162,7 @@ def test_the_other_way_round_takes_the_same_torque_and_gives_the_other_power(
     assert back.power == pytest.approx(-there.power, abs=1e-12)
 
 
-def test_without_masses_there_is_the_motion_and_what_is_missing(sem: Robot) -> None:
+def test_without_masses_there_are_kinematics_and_a_note(sem: Robot) -> None:
     sheet = data_sheet(bare(sem))
     assert sheet.legs[0].path is not None
     assert sheet.cranks[0].hardest is None
@@ -238,7 +238,7 @@ start: {a: 1.0, b: 0.0, c: 1.0}
 """
 
 
-def test_what_is_not_known_where_links_are_in_line_is_no_promise(tmp_path: Path) -> None:
+def test_a_torque_undefined_in_line_makes_the_motor_verdict_a_fault(tmp_path: Path) -> None:
     path = tmp_path / 'parallelogram.yaml'
     path.write_text(PARALLELOGRAM)
     strong = Motor(stall_torque=1e6, no_load_speed=1e3, gear_ratio=1.0, efficiency=1.0)
@@ -254,7 +254,7 @@ def test_what_is_not_known_where_links_are_in_line_is_no_promise(tmp_path: Path)
     assert not [value for value in drawn if 'nan' in value or 'inf' in value]
 
 
-def test_what_does_not_turn_has_arcs_and_says_that_there_is_no_turn() -> None:
+def test_a_leg_without_full_turn_has_arcs_and_a_note() -> None:
     sheet = data_sheet(weighed(robot_of('chebyshev')), load=5.0, samples=60)
     (leg,) = sheet.legs
     assert leg.arcs
@@ -290,13 +290,13 @@ def test_a_foot_without_a_stance_is_reported_and_carries_no_load(tmp_path: Path)
         data_sheet(robot, load=1.0, samples=60)
 
 
-def test_margins_of_coupled_loops_are_left_for_whoever_asks() -> None:
+def test_margins_of_coupled_loops_are_computed_on_request() -> None:
     (leg,) = data_sheet(robot_of('stephenson'), samples=60).legs
     assert '--margins' in leg.no_margins
     assert {bar.margin for bar in leg.bars} == {None}
 
 
-def test_forces_on_what_slides_have_a_moment() -> None:
+def test_forces_on_sliders_have_a_moment() -> None:
     (leg,) = data_sheet(weighed(robot_of('slider_crank')), samples=60).legs
     assert leg.empty is not None
     assert [joint.name for joint in leg.empty.joints if joint.moment is not None]
@@ -314,7 +314,7 @@ def test_an_invalid_speed_or_load_is_refused(sem: Robot, name: str, value: float
         data_sheet(sem, **{name: value})
 
 
-def test_the_report_holds_nothing_that_is_no_number(sem: Robot) -> None:
+def test_the_report_holds_only_finite_numbers(sem: Robot) -> None:
     def refuse(word: str) -> None:
         raise AssertionError(word)
 

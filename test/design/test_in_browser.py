@@ -50,7 +50,7 @@ def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., Opened
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_it_asks_for_nothing_has_no_error_and_fits_on_a_telephone(
+def test_it_is_self_contained_and_fits_a_phone(
     visit: Callable[..., OpenedPage], pages: dict[str, Path], name: str
 ) -> None:
     opened = visit(name, viewport={'width': 360, 'height': 760})

@@ -134,7 +134,7 @@ def test_a_wish_that_no_leg_fulfils_names_the_figure_and_by_how_much() -> None:
     assert 'where at least 900 mm is wanted' in reason
 
 
-def test_a_wish_whose_legs_never_turn_says_so() -> None:
+def test_a_wish_without_turning_legs_is_reported() -> None:
     wish = wish_from({'linkage': 'klann', 'vary': {'B-C': [0.2, 0.22]}})
     none = search(wish, evaluations=600)
     assert none.legs == ()

@@ -248,7 +248,7 @@ def test_3_the_first_step_that_leaves_the_branch(order: int, first: int) -> None
     assert right == [True] * (first - 1) + [False]
 
 
-def test_3_iterations_return_numbers_where_there_is_no_pose() -> None:
+def test_3_iterations_return_numbers_at_unreachable_angles() -> None:
     short = KlannLeg(KlannGeometry(l_bc=0.97 * 0.350))
     missing = {}
     for k in range(360):

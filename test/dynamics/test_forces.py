@@ -216,7 +216,7 @@ def test_centres_are_in_the_unit_of_the_file() -> None:
         (('density: 1.0', 'denisty: 1.0'), 'denisty'),
     ],
 )
-def test_masses_that_are_none_are_refused_in_a_line(change: tuple[str, str], message: str) -> None:
+def test_invalid_masses_are_refused_in_one_line(change: tuple[str, str], message: str) -> None:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - of two kinds
         made(change)
     assert message in str(caught.value)

@@ -46,7 +46,7 @@ def test_items_are_taken_as_workers_become_free() -> None:
     answers.close()
 
 
-def test_an_engine_that_is_none_is_named() -> None:
+def test_an_unknown_engine_is_named() -> None:
     with pytest.raises(EngineError, match='local or ray'):
         parallel_map(squared, [1], engine='dask')
     with pytest.raises(ValueError, match='jobs = 0'):

@@ -89,7 +89,7 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path) -> Non
         ('student\n1,2\n', '2 cells for 1 columns'),
     ],
 )
-def test_a_class_list_that_is_none_is_refused_in_one_line(
+def test_an_invalid_class_list_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, message: str
 ) -> None:
     path = tmp_path / 'class.csv'

@@ -44,7 +44,7 @@ def test_a_legal_form_is_read(text: str, value: float) -> None:
 @pytest.mark.parametrize(
     'text', ['', 'nan', 'inf', '1e999', '12 mm', '1,2,3', '12..5', 'x', '1' * 65, '__import__']
 )
-def test_what_is_no_number_of_the_unit_is_not_read(text: str) -> None:
+def test_answers_in_other_units_or_words_are_not_read(text: str) -> None:
     assert read_answer(text, ANGLE) is None
 
 

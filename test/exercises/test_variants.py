@@ -66,7 +66,7 @@ def test_students_get_distinct_variants_that_are_the_same_for_ever(name: str) ->
 
 
 @pytest.mark.parametrize('name', KINDS)
-def test_the_key_of_the_library_is_what_the_courses_formulas_give(name: str) -> None:
+def test_the_key_agrees_with_the_courses_formulas(name: str) -> None:
     kind, draw, compared = KINDS[name], Draw(f'oracle of {name}'), 0
     while compared < SEEDS:
         givens = kind.draw(draw)

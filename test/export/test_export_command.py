@@ -133,7 +133,7 @@ def test_a_refused_output_is_exit_code_3_and_nothing_is_written(
     assert {Path(name).read_text() for name in ('leg.yaml', 'other.yml')} == {'l_ab: 0.12\n'}
 
 
-def test_without_ezdxf_one_line_says_what_to_install(
+def test_without_ezdxf_one_line_names_the_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.setitem(sys.modules, 'ezdxf.filemanagement', None)
@@ -144,7 +144,7 @@ def test_without_ezdxf_one_line_says_what_to_install(
     assert 'klann_ros[dxf]' in capsys.readouterr().err
 
 
-def test_what_a_maker_cannot_build_is_reported_in_a_line_each(
+def test_each_unbuildable_part_is_reported_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     assert main(['scotch_yoke', '--assembly', str(tmp_path / 'a.svg')]) == 0

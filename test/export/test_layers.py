@@ -123,7 +123,7 @@ def test_a_pin_that_no_arrangement_leaves_whole_is_a_stub() -> None:
     assert both
 
 
-def test_pins_have_the_lengths_of_what_they_hold() -> None:
+def test_pins_span_the_plates_they_join() -> None:
     of = arranged('trotbot')
     found = {pin.name: pin for pin in pins(of, 3e-3, 0.5e-3)}
     # Plates in layers 1, 2 and 4, a spacer in 3: four thicknesses and three washers.
@@ -135,7 +135,7 @@ def test_pins_have_the_lengths_of_what_they_hold() -> None:
     assert rings == {f'spacer {name}': pin.spacers for name, pin in found.items() if pin.spacers}
 
 
-def test_the_title_of_a_layer_is_no_wider_than_its_panel() -> None:
+def test_the_title_of_a_layer_fits_its_panel() -> None:
     root = ET.fromstring(assembly([arranged('strider')], thickness=3e-3, washer=0.0))  # noqa: S314
     texts = [*root.iter('{http://www.w3.org/2000/svg}text')]
     titles = [text for text in texts if text.text.startswith('Layer ')]
@@ -144,7 +144,7 @@ def test_the_title_of_a_layer_is_no_wider_than_its_panel() -> None:
 
 
 @pytest.mark.parametrize('name', SHIPPED)
-def test_no_label_of_a_layer_lies_over_another(name: str) -> None:
+def test_labels_of_a_layer_do_not_overlap(name: str) -> None:
     root = ET.fromstring(assembly([arranged(name)], thickness=3e-3, washer=0.0))  # noqa: S314
     for panel in root.iter('{http://www.w3.org/2000/svg}g'):
         boxes = []

@@ -85,7 +85,7 @@ def test_every_point_that_joins_bodies_has_its_hole(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', SHIPPED)
-def test_no_plate_lies_over_another_and_all_are_on_the_sheet(name: str) -> None:
+def test_plates_do_not_overlap_and_fit_the_sheet(name: str) -> None:
     made, sheet = drawn(robot_of(name))
     boxes = [box(outline) for outline in sheet.outlines]
     assert len(boxes) == len(made)
@@ -156,7 +156,7 @@ def test_bodies_with_three_joints_are_links_of_the_stated_width() -> None:
 
 
 @pytest.mark.parametrize('kerf', [0.1e-3, 0.4e-3])
-def test_what_is_left_after_the_cut_has_the_stated_sizes(kerf: float) -> None:
+def test_plates_have_the_stated_sizes_after_the_kerf(kerf: float) -> None:
     for name in ('sem104', 'quick_return'):
         made = plates(robot_of(name), hole=HOLE, width=WIDTH, holes={'A': 3e-3})
         exact, offset = drawing(made), drawing(made, kerf=kerf)
@@ -252,7 +252,7 @@ def test_scale_moves_the_holes_and_leaves_them_their_size() -> None:
     assert {circle.radius for circle in (*one.circles, *half.circles)} == {1.0}
 
 
-def test_svg_says_the_same_as_dxf() -> None:
+def test_svg_and_dxf_agree() -> None:
     made, sheet = drawn(robot_of('quick_return'))
     root = ET.fromstring(svg(sheet))  # noqa: S314 - our own
     space = '{http://www.w3.org/2000/svg}'

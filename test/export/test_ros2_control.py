@@ -137,7 +137,7 @@ def test_the_shipped_files_are_those_of_the_generator() -> None:
     assert shipped == cranks_urdf(robot, simulated=False)
 
 
-def test_the_launch_file_names_what_is_there(exported: tuple[str, Path]) -> None:
+def test_the_launch_file_names_existing_files(exported: tuple[str, Path]) -> None:
     _, folder = exported
     text = (folder / 'ros2_control.launch.py').read_text(encoding='utf-8')
     tree = ast.parse(text)
@@ -162,7 +162,7 @@ def test_the_launch_file_names_what_is_there(exported: tuple[str, Path]) -> None
 @pytest.mark.parametrize(
     ('name', 'reason'), [('sem104', 'needs a walker'), ('missing.yaml', 'cannot be read')]
 )
-def test_what_is_no_walker_is_refused(
+def test_other_robots_than_walkers_are_refused(
     name: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([name, '--ros2-control', str(tmp_path / 'out')]) == 2

@@ -148,7 +148,7 @@ def test_names_that_are_alike_stay_apart(tmp_path: Path) -> None:
     close(model.get_transform(foot)[:3, 3], robot.legs[0].mount.transform(pose.h))
 
 
-def test_what_slides_has_room_for_its_stroke() -> None:
+def test_sliders_have_room_for_their_stroke() -> None:
     robot = robot_of('slider_crank')
     linkage = robot.legs[0].linkage
     sliding = {body.angle for body in linkage.structure.bodies if body.slides}

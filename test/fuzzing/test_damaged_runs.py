@@ -17,7 +17,7 @@ def samples(tmp_path_factory):
 
 
 @pytest.mark.parametrize('first', range(0, CASES, PART))
-def test_any_damage_is_survived_and_what_is_sound_comes_back(samples, tmp_path, first):
+def test_any_damage_is_survived_and_intact_messages_are_recovered(samples, tmp_path, first):
     before = memory()
     for seed in range(first, first + PART):
         check(samples[seed % len(samples)], seed, tmp_path / str(seed))
@@ -25,12 +25,12 @@ def test_any_damage_is_survived_and_what_is_sound_comes_back(samples, tmp_path, 
 
 
 @pytest.mark.parametrize('first', range(0, CASES, PART))
-def test_what_is_legal_is_no_damage_and_costs_nothing(samples, tmp_path, first):
+def test_legal_variants_are_read_without_loss(samples, tmp_path, first):
     for seed in range(first, first + PART):
         check_legal(samples[seed % len(samples)], seed, tmp_path / str(seed))
 
 
-def test_what_is_not_changed_is_the_same_file(samples):
+def test_unchanged_files_are_read_as_before(samples):
     """The laws rely on it; the MCAP library itself names groups without records, ours does not."""
     for sample in samples:
         for path in sample.folder.glob('ours_*.mcap'):

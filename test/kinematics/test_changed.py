@@ -20,7 +20,7 @@ def points(thing: Any, alpha: float) -> np.ndarray:
 
 @pytest.mark.parametrize('thing', THINGS, ids=IDS)
 @pytest.mark.parametrize('alpha', [0.3, 2.0, 4.4])
-def test_what_is_scaled_or_mirrored_is_so_in_every_point(thing: Any, alpha: float) -> None:
+def test_scaling_and_mirroring_apply_to_every_point(thing: Any, alpha: float) -> None:
     own = points(thing, alpha)
     np.testing.assert_allclose(points(thing.scaled(2.5), alpha), 2.5 * own, atol=1e-12)
     np.testing.assert_allclose(points(thing.mirrored(), -alpha), own * [1, -1], atol=1e-12)
@@ -45,7 +45,7 @@ def test_one_length_is_replaced_and_nothing_else(thing: Any) -> None:
 
 @pytest.mark.parametrize('thing', THINGS, ids=IDS)
 @pytest.mark.parametrize('factor', [0.0, -1.0, math.nan, math.inf, '2', None])
-def test_a_factor_that_is_none_is_refused(thing: Any, factor: Any) -> None:
+def test_an_invalid_factor_is_refused(thing: Any, factor: Any) -> None:
     with pytest.raises(GeometryError, match=r'factor = .* is refused'):
         thing.scaled(factor)
 
@@ -84,6 +84,6 @@ def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
 
 
 @pytest.mark.parametrize('fixed', ['coupler bar', '', None, 2])
-def test_a_link_that_is_none_is_refused(fixed: Any) -> None:
+def test_an_unknown_link_is_refused(fixed: Any) -> None:
     with pytest.raises(GeometryError, match='must be one of ground, crank, coupler, rocker'):
         BAR.inversion(fixed)

@@ -20,7 +20,7 @@ def test_the_examples_are_true(name: str) -> None:
     assert result.failed == 0
 
 
-def test_there_are_examples_and_every_public_name_is_in_the_table() -> None:
+def test_every_public_name_is_documented_with_examples() -> None:
     text = klann_ros.kinematics.__doc__ or ''
     assert text.count('>>>') >= 5
     rest = {name for name in klann_ros.kinematics.__all__ if f'`{name}`' not in text}

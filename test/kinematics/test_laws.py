@@ -173,7 +173,7 @@ def test_in_motion_no_bar_changes_its_length_and_the_pivots_rest(
 
 @pytest.mark.parametrize('name', NAMES)
 @pytest.mark.parametrize('value', [math.nan, math.inf, None, '1'])
-def test_a_rate_that_is_none_is_refused_by_its_name(name: str, value: Any) -> None:
+def test_an_invalid_rate_is_refused_by_its_name(name: str, value: Any) -> None:
     leg = fresh(name)
     pose = leg.closed_form(leg.reachable_arcs()[0][0] + 1.0)
     with pytest.raises(ValueError, match=r'alpha_rate = .* must be finite'):
@@ -314,7 +314,7 @@ def test_whole_turns_close(name: str, turns: int) -> None:
 
 @FOR_EACH
 @given(leg=legs(0.3))
-def test_it_is_solved_where_its_arcs_say_and_nowhere_else(leg: AnyLeg) -> None:
+def test_it_is_solvable_exactly_on_its_reachable_arcs(leg: AnyLeg) -> None:
     arcs, turn = leg.reachable_arcs(), 2 * math.pi
     edges = [edge for arc in arcs for edge in arc]
     for alpha in np.linspace(0.0, turn, 37).tolist():
@@ -368,7 +368,7 @@ def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) 
 
 @FOR_EACH
 @given(leg=legs(), alpha=alphas)
-def test_what_is_pickled_comes_back_equal(leg: AnyLeg, alpha: float) -> None:
+def test_pickles_are_restored_equal(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)
     again = pickle.loads(pickle.dumps(pose))  # noqa: S301 - our own
     assert again == pose

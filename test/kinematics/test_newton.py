@@ -78,7 +78,7 @@ def test_it_ends_at_a_root_or_gives_the_reason_with_its_iterates(
     assert tuple(iterates[0]) == guess
 
 
-def test_it_goes_on_until_the_equations_are_closed_as_well() -> None:
+def test_it_iterates_until_the_residual_is_small_too() -> None:
     """A correction below the tolerance is not enough."""
     bar, limits = FourBar(*COURSE), {'tolerance': 1.0, 'max_iterations': 20}
     rough, closed = (bar.newton(1.0, [0.3, 1.2], residual=r, **limits) for r in (None, 1e-12))
@@ -93,7 +93,7 @@ def test_the_guess_decides_the_assembly_of_the_end() -> None:
 
 
 @for_both
-def test_what_does_not_converge_carries_its_iterates(case: Case) -> None:
+def test_convergence_errors_carry_the_iterates(case: Case) -> None:
     size = len(case.guess)
     with pytest.raises(NotConvergedError, match='after 20 iterations') as caught:
         case.stuck.newton(case.out_of_reach, case.guess, max_iterations=20)

@@ -35,5 +35,5 @@ def test_every_source_is_cited_and_has_an_error() -> None:
     assert all(source.title and source.at and source.exact for source in SOURCES.values())
 
 
-def test_the_page_is_what_the_numbers_say() -> None:
+def test_the_page_is_generated_from_the_numbers() -> None:
     assert PAGE.read_text(encoding='utf-8') == page(), 'write it: python test/published.py'

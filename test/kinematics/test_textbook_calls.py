@@ -73,7 +73,7 @@ def test_it_stops_at_the_first_small_correction(tolerance: float) -> None:
 
 @pytest.mark.parametrize('name', ['tolerance', 'residual'])
 @pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf, '1e-4'])
-def test_a_stop_that_is_none_is_refused(name: str, value: float) -> None:
+def test_an_invalid_stopping_criterion_is_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf'{name} = .* is refused'):
         BAR[0].newton(ALPHA, BAR[1], **{name: value})
 
@@ -95,7 +95,7 @@ def test_an_angle_without_any_assembly_is_reported() -> None:
 
 
 @pytest.mark.parametrize('call', ['f', 'phi', 'correction'])
-def test_what_is_no_angle_is_refused(call: str) -> None:
+def test_invalid_angles_are_refused(call: str) -> None:
     for leg in (KLANN[0], BAR[0]):
         with pytest.raises(ValueError, match=r'x = .* is refused: .*(two|four) finite numbers'):
             getattr(leg, call)(ALPHA, [1.0])
@@ -136,7 +136,7 @@ def test_the_cranks_angle_has_one_name_in_every_linkage() -> None:
 
 
 @pytest.mark.parametrize('bar', [BAR[0], FourBar(0.3, 0.25, 0.2, 0.24), FourBar(2, 1, 2, 1, -1)])
-def test_the_table_has_what_each_pose_has(bar: FourBar) -> None:
+def test_the_table_equals_the_single_poses(bar: FourBar) -> None:
     theta2 = np.radians(np.arange(0.0, 360.0, 15.0)).reshape(4, 6)
     table = bar.table(theta2)
     for index, angle in np.ndenumerate(theta2):

@@ -113,7 +113,7 @@ def test_a_hostile_handshake_is_refused(served: Served, name: str) -> None:
 @pytest.mark.parametrize(
     'twice', [('Origin', 'http://evil.example'), ('Sec-Fetch-Site', 'cross-site')]
 )
-def test_of_two_headers_none_counts(served: Served, twice: tuple[str, str]) -> None:
+def test_duplicate_headers_are_refused(served: Served, twice: tuple[str, str]) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         own = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
         own.add(*twice)
@@ -142,7 +142,7 @@ def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize('token', ['', 'wrong', 'A' * 32, '%00', '%ff', 'ö', 'x' * 5000])
-def test_who_does_not_know_the_secret_looks_only(served: Served, token: str) -> None:
+def test_without_the_session_token_a_page_is_read_only(served: Served, token: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served, token) as socket:
             before = list(served.state.commands)
@@ -186,7 +186,7 @@ MESSAGES: dict[str, str] = {
 
 
 @pytest.mark.parametrize('name', MESSAGES)
-def test_a_message_that_is_none_ends_its_socket_only(served: Served, name: str) -> None:
+def test_an_invalid_message_closes_only_its_socket(served: Served, name: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as honest, opened(session, served) as socket:
             await frame(honest)
@@ -201,7 +201,7 @@ def test_a_message_that_is_none_ends_its_socket_only(served: Served, name: str) 
     run(attack)
 
 
-def test_bytes_are_no_message(served: Served) -> None:
+def test_binary_frames_are_refused(served: Served) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
             await socket.send_bytes(b'{}')
@@ -292,7 +292,7 @@ def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> 
         '/runs/nothing',
     ],
 )
-def test_no_path_leads_out(served: Served, path: str) -> None:
+def test_path_traversal_is_refused(served: Served, path: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
         request = f'GET {path}?token={served.guard.token} HTTP/1.1\r\nHost: {served.place}\r\n'
@@ -337,7 +337,7 @@ def test_every_answer_has_the_policy_and_no_page_may_hold_it(served: Served) -> 
     run(look)
 
 
-def test_runs_are_shown_to_who_knows_the_secret_only(served: Served) -> None:
+def test_runs_require_the_session_token(served: Served) -> None:
     async def look(session: aiohttp.ClientSession) -> None:
         for path in ('/runs', '/runs/good'):
             async with session.get(f'http://{served.place}{path}') as answer:
@@ -389,7 +389,7 @@ def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
     run(attack)
 
 
-def test_a_world_is_reported_who_is_gone(served: Served) -> None:
+def test_the_state_is_notified_of_disconnected_pages(served: Served) -> None:
     async def leave(session: aiohttp.ClientSession) -> None:
         async with opened(session, served) as socket:
             page = (await frame(socket))['client']['page']

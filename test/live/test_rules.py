@@ -47,7 +47,7 @@ ANY = Guard('0.0.0.0', 8321, 'secret')  # noqa: S104 - bound to nowhere here
         (Guard('127.0.0.1', 80, ''), '127.0.0.1', True),
     ],
 )
-def test_a_host_is_one_of_the_names_of_this_server(
+def test_the_host_header_must_name_this_server(
     guard: Guard, host: str | None, is_own: bool
 ) -> None:
     if is_own:
@@ -57,7 +57,7 @@ def test_a_host_is_one_of_the_names_of_this_server(
             guard.check_host(host)
 
 
-def test_from_another_machine_nobody_even_looks_without_the_secret() -> None:
+def test_other_machines_need_the_session_token_to_view() -> None:
     LOCAL.check_reading(None)
     for guard in (NAMED, ANY):
         guard.check_reading('secret')
@@ -78,12 +78,12 @@ def test_only_the_whole_token_is_the_token() -> None:
     assert not guard.knows(None)
 
 
-def test_who_is_read_only_drives_with_no_secret() -> None:
+def test_a_read_only_server_drives_with_no_token() -> None:
     assert LOCAL.may_drive('secret')
     assert not Guard('127.0.0.1', 1, 'secret', read_only=True).may_drive('secret')
 
 
-def test_an_address_holds_the_secret_where_it_is_of_use() -> None:
+def test_addresses_hold_the_token_where_it_is_needed() -> None:
     assert LOCAL.url == 'http://127.0.0.1:8321/?token=secret'
     assert Guard('127.0.0.1', 1, 'secret', read_only=True).url == 'http://127.0.0.1:1/'
     # From another machine one cannot look without it.
@@ -92,7 +92,7 @@ def test_an_address_holds_the_secret_where_it_is_of_use() -> None:
     assert len({new_token() for _ in range(100)}) == 100
 
 
-def test_a_page_may_say_so_much_and_no_more() -> None:
+def test_messages_of_a_page_are_rate_limited() -> None:
     now = 0.0
     limit = RateLimit(rate=10.0, burst=5.0, clock=lambda: now)
     assert [limit.allows() for _ in range(7)] == [True] * 5 + [False] * 2
@@ -103,7 +103,7 @@ def test_a_page_may_say_so_much_and_no_more() -> None:
     assert [limit.allows() for _ in range(6)] == [True] * 5 + [False]
 
 
-def test_what_a_page_says_is_understood() -> None:
+def test_valid_commands_are_parsed() -> None:
     assert parsed('{}') is None
     assert parsed('{"ack": 3}') == 3
     wish = parsed(
@@ -127,7 +127,7 @@ def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
         assert not drive.is_lost(101.2)
 
 
-def test_a_crank_is_taken_where_it_is_and_turns_from_there() -> None:
+def test_a_crank_is_taken_over_at_its_present_angle() -> None:
     drive = CrankDrive()
     drive.take(1, 10.0, 2.0)
     assert drive.advance(11.0) == 2.0
@@ -186,12 +186,12 @@ def test_a_leg_is_known_by_its_solver() -> None:
         {'legs': ['a'] * 1000},
     ],
 )
-def test_parameters_of_strangers_are_no_leg_and_no_fault(parameters: dict[str, object]) -> None:
+def test_foreign_parameters_are_ignored(parameters: dict[str, object]) -> None:
     solver = solver_of(SolverParameters('/x', 0, parameters))
     assert all(leg.as_data()['shape'] is None for leg in solver.legs)
 
 
-def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
+def test_a_player_lists_the_legs_of_its_run_by_namespace() -> None:
     """The last lengths hold, and that there were others is said."""
 
     def parameters_of(node: str, time: int, **lengths: float) -> SolverParameters:
@@ -218,11 +218,11 @@ def test_a_player_tells_the_legs_of_its_run_by_their_namespaces() -> None:
 
 
 @pytest.mark.parametrize('text', ['', '7', '{}', '[7, {}, []]', '[' * 10000, 'null', '"x"'])
-def test_what_is_no_record_of_a_player_is_no_leg(text: str) -> None:
+def test_invalid_player_records_give_no_leg(text: str) -> None:
     assert replayed_solvers(text) == []
 
 
-def test_a_node_that_tells_nothing_is_a_klann_leg_or_is_not_drawn() -> None:
+def test_a_node_without_geometry_is_a_klann_leg_or_not_drawn() -> None:
     assumed = assumed_solver('/other', [f'left/{name}' for name in KlannLeg().joint_names])
     assert [leg.name for leg in assumed.legs] == ['left']
     assert 'SEM 104' in assumed.note
@@ -231,7 +231,7 @@ def test_a_node_that_tells_nothing_is_a_klann_leg_or_is_not_drawn() -> None:
     assert 'not drawn' in unknown.note
 
 
-def test_a_box_holds_all_that_a_leg_reaches() -> None:
+def test_the_bounding_box_holds_the_whole_motion() -> None:
     leg = KlannLeg()
     shape = drawn_shape(leg.linkage)
     left, bottom, right, top = shape['box']
@@ -242,7 +242,7 @@ def test_a_box_holds_all_that_a_leg_reaches() -> None:
     assert drawn_shape(KlannLeg().linkage) is shape
 
 
-def test_a_pose_is_found_in_a_joint_state_or_not_at_all() -> None:
+def test_a_pose_is_read_from_a_joint_state_or_refused() -> None:
     assert positions(['a', 'b'], ['b', 'x', 'a'], [2.0, 9.0, 1.0]) == [1.0, 2.0]
     assert positions(['a', 'b'], ['a'], [1.0]) is None
     assert positions(['a'], ['a', 'b'], [1.0]) is None
@@ -250,7 +250,7 @@ def test_a_pose_is_found_in_a_joint_state_or_not_at_all() -> None:
     assert positions([], ['a'], [1.0]) is None
 
 
-def test_a_topic_knows_its_rate_and_its_losses() -> None:
+def test_a_topic_has_its_rate_and_losses() -> None:
     now = 0.0
     figures = TopicRate(clock=lambda: now)
     figures.publishers = 1
@@ -279,7 +279,7 @@ def test_a_topic_knows_its_rate_and_its_losses() -> None:
         (1, 'something of another node', ''),
     ],
 )
-def test_a_status_is_shown_in_plain_words(level: int, message: str, meaning: str) -> None:
+def test_a_status_is_shown_in_plain_language(level: int, message: str, meaning: str) -> None:
     status = status_text(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
     assert meaning in status.meaning
     assert bool(status.meaning) == bool(meaning)
@@ -287,7 +287,7 @@ def test_a_status_is_shown_in_plain_words(level: int, message: str, meaning: str
     assert status.figures == {'solved': '5'}
 
 
-def test_a_status_of_a_stranger_is_short_and_visible() -> None:
+def test_a_foreign_status_is_short_and_printable() -> None:
     status = status_text(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
     assert status.level == 'error'
     assert len(status.name) < 150
@@ -295,7 +295,7 @@ def test_a_status_of_a_stranger_is_short_and_visible() -> None:
     assert len(status.figures['rate']) < 100
 
 
-def test_what_a_recorder_has_written_is_summed() -> None:
+def test_written_counts_of_recorders_are_summed() -> None:
     values = [
         ('file', '/runs/x written'),
         ('/a written', '5'),

@@ -46,12 +46,12 @@ async def made(reviews: Reviews, name: str) -> Page:
     return page
 
 
-def test_what_is_in_the_folder_itself_is_a_run(runs: Path) -> None:
+def test_runs_are_listed_from_the_folder_itself(runs: Path) -> None:
     assert {run.name for run in runs_in(runs)} == {'good', EVIL.replace('/', '')}
     assert runs_in('/nowhere') == []
 
 
-def test_an_empty_list_says_how_to_make_a_run() -> None:
+def test_an_empty_list_explains_how_to_record() -> None:
     assert 'Keep this moment' in list_page([], 'token')
 
 
@@ -63,7 +63,7 @@ def test_the_newest_is_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('name', ['', '.', '..', '../secret.txt', 'link.mcap', 'nothing', '\0'])
-def test_what_is_no_run_has_no_review(runs: Path, name: str) -> None:
+def test_names_outside_the_list_have_no_review(runs: Path, name: str) -> None:
     async def look(reviews: Reviews) -> None:
         assert await reviews.page(name) is None
 
@@ -80,7 +80,7 @@ def test_a_review_is_made_once(runs: Path) -> None:
     with_reviews(runs, look, *COMMAND)
 
 
-def test_what_cannot_be_reviewed_says_why(tmp_path: Path) -> None:
+def test_a_failed_review_shows_the_reason(tmp_path: Path) -> None:
     (tmp_path / 'bad.mcap').touch()
 
     async def look(reviews: Reviews) -> None:

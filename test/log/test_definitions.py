@@ -61,7 +61,7 @@ def test_each_dependency_stands_there_once_and_the_text_parses(name) -> None:
     assert name in get_types_from_msg(text, name)
 
 
-def test_constants_defaults_bounds_and_comments_are_no_types(tmp_path) -> None:
+def test_constants_defaults_bounds_and_comments_are_ignored(tmp_path) -> None:
     folder = tmp_path / 'share' / 'my_msgs' / 'msg'
     folder.mkdir(parents=True)
     (folder / 'Inner.msg').write_text('int8 x')

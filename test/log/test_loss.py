@@ -100,7 +100,7 @@ def test_all_is_reported_where_the_publishers_are_known(some: list[Stay]) -> Non
 
 
 @given(stays())
-def test_what_is_missing_between_two_is_reported_in_any_case(some: list[Stay]) -> None:
+def test_sequence_gaps_are_always_counted(some: list[Stay]) -> None:
     counter = counted(some, late=False, known=False)
     assert counter.lost == sum(stay.missing for stay in some)
 
@@ -149,7 +149,7 @@ def test_nothing_is_known_without_numbers_or_of_several_at_once() -> None:
         ),
     ],
 )
-def test_what_is_said_is_what_is_known(count: TopicCount, said: str) -> None:
+def test_losses_are_described_in_words(count: TopicCount, said: str) -> None:
     assert losses_in_words({'/a': count}) == said
 
 
@@ -176,12 +176,12 @@ def test_a_count_is_written_and_read() -> None:
         '[' * 100_000,
     ],
 )
-def test_what_is_no_record_of_losses_is_a_value_error(garbled: str) -> None:
+def test_an_invalid_loss_record_is_a_value_error(garbled: str) -> None:
     with pytest.raises(ValueError, match='not a record of losses'):
         topic_counts({'/a': garbled})
 
 
 @pytest.mark.parametrize('garbled', ['[' * 100_000, '7', '["a"]'])
-def test_what_is_no_record_of_a_solver_is_a_value_error(garbled: str) -> None:
+def test_an_invalid_solver_record_is_a_value_error(garbled: str) -> None:
     with pytest.raises(ValueError, match='not a record of a solver'):
         solver_parameters({'node': '/solver_node', 'time': '1', 'parameters': garbled})

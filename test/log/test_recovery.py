@@ -188,7 +188,7 @@ def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(run_file, rec
 
 
 @pytest.mark.parametrize('content', [None, b'', b'nothing of the kind'])
-def test_what_is_no_log_is_exit_code_2_and_one_line(tmp_path, capsys, content) -> None:
+def test_a_non_log_file_is_exit_code_2_and_one_line(tmp_path, capsys, content) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)

@@ -185,7 +185,7 @@ def test_mcap_ros2_decodes_the_same_values(mixed_run) -> None:
             assert item.decoded_message.header.stamp.nanosec == content.header.stamp.nanosec
 
 
-def test_the_file_has_what_every_tool_wants(run_file) -> None:
+def test_the_file_has_the_metadata_that_tools_expect(run_file) -> None:
     with run_file.open('rb') as file:
         reader = make_reader(file)
         header, summary = reader.get_header(), reader.get_summary()

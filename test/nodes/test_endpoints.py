@@ -64,7 +64,7 @@ def installed() -> set[str]:
 @given(NAMES)
 @example('this/msg/X')
 @example('turtledemo/msg/Float64')
-def test_no_text_imports_what_is_no_package_of_interfaces(name: str) -> None:
+def test_type_names_import_only_interface_packages(name: str) -> None:
     before = set(sys.modules)
     try:
         kind = message_class(name)
@@ -78,7 +78,7 @@ def test_no_text_imports_what_is_no_package_of_interfaces(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', HOSTILE)
-def test_what_is_no_type_is_told_in_one_short_line(name: str) -> None:
+def test_an_invalid_type_is_refused_in_one_short_line(name: str) -> None:
     with pytest.raises(UnknownMessageTypeError) as caught:
         message_class(name)
     assert str(caught.value).isprintable()
@@ -110,7 +110,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, *, known:
     return marker
 
 
-def test_a_package_that_ament_does_not_know_is_not_run(
+def test_a_package_outside_the_ament_index_is_not_imported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     marker = broken(tmp_path, monkeypatch, 'X = 1', known=False)
@@ -129,7 +129,7 @@ def test_a_package_that_ament_does_not_know_is_not_run(
         ('Y = 1', 'is not installed'),
     ],
 )
-def test_what_is_no_message_of_an_installed_package_is_said(
+def test_an_unknown_message_of_an_installed_package_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
 ) -> None:
     marker = broken(tmp_path, monkeypatch, text, known=True)

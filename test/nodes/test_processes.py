@@ -87,7 +87,7 @@ def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: Domain) -
     [('solver_node', number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     + [('crank_node', signal.SIGTERM), ('recorder_node', signal.SIGINT)],
 )
-def test_a_stop_signal_ends_a_node_in_order_and_so_do_two(
+def test_one_or_two_stop_signals_end_a_node_orderly(
     ros: Domain, name: str, number: signal.Signals
 ) -> None:
     given = [['-r', f'__node:=node_{k}'] for k in range(2)]

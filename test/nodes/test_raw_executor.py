@@ -187,7 +187,7 @@ def load(ros: Domain, rate: float = 1000.0) -> Iterator[list[float]]:
 
 
 @LOOPS
-def test_a_burst_is_taken_in_order_with_what_is_known_about_it(ros: Domain, plain: bool) -> None:
+def test_a_burst_is_taken_in_order_with_message_info(ros: Domain, plain: bool) -> None:
     back: list[bytes] = []
     ros.probe.node.create_subscription(Float64, 'back', back.append, 2000, raw=True)
     with running(ros, plain=plain) as run:

@@ -176,7 +176,7 @@ def test_a_run_is_played_again_and_again_until_it_is_stopped(ros: Domain, run: P
     assert 'Traceback' not in player.errors
 
 
-def test_a_file_that_is_no_log_is_exit_code_2_and_one_line(ros: Domain, tmp_path: Path) -> None:
+def test_a_non_log_file_is_exit_code_2_and_one_line(ros: Domain, tmp_path: Path) -> None:
     path = tmp_path / 'text'
     path.write_text('hello')
     player = ros.start('player_node', str(path))
@@ -279,7 +279,7 @@ def solver_lengths(folder: Path, name: str = 'l_gh') -> list[float]:
     return [solver_parameters(record).parameters[name] for record in records]
 
 
-def test_messages_before_discovery_are_no_loss_and_reported(ros: Domain, tmp_path: Path) -> None:
+def test_messages_before_discovery_are_reported_and_not_lost(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder)
@@ -344,7 +344,7 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: Domain, tmp_pat
         (['--start-offset', '1000'], 'shorter than the start offset'),
     ],
 )
-def test_a_player_without_messages_says_why(
+def test_a_player_without_messages_reports_the_reason(
     ros: Domain, run: Path, arguments: list[str], warning: str
 ) -> None:
     player = ros.start('player_node', str(run), *arguments, '--delay', '0')

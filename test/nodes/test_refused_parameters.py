@@ -74,7 +74,7 @@ KINDS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize('kind', [*KINDS, 'longer than'])
-def test_a_linkage_that_is_no_regular_file_is_refused(
+def test_a_special_file_as_linkage_is_refused(
     create: Callable[..., Any], tmp_path: Path, kind: str
 ) -> None:
     file = tmp_path / 'x.yaml'
@@ -133,7 +133,7 @@ def test_a_parameter_file_that_is_not_there_is_refused(ros: Domain) -> None:
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_parameter_file_that_is_no_regular_file_is_refused(
+def test_a_special_file_as_parameter_file_is_refused(
     ros: Domain, tmp_path: Path, kind: str
 ) -> None:
     file = tmp_path / 'x.yaml'

@@ -96,7 +96,7 @@ def printed(process: Process) -> list[str]:
 
 
 @pytest.mark.parametrize('namespace', ['', '/replay'])
-def test_a_log_of_a_stranger_plays_what_is_sound_and_runs_nothing(
+def test_an_untrusted_log_plays_its_intact_part_and_executes_nothing(
     ros: Domain, bag: Path, marker: Path, namespace: str
 ) -> None:
     received = ros.probe.listen(Float64, f'{namespace}/other')
@@ -202,7 +202,7 @@ def solver_records(run: Path) -> list[dict[str, str]]:
         return []
 
 
-def test_a_recorder_survives_what_a_solver_may_answer(ros: Domain, tmp_path: Path) -> None:
+def test_a_recorder_survives_any_solver_answer(ros: Domain, tmp_path: Path) -> None:
     recorder = ros.start('recorder_node', output='run')
     odd = ParameterValue(type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\xff'])
     liars = [

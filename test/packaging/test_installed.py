@@ -111,7 +111,7 @@ def test_a_build_of_links_works_too(tmp_path: Path) -> None:
         assert files(share / folder) == files(ROOT / folder)
 
 
-def test_the_ament_index_knows_the_package(
+def test_the_package_is_in_the_ament_index(
     installation: Installation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     packages = pytest.importorskip('ament_index_python.packages')

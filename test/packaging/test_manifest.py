@@ -63,7 +63,7 @@ def keys(package: Package, context: dict[str, str]) -> set[str]:
     return {depend.name for depend in depends if depend.evaluated_condition}
 
 
-def test_what_is_imported_is_declared_to_pip_and_to_rosdep(package: Package) -> None:
+def test_imports_are_declared_to_pip_and_rosdep(package: Package) -> None:
     of_ros = {name for name in imported() if OF_ROS.fullmatch(name)}
     assert imported() - of_ros <= {*MODULES}
     setup = (ROOT / 'setup.py').read_text()

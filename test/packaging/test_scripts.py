@@ -140,7 +140,7 @@ def test_a_set_up_that_fails_leaves_no_broken_environment(tmp_path: Path, was_ma
         assert [*folder.iterdir()] == []
 
 
-def test_what_is_shipped_is_seen_to_change(tmp_path: Path) -> None:
+def test_changes_of_shipped_files_are_detected(tmp_path: Path) -> None:
     module = tmp_path / 'klann_ros' / 'module.py'
     module.parent.mkdir()
     seen = [source.digest(tmp_path)]

@@ -55,7 +55,7 @@ def test_recover_without_a_reader_keeps_its_exit_code(healthy, make_run, tmp_pat
         ('export', ['sem104', '--svg', '/dev/null']),
     ],
 )
-def test_a_report_without_a_reader_is_no_fault(name: str, arguments: list[str]) -> None:
+def test_a_report_into_a_closed_pipe_is_not_an_error(name: str, arguments: list[str]) -> None:
     assert without_a_reader(name, *arguments) == (0, '')
 
 
@@ -165,7 +165,7 @@ def test_a_terminal_shows_colours_and_a_pipe_the_same_text_without(faulty) -> No
     assert ESCAPE not in piped[1]
 
 
-def test_no_color_is_heard(faulty) -> None:
+def test_no_color_is_respected(faulty) -> None:
     _, shown = in_terminal(faulty, NO_COLOR='1')
     assert ESCAPE not in shown
     assert 'ERROR closure' in shown
@@ -180,7 +180,7 @@ def test_progress_is_for_terminals_only(faulty) -> None:
     assert '%|' not in output
 
 
-def test_a_letter_that_a_terminal_does_not_know_is_no_traceback(healthy, make_run) -> None:
+def test_characters_outside_the_terminal_encoding_cause_no_traceback(healthy, make_run) -> None:
     healthy.in_namespace('/börde')
     code, output, errors = in_pipe(make_run(healthy), PYTHONIOENCODING='ascii')
     assert (code, errors) == (0, '')

@@ -84,7 +84,7 @@ def test_a_message_left_out_is_found_on_its_topic(healthy, make_run, without, fi
     assert finds(run) == [f'lost 0.255: 1 message of {topic} was lost']
 
 
-def test_a_loss_is_no_gap_and_no_jump_as_well(healthy, make_run, without) -> None:
+def test_a_loss_is_not_also_a_gap_or_a_jump(healthy, make_run, without) -> None:
     run = without(make_run(healthy), lambda m: 51 <= m.sequence <= 150)
     assert moments(review_run(run)) == [('lost', 0.75)] * 3
 

@@ -53,21 +53,21 @@ def test_no_more_than_allowed_is_read(tmp_path) -> None:
         read_regular(path, 1000)
 
 
-def test_what_is_no_text_is_said_to_be_none(tmp_path) -> None:
+def test_non_text_files_are_refused_as_such(tmp_path) -> None:
     path = tmp_path / 'file'
     path.write_bytes(b'a\xff')
     with pytest.raises(ValueError, match='no UTF-8 text: invalid start byte at byte 1'):
         read_regular(path, 10)
 
 
-def test_a_missing_file_says_so(tmp_path) -> None:
+def test_a_missing_file_is_named(tmp_path) -> None:
     with pytest.raises(FileNotFoundError):
         open_regular(tmp_path / 'none')
     assert not is_regular_file(tmp_path / 'none')
     assert not is_regular_file('a\0b')
 
 
-def test_what_was_never_written_is_stepped_over_without_moving_the_file(tmp_path) -> None:
+def test_the_next_data_behind_a_hole_is_found_without_a_seek(tmp_path) -> None:
     path = tmp_path / 'sparse'
     block, far = 2**20, 2**40
     with path.open('wb') as file:

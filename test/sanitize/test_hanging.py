@@ -57,7 +57,7 @@ def called(name: str, *arguments: object) -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_log_that_is_none_is_one_line(tmp_path, kind: str) -> None:
+def test_a_special_file_as_log_is_refused_in_one_line(tmp_path, kind: str) -> None:
     log = tmp_path / 'log.mcap'
     make(kind, log)
     for tool in ('review', 'recover'):
@@ -76,7 +76,9 @@ def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
 
 
 @pytest.mark.parametrize('kind', ['pipe', 'sparse'])
-def test_a_second_log_that_is_none_is_one_line(run: Path, tmp_path, kind: str) -> None:
+def test_a_special_file_as_second_log_is_refused_in_one_line(
+    run: Path, tmp_path, kind: str
+) -> None:
     make(kind, tmp_path / 'log.mcap')
     code, _, complaint = called('review', run, tmp_path / 'log.mcap')
     assert code == 2
@@ -108,7 +110,7 @@ def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_metadata_that_is_none_is_said(run: Path, tmp_path, kind: str) -> None:
+def test_a_special_file_as_metadata_is_reported(run: Path, tmp_path, kind: str) -> None:
     make(kind, run / 'metadata.yaml')
     code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
     assert (code, complaint) == (0, '')
@@ -118,7 +120,7 @@ def test_metadata_that_is_none_is_said(run: Path, tmp_path, kind: str) -> None:
 
 @pytest.mark.parametrize('option', ['--limits', '--geometry'])
 @pytest.mark.parametrize('kind', KINDS)
-def test_a_file_of_limits_or_lengths_that_is_none_is_one_line(
+def test_a_special_file_of_limits_or_lengths_is_refused_in_one_line(
     run: Path, tmp_path, kind: str, option: str
 ) -> None:
     file = tmp_path / 'file.yaml'
@@ -145,7 +147,7 @@ HOLLOW = {
 
 
 @pytest.mark.parametrize(('name', 'summary'), [*((name, 0) for name in HOLLOW), ('nothing', 1)])
-def test_a_log_of_holes_costs_what_is_in_it(tmp_path, name: str, summary: int) -> None:
+def test_a_sparse_log_costs_only_its_data(tmp_path, name: str, summary: int) -> None:
     """Whatever claims the terabyte that was never written, it is neither read nor asked for."""
     log = tmp_path / 'log.mcap'
     head = MAGIC + record(1, struct.pack('<I4sI', 4, b'ros2', 0))

@@ -17,7 +17,7 @@ import pytest
 
 
 @given(st.text())
-def test_what_is_shown_is_one_line_of_visible_letters(text: str) -> None:
+def test_printable_text_is_one_line_of_visible_characters(text: str) -> None:
     shown = printable(text)
     assert shown.isprintable()
     assert len(shown.splitlines()) <= 1
@@ -36,11 +36,11 @@ def test_what_is_shown_is_one_line_of_visible_letters(text: str) -> None:
         ('\udc80', r'\udc80'),
     ],
 )
-def test_what_moves_the_reader_is_named(text: str, shown: str) -> None:
+def test_control_characters_are_named(text: str, shown: str) -> None:
     assert printable(text) == shown
 
 
-def test_what_is_too_long_is_cut_and_says_so() -> None:
+def test_long_text_is_truncated_with_a_mark() -> None:
     assert printable('x' * 1_000_000, 5) == 'xxxxx... (1000000 characters)'
     assert printable('x' * 5, 5) == 'xxxxx'
 
@@ -57,7 +57,7 @@ def test_a_line_of_a_library_loses_its_breaks_and_nothing_else() -> None:
     assert len(printable_line('x' * 10**6)) < MAX_LINE_LENGTH + 30
 
 
-def test_many_names_leave_room_for_what_stands_behind_them() -> None:
+def test_long_lists_of_names_are_shortened() -> None:
     assert listed([]) == ''
     assert listed(['/a', '/b\n']) == r'/a, /b\n'
     assert listed(map(str, range(25)), 3) == '0, 1, 2 and 22 more'

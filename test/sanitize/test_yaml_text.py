@@ -19,7 +19,7 @@ def test_a_number_to_the_base_of_60_is_a_text(load, text) -> None:
 
 @LOADERS
 @pytest.mark.parametrize('end', ['', '.5'])
-def test_a_long_one_is_no_number_of_a_million_digits(load, end) -> None:
+def test_a_long_scalar_is_not_parsed_as_a_number(load, end) -> None:
     text = '1' + ':1' * 400_000 + end
     assert load(f'a: {text}') == {'a': text}
 
@@ -43,7 +43,7 @@ def test_whatever_looks_like_a_number_is_read_or_refused(load, value) -> None:
     'text', ['', 'é', '\U0001f600', '\x00', '\x85', '\u2028', '\ufeff', '1:30', '- x']
 )
 @pytest.mark.parametrize('dumper', ['libyaml', 'none'])
-def test_what_is_written_is_read_back(monkeypatch, dumper, text) -> None:
+def test_written_text_is_read_back(monkeypatch, dumper, text) -> None:
     if dumper == 'none':
         monkeypatch.setattr(yaml_text, '_FastDumper', yaml_text.yaml.SafeDumper)
         # PyYAML's own writes a next line as it stands, which reads as a blank.

@@ -25,7 +25,7 @@ def test_a_sweep_is_the_batch_in_chunks(tmp_path: Path) -> None:
         assert poses.points is None
 
 
-def test_a_sweep_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+def test_a_sweep_resumes_after_an_interrupt(tmp_path: Path) -> None:
     folder = tmp_path / 's'
     sweep_poses(LEGS, ALPHAS, folder, chunk=5, jobs=1)
     kept = folder / 'chunk_000001.npz'
@@ -52,7 +52,7 @@ def test_a_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / 'mine').iterdir()] == ['thesis.txt']
 
 
-def test_what_is_refused_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_refusals_leave_no_files(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='chunk = 0'):
         sweep_poses(LEGS, ALPHAS, tmp_path / 's', chunk=0)
     with pytest.raises(TypeError):

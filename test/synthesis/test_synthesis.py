@@ -227,6 +227,6 @@ def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
         (lambda: place(FourBarGeometry(4, 1, 3, 3), 0.0).at(math.nan), 'finite'),
     ],
 )
-def test_a_task_that_is_none_is_refused_in_one_line(call, text: str) -> None:
+def test_an_invalid_task_is_refused_in_one_line(call, text: str) -> None:
     with pytest.raises(ValueError, match=text):
         call()

@@ -101,7 +101,7 @@ def test_its_imu_feels_the_weight() -> None:
 
 
 @pytest.mark.parametrize('name', ['a"><b', '\x00\x1b', 'Ünï ☃', '\ud800', 'world', 'x' * 5000])
-def test_names_of_strangers_break_no_model(name: str) -> None:
+def test_hostile_names_do_not_break_the_model(name: str) -> None:
     robot = Robot(name, (RobotLeg(name, SEM104, name, masses=MASSES),))
     model, _ = loaded(robot)
     assert model.nu == 1
@@ -115,7 +115,7 @@ def test_points_that_differ_in_case_only_are_two_sites() -> None:
     assert np.linalg.norm(data.site('b').xpos - data.site('b_').xpos) == pytest.approx(0.2)
 
 
-def test_what_is_missing_is_reported() -> None:
+def test_missing_masses_are_reported() -> None:
     leg = RobotLeg('', SEM104)
     with pytest.raises(MassError, match='sem has no masses: bar_density'):
         robot_mjcf(Robot('sem', (leg,)))
@@ -132,7 +132,7 @@ def test_what_is_missing_is_reported() -> None:
     'wrong',
     [{'friction': -0.1}, {'friction': float('nan')}, {'slope': 2.0}, {'slope': float('nan')}],
 )
-def test_what_is_no_floor_is_refused(wrong: dict[str, float]) -> None:
+def test_invalid_floors_are_refused(wrong: dict[str, float]) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=f'{name} = .* is refused'):
         Floor(**wrong)

@@ -51,7 +51,7 @@ def driven(seconds: float, left: float, right: float, **options: object) -> Twin
     return twin
 
 
-def test_it_walks_on_two_motors_and_knows_its_true_pose() -> None:
+def test_it_walks_on_two_motors_and_publishes_its_true_pose() -> None:
     twin = driven(4.0, 1.0, 1.0)
     truth = twin.truth()
     assert truth.position[0] == pytest.approx(0.56, abs=0.04)
@@ -67,7 +67,7 @@ def test_it_turns_to_the_side_of_the_slower_motor() -> None:
     assert yaw(driven(2.0, 1.0, -1.0)) < -0.05
 
 
-def test_a_motor_turns_by_its_factor_of_what_is_asked() -> None:
+def test_a_motor_turns_at_its_factor_of_the_commanded_rate() -> None:
     twin = driven(1.5, 2.0, 2.0, motors=Motors(factors={'right_crank': 0.9}))
     cranks = twin.cranks()
     assert cranks['left_crank'].position == pytest.approx(3.0, abs=0.1)
@@ -84,7 +84,7 @@ def test_the_speed_of_a_motor_has_its_bandwidth() -> None:
         assert twin.cranks()['crank'].velocity == pytest.approx(expected, abs=0.01)
 
 
-def test_what_is_too_fast_is_limited() -> None:
+def test_commands_above_the_limit_are_limited() -> None:
     twin = Twin(robot_of('sem104'), motors=Motors(max_velocity=3.0))
     assert twin.command('crank', 1e9) == 3.0
     assert twin.command('crank', -1e300) == -3.0
@@ -92,7 +92,7 @@ def test_what_is_too_fast_is_limited() -> None:
 
 
 @pytest.mark.parametrize('wrong', [math.nan, math.inf, -math.inf])
-def test_what_is_no_speed_is_refused(wrong: float) -> None:
+def test_non_finite_speeds_are_refused(wrong: float) -> None:
     twin = Twin(robot_of('sem104'))
     with pytest.raises(TwinError, match='velocity of crank'):
         twin.command('crank', wrong)
@@ -143,7 +143,7 @@ def test_the_same_seed_is_the_same_robot_to_the_last_digit() -> None:
     assert run(3) != run(4)
 
 
-def test_what_an_imu_feels_between_two_readings_is_all_reported() -> None:
+def test_imu_readings_integrate_the_whole_interval() -> None:
     # However hard the feet hit the ground: it adds up to the velocity that the body has.
     twin = Twin(two_motors())
     for joint in twin.joints:
@@ -179,7 +179,7 @@ def test_up_a_slope_it_gains_height() -> None:
     assert z - Twin(two_motors(), floor=Floor(slope=0.1)).truth().position[2] > 0.01
 
 
-def test_what_was_lost_is_reported_and_a_reset_mends_it() -> None:
+def test_divergence_is_reported_and_reset_recovers() -> None:
     twin = Twin(two_motors())
     before = twin.truth()
     twin._data.qvel[:] = 1e12
@@ -235,7 +235,7 @@ def test_masses_and_sizes_of_no_robot_are_reported_in_one_line(
         (lambda: Sensors(encoder_offset=math.inf), 'encoder_offset'),
     ],
 )
-def test_what_makes_no_robot_is_refused(make: object, reason: str) -> None:
+def test_invalid_robots_are_refused(make: object, reason: str) -> None:
     with pytest.raises(TwinError, match=reason):
         make()
 

@@ -97,7 +97,7 @@ def test_the_checks_come_before_everything_that_starts_something(name: str) -> N
     assert set(kinds[:first]) <= {'check'}
 
 
-def test_description_includes_the_checks_and_the_others_what_includes_them() -> None:
+def test_every_launch_file_includes_the_checks() -> None:
     assert {name: included(name) for name in FILES} == {
         'checks.py': set(),
         'demo.launch.py': {'leg.launch.py'},
@@ -152,12 +152,12 @@ def known(name: str) -> set[object]:
 
 
 @pytest.mark.parametrize(('name', 'arguments'), COMMANDS)
-def test_a_command_that_is_shown_names_arguments_that_there_are(name: str, arguments: str) -> None:
+def test_shown_commands_have_existing_arguments(name: str, arguments: str) -> None:
     assert {argument.split(':=')[0] for argument in arguments.split()} <= known(name)
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_what_is_true_or_false_takes_nothing_else(name: str) -> None:
+def test_boolean_arguments_take_only_true_or_false(name: str) -> None:
     for call in calls(name, 'DeclareLaunchArgument'):
         has_flag = any(
             word.arg == 'choices' and ast.unparse(word.value) == 'FLAG' for word in call.keywords
@@ -179,7 +179,7 @@ def test_every_argument_is_declared_and_described(name: str) -> None:
         assert description.endswith('.'), argument
 
 
-def test_what_is_checked_is_declared() -> None:
+def test_checked_arguments_are_declared() -> None:
     checked = {
         constant for call in calls('checks.py', 'asked') for constant in constants(call.args)
     }

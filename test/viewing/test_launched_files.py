@@ -93,7 +93,7 @@ def prefix(tmp_path: Path) -> Iterator[Callable[..., Prefix]]:
         ('robot_localization', ['fuse:=ekf']),
     ],
 )
-def test_what_is_missing_is_named_before_anything_starts(
+def test_missing_packages_are_named_before_any_start(
     package: str, arguments: list[str], prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix(without=(package,))
@@ -124,7 +124,7 @@ def test_what_is_missing_is_named_before_anything_starts(
         ('replay', [], "'log'"),
     ],
 )
-def test_what_is_misspelt_is_refused_before_anything_starts(
+def test_misspelt_arguments_are_refused_before_any_start(
     name: str, arguments: list[str], words: str, prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix()
@@ -171,7 +171,7 @@ def test_a_node_that_fails_ends_the_launch_with_an_error(
         ("Node(package='no_such_package', executable='node')", "'no_such_package' not found"),
     ],
 )
-def test_what_fails_after_ours_were_started_leaves_none_of_them(
+def test_a_late_failure_leaves_no_process(
     second: str, words: str, prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix()
@@ -249,7 +249,7 @@ def test_the_arguments_of_included_files_are_shown(
 
 
 @pytest.mark.parametrize('name', ALWAYS)
-def test_every_combination_of_flags_starts_what_it_asks_for(
+def test_every_combination_of_flags_starts_its_nodes(
     name: str, prefix: Callable[..., Prefix]
 ) -> None:
     made = prefix(brief=True)
@@ -301,7 +301,7 @@ def test_a_launch_file_of_a_users_package_starts_the_users_walker(
     assert any('config/desk_walker.yaml' in word for word in made.given('sim_node'))
 
 
-def test_a_path_may_hold_what_it_likes(prefix: Callable[..., Prefix]) -> None:
+def test_paths_may_hold_any_character(prefix: Callable[..., Prefix]) -> None:
     made = prefix(brief=True)
     folder = made.folder / 'it\'s a "folder" of $(mine)'
     folder.mkdir()

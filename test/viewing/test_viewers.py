@@ -72,7 +72,7 @@ def strings(value: object) -> Iterator[str]:
         yield value
 
 
-def test_rviz_shows_topics_that_there_are() -> None:
+def test_rviz_shows_existing_topics() -> None:
     manager = yaml.safe_load((ROOT / 'rviz' / 'klann.rviz').read_text())['Visualization Manager']
     displays = {display['Class'].split('/')[1]: display for display in manager['Displays']}
     assert {'RobotModel', 'TF', 'MarkerArray'} <= set(displays)
@@ -100,7 +100,7 @@ def type_at(path: str, separator: str) -> str:
 
 
 @pytest.mark.parametrize('name', LAYOUTS)
-def test_foxglove_shows_fields_that_there_are(name: str) -> None:
+def test_foxglove_shows_existing_fields(name: str) -> None:
     paths = {text for text in strings(LAYOUTS[name]) if text.startswith('/')}
     for path in paths:
         type_at(path, '.')
@@ -138,7 +138,7 @@ def test_foxglove_lays_out_every_panel_once(name: str) -> None:
     assert sorted(panels) == sorted(LAYOUTS[name]['configById'])
 
 
-def test_plotjuggler_plots_fields_that_there_are() -> None:
+def test_plotjuggler_plots_existing_fields() -> None:
     root = ET.parse(ROOT / 'plotjuggler' / 'klann.xml').getroot()  # noqa: S314 - our own
     curves = [str(curve.get('name')) for curve in root.iter('curve')]
     assert len(curves) == len(set(curves)) > 10

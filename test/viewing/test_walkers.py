@@ -31,9 +31,7 @@ def on_ground(leg: dict) -> np.ndarray:
 @pytest.mark.parametrize(
     ('number', 'shares'), [(4, {1: 0.092, 2: 0.908}), (6, {1: 0.046, 2: 0.046, 3: 0.908})]
 )
-def test_so_many_feet_are_on_the_ground_for_so_much_of_a_turn(
-    number: int, shares: dict[int, float]
-) -> None:
+def test_feet_on_the_ground_by_fraction_of_a_turn(number: int, shares: dict[int, float]) -> None:
     feet = sum(on_ground(leg).astype(int) for leg in legs(number).values())
     found = {count: np.mean(feet == count) for count in np.unique(feet)}
     assert found == pytest.approx(shares, abs=0.003)

@@ -134,7 +134,7 @@ def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> No
             assert one == pytest.approx((other.right, other.left), abs=1e-9)
 
 
-def test_a_walker_that_is_no_mirror_image_steers_by_its_own_sides() -> None:
+def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
     robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
     front, *others = robot.legs
     x, y, z = front.mount.xyz
@@ -228,7 +228,7 @@ def test_no_side_turns_against_its_commanded_rate(
             assert bench.rates[1] * right >= 0.0
 
 
-def test_no_command_waits_for_what_is_computed_once(two_motors: Feet) -> None:
+def test_one_time_computations_delay_no_command(two_motors: Feet) -> None:
     WalkController(steering := Steering(two_motors), ControllerSettings())
     computed = set(vars(steering))
     steering.spot_rates(steering.rates(Twist2D(0.1, 0.05)), [0.0, 0.0])
@@ -251,7 +251,7 @@ def test_without_the_lock_they_do_not(steering: Steering) -> None:
     assert Bench(steering, [1.0, 0.95], phase_lock=False).run(18.0).apart > 40.0
 
 
-def test_what_was_learnt_of_a_motor_holds_at_another_speed(steering: Steering) -> None:
+def test_a_learnt_motor_factor_holds_at_other_speeds(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 0.9]).run(15.0)
     bench.twist = (-0.05, 0.0)
     bench.run(1.5)
@@ -321,14 +321,14 @@ def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
         assert crank.velocity == pytest.approx(taken)
 
 
-def test_a_curvature_that_is_limited_turns_nobody_on_the_spot() -> None:
+def test_a_limited_curvature_forbids_turning_on_the_spot() -> None:
     motion, hit = MotionLimits(max_curvature=2.0).motion(Twist2D(0.0, 0.2))
     assert motion == (0.0, 0.0)
     assert hit == ['max_curvature']
 
 
 @pytest.mark.parametrize('bad', [nan, inf, -inf])
-def test_what_is_no_number_is_rejected_and_counted(steering: Steering, bad: float) -> None:
+def test_non_finite_inputs_are_rejected_and_counted(steering: Steering, bad: float) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     moving = bench.control.motion
     assert 'rejected' in bench.control.command(bad, 0.0, bench.now)
@@ -368,7 +368,7 @@ def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) ->
     assert bench.verdict[0] == DiagnosticLevel.OK
 
 
-def test_before_it_hears_of_every_crank_it_commands_nothing(steering: Steering) -> None:
+def test_without_feedback_of_every_crank_it_commands_nothing(steering: Steering) -> None:
     control = WalkController(steering, ControllerSettings())
     control.command(0.1, 0.0, 0.0)
     control.feedback({'left_crank': (0.0, 0.0)}, 0.0)
@@ -405,7 +405,7 @@ def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
     assert 0.3 < bench.control.lock.rate_scale < 1.0 or bench.worst < 0.1
 
 
-def test_a_glitch_of_an_encoder_is_no_jump(steering: Steering) -> None:
+def test_an_encoder_glitch_is_not_a_jump(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.shift = 1.5
     bench.run(0.03)
@@ -427,7 +427,7 @@ def test_five_readings_confirm_a_position_offset(shift: float, readings: int) ->
     assert crank.offsets == (readings == 5)
 
 
-def test_an_encoder_that_jumps_is_believed_and_told(steering: Steering) -> None:
+def test_an_encoder_jump_is_accepted_and_reported(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.shift = 1.0
     bench.run(0.5)
@@ -455,7 +455,7 @@ def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rat
 
 
 @pytest.mark.parametrize('bad', [nan, inf, 1e7])
-def test_an_angle_that_is_none_is_no_feedback(bad: float) -> None:
+def test_an_invalid_angle_is_not_feedback(bad: float) -> None:
     crank = CrankFeedback('crank', 12.0)
     crank.read(bad, 0.0, 0.0)
     assert not crank.is_known

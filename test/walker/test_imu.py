@@ -97,7 +97,7 @@ def test_an_impact_of_more_than_1_m_s_is_rejected(
     assert readings.change() == (pytest.approx(expected, abs=1e-9) if is_possible else None)
 
 
-def test_without_an_attitude_there_is_no_velocity_change() -> None:
+def test_without_attitude_there_is_no_velocity_change() -> None:
     readings = Readings()
     readings.read(roll=None)
     assert readings.change() is None

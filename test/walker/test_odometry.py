@@ -47,7 +47,7 @@ def test_mirrored_rates_are_a_mirrored_walk(two_motors: Feet) -> None:
     assert one.yaw > 0.04
 
 
-def test_it_turns_as_its_steering_says_from_whichever_phase(two_motors: Feet) -> None:
+def test_it_turns_as_predicted_from_any_phase(two_motors: Feet) -> None:
     rates = Steering(two_motors).rates(Twist2D(0.05, 0.1))
     turned = []
     for start in (0.0, 1.6, 3.1, 4.7):
@@ -60,7 +60,7 @@ def test_it_turns_as_its_steering_says_from_whichever_phase(two_motors: Feet) ->
 
 
 @pytest.mark.parametrize('step', [0.005, 0.05, 0.5])
-def test_where_it_is_hangs_little_on_how_often_it_is_told(two_motors: Feet, step: float) -> None:
+def test_the_pose_depends_little_on_the_update_rate(two_motors: Feet, step: float) -> None:
     _, fine = walked(two_motors, 1.0, 1.0, seconds=3.0, step=0.01)
     _, other = walked(two_motors, 1.0, 1.0, seconds=3.0, step=step)
     assert other.x == pytest.approx(fine.x, rel=0.02)
@@ -196,7 +196,7 @@ def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering)
     assert walker.values(3.0)['imu'] == 'none'
 
 
-def test_a_jump_of_an_encoder_is_no_way(steering: Steering) -> None:
+def test_an_encoder_jump_adds_no_distance(steering: Steering) -> None:
     walker = Walker(steering)
     for k in range(300):
         now, jump = 0.01 * k, 2.0 if k > 150 else 0.0
@@ -227,7 +227,7 @@ def test_no_rate_makes_the_pose_no_number(steering: Steering, rate: float) -> No
     assert np.isfinite(at.covariance).all()
 
 
-def test_an_imu_that_comes_back_turns_by_what_its_orientation_says(two_motors: Feet) -> None:
+def test_a_returning_imu_turns_by_its_orientation(two_motors: Feet) -> None:
     odometry = Odometry(two_motors)
     for yaw, at in ((0.0, 0.0), (0.0, 0.01), (0.3, 3600.0)):
         odometry.imu(ImuReading(yaw, 0.2, at))

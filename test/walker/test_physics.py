@@ -78,7 +78,7 @@ def simulated(two_motors: Feet) -> Steering:
     return Steering(Feet(two_motors.robot, foot_radius=0.004))
 
 
-def test_straight_on_it_is_where_it_says_with_its_cranks_in_phase(simulated: Steering) -> None:
+def test_straight_walks_agree_with_odometry_and_keep_phase(simulated: Steering) -> None:
     walked = Walked(simulated, (0.15, 0.0), 5.0)
     assert walked.path > 0.6
     assert walked.error < 0.025
@@ -87,7 +87,7 @@ def test_straight_on_it_is_where_it_says_with_its_cranks_in_phase(simulated: Ste
     assert walked.tilt < 2.0
 
 
-def test_on_the_spot_an_imu_tells_the_yaw_and_its_momentum_where_it_is(
+def test_on_the_spot_yaw_and_position_follow_with_an_imu(
     simulated: Steering,
 ) -> None:
     # On two feet that are dragged against each other it coasts: by friction alone it would be off
@@ -122,7 +122,7 @@ def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> 
     ('twist', 'slope'),
     [((0.12, 0.02), 0.0), ((0.1, -0.05), 0.0), ((0.1, 0.03), 0.05), ((0.05, 0.06), -0.05)],
 )
-def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
+def test_in_a_curve_the_accelerometer_resolves_the_slip(
     simulated: Steering, twist: tuple[float, float], slope: float
 ) -> None:
     # By its feet and the yaw alone it would be off by 3.4 % in three of them.
@@ -133,7 +133,7 @@ def test_in_a_curve_an_accelerometer_tells_what_feet_cannot(
     assert walked.error < 0.04
 
 
-def test_an_accelerometer_that_grows_warm_is_followed_by_what_the_feet_say(
+def test_a_drifting_accelerometer_bias_is_tracked(
     simulated: Steering,
 ) -> None:
     # It is wrong by 0.1 m/s^2 at the end, which would be found to be more than it may.

@@ -46,7 +46,7 @@ def test_walker6_walks_as_its_stance_predicts(walk: GaitFigures) -> None:
     assert walk.stride == pytest.approx(2.0 * pi * walk.speed)
 
 
-def test_walker6_lies_on_its_feet_as_its_file_says(walk: GaitFigures) -> None:
+def test_walker6_stands_as_its_file_states(walk: GaitFigures) -> None:
     tripods = sum(list(walk.support_patterns().values())[:2])
     assert tripods == pytest.approx(0.978, abs=0.001)
     assert walk.stable_fraction == 1.0
@@ -55,7 +55,7 @@ def test_walker6_lies_on_its_feet_as_its_file_says(walk: GaitFigures) -> None:
     assert walk.standing == pytest.approx(np.full(6, 0.5), abs=0.003)
 
 
-def test_walker4_tips_as_its_file_says() -> None:
+def test_walker4_tips_as_its_file_states() -> None:
     walk = walk_figures(robot_of(str(CONFIG / 'walker4.yaml')))
     assert np.degrees(walk.greatest_roll) == pytest.approx(27.2, abs=0.5)
     assert np.median((walk.loads > 0.0).sum(axis=1)) == 3
@@ -90,7 +90,7 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> Non
 
 
 @pytest.mark.parametrize('cranks', [(0.0, 0.0), (1.234, -7.7), (-1e3, 1e5), (6.2831853, 1e-9)])
-def test_one_pose_is_what_arrays_of_them_are(two_motors: Feet, cranks: tuple[float, ...]) -> None:
+def test_single_poses_equal_arrays(two_motors: Feet, cranks: tuple[float, ...]) -> None:
     pose, placed = two_motors.pose(cranks), two_motors.at([[0.5, 0.5], cranks])
     assert np.array(pose.feet) == pytest.approx(placed.feet[1], abs=1e-12)
     assert np.array(pose.rolled) == pytest.approx(placed.rolled[1], abs=1e-12)
@@ -277,6 +277,6 @@ def test_round_soles_roll_without_sliding(six: Robot) -> None:
 
 
 @pytest.mark.parametrize('name', ['sem104', 'jansen'])
-def test_one_leg_is_no_walker(name: str) -> None:
+def test_one_leg_is_refused_as_a_walker(name: str) -> None:
     with pytest.raises(NoWalkerError, match=f'{name}.* is no walker: it has 1 leg'):
         walk_figures(robot_of(name))

@@ -160,7 +160,7 @@ def test_both_kernels_agree(name: str) -> None:
     np.testing.assert_allclose(numba.h_gradient, numpy.h_gradient, rtol=1e-12, atol=1e-12)
 
 
-def test_so_they_are_of_20_000_random_legs() -> None:
+def test_gradients_hold_for_20_000_random_legs() -> None:
     base, rng = KlannGeometry.sem104().linkage, np.random.default_rng(7)
     factors = rng.uniform(0.8, 1.2, (len(base.numbers), 20_000))
     variants = Variants(
@@ -194,7 +194,7 @@ def test_a_singular_pose_and_an_unreachable_one_have_none() -> None:
     assert np.isnan(folded.h_gradient).all(axis=(1, 2)).tolist() == [True, False]
 
 
-def test_what_was_not_asked_for_is_left_out_or_refused() -> None:
+def test_unrequested_gradients_are_absent_or_refused() -> None:
     poses = klann_poses(KlannGeometry(), ALPHAS, gradients=True)
     assert poses.angles_gradient is poses.points_gradient is poses.h_1_gradient is None
     assert poses.h_gradient is not None

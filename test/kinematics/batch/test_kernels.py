@@ -98,7 +98,7 @@ def test_numba_needs_no_place_for_its_cache(tmp_path: Path) -> None:
     assert done.stdout.startswith(f'True {H}')
 
 
-def test_a_broken_cache_is_no_harm(tmp_path: Path) -> None:
+def test_a_broken_kernel_cache_is_rebuilt(tmp_path: Path) -> None:
     cache = tmp_path / 'cache'
     run(SOLVE.format(kernel='numba'), tmp_path, NUMBA_CACHE_DIR=f'{cache}')
     kept = list(cache.rglob('*.nb*'))

@@ -138,7 +138,7 @@ def test_the_seed_makes_it_repeatable_and_the_results_are_read_only() -> None:
     assert not any(array.flags.writeable for array in arrays if isinstance(array, np.ndarray))
 
 
-def test_where_the_drawn_leg_has_no_pose_there_are_no_statistics() -> None:
+def test_unreachable_angles_have_no_statistics() -> None:
     study = tolerance_study(replace(SEM104, l_bc=0.33), 0.001, samples=50, crank_angles=36)
     missing = np.isnan(study.nominal[:, 0])
     assert 0 < missing.sum() < 36
@@ -186,7 +186,7 @@ def test_invalid_arguments_are_refused(tolerances: object, options: Any, text: s
         tolerance_study(SEM104, tolerances, **options)
 
 
-def test_a_name_is_no_linkage() -> None:
+def test_a_string_is_refused_as_a_linkage() -> None:
     with pytest.raises(TypeError, match='it must be a Linkage, a KlannGeometry or a leg'):
         tolerance_study('sem104', 0.01)
 

@@ -126,7 +126,7 @@ def test_the_torque_is_that_of_the_leg() -> None:
     np.testing.assert_allclose(poses.velocity(2.0), 2.0 * poses.h_1, atol=0)
 
 
-def test_only_what_was_asked_for_is_there() -> None:
+def test_only_requested_quantities_are_present() -> None:
     poses = linkage_poses(KlannLeg(), ALPHAS)
     assert poses.h_1 is poses.angles_1 is poses.points_1 is poses.transmission_angles is None
     for ask in (lambda: poses.velocity(1.0), lambda: poses.crank_torque((0.0, 1.0))):

@@ -62,9 +62,7 @@ def test_every_point_that_moves_has_its_path(name: str) -> None:
         ('stephenson', 'epsilon', 'CD'),
     ],
 )
-def test_a_point_of_a_body_is_where_its_first_bar_and_its_left_say(
-    name: str, body: str, ends: str
-) -> None:
+def test_a_body_point_is_placed_by_its_first_bar_and_side(name: str, body: str, ends: str) -> None:
     leg, (u, v) = LinkageLeg(shipped_linkage(name)), (0.13, -0.07)
     path = foot_path(leg, point=(body, u, v), samples=64)
     assert path.full_turn

@@ -66,7 +66,7 @@ def test_the_angles_of_a_foots_coordinate_hold_its_own(
 
 @settings(max_examples=40)
 @given(geometry=legs(change=0.05), where=fractions, axis=st.sampled_from([0, 1]))
-def test_there_are_as_many_angles_as_fine_samples_cross_the_value(
+def test_inverse_angles_match_the_crossings_of_fine_samples(
     geometry: KlannGeometry, where: float, axis: int
 ) -> None:
     leg = KlannLeg(geometry)
@@ -96,7 +96,7 @@ def test_an_extreme_gives_its_one_angle(geometry: KlannGeometry) -> None:
 
 
 @pytest.mark.parametrize('geometry', PRESETS)
-def test_what_the_foot_never_has_gives_no_angle(geometry: KlannGeometry) -> None:
+def test_unreached_values_have_no_angle(geometry: KlannGeometry) -> None:
     path = foot_path(KlannLeg(geometry))
     for ask, (least, greatest) in (
         (path.crank_angles_at_x, path.x_range),

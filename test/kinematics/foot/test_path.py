@@ -219,7 +219,7 @@ def test_a_singular_sample_leaves_a_closed_path_without_an_area(
     assert math.isnan(path.length)
 
 
-def test_an_arc_that_its_leg_cannot_solve_is_no_path(half_circle: Any) -> None:
+def test_an_unreachable_arc_has_no_path(half_circle: Any) -> None:
     half_circle.reachable_arcs = lambda: [(1.0, 2.0)]
     with pytest.raises(UnreachableError):
         half_circle.solve(1.5)

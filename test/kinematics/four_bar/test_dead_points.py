@@ -118,7 +118,7 @@ def test_a_crank_rocker_has_dead_points_of_its_rocker_only() -> None:
     assert [point.kind for point in bar.dead_points('rocker')] == ['stretched', 'folded']
 
 
-def test_change_points_are_no_dead_points() -> None:
+def test_change_points_are_not_dead_points() -> None:
     for lengths in ((0.3, 0.1, 0.3, 0.1), (0.1, 0.1, 0.3, 0.3), (1.0, 1.0, 1.0, 1.0)):
         bar = FourBar(*lengths)
         assert bar.dead_points('crank') == bar.dead_points('rocker') == []

@@ -37,7 +37,7 @@ def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
 @example(FourBar(1, 7, 3, 5))
 @example(FourBar(5, 3, 1, 7))
 @example(FourBar(5, 7, 3, 1))
-def test_the_roles_in_every_inversion_are_what_the_linkage_does(bar: FourBar) -> None:
+def test_the_roles_in_every_inversion_match_the_motion(bar: FourBar) -> None:
     longest = max(bar.geometry.lengths)
     margin = abs(bar.grashof.margin) / longest
     assume(margin == 0.0 or margin > 0.01)

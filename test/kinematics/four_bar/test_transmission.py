@@ -82,7 +82,9 @@ def test_an_unreachable_angle_has_no_transmission_angle() -> None:
 
 @untimed
 @given(bar=four_bars(), theta2=crank_angles, rate=st.floats(0.1, 10.0), torque=st.floats(0.1, 9.0))
-def test_what_goes_in_comes_out(bar: FourBar, theta2: float, rate: float, torque: float) -> None:
+def test_input_power_equals_output_power(
+    bar: FourBar, theta2: float, rate: float, torque: float
+) -> None:
     pose = solved(bar, theta2)
     assume(abs(pose.coefficients[1]) > 1e-6)
     velocity = bar.velocity(pose, rate)

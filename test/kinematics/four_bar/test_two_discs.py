@@ -76,7 +76,7 @@ def test_the_example_reports_a_file_that_it_cannot_write(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize('step', ['0', '-1', 'nan', 'far', '180'])
-def test_the_example_refuses_a_step_that_is_none(step: str) -> None:
+def test_the_example_refuses_an_invalid_step(step: str) -> None:
     result = run('--step', step)
     assert result.returncode == 2
     assert 'argument --step' in result.stderr

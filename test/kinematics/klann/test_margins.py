@@ -151,6 +151,6 @@ def test_a_leg_that_does_not_turn_fully_has_no_margins() -> None:
 
 @pytest.mark.parametrize('ask', [length_margins, turns_fully, reachable_arcs])
 @pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry, [KlannGeometry()]])
-def test_what_is_no_linkage_is_refused(ask: Callable[[Any], Any], wrong: object) -> None:
+def test_invalid_linkages_are_refused(ask: Callable[[Any], Any], wrong: object) -> None:
     with pytest.raises(TypeError, match=r'is refused: it must be a Linkage, a KlannGeometry or a'):
         ask(wrong)

@@ -101,7 +101,7 @@ def test_a_number_needs_no_dot() -> None:
 
 
 @pytest.mark.parametrize('text', ['', '7', '[1, 2]', '- a\n- b', 'a: b', '? [1, 2]\n: 3'])
-def test_what_is_no_linkage_at_all_is_refused(text: str) -> None:
+def test_non_linkage_files_are_refused(text: str) -> None:
     with pytest.raises(LinkageFileError, match=r'^x\.yaml holds no linkage: [^\n]+$'):
         linkage_from_text(text, 'x.yaml')
 

@@ -168,7 +168,7 @@ def test_a_start_has_distances_in_the_units_of_the_file() -> None:
         (('slides: {', 'slide: {'), 'slide'),
     ],
 )
-def test_a_line_that_is_none_is_refused_in_words(change: tuple[str, str], message: str) -> None:
+def test_an_invalid_line_is_refused_with_the_reason(change: tuple[str, str], message: str) -> None:
     assert change[0] in SLIDER
     with pytest.raises(LinkageFileError) as caught:
         linkage_from_text(SLIDER.replace(*change), 'test')

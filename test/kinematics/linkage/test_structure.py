@@ -143,7 +143,7 @@ REFUSED = yaml.safe_load(
 
 
 @pytest.mark.parametrize('case', REFUSED.values(), ids=REFUSED)
-def test_what_does_not_move_in_one_way_is_refused(case: dict) -> None:
+def test_structures_without_one_degree_of_freedom_are_refused(case: dict) -> None:
     text = yaml.safe_dump(described(case), sort_keys=False)
     with pytest.raises(GeometryError) as caught:
         linkage_from_text(text, 'test.yaml')

@@ -24,7 +24,7 @@ import zstandard
         (MCAP0_MAGIC * 2, 'there is no header'),
     ],
 )
-def test_what_is_no_log_is_reported_in_one_line(tmp_path, content, reason) -> None:
+def test_a_non_log_file_is_reported_in_one_line(tmp_path, content, reason) -> None:
     path = tmp_path / 'x.mcap'
     if content is not None:
         path.write_bytes(content)
@@ -34,19 +34,19 @@ def test_what_is_no_log_is_reported_in_one_line(tmp_path, content, reason) -> No
     assert '\n' not in str(caught.value)
 
 
-def test_a_folder_without_mcap_files_is_no_log(tmp_path) -> None:
+def test_a_folder_without_mcap_files_is_refused(tmp_path) -> None:
     with pytest.raises(NotALogError, match=r'no \.mcap or \.db3 file in the folder'):
         open_log(tmp_path)
 
 
-def test_a_device_or_a_pipe_is_no_log(tmp_path) -> None:
+def test_a_device_or_a_pipe_is_refused(tmp_path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     for path in ('/dev/zero', tmp_path / 'pipe'):
         with pytest.raises(NotALogError, match='not a regular file'):
             open_log(path)
 
 
-def test_a_file_that_was_not_closed_is_read_and_says_so(run_file) -> None:
+def test_an_unclosed_file_is_read_and_reported(run_file) -> None:
     run_file.write_bytes(killed(run_file.read_bytes()))
     with open_log(run_file) as log:
         assert not log.complete

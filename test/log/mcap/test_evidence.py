@@ -60,7 +60,7 @@ def read(path):
     return found, kept, problems, recovery
 
 
-def test_a_chunk_that_is_said_to_reach_over_the_next_costs_nothing(sound, end) -> None:
+def test_a_chunk_with_an_overlong_size_loses_no_other_chunk(sound, end) -> None:
     path, data, chunks = sound
     start, last = chunks[2][0], chunks[3][1]
     struct.pack_into('<Q', data, start + 1, last - start - 9)
@@ -78,7 +78,7 @@ def test_a_chunk_that_is_said_to_reach_over_the_next_costs_nothing(sound, end) -
 
 
 @pytest.mark.parametrize('opcode', [0x10, 0x7F, 0x86, 0xFF])
-def test_a_chunk_whose_kind_became_one_that_nobody_knows_is_missed(sound, opcode) -> None:
+def test_a_chunk_with_an_unknown_opcode_is_reported_missing(sound, opcode) -> None:
     path, data, chunks = sound
     data[chunks[2][0]] = opcode
     path.write_bytes(data)
@@ -130,7 +130,7 @@ def test_a_rotten_attachment_with_fields_behind_it_is_reported(tmp_path) -> None
     assert 'the CRC of the attachment' in recovery.lost[0]
 
 
-def test_a_map_that_ends_within_an_entry_is_no_metadata(tmp_path) -> None:
+def test_metadata_with_a_truncated_map_is_refused(tmp_path) -> None:
     entry = mcap.text('key') + mcap.text('value')
     cut = mcap.text('name') + struct.pack('<I', len(entry) - 3) + entry
     path = tmp_path / 'x.mcap'
@@ -153,7 +153,7 @@ def test_the_same_channel_with_and_without_unknown_fields_is_one(tmp_path) -> No
 
 
 @pytest.mark.parametrize('chunked', [True, False])
-def test_the_crc_of_all_data_speaks_for_what_has_no_other(tmp_path, chunked) -> None:
+def test_the_data_crc_covers_records_without_their_own(tmp_path, chunked) -> None:
     items = mcap.channel(1, 0, '/a', '', {}) + mcap.message(1, 1, 1, 1, b'content')
     data = mcap.MAGIC + mcap.header() + (mcap.chunk(items, (1, 1), crc=0) if chunked else items)
     end = mcap.data_end(zlib.crc32(data)) + mcap.footer(b'', 0, 0) + mcap.MAGIC

@@ -103,7 +103,7 @@ def test_damage_costs_only_the_chunks_that_it_touches(recovered, damage, compres
         assert '40 messages' in recovery.lost[0]
 
 
-def test_a_chunk_that_lies_across_the_end_of_an_attachment_comes_back(run_file) -> None:
+def test_a_chunk_across_the_end_of_an_attachment_is_recovered(run_file) -> None:
     data = run_file.read_bytes()
     ((_, end),) = spans_of(data, ATTACHMENT)
     last = slice(*spans_of(data, CHUNK)[5])
@@ -112,7 +112,7 @@ def test_a_chunk_that_lies_across_the_end_of_an_attachment_comes_back(run_file) 
     assert recovery_of(run_file.parent)[0] == MESSAGES
 
 
-def test_what_stands_behind_the_damage_is_more_than_chunks(tmp_path) -> None:
+def test_all_record_types_behind_damage_are_recovered(tmp_path) -> None:
     with RunWriter(tmp_path / 'walk') as writer:
         for message in BATCHES[0]:
             writer.write(message)

@@ -119,7 +119,7 @@ def test_a_step_at_the_end_of_a_loop_is_its_first_message(log) -> None:
         assert passes == [messages[238:], messages[238:239]]
 
 
-def test_a_jump_goes_on_from_there(log) -> None:
+def test_playback_continues_from_a_jump(log) -> None:
     messages = MESSAGES
     with playing(log, rate=STILL) as (playback, passes):
         until(lambda: passes and passes[0])
@@ -169,7 +169,7 @@ def test_latched_messages_from_before_come_first(tmp_path) -> None:
             assert passes[-1] == latched[1:]
 
 
-def test_what_a_stall_made_late_is_put_off_and_not_played_in_a_burst(log) -> None:
+def test_after_a_stall_playback_is_delayed_and_not_a_burst(log) -> None:
     playback = Playback(log, Selection(frozenset([NAME]), end=0.02))
     for messages in playback.passes():
         for count, _ in enumerate(messages):

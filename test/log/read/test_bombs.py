@@ -134,7 +134,7 @@ def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -
 @pytest.mark.parametrize(
     ('size', 'compressible'), [(1, True), (39, True), (41, True), (41, False), (500, True)]
 )
-def test_what_the_recorder_writes_is_read_up_to_the_memory_limit(
+def test_recorded_messages_are_read_up_to_the_memory_limit(
     size, compressible, tmp_path, monkeypatch
 ) -> None:
     """Around 40 MB a chunk needs a proof of its size; the limit is an eighth of the memory."""

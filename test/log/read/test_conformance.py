@@ -173,7 +173,7 @@ def test_review_does_not_call_them_damaged(files, capsys) -> None:
         assert 'damaged' not in capsys.readouterr().out, path.name
 
 
-def test_what_was_killed_before_it_was_closed_is_read_whole(files) -> None:
+def test_a_file_of_a_killed_writer_is_read_completely(files) -> None:
     for path, content, _ in files:
         data = path.read_bytes()
         spans = mcap.spans(data, 8, len(data) - 8)

@@ -75,7 +75,7 @@ def test_sound_messages_outside_of_chunks_cost_little(read) -> None:
     assert calls <= MESSAGE * found + ONCE
 
 
-def test_zeros_in_a_chunk_are_no_records(read, tmp_path) -> None:
+def test_zeros_in_a_chunk_are_skipped(read, tmp_path) -> None:
     data = HEADER + packed_chunk(CHANNEL + EMPTY + bytes(2**20))
     calls, found = read(data)
     assert found == 1
@@ -93,7 +93,7 @@ def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypat
     assert many <= 1.2 * some + EACH * size
 
 
-def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch) -> None:
+def test_useless_decompression_is_limited(read, monkeypatch) -> None:
     """Each unpacks to 10 MB that have another CRC: all of it is needed to know that."""
     monkeypatch.setattr(decompression, '_BUDGET', 2**25)
     unpacked = []
@@ -113,9 +113,7 @@ def test_what_is_unpacked_in_vain_is_limited(read, monkeypatch) -> None:
     )
 
 
-def test_what_stands_behind_so_much_that_is_of_no_use_is_read_all_the_same(
-    read, monkeypatch
-) -> None:
+def test_messages_behind_much_useless_data_are_read(read, monkeypatch) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     _, found = read(
         file_of_chunks('private records', 2**20, 3) + packed_chunk(CHANNEL + EMPTY * 100)
@@ -131,7 +129,7 @@ def test_a_limit_that_was_met_is_reported(read, tmp_path, monkeypatch) -> None:
         assert any('too many useless bytes' in text for text in log.problems)
 
 
-def test_private_records_around_messages_are_no_waste(read, monkeypatch) -> None:
+def test_private_records_around_messages_are_not_counted_as_useless(read, monkeypatch) -> None:
     """A recorder may put some of its own beside each message; a sound file has no limit."""
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 200)
@@ -163,7 +161,7 @@ def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path) -> None:
         assert log.problems == ()
 
 
-def test_a_chunk_of_which_the_index_says_less_is_reported(tmp_path) -> None:
+def test_a_chunk_larger_than_its_index_entry_is_reported(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(2, 20 * 2**20, honest=False))
     with open_log(path) as log:

@@ -120,7 +120,7 @@ def test_records_of_unknown_kinds_are_reported_to_be_left_out(tmp_path) -> None:
     assert '3 records of kinds that are private' in remark
 
 
-def test_the_end_of_the_file_is_no_longer_than_it_is(tmp_path) -> None:
+def test_an_extended_footer_is_refused(tmp_path) -> None:
     """The specification says that the footer and the end of the data are never extended."""
     data = closed(ALL)
     footer = mcap.record(mcap.FOOTER, struct.pack('<QQI', 0, 0, 0) + b'more')

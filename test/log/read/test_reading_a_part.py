@@ -19,7 +19,7 @@ def closed_and_not(tmp_path):
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(first=st.integers(-10, 250), count=st.integers(0, 250))
-def test_a_part_is_what_lies_within_its_times(closed_and_not, first, count) -> None:
+def test_a_part_holds_exactly_its_time_range(closed_and_not, first, count) -> None:
     messages = MESSAGES
     start = START + first * 1_000_000
     end = start + count * 1_000_000

@@ -48,7 +48,7 @@ def test_a_bag_is_read_as_rosbags_reads_it(bag) -> None:
     assert sorted(in_blocks(bag)) == sorted(found)
 
 
-def test_what_a_bag_says_of_its_topics_is_kept(bag) -> None:
+def test_topic_metadata_of_a_bag_are_kept(bag) -> None:
     with open_log(bag) as log:
         topics = log.topics
     assert [(topic.name, topic.type) for topic in topics] == [
@@ -109,7 +109,7 @@ def test_an_sqlite_file_of_any_age_is_read(age, tmp_path) -> None:
     assert topic.type_hash == (HASH if age == 'jazzy' else '')
 
 
-def test_a_recovery_says_whose_definitions_it_took(tmp_path, capsys) -> None:
+def test_a_recovery_reports_the_source_of_its_definitions(tmp_path, capsys) -> None:
     bag = make_db3(tmp_path / 'old_0.db3', 'foxy')
     assert recover([str(bag)]) == 0
     assert f'definitions of {FLOAT} are those installed here' in capsys.readouterr().out
@@ -166,7 +166,7 @@ def test_an_empty_bag_has_its_topics(tmp_path) -> None:
         assert log.complete
 
 
-def test_what_rosbag2_says_of_a_bag_is_in_its_metadata(tmp_path, sent) -> None:
+def test_rosbag2_metadata_are_read(tmp_path, sent) -> None:
     bag = write_bag(tmp_path / 'bag', sent, StoragePlugin.SQLITE3, CompressionMode.NONE)
     with open_log(bag) as log:
         (record,) = log.metadata['rosbag2']

@@ -67,7 +67,7 @@ def test_of_two_storages_one_is_the_bag(messages, tmp_path) -> None:
         assert 'x_0.db3 is left out: x.mcap beside it is of another storage' in log.problem
 
 
-def test_of_two_storages_the_metadata_tell_which_is_the_bag(messages, tmp_path) -> None:
+def test_with_two_storages_the_metadata_decides(messages, tmp_path) -> None:
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.SQLITE3, CompressionMode.NONE)
     shutil.copy(bag / 'x.db3', tmp_path / 'kept.db3')
     (bag / 'x_0.mcap').write_bytes(b'')
@@ -85,7 +85,7 @@ def packed(messages, tmp_path):
 
 
 @pytest.mark.parametrize('kept', [True, False])
-def test_a_file_that_was_unpacked_is_no_second_file(packed, kept) -> None:
+def test_an_unpacked_file_is_not_read_twice(packed, kept) -> None:
     """`ros2 bag play` leaves the unpacked file beside the packed one."""
     bag, whole = packed
     wanted = read_messages(bag)
@@ -98,7 +98,7 @@ def test_a_file_that_was_unpacked_is_no_second_file(packed, kept) -> None:
 
 
 @pytest.mark.parametrize('part', [0, 8, 500, 1200])
-def test_what_was_unpacked_in_part_only_is_read_packed(part, packed) -> None:
+def test_a_partly_decompressed_file_is_read_from_the_compressed_one(part, packed) -> None:
     bag, whole = packed
     wanted = read_messages(bag)
     (bag / 'x.mcap').write_bytes(whole[:part])
@@ -126,7 +126,7 @@ def test_a_file_that_was_packed_since_is_found(suffix, messages, tmp_path) -> No
         },
     ],
 )
-def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path) -> None:
+def test_a_storage_only_rosbag2_reads_is_refused_with_its_command(said, tmp_path) -> None:
     bag = tmp_path / "somebody's bag"
     bag.mkdir()
     (bag / said['relative_file_paths'][0]).write_bytes(b'anything')
@@ -154,7 +154,7 @@ def test_what_only_rosbag2_can_read_is_refused_with_its_command(said, tmp_path) 
         ('Größe\n'.encode() * 200, 'text'),
     ],
 )
-def test_what_is_something_else_is_named(content, kind, tmp_path) -> None:
+def test_an_unknown_storage_is_named(content, kind, tmp_path) -> None:
     path = tmp_path / "a b's.bag"
     path.write_bytes(content)
     with pytest.raises(NotALogError, match=f'it is {kind}') as caught:
@@ -195,7 +195,7 @@ def test_a_file_is_recovered_to_a_run_of_its_name(name, tmp_path) -> None:
     assert default_output(tmp_path / name) == tmp_path / 'walk_0_recovered'
 
 
-def test_what_is_no_bag_of_sqlite_is_reported(tmp_path) -> None:
+def test_a_database_without_bag_tables_is_reported(tmp_path) -> None:
     (tmp_path / 'empty.db3').touch()
     with pytest.raises(NotALogError, match=r"should be SQLite, rosbag2's \.db3, and is empty"):
         open_log(tmp_path / 'empty.db3')

@@ -35,7 +35,7 @@ def name_files(folder, names):
 
 
 @pytest.mark.parametrize('with_metadata', [True, False])
-def test_the_files_are_one_log_and_what_each_repeats_is_there_once(
+def test_the_files_are_one_log_and_repeated_records_are_read_once(
     split_run, tmp_path, with_metadata
 ) -> None:
     # Hidden files are not of the run.

@@ -37,7 +37,7 @@ def pack(file, data, **options):
 
 
 @pytest.mark.parametrize('part', [0.2, 0.6, 0.99])
-def test_of_a_packed_file_that_is_cut_off_what_is_there_is_read(part, file, capsys) -> None:
+def test_a_truncated_compressed_file_is_read_to_its_end(part, file, capsys) -> None:
     packed = pack(file, file.read_bytes())
     os.truncate(packed, int(part * packed.stat().st_size))
     with open_log(packed) as log:
@@ -73,7 +73,7 @@ def test_several_frames_one_behind_the_other_are_one_file(file) -> None:
     assert len(read_messages(packed)) == 200
 
 
-def test_of_a_packed_file_that_is_rotten_what_stands_before_is_read(file) -> None:
+def test_a_corrupt_compressed_file_is_read_up_to_the_damage(file) -> None:
     packed = pack(file, file.read_bytes(), write_checksum=True)
     with packed.open('r+b') as rotten:
         rotten.seek(2 * MB)
@@ -97,7 +97,7 @@ def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch) -> No
     assert '\n' not in str(caught.value)
 
 
-def test_where_there_is_no_room_nothing_is_written(file, monkeypatch) -> None:
+def test_nothing_is_unpacked_without_disk_space(file, monkeypatch) -> None:
     packed = pack(file, file.read_bytes())
     monkeypatch.setattr(temporary, '_MIN_FREE', 2**60)
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
@@ -129,7 +129,7 @@ def hold(path, place, what='stay'):
     return process
 
 
-def test_what_a_killed_process_unpacked_goes_with_the_next_one(file, tmp_path) -> None:
+def test_leftovers_of_a_killed_process_are_removed_by_the_next(file, tmp_path) -> None:
     packed = pack(file, file.read_bytes())
     place = tmp_path / 'temporary'
     place.mkdir()
@@ -188,7 +188,7 @@ def test_a_message_is_not_believed_how_large_it_becomes(tmp_path) -> None:
         assert 'refused: 1099512 MB unpacked, above the limit of' in log.problem
 
 
-def test_only_what_is_cdr_is_unpacked(tmp_path) -> None:
+def test_only_cdr_messages_are_decompressed(tmp_path) -> None:
     """A camera's own format may be zstd by itself."""
     messages = make_messages(3)
     for message in messages:

@@ -133,7 +133,7 @@ STRANGE = {
 
 
 @pytest.mark.parametrize('kind', STRANGE)
-def test_what_only_looks_like_a_bag_is_reported_and_not_asked(kind, tmp_path) -> None:
+def test_a_database_that_resembles_a_bag_is_reported_and_not_queried(kind, tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         begin(file, 'foxy', STRANGE[kind])
     with pytest.raises(NotALogError, match='it is SQLite, but no bag') as caught:
@@ -158,7 +158,7 @@ def test_rows_that_hold_no_message_are_counted(tmp_path, capsys) -> None:
     assert [data for *_, data in found] == [b'0001', b'0002', b'0003', b'0004']
 
 
-def test_names_of_strangers_are_reported_in_one_line(tmp_path) -> None:
+def test_hostile_names_are_reported_in_one_line(tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as file:
         file.execute('CREATE TABLE "a\x1b[31m\n\u202e"(b)')
     with pytest.raises(NotALogError, match='no bag') as caught:

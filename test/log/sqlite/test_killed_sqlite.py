@@ -83,14 +83,14 @@ def test_the_log_beside_a_file_is_not_forgotten(tmp_path) -> None:
         assert sum(1 for _ in log.messages()) > there
 
 
-def test_a_file_whose_log_was_left_behind_says_so(tmp_path) -> None:
+def test_a_missing_write_ahead_log_is_reported(tmp_path) -> None:
     bag = kill_a_writer(tmp_path / 'bag', 'WAL', NOT_AT_ALL, 1000)
     shutil.copy(bag / 'x_0.db3', tmp_path / 'x_0.db3')
     with pytest.raises(NotALogError, match=r'no table in it.*x_0\.db3-wal, which belongs beside'):
         open_log(tmp_path / 'x_0.db3')
 
 
-def test_a_journal_that_is_done_with_is_no_sign_of_a_kill(tmp_path) -> None:
+def test_a_finished_journal_is_not_taken_for_a_kill(tmp_path) -> None:
     with closing(sqlite3.connect(tmp_path / 'x.db3', isolation_level=None)) as bag:
         bag.execute('PRAGMA journal_mode = PERSIST')
         begin(bag)

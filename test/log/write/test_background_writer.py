@@ -20,7 +20,7 @@ def dropped(background, topic):
     return background.counters.counts()[topic].dropped
 
 
-def test_a_slow_disk_costs_what_does_not_fit_and_that_is_counted(tmp_path, monkeypatch) -> None:
+def test_messages_beyond_the_queue_of_a_slow_disk_are_counted(tmp_path, monkeypatch) -> None:
     ready, write = threading.Event(), os.write
     writer = RunWriter(tmp_path / 'run')
     monkeypatch.setattr(os, 'write', lambda *block: ready.wait(20.0) and write(*block))
@@ -71,7 +71,7 @@ def test_a_message_larger_than_the_queue_is_written(tmp_path) -> None:
     assert writer.counts == {'/crank_angle': 1}
 
 
-def test_what_does_not_fit_into_the_format_is_counted(tmp_path) -> None:
+def test_messages_beyond_the_format_limits_are_counted(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
     good, bad = make_messages(2)

@@ -127,7 +127,7 @@ def test_nothing_is_written_without_a_cause(stage: Stage) -> None:
     assert stage.runs() == []
 
 
-def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage: Stage) -> None:
+def test_an_event_run_holds_exactly_pre_and_post_trigger_messages(stage: Stage) -> None:
     received = {}
     for second in range(12):
         received[second] = stage.receive(10)
@@ -153,7 +153,7 @@ def test_what_came_before_and_after_a_cause_is_in_its_run_and_nothing_else(stage
     assert (count.lost, count.dropped, count.skipped) == (0, 0, 0)
 
 
-def test_it_waits_again_and_the_next_run_has_what_came_before_it(stage: Stage) -> None:
+def test_after_an_event_it_is_armed_again_with_a_new_pre_trigger(stage: Stage) -> None:
     stage.receive(10)
     stage.session.add_finding(GAP)
     first = stage.event()
@@ -215,7 +215,7 @@ def test_a_pause_is_in_the_run_and_in_its_account(stage: Stage) -> None:
     assert len(metadata(run)[PAUSE_RECORD]) == 1
 
 
-def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
+def test_losses_before_the_pre_trigger_are_not_counted(stage: Stage) -> None:
     stage.receive(5)
     stage.next += 100
     stage.receive(5)
@@ -230,7 +230,7 @@ def test_what_was_lost_before_is_not_lost_of_the_event(stage: Stage) -> None:
     assert (count.received, count.written, count.lost) == (10, 10, 3)
 
 
-def test_a_disk_that_says_no_is_reported_and_the_next_event_is_recorded(stage: Stage) -> None:
+def test_a_disk_error_is_reported_and_the_next_event_is_recorded(stage: Stage) -> None:
     stage.refusal = LowSpaceError(stage.folder, 1, 2)
     stage.session.add_finding(GAP)
     assert 'gap) is not recorded' in stage.session.state().faults[0]
@@ -303,7 +303,7 @@ def ring_buffer(max_bytes: int, duration: float = 10.0) -> RingBuffer:
     return RingBuffer(duration, max_bytes, lambda: {CRANK.name: TopicCount(0, 0)}, 0.0)
 
 
-def test_a_ring_takes_no_more_memory_than_it_may_and_says_what_fell_out() -> None:
+def test_a_ring_buffer_respects_its_memory_limit_and_counts_evictions() -> None:
     most = 1_000_000
     full = ring_buffer(most)
     for number in range(10_000):
@@ -315,7 +315,7 @@ def test_a_ring_takes_no_more_memory_than_it_may_and_says_what_fell_out() -> Non
     assert len(kept) * (1000 + MESSAGE_OVERHEAD) > 0.8 * most
 
 
-def test_what_is_too_old_did_not_fall_out() -> None:
+def test_expired_messages_are_not_counted_as_evicted() -> None:
     full = ring_buffer(1_000_000)
     for second in range(100):
         full.put(message(second))

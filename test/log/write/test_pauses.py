@@ -59,7 +59,7 @@ def test_a_record_of_a_pause_comes_back() -> None:
 
 @pytest.mark.parametrize('key', ['from', 'to', 'skipped'])
 @pytest.mark.parametrize('value', [None, 'much', '3'])
-def test_what_is_no_record_of_a_pause_is_a_value_error(key, value) -> None:
+def test_an_invalid_pause_record_is_a_value_error(key, value) -> None:
     record = pause_record(Pause(10, 20, {}))
     if value is None:
         del record[key]

@@ -134,7 +134,7 @@ def test_a_foreign_file_with_the_next_name_is_not_overwritten(run) -> None:
     assert run.close() == (20, 0)
 
 
-def test_links_and_restored_copies_are_no_faults(run, tmp_path) -> None:
+def test_links_and_restored_copies_are_accepted(run, tmp_path) -> None:
     run.write(10)
     os.link(run.file(), tmp_path / 'backup.mcap')
     run.file().rename(tmp_path / 'elsewhere.mcap')

@@ -128,7 +128,7 @@ def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
         assert [message.sequence for *_, message in found] == [*range(1, 21)]
 
 
-def test_what_another_thread_is_reported_while_a_split_goes_on_is_never_wrong(tmp_path) -> None:
+def test_statistics_read_during_a_split_are_consistent(tmp_path) -> None:
     seen = []
 
     def look(frame, *_):

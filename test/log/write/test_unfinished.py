@@ -40,7 +40,7 @@ def test_a_run_in_hand_is_not_left_whatever_became_of_its_earlier_files(tmp_path
     assert unfinished_runs(tmp_path) == [tmp_path / 'run']
 
 
-def test_what_is_no_plain_file_holds_nobody_up_and_hides_nothing(tmp_path) -> None:
+def test_special_files_neither_block_nor_hide_an_unfinished_run(tmp_path) -> None:
     left = tmp_path / 'left'
     write_run(left, [make_messages(5)])
     leave(left)

@@ -46,7 +46,7 @@ def test_a_period_brings_it_back(motion: CrankMotion, t: float) -> None:
 
 
 @given(motion=motions(), t=times)
-def test_it_stays_where_its_mode_says(motion: CrankMotion, t: float) -> None:
+def test_each_mode_keeps_its_bounds(motion: CrankMotion, t: float) -> None:
     moved = (motion.at(t)[0] - motion.start) / motion.amplitude
     if motion.mode == 'sine':
         assert -1 - 1e-9 <= moved <= 1 + 1e-9
@@ -83,7 +83,7 @@ def test_every_jump_comes_with_the_message_that_is_due(frequency: float) -> None
         ({'mode': 'sweep', 'amplitude': 0.0}, 'both must be other than 0'),
     ],
 )
-def test_what_cannot_be_driven_is_refused(change: dict[str, object], reason: str) -> None:
+def test_invalid_motions_are_refused(change: dict[str, object], reason: str) -> None:
     with pytest.raises(CrankMotionError, match=reason):
         CrankMotion(**change)
 

@@ -179,7 +179,7 @@ def values(numbers: list[Float64]) -> list[float]:
     return [message.data for message in numbers]
 
 
-def test_keys_do_what_they_do_for_ros2_bag_play(ros: Domain, terminal: Open) -> None:
+def test_keys_are_those_of_ros2_bag_play(ros: Domain, terminal: Open) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     player = terminal(*STILL)
     ros.probe.await_publishers('number')
@@ -300,7 +300,7 @@ def test_ctrl_z_gives_the_terminal_back_and_the_foreground_takes_it_again(
     assert player.attributes == player.before
 
 
-def test_in_the_background_the_terminal_is_anothers(ros: Domain, terminal: Open) -> None:
+def test_in_the_background_the_terminal_is_not_touched(ros: Domain, terminal: Open) -> None:
     player = terminal(*STILL, place='bg')
     ros.probe.until(lambda: 'ready: ' in player.errors)
     player.press(f'{SPACE}line\n')
@@ -341,7 +341,7 @@ def test_the_terminal_is_left_alone_when_asked_to(ros: Domain, terminal: Open) -
 
 
 @pytest.mark.parametrize('kind', ['pipe', 'nothing', 'closed'])
-def test_what_is_no_terminal_is_not_read(ros: Domain, bag: Path, kind: str) -> None:
+def test_keys_are_read_from_a_terminal_only(ros: Domain, bag: Path, kind: str) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     behind, before = os.pipe()
     os.write(before, b'  \n')

@@ -111,7 +111,7 @@ def test_a_step_is_refused_while_it_plays(player: Controlled) -> None:
     assert answer.message == 'it is playing; pause it first'
 
 
-def test_a_resumed_player_goes_on_where_it_was(player: Controlled) -> None:
+def test_a_resumed_player_continues_at_its_position(player: Controlled) -> None:
     player.ros.probe.spin(0.7)
     assert player.call('resume').success
     player.ros.probe.until(lambda: len(player.numbers) >= 50)
@@ -137,7 +137,7 @@ def test_a_rate_is_changed_while_it_plays(player: Controlled) -> None:
     assert values(player.numbers)[:50] == list(range(50, 100))
 
 
-def test_a_jump_publishes_what_was_latched_there(player: Controlled) -> None:
+def test_a_jump_publishes_the_latched_messages(player: Controlled) -> None:
     assert player.change('position', 0.005).successful
     player.ros.probe.until(lambda: player.texts)
     assert player.change('position', 0.99).successful
@@ -146,7 +146,7 @@ def test_a_jump_publishes_what_was_latched_there(player: Controlled) -> None:
     assert player.numbers == []
 
 
-def test_a_late_subscriber_hears_what_is_latched_once(player: Controlled) -> None:
+def test_a_late_subscriber_receives_latched_messages_once(player: Controlled) -> None:
     qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     heard = player.ros.probe.listen(String, 'robot_description', qos)
     player.ros.probe.until(lambda: heard)
@@ -225,7 +225,7 @@ def test_a_damaged_log_plays_its_intact_part_and_reports_the_damage(
     assert 'the CRC of the chunk is' in process.errors
 
 
-def test_a_player_that_was_stopped_goes_on_without_a_burst(ros: Domain, bag: Path) -> None:
+def test_a_player_resumed_by_sigcont_causes_no_burst(ros: Domain, bag: Path) -> None:
     process, heard = started(ros, bag)
     ros.probe.until(lambda: len(heard) >= 10)
     process.popen.send_signal(signal.SIGSTOP)

@@ -22,7 +22,7 @@ BEST_EFFORT = Qos(reliability='best_effort')
         ([Qos(depth=10**12, durability='transient_local')], 2000),
     ],
 )
-def test_a_latched_topic_offers_what_its_publishers_kept(offered: list[Qos], count: int) -> None:
+def test_a_latched_topic_keeps_its_publishers_depth(offered: list[Qos], count: int) -> None:
     assert latched_count(offered) == count
 
 
@@ -43,7 +43,7 @@ def test_a_queue_is_as_deep_as_it_was_and_a_volatile_one_deep(
     assert publishing_profile(offered).depth == depth
 
 
-def test_whoever_heard_one_of_the_publishers_hears_the_replay() -> None:
+def test_subscribers_of_any_publisher_receive_the_replay() -> None:
     both = publishing_profile([BEST_EFFORT, LATCHED])
     assert both.reliability == ReliabilityPolicy.RELIABLE
     assert both.durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -138,7 +138,7 @@ def no_number(stage: Stage) -> None:
     stage.ros.probe.spin(0.5)
 
 
-def test_each_fault_is_told_and_has_a_run_with_its_finding(seen: dict[str, Any]) -> None:
+def test_each_fault_is_reported_and_has_an_event_run(seen: dict[str, Any]) -> None:
     for check in ('geometry', 'gap', 'rejected'):
         found = [recorded_finding(record).check for run in seen[check] for record in records(run)]
         assert check in found, seen['errors']
@@ -150,7 +150,7 @@ def records(run: Path) -> list[dict[str, str]]:
         return log.metadata[FINDING_RECORD]
 
 
-def test_who_asks_gets_the_seconds_before_and_after_whole(seen: dict[str, Any]) -> None:
+def test_a_triggered_run_is_complete_before_and_after(seen: dict[str, Any]) -> None:
     # A machine that stalls may begin one of its own.
     run = Path(seen['answer'].message)
     assert seen['answer'].success
@@ -171,7 +171,7 @@ def test_who_asks_gets_the_seconds_before_and_after_whole(seen: dict[str, Any]) 
             assert missing <= (count.lost or 0)
 
 
-def test_what_is_latched_and_the_solver_are_in_every_run(seen: dict[str, Any]) -> None:
+def test_latched_messages_and_the_solver_are_in_every_run(seen: dict[str, Any]) -> None:
     runs = [run for check in ('asked', 'geometry', 'gap', 'rejected') for run in seen[check]]
     assert len(runs) >= 4
     for run in runs:
@@ -181,7 +181,7 @@ def test_what_is_latched_and_the_solver_are_in_every_run(seen: dict[str, Any]) -
             assert log.metadata['klann_ros.recorder']
 
 
-def test_review_repeats_what_the_recorder_told(seen: dict[str, Any]) -> None:
+def test_review_confirms_the_recorders_findings(seen: dict[str, Any]) -> None:
     review = review_run(seen['gap'][0])
     texts = [finding.text for finding in review.findings if finding.check == 'recorder_finding']
     assert any('nothing on /' in text for text in texts)
@@ -193,7 +193,7 @@ def test_it_ends_in_order(seen: dict[str, Any]) -> None:
     assert 'a callback failed' not in seen['errors']
 
 
-def test_who_waits_in_vain_writes_nothing_and_says_so(ros: Domain) -> None:
+def test_without_an_event_nothing_is_written_and_this_is_reported(ros: Domain) -> None:
     folder = ros.folder / 'runs'
     recorder = ros.start('recorder_node', output=folder, pre_trigger=5.0)
     ros.probe.until(lambda: 'waiting for a trigger' in recorder.errors)
@@ -202,7 +202,7 @@ def test_who_waits_in_vain_writes_nothing_and_says_so(ros: Domain) -> None:
     assert list(folder.iterdir()) == []
 
 
-def test_limits_that_are_none_are_refused_before_anything_is_made(ros: Domain) -> None:
+def test_invalid_limits_are_refused_before_a_run_is_made(ros: Domain) -> None:
     bad = ros.folder / 'limits.yaml'
     bad.write_text('gap_tme: 3\n')
     recorder = ros.start(

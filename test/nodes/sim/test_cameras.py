@@ -53,7 +53,7 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
         (str(CONFIG / 'motor_example.yaml'), 'holds no robot'),
     ],
 )
-def test_what_is_no_built_leg_ends_it_with_one_line(ros: Domain, built: str, reason: str) -> None:
+def test_an_invalid_built_leg_is_refused_in_one_line(ros: Domain, built: str, reason: str) -> None:
     file = ['--params-file', str(CONFIG / 'sem104.yaml')]
     process = ros.start_by([], 'sim_node', '--ros-args', *file, '-p', f'built:={built}')
     assert process.wait() == 1

@@ -76,7 +76,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
         yield Robot(made)
 
 
-def test_it_walks_as_it_is_commanded_and_tells_so_on_every_topic(robot: Robot) -> None:
+def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
     start = robot.truths[-1].pose.pose.position.x
     robot.driven(lambda: robot.truths[-1].pose.pose.position.x - start > 0.05, 2.0, 2.0)
     state, truth, imu = robot.cranks[-1], robot.truths[-1], robot.imus[-1]
@@ -121,7 +121,7 @@ def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
         (BOTH, [1.0]),
     ],
 )
-def test_what_is_no_command_moves_nothing_and_is_counted(
+def test_invalid_commands_move_nothing_and_are_counted(
     robot: Robot, names: list[str], velocities: list[float]
 ) -> None:
     rejected = int(robot.told('rejected'))
@@ -131,7 +131,7 @@ def test_what_is_no_command_moves_nothing_and_is_counted(
     assert math.isfinite(robot.cranks[-1].position[0])
 
 
-def test_what_is_too_fast_is_limited_and_counted(robot: Robot) -> None:
+def test_commands_above_the_limit_are_limited_and_counted(robot: Robot) -> None:
     limited = int(robot.told('limited'))
     robot.command(['left_crank'], [1e300])
     robot.command(['left_crank'], [0.0])
@@ -146,7 +146,7 @@ def test_a_reset_puts_it_back(robot: Robot) -> None:
     robot.probe.until(lambda: int(robot.told('resets')) == 1)
 
 
-def test_it_ends_by_ctrl_c_without_a_word(robot: Robot) -> None:
+def test_ctrl_c_ends_it_silently(robot: Robot) -> None:
     assert robot.process.stop() == 0
     assert 'Traceback' not in robot.process.errors
 
@@ -165,7 +165,7 @@ def test_it_ends_by_ctrl_c_without_a_word(robot: Robot) -> None:
         ('', {'l_ab': 0.12}, 'has no masses: bar_density'),
     ],
 )
-def test_what_cannot_be_simulated_ends_it_with_one_line(
+def test_invalid_robots_are_refused_in_one_line(
     ros: Domain, file: str, given: dict[str, Any], reason: str
 ) -> None:
     process = started(ros, file, **given)

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 
 
-def test_what_walks_by_cmd_vel_is_where_its_odometry_says_and_is_played_back(
+def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     ros: Domain, tmp_path: Path
 ) -> None:
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')

@@ -82,7 +82,7 @@ def test_a_number_is_read_as_rclpy_reads_it(number: float) -> None:
 @pytest.mark.parametrize(
     'data', [b'', b'\0\1', b'\0\1\0\0', b'\0\1\0\0' + bytes(7), b'\1\1\0\0' + bytes(8), bytes(11)]
 )
-def test_bytes_that_are_no_number_are_refused(data: bytes) -> None:
+def test_invalid_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match='bytes are no std_msgs/msg/Float64'):
         cdr.read_float64(data)
 
@@ -190,7 +190,7 @@ many = st.lists(doubles, min_size=8, max_size=8)
     *(st.sampled_from(KINDS), st.tuples(secs, nanosecs), texts),
     *(st.lists(texts, min_size=1, max_size=8), many),
 )
-def test_what_a_template_writes_rclpy_reads(
+def test_templates_write_messages_that_rclpy_reads(
     kind: str, stamp: tuple[int, int], frame_id: str, names: list[str], numbers: list[float]
 ) -> None:
     message, data = written(kind, stamp, frame_id, names, numbers)
@@ -200,7 +200,7 @@ def test_what_a_template_writes_rclpy_reads(
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_what_a_template_writes_is_what_a_typed_publish_sends(ros: Domain, kind: str) -> None:
+def test_templates_write_the_bytes_of_a_typed_publish(ros: Domain, kind: str) -> None:
     fields = [
         (frame_id, names)
         for frame_id in ('', 'a', 'ab', 'abc', 'abcd', 'leg_plane', 'ebene_ä/longer')

@@ -236,7 +236,7 @@ def test_a_burst_is_solved_in_order(ros: Domain) -> None:
     assert talk.counts()['lost'] == '0'
 
 
-def test_what_a_flood_loses_is_counted_exactly(ros: Domain) -> None:
+def test_losses_in_a_flood_are_counted_exactly(ros: Domain) -> None:
     talk = Conversation(ros, as_process=True)
     sent: list[float] = []
 
@@ -289,7 +289,7 @@ def test_simulated_time_stamps_an_angle(ros: Domain) -> None:
     assert [p.header.stamp for p in talk.poses if p.header.stamp not in (now, Time())] == []
 
 
-def test_a_best_effort_crank_is_heard_too(ros: Domain) -> None:
+def test_a_best_effort_crank_is_received(ros: Domain) -> None:
     poses = ros.probe.listen(JointState, 'joint_states')
     ros.start('solver_node')
     crank = ros.probe.publisher(Float64, 'crank_angle', reliable=False)

@@ -41,7 +41,7 @@ def test_the_description_beside_joint_states_is_the_leg(
     state.close()
 
 
-def test_a_simulation_that_publishes_its_crank_alone_is_no_solver(ros: Domain) -> None:
+def test_a_simulation_publishing_only_its_crank_is_not_a_solver(ros: Domain) -> None:
     state = LiveState(ros.probe.add_node('page'), read_only=True)
     leg, publishers = KlannLeg(LONG), {}
     for name, topic in (('sim', '/crank_state'), ('solver', '/joint_states')):

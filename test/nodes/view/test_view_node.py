@@ -97,7 +97,7 @@ def is_publishing(ros: Domain) -> bool:
     return any(info.node_name == 'view_node' for info in infos)
 
 
-def test_the_page_drives_when_asked_and_says_so_and_stops_when_it_is_closed(moving: Live) -> None:
+def test_the_page_drives_on_request_and_stops_when_closed(moving: Live) -> None:
     ros, page = moving.ros, moving.page
     assert not is_publishing(ros)
     assert '/probe cannot yield' in moving.text('#crank-state')
@@ -335,7 +335,7 @@ def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
     assert moving.page.evaluate('document.documentElement.scrollWidth <= innerWidth')
 
 
-def test_read_only_drives_nothing_and_ends_in_order_while_somebody_looks(
+def test_read_only_drives_nothing_and_ends_orderly_with_open_pages(
     ros_of_all: Domain, browser: Any
 ) -> None:
     process = ros_of_all.start_by(

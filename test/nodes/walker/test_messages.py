@@ -55,7 +55,7 @@ def test_a_twist_is_read_with_and_without_a_stamp() -> None:
 
 
 @pytest.mark.parametrize('size', [0, 3, 4, 20, 40])
-def test_what_is_too_short_is_no_message(size: int) -> None:
+def test_short_messages_are_refused(size: int) -> None:
     data = bytes(serialize_message(TwistStamped()))[:size]
     with pytest.raises(ValueError, match=r'ends too early|begins'):
         read_twist(data, stamped=True)
@@ -63,7 +63,7 @@ def test_what_is_too_short_is_no_message(size: int) -> None:
         ImuReader().read(data)
 
 
-def test_an_imu_without_orientation_says_so() -> None:
+def test_an_imu_without_orientation_is_recognised() -> None:
     imu = Imu()
     imu.header.frame_id = 'imu'
     imu.angular_velocity.z = 0.5
@@ -76,7 +76,7 @@ def test_an_imu_without_orientation_says_so() -> None:
     assert (read.orientation, read.variance) == ((0.0, 0.0, 0.0, 1.0), 0.01)
 
 
-def test_an_imu_without_accelerometer_says_so() -> None:
+def test_an_imu_without_accelerometer_is_recognised() -> None:
     imu = Imu()
     imu.linear_acceleration.z = 9.5
     assert ImuReader().read(serialize_message(imu)).force == (0.0, 0.0, 9.5)
@@ -84,7 +84,7 @@ def test_an_imu_without_accelerometer_says_so() -> None:
     assert ImuReader().read(serialize_message(imu)).force is None
 
 
-def test_an_orientation_that_nobody_filled_in_is_none() -> None:
+def test_an_empty_orientation_is_ignored() -> None:
     imu = Imu()
     imu.orientation.w = 0.0
     assert ImuReader().read(serialize_message(imu)).orientation is None

@@ -182,7 +182,7 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
         (0.5, (0.0, 0.0), False),
     ],
 )
-def test_a_paused_process_goes_on_where_the_cranks_are(
+def test_a_resumed_process_starts_at_the_measured_crank_angles(
     walker: Process, motors: Motors, seconds: float, twist: tuple[float, float], ends: bool
 ) -> None:
     probe = motors.probe
@@ -323,7 +323,7 @@ def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: Domain) -> None:
         ),
     ],
 )
-def test_what_is_no_walker_is_refused_in_one_line(
+def test_an_invalid_walker_is_refused_in_one_line(
     ros: Domain, arguments: tuple[str, ...], reason: str
 ) -> None:
     given = [str(CONFIG / a) if a.endswith('.yaml') else a for a in arguments]

@@ -84,7 +84,7 @@ def test_an_angle_out_of_reach_is_found_as_such(rocking, make_run) -> None:
     assert found(make_run(rocking)) == [text]
 
 
-def test_a_silence_where_nothing_can_be_answered_is_no_gap(make_script, make_run) -> None:
+def test_silence_at_unreachable_angles_is_not_a_gap(make_script, make_run) -> None:
     geometry = KlannGeometry(l_dc=0.12)
     run, solver = make_script(turns=2.0), KlannLeg(geometry)
     run.geometry = geometry

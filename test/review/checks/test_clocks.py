@@ -87,9 +87,7 @@ def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:
     return make_run(healthy)
 
 
-def test_what_a_latched_publisher_sent_before_it_was_heard_has_no_latency(
-    healthy, make_run
-) -> None:
+def test_messages_latched_before_discovery_have_no_latency(healthy, make_run) -> None:
     sent = [(-9.0, 0.1, 3), (-8.0, 0.1, 4), (0.5, 0.503, 5), (1.0, 1.001, 6)]
     # Another one, whose first message waited as well; and the third.
     sent += [(1.1, 1.4, 1), (1.5, 1.502, 2), (1.6, 1.9, 2)]

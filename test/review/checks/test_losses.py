@@ -85,7 +85,7 @@ def test_a_topic_that_is_lost_altogether_is_reported(healthy, printed) -> None:
 
 
 @pytest.mark.parametrize('count', ['many', '-7', '', *GARBLED])
-def test_a_garbled_count_is_no_count(healthy, count, printed) -> None:
+def test_an_invalid_count_is_ignored(healthy, count, printed) -> None:
     healthy.metadata.append((LOSS_RECORD, {'/crank_angle': count}))
     assert lost(printed(healthy)) == '0'
 

@@ -55,7 +55,7 @@ def test_a_path_that_drifts_is_found_where_no_geometry_judges_it(slow, make_run)
 
 
 @pytest.mark.parametrize('turns', [13.0, 60.3, 97.7])
-def test_a_fast_crank_is_no_drift(make_script, make_run, turns) -> None:
+def test_a_fast_crank_is_not_drift(make_script, make_run, turns) -> None:
     fast = make_script(turns=turns, count=1000)
     fast.geometry = None
     assert checks(review_run(make_run(fast), limits=Limits(crank_jump=3.0))) == ['geometry']
@@ -100,7 +100,7 @@ def test_a_fast_crank_that_rocks_is_turned_by_one(make_script, make_run, angle) 
     assert checks(review_run(make_run(script))) == []
 
 
-def test_a_crank_of_which_nothing_is_heard_does_not_stand_still(slow, make_run) -> None:
+def test_a_silent_crank_is_not_a_stall(slow, make_run) -> None:
     stop(slow)
     del slow.answers[450:950]
     slow.renumber()

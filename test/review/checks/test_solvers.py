@@ -100,7 +100,7 @@ def test_a_solver_that_joined_midway_has_its_moment(healthy, finds) -> None:
     assert finds(healthy) == [f'solvers 1.0: {text}']
 
 
-def test_a_few_answers_that_come_again_are_no_second_solver(healthy, make_run) -> None:
+def test_a_few_repeated_answers_are_not_a_second_solver(healthy, make_run) -> None:
     second = answers(healthy)
     second.answers = second.answers[50:53]
     healthy.others.append(second)
@@ -127,7 +127,7 @@ def test_two_solvers_are_found_without_the_questions(healthy, make_run, qos) -> 
 
 
 @pytest.mark.parametrize('fields', [{}, {'sequence': 0}], ids=['numbered', 'without numbers'])
-def test_equal_stamps_of_one_publisher_are_no_second_solver(healthy, make_run, fields) -> None:
+def test_equal_stamps_of_one_publisher_are_not_a_second_solver(healthy, make_run, fields) -> None:
     for n in range(400):
         healthy.change(n, header_stamp=healthy.answers[n - n % 10].stamp, **fields)
     assert found(make_run(without_questions(healthy))) == []
@@ -161,7 +161,7 @@ def test_two_solvers_are_found_under_a_simulated_clock(simulated, make_run) -> N
     ]
 
 
-def test_other_joints_on_the_same_topic_are_no_second_solver(healthy, make_run) -> None:
+def test_other_joints_on_the_same_topic_are_not_a_second_solver(healthy, make_run) -> None:
     arm = answers(healthy)
     arm.prefix, arm.feet = 'arm/', replace(arm.feet, name='/arm/tip')
     healthy.others.append(arm)

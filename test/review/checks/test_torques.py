@@ -51,7 +51,7 @@ def run(make_script, make_run) -> Callable[..., Any]:
     return write
 
 
-def test_the_torque_of_the_masses_is_no_finding(run) -> None:
+def test_efforts_equal_to_the_model_give_no_finding(run) -> None:
     assert checks(review_run(run(TORQUE))) == []
     # And what is found is known to some percent of its peak.
     assert checks(review_run(run(TORQUE), limits=Limits(torque=0.01))) == []
@@ -91,7 +91,7 @@ def test_a_crank_that_counts_backwards_feels_the_opposite_torque(run) -> None:
     assert checks(review_run(run(TORQUE, joint, direction=-1, phase=0.7))) == ['effort']
 
 
-def test_efforts_that_are_no_numbers_are_counted_and_left_out(run) -> None:
+def test_non_finite_efforts_are_counted_and_left_out(run) -> None:
     efforts = TORQUE.copy()
     efforts[[3, 50, 51]] = math.nan, math.inf, -math.inf
     (finding,) = review_run(run(efforts)).findings
@@ -107,18 +107,18 @@ GLITCH = np.where(np.arange(COUNT) == 200, 50.0, TORQUE)
     [np.full(COUNT, np.nan), np.zeros(COUNT), (), GLITCH],
     ids=['nan', 'zeros', 'none', 'a glitch'],
 )
-def test_efforts_that_measure_nothing_and_one_glitch_are_no_finding(run, efforts) -> None:
+def test_zero_efforts_and_a_single_glitch_give_no_finding(run, efforts) -> None:
     assert checks(review_run(run(efforts))) == []
 
 
-def test_a_coarse_encoder_is_no_difference(run) -> None:
+def test_a_coarse_encoder_gives_no_finding(run) -> None:
     step = math.tau / 4096
     coarse = step * np.round(SWING / step)
     assert checks(review_run(run(TORQUE, coarse))) == []
     assert checks(review_run(run(1.5 * TORQUE, coarse))) == ['effort']
 
 
-def test_without_masses_a_note_says_what_is_missing(run, tmp_path, capsys) -> None:
+def test_without_masses_a_note_names_them(run, tmp_path, capsys) -> None:
     path = run(1.2 * TORQUE, bar_density='no number')
     (finding,) = review_run(path).findings
     assert finding.severity == Severity.NOTE
@@ -169,7 +169,7 @@ def test_efforts_of_joint_states_are_those_of_the_legs_own_angle(run, factor: fl
     assert checks(review_run(path)) == ['effort'] * (factor > 1.0)
 
 
-def test_rate_and_acceleration_are_known_as_well_as_they_say() -> None:
+def test_rate_and_acceleration_have_honest_errors() -> None:
     random = np.random.default_rng(1)
     noisy = SWING + 1e-4 * random.standard_normal(COUNT)
     found = crank_motion(TIMES, noisy)

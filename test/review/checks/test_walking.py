@@ -29,7 +29,7 @@ def test_a_walk_without_a_fault_has_figures_and_no_finding(review_recording: Any
     assert checks(review) == set()
 
 
-def test_a_heading_that_goes_around_is_no_difference(review_recording: Any) -> None:
+def test_a_heading_across_pi_gives_no_error(review_recording: Any) -> None:
     # Between messages of the ground truth, one before a full turn and one after it.
     (walk,) = review_recording(Walking(turning=3.0, late=4_000_000)).walks
     assert walk.heading_error == pytest.approx(0.0, abs=1e-9)
@@ -42,7 +42,7 @@ def test_odometry_that_is_far_from_the_truth_is_found(review_recording: Any) -> 
     assert finding.time == pytest.approx(3.99, abs=1e-3)
 
 
-def test_without_ground_truth_there_is_no_error(review_recording: Any) -> None:
+def test_without_ground_truth_no_error_is_reported(review_recording: Any) -> None:
     review = review_recording(Walking(scale=1.1, truth=False))
     (walk,) = review.walks
     assert np.isnan(walk.odometry_error)
@@ -63,7 +63,7 @@ def test_cranks_that_are_not_where_they_should_be_are_found(
     assert times == pytest.approx([3.0] * len(found), abs=1e-3)
 
 
-def test_a_message_that_is_none_is_counted_and_the_rest_is_judged(review_recording: Any) -> None:
+def test_invalid_messages_are_counted_and_the_rest_is_checked(review_recording: Any) -> None:
     review = review_recording(Walking(cut=10))
     assert {(each.topic, each.count) for each in review.recording.undecoded} == {
         ('/odom', 1),
@@ -72,6 +72,6 @@ def test_a_message_that_is_none_is_counted_and_the_rest_is_judged(review_recordi
     assert checks(review) == set()
 
 
-def test_what_cranks_are_to_do_is_no_question_to_a_solver(review_recording: Any) -> None:
+def test_crank_commands_require_no_solver_answer(review_recording: Any) -> None:
     review = review_recording(Walking())
     assert all('/crank_command' not in leg.recording.crank_topics for leg in review.legs)

@@ -165,7 +165,7 @@ def test_the_index_leads_to_the_page_of_each_run(outputs: Path) -> None:
         assert '<title>Review of' in (outputs / link).read_text()
 
 
-def test_ctrl_c_leaves_a_table_and_resume_goes_on(runs: Path, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_a_table_and_resume_continues(runs: Path, tmp_path: Path) -> None:
     many = tmp_path / 'many'
     many.mkdir()
     for number in range(MANY):
@@ -224,7 +224,7 @@ def judged(run: Path, expected: Any) -> Row:
         ('topics: {/imu: }', ['/imu is missing']),
     ],
 )
-def test_what_is_expected_and_not_there_is_found(
+def test_missing_expected_runs_are_found(
     text: str, reasons: list[str], runs: Path, tmp_path: Path
 ) -> None:
     row = judged(runs / 'good', expectations(tmp_path, text))
@@ -259,7 +259,7 @@ def test_a_run_is_compared_with_the_baseline(runs: Path, tmp_path: Path) -> None
         ('baseline: 3', 'baseline must be'),
     ],
 )
-def test_expectations_that_are_none_are_refused_in_one_line(
+def test_invalid_expectations_are_refused_in_one_line(
     text: str, reason: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ExpectationsFileError, match=reason):
@@ -282,7 +282,7 @@ def test_rows_come_in_the_order_of_the_tasks(runs: Path) -> None:
         (['--jobs', '0'], 2, 'argument --jobs'),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_is_done(
+def test_impossible_options_are_refused_before_any_work(
     arguments: list[str], code: int, reason: str, runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
@@ -305,7 +305,7 @@ def test_a_folder_without_runs_is_refused(
     assert 'there is no run in' in capsys.readouterr().err
 
 
-def test_texts_of_others_are_no_formulas_in_a_table(tmp_path: Path) -> None:
+def test_untrusted_text_is_never_a_spreadsheet_formula(tmp_path: Path) -> None:
     row = Row('=cmd()', 'unreadable', '@x')
     place = tmp_path / 'table.csv'
     with place.open('wb') as file:

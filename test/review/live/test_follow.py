@@ -112,7 +112,7 @@ def test_a_finding_is_reported_while_the_run_is_recorded(run: RunWriter) -> None
     assert follower.status == [f'following {run.path / "run_0.mcap"}']
 
 
-def test_a_time_in_which_the_recorder_did_not_run_is_no_gap(run: RunWriter) -> None:
+def test_time_without_the_recorder_is_not_a_gap(run: RunWriter) -> None:
     messages = [*LegRun(parameters=GEOMETRY, count=600, turns=3.0, pause=(200, 2.0)).messages()]
     begin, end = START + 10**9, START + 3 * 10**9
     follower = Follower(run.path)
@@ -189,7 +189,7 @@ def test_a_recorder_that_was_killed_ends_it(
         (b'\x89MCAP0\r\n' + b'\x06\x28' + bytes(7) + b'\xff' * 40, ''),
     ],
 )
-def test_a_file_that_is_no_log_ends_it(tmp_path: Path, content: bytes, problem: str) -> None:
+def test_a_non_log_file_ends_it(tmp_path: Path, content: bytes, problem: str) -> None:
     path = tmp_path / 'bad_0.mcap'
     path.write_bytes(content)
     follower = Follower(path)
@@ -227,7 +227,7 @@ def test_each_byte_is_read_once_however_it_comes(tmp_path: Path) -> None:
     file.close()
 
 
-def test_what_is_no_mcap_is_refused(tmp_path: Path) -> None:
+def test_non_mcap_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / 'bag.db3'
     path.touch()
     follower = Follower(path)
@@ -235,7 +235,7 @@ def test_what_is_no_mcap_is_refused(tmp_path: Path) -> None:
     assert 'only runs of MCAP files can be followed' in str(follower.error)
 
 
-def test_ctrl_c_ends_it_with_the_review_of_what_is_there(run: RunWriter) -> None:
+def test_ctrl_c_ends_it_with_a_review_so_far(run: RunWriter) -> None:
     for message in messages():
         run.write(message)
     run.flush()

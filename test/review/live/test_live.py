@@ -75,7 +75,7 @@ def test_a_leg_that_is_changed_is_found() -> None:
     assert text.startswith('/solver_node changed its leg: l_gh is 0.44 m, was ')
 
 
-def test_a_foot_that_is_no_number_is_found() -> None:
+def test_a_non_finite_foot_is_found() -> None:
     run = LegRun(garbled={150: float('nan')})
     found = judged(run.messages(), solver(), until=3 * SECOND // 2)
     assert new(found)[0] == (1.0, 'nan')
@@ -110,7 +110,7 @@ def turned(poses_until: float, crank_until: float) -> list[Message]:
     return sorted(found, key=lambda message: message.log_time)
 
 
-def test_answers_are_missed_while_there_are_questions() -> None:
+def test_missing_answers_are_reported_while_the_crank_publishes() -> None:
     found = judged(turned(1.0, 3.0), solver(), until=5 * SECOND // 2)
     assert {each.leg for _, each in found if each.check == 'gap'} == {'/joint_states', '/point_h'}
     left_in_order = ['/joint_states', '/point_h']
@@ -154,14 +154,14 @@ def test_the_losses_that_a_recorder_counts_are_reported_once() -> None:
     assert texts == [[], [two], [], [one]]
 
 
-def test_what_is_over_is_new_when_it_comes_again() -> None:
+def test_a_recurring_fault_is_reported_again() -> None:
     run = LegRun(garbled={20: float('nan'), 1100: float('nan')}, count=1200, turns=6.0)
     found = judged(run.messages(), solver(), until=6 * SECOND)
     # Of the poses, and of the foot.
     assert [time for time, check in new(found) if check == 'nan'] == [0.5, 0.5, 6.0, 6.0]
 
 
-def test_other_topics_of_any_content_are_no_fault() -> None:
+def test_other_topics_of_any_content_give_no_finding() -> None:
     other = Topic('/other', 'std_msgs/msg/String', 'string data')
     noise = [
         replace(message, topic=other, data=b'\x00') for message in LegRun(count=300).messages()

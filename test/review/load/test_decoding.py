@@ -144,7 +144,7 @@ def test_bulk_reading_is_that_of_the_library(families, random) -> None:
 
 @settings(max_examples=20)
 @given(st.binary(min_size=2, max_size=2))
-def test_what_stands_between_the_fields_does_not_matter(padding) -> None:
+def test_padding_between_fields_is_ignored(padding) -> None:
     # A frame of one letter and its end leave two bytes before the numbers.
     stamp = make('builtin_interfaces/msg/Time', sec=1, nanosec=2)
     header = make('std_msgs/msg/Header', stamp=stamp, frame_id='f')
@@ -175,7 +175,9 @@ FIELDS = ['channel', 'sequence', 'log_time', 'publish_time']
     st.sampled_from(CompressionType),
     st.integers(30, 400),
 )
-def test_blocks_hold_what_the_mcap_library_reads(tmp_path_factory, entries, kind, size) -> None:
+def test_blocks_equal_the_messages_of_the_mcap_library(
+    tmp_path_factory, entries, kind, size
+) -> None:
     path = tmp_path_factory.mktemp('blocks') / 'log.mcap'
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=size, compression=kind)

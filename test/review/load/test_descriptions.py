@@ -121,7 +121,7 @@ def test_of_two_descriptions_the_own_one_counts(described_run, make_run) -> None
     assert found(make_run(script, 'again')) == []
 
 
-def test_only_what_is_younger_than_a_new_description_is_judged(described_run, make_run) -> None:
+def test_only_poses_after_a_new_description_are_checked(described_run, make_run) -> None:
     longer = URDF.replace('0.43 0 0', '0.44 0 0')
     script = described_run(longer, URDF)
     for n, answer in enumerate(described_run(geometry=KlannGeometry(l_gh=0.44)).answers[:200]):
@@ -131,7 +131,7 @@ def test_only_what_is_younger_than_a_new_description_is_judged(described_run, ma
     assert len(leg.evaluated.poses) == 200
 
 
-def test_a_description_that_comes_again_is_no_change(described_run, make_run) -> None:
+def test_a_repeated_description_is_not_a_change(described_run, make_run) -> None:
     (leg,) = review_run(make_run(described_run(URDF, URDF, URDF, every=0.5))).legs
     assert len(leg.evaluated.poses) == 400
 
@@ -140,13 +140,13 @@ HOSTILE = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]>' + URDF
 
 
 @pytest.mark.parametrize('words', ['', 'x' * 70_000, HOSTILE, '<robot name="arm"/>'])
-def test_a_description_of_something_else_is_no_geometry(described_run, make_run, words) -> None:
+def test_a_description_of_another_robot_gives_no_geometry(described_run, make_run, words) -> None:
     assert found(make_run(described_run(words))) == [
         'geometry: the run does not contain the geometry'
     ]
 
 
-def test_a_description_that_cannot_be_read_is_no_geometry(described_run, make_run) -> None:
+def test_an_unreadable_description_gives_no_geometry(described_run, make_run) -> None:
     script = described_run(URDF)
     script.messages = [replace(m, data=m.data[:9]) for m in script.messages]
     assert checks(review_run(make_run(script))) == ['geometry']
@@ -177,7 +177,7 @@ def test_a_file_comes_before_a_name(tmp_path, monkeypatch) -> None:
     assert robot_of('patent').legs[0].linkage == KlannGeometry(l_gh=0.44).linkage
 
 
-def test_a_name_that_is_none_is_answered_with_those_that_are(capsys) -> None:
+def test_an_unknown_name_lists_the_known_ones(capsys) -> None:
     with pytest.raises(RobotFileError) as error:
         robot_of('sem140')
     names = ', '.join(('sem104', 'patent', *shipped_linkages()))
@@ -189,7 +189,7 @@ def test_a_name_that_is_none_is_answered_with_those_that_are(capsys) -> None:
     assert capsys.readouterr().err == f'review: {error.value}\n'
 
 
-def test_the_hint_and_the_help_name_what_is_shipped(described_run, make_run, capsys) -> None:
+def test_the_hint_and_the_help_list_shipped_linkages(described_run, make_run, capsys) -> None:
     names = ('sem104', 'patent', *shipped_linkages())
     main([str(make_run(described_run()))])
     hint = f'or one of {", ".join(names)}'
@@ -256,7 +256,7 @@ def test_changed_lengths_in_leg_description_hold_from_then_on(make_script, make_
         '[' * 10_000,
     ],
 )
-def test_no_leg_description_of_a_stranger_is_a_leg(words: str, make_script, make_run) -> None:
+def test_hostile_leg_descriptions_give_no_leg(words: str, make_script, make_run) -> None:
     script = make_script()
     script.geometry = None
     topic = Topic('/leg_description', STRING, definition(STRING))

@@ -30,7 +30,7 @@ def garbled(run, kind: str, data: bytes, count: int = 3) -> list[Message]:
     [(kind, data) for kind in ('poses', 'feet') for data in GARBLED.values()]
     + [('crank', GARBLED['empty']), ('crank', GARBLED['short'])],
 )
-def test_what_cannot_be_decoded_is_counted(healthy, make_run, kind, data) -> None:
+def test_undecodable_messages_are_counted(healthy, make_run, kind, data) -> None:
     healthy.messages = garbled(healthy, kind, data)
     name = getattr(healthy, kind).name
     review = review_run(make_run(healthy))
@@ -38,7 +38,7 @@ def test_what_cannot_be_decoded_is_counted(healthy, make_run, kind, data) -> Non
     assert review.findings[0].text == f'3 messages of {name} cannot be decoded'
 
 
-def test_joints_without_positions_are_no_pose(healthy, make_run) -> None:
+def test_joint_states_without_positions_are_ignored(healthy, make_run) -> None:
     healthy.answers[100].pose.pop()
     # The message is there, but the crank's angle has no answer in it.
     assert moments(review_run(make_run(healthy))) == [('decode', 0.5), ('answers', 0.5)]

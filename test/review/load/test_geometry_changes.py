@@ -18,7 +18,7 @@ def changed(make_script):
     return run
 
 
-def test_only_what_is_younger_than_the_change_is_judged(changed, printed) -> None:
+def test_only_poses_after_the_change_are_checked(changed, printed) -> None:
     output = printed(changed)
     line = 'the leg changed during the run; poses before 1.00 s were not judged\n'
     assert line in output
@@ -32,7 +32,7 @@ def test_a_wrong_pose_after_the_change_is_found(changed, printed) -> None:
     assert '(first at 1.500 s)' in output
 
 
-def test_a_restart_with_the_same_geometry_is_no_change(healthy, printed) -> None:
+def test_a_restart_with_the_same_geometry_is_not_a_change(healthy, printed) -> None:
     healthy.add_solver(healthy.answers[200].stamp, healthy.geometry)
     healthy.answers[100].pose[2] += 1e-3
     output = printed(healthy, code=1)

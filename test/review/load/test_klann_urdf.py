@@ -90,7 +90,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize('change', CHANGES.values(), ids=CHANGES)
-def test_what_is_no_such_leg_is_none(change: tuple[str, str]) -> None:
+def test_other_urdfs_are_not_a_klann_leg(change: tuple[str, str]) -> None:
     before, after = change
     assert before in URDF
     changed = URDF.replace(before, after)
@@ -102,7 +102,7 @@ def test_what_is_no_such_leg_is_none(change: tuple[str, str]) -> None:
 @pytest.mark.parametrize(
     'text', ['', 'robot', '<robot/>', '<a>' * 50_000, '\n' * (MAX_DESCRIPTION_SIZE + 1)]
 )
-def test_what_is_no_robot_has_no_legs(text: str) -> None:
+def test_invalid_urdfs_have_no_legs(text: str) -> None:
     assert klann_legs_in_urdf(text) == {}
 
 

@@ -58,7 +58,7 @@ def test_a_silence_of_one_leg_names_its_own_topics_only(two_legs, make_run) -> N
     assert found(make_run(two_legs)) == [f'gap: nothing on {silent} for 0.305 s']
 
 
-def test_a_namespace_without_poses_is_no_leg(two_legs, make_run) -> None:
+def test_a_namespace_without_poses_is_not_a_leg(two_legs, make_run) -> None:
     (first,) = two_legs.others
     first.poses = replace(first.poses, name='/c/joint_states')
     # Those of a are taken for the leg of the last solver, which is that in a.
@@ -89,7 +89,7 @@ def test_a_leg_that_was_not_driven_is_a_note(walker, make_run) -> None:
     assert (check, leg) == ('poses', 'rear')
 
 
-def test_poses_of_other_legs_than_recorded_are_none(walker, make_run) -> None:
+def test_poses_of_unrecorded_legs_are_ignored(walker, make_run) -> None:
     walker.parameters['legs'] = ['left', 'right']
     (finding,) = found(make_run(walker))
     assert finding.startswith('poses: there is no pose in the run')

@@ -58,7 +58,7 @@ def clocks(sources: np.ndarray, received: np.ndarray, *, alone: bool) -> np.ndar
     batch=st.sampled_from([1 * MS, 20 * MS, 1300 * MS]),
 )
 @example(seed=0, publishers=2, behind=300 * MS, batch=1300 * MS)
-def test_publishers_that_overtake_each_other_are_no_clock_set_back(
+def test_interleaved_publishers_are_not_a_clock_jump(
     seed: int, publishers: int, behind: int, batch: int
 ) -> None:
     sources, received = recorded_times(seed, publishers=publishers, behind=behind, batch=batch)
@@ -96,7 +96,7 @@ def test_a_machine_whose_clock_is_set_back_is_found(by: int) -> None:
     assert clocks(sources, received, alone=True).tolist() == [700]
 
 
-def test_a_message_that_was_sent_again_is_no_clock_set_back() -> None:
+def test_a_repeated_message_is_not_a_clock_jump() -> None:
     sources, received = recorded_times(3, publishers=1, behind=0, batch=20 * MS)
     received[800] += 400 * MS
     assert len(steps(sources, received)) == 1
@@ -113,9 +113,7 @@ def test_log_times_that_go_back_are_one_finding_of_all_topics(healthy, make_run,
     assert found(write_messages(run, back)) == [f'{text}/crank_angle, /joint_states, /point_h']
 
 
-def test_two_publishers_that_overtake_each_other_are_no_finding(
-    healthy, make_run, write_messages
-) -> None:
+def test_two_interleaved_publishers_give_no_finding(healthy, make_run, write_messages) -> None:
     run = make_run(healthy)
     second = [
         replace(m, publish_time=m.publish_time + MS, log_time=m.log_time + 2 * MS)
@@ -135,7 +133,7 @@ def test_two_publishers_that_overtake_each_other_are_no_finding(
 
 
 @pytest.mark.parametrize('unheard', [0, None], ids=['one publisher', 'several'])
-def test_the_recorder_knows_whether_several_published(
+def test_the_recorder_stores_the_publisher_count(
     healthy, make_run, write_messages, unheard: int | None
 ) -> None:
     healthy.metadata.append(

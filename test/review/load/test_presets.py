@@ -97,7 +97,7 @@ def write(folder: Path, namespace: str, robot: Robot, recorded: dict, count: int
     + [(ROOT / 'config' / 'walker4.yaml', '/robot/left')],
     ids=lambda value: getattr(value, 'stem', value),
 )
-def test_what_is_shipped_gives_a_healthy_run(tmp_path, path, namespace) -> None:
+def test_shipped_configurations_give_a_healthy_run(tmp_path, path, namespace) -> None:
     parameters, robot = parameters_of(path), robot_of(str(path))
     review = review_run(write(tmp_path / 'run', namespace, robot, parameters))
     assert checks(review) == []

@@ -62,7 +62,7 @@ def test_a_length_that_is_one_percent_longer_is_named(make_script, differences, 
         assert motion[0].text == 'the feet are up to 0.0043 m apart at the same crank angle'
 
 
-def test_other_cranks_are_no_difference(make_script, differences) -> None:
+def test_different_crank_motions_are_not_reported(make_script, differences) -> None:
     assert differences(make_script(), make_script(turns=-3.3, count=77)).differences == ()
 
 
@@ -75,7 +75,9 @@ def test_another_phase_is_named(healthy, make_script, differences) -> None:
 
 
 @pytest.mark.parametrize('which', ['first', 'second'])
-def test_a_geometry_that_one_run_lacks_is_no_other(make_script, differences, which) -> None:
+def test_a_geometry_missing_in_one_run_is_not_a_difference(
+    make_script, differences, which
+) -> None:
     runs = [make_script(), make_script(KlannGeometry(l_gh=0.4343))]
     runs[1].geometry = None
     found = differences(*(runs[::-1] if which == 'first' else runs))

@@ -50,6 +50,6 @@ def test_each_row_finds_its_stamp(some, single, random) -> None:
 
 
 @given(either, either)
-def test_what_is_found_is_among_the_others(some, others) -> None:
+def test_isin_equals_set_membership(some, others) -> None:
     expected = [stamp in set(others.tolist()) for stamp in some.tolist()]
     assert isin(some, others).tolist() == expected

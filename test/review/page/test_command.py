@@ -29,7 +29,7 @@ def test_two_runs_are_in_one_page(run: Path, tmp_path: Path) -> None:
     assert 'The two runs do not differ.' in written
 
 
-def test_what_could_not_be_compared_is_in_the_page(run: Path, runs, tmp_path: Path) -> None:
+def test_failed_comparisons_are_in_the_page(run: Path, runs, tmp_path: Path) -> None:
     bare = replace(runs['klann'], count=50, parameters=None).write(tmp_path / 'bare')
     main([str(run), str(bare), '--html', str(tmp_path / 'page.html')])
     written = (tmp_path / 'page.html').read_text(encoding='utf-8')
@@ -61,7 +61,7 @@ def test_the_page_is_opened_in_the_named_browser(
     assert 'no browser' not in capsys.readouterr().err
 
 
-def test_where_no_browser_is_one_line_says_where_the_page_is(
+def test_without_a_browser_one_line_gives_the_page_path(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ('DISPLAY', 'WAYLAND_DISPLAY', 'BROWSER'):

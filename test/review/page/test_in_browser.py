@@ -38,7 +38,7 @@ def is_drawn(points: dict[str, np.ndarray], expected: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_it_asks_for_nothing_and_has_no_error(visit, pages, name: str) -> None:
+def test_it_is_self_contained_and_without_errors(visit, pages, name: str) -> None:
     opened = visit(name)
     opened.page.keyboard.press('End')
     for button in opened.page.locator('.switch button:visible').all():
@@ -115,7 +115,7 @@ def test_keys_turn_the_leg_pose_by_pose(klann, runs) -> None:
         assert is_drawn(klann.points(), leg.solve(run.alpha(number)).points)
 
 
-def test_the_slider_has_the_same_keys_and_says_the_time(klann, runs) -> None:
+def test_the_slider_has_the_same_keys_and_announces_the_time(klann, runs) -> None:
     slider = klann.page.locator('#time')
     slider.focus()
     klann.page.keyboard.press('ArrowUp')
@@ -158,7 +158,7 @@ def test_a_click_at_a_chart_goes_to_its_moment(klann) -> None:
     assert shown_time(klann) == pytest.approx(1.0, abs=0.05)
 
 
-def test_charts_hold_what_was_recorded(klann, runs) -> None:
+def test_charts_hold_the_recorded_values(klann, runs) -> None:
     run = runs['klann']
     shown = klann.page.evaluate(
         'page.charts.charts.map(({settings, plot}) => [settings.key, plot.data.map((d) => d[57])])'
@@ -173,7 +173,7 @@ def test_charts_hold_what_was_recorded(klann, runs) -> None:
     assert klann.page.evaluate('page.runs[0].legs[0].iterations.most.length') == 10
 
 
-def test_over_the_crank_angle_every_turn_lies_on_the_others(klann) -> None:
+def test_over_the_crank_angle_all_turns_coincide(klann) -> None:
     klann.page.locator('#over-crank').click()
     degrees, *bands = klann.page.evaluate('page.charts.charts[0].plot.data')
     assert 0 < degrees[0] < degrees[-1] < 360
@@ -248,7 +248,7 @@ def test_a_leg_is_not_drawn_in_a_shape_that_it_had_not_yet(visit, runs) -> None:
     assert not note.is_visible()
 
 
-def test_numbers_that_are_none_are_gaps(visit) -> None:
+def test_non_finite_numbers_are_gaps(visit) -> None:
     opened = visit('garbled')
     assert opened.page.locator('#picture-note').text_content() == (
         'Not drawn: an angle of this pose is not a number.'
@@ -290,7 +290,7 @@ def luminance(colour: str) -> float:
     return sum(map(int, colour.removeprefix('rgb(').removesuffix(')').split(','))) / 3
 
 
-def test_on_paper_there_are_pictures_and_no_controls(visit) -> None:
+def test_printed_pages_have_figures_and_no_controls(visit) -> None:
     opened = visit('klann', color_scheme='dark')
     opened.page.emulate_media(media='print')
     assert not opened.page.locator('#player').is_visible()
@@ -316,7 +316,7 @@ def test_axe_finds_no_barrier(visit, name: str, scheme: str) -> None:
     assert [violation['id'] for violation in found] == []
 
 
-def test_every_chart_says_what_it_shows(klann) -> None:
+def test_every_chart_has_an_accessible_description(klann) -> None:
     labels = klann.page.locator('[role=img]').evaluate_all(
         '(nodes) => nodes.map((node) => node.getAttribute("aria-label"))'
     )

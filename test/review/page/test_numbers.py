@@ -49,7 +49,7 @@ def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> 
 
 
 @given(st.lists(any_float, min_size=1))
-def test_whatever_is_no_angle_is_none(values: list[float]) -> None:
+def test_invalid_angles_are_null(values: list[float]) -> None:
     radians = np.array(values)
     known = np.isfinite(unpacked(pack_angles(radians)))
     assert (known == (np.abs(radians) / math.tau <= 2**31 - 1)).all()

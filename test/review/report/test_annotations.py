@@ -141,7 +141,7 @@ def test_a_damaged_run_and_one_without_messages_are_annotated(
     assert {each[0] for each in messages(copy.parent)} <= {OWN[0]}
 
 
-def test_what_exists_or_is_read_is_no_output(
+def test_existing_files_and_the_input_are_refused_as_output(
     faulty: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = messages(faulty)

@@ -56,7 +56,7 @@ def ns(stamp) -> int:
     return stamp.sec * 10**9 + stamp.nanosec
 
 
-def test_what_pandas_reads_equals_the_messages(healthy, make_run, table) -> None:
+def test_csv_read_by_pandas_equals_the_messages(healthy, make_run, table) -> None:
     healthy.rates = [0.1, -0.2, math.pi, 1e-300, -0.0]
     run = make_run(healthy)
     found = table(run, dtype={'log_time [s]': str, 'stamp [s]': str})

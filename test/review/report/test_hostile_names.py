@@ -20,7 +20,7 @@ def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_report_says_no_more_than_letters_in_its_own_lines(evil: Path, capsys) -> None:
+def test_hostile_names_add_no_lines_to_a_report(evil: Path, capsys) -> None:
     assert main([str(evil), str(evil)]) == 1
     output, errors = capsys.readouterr()
     assert errors == ''
@@ -88,9 +88,7 @@ def test_a_page_shows_letters_only(evil: Path, tmp_path: Path, capsys) -> None:
     assert page.legs
 
 
-def test_what_is_for_machines_has_the_names_as_they_are(
-    evil: Path, tmp_path: Path, capsys
-) -> None:
+def test_machine_readable_output_has_unchanged_names(evil: Path, tmp_path: Path, capsys) -> None:
     file = tmp_path / 'run.json'
     main([str(evil), '--json', str(file)])
     capsys.readouterr()

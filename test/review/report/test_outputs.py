@@ -53,7 +53,7 @@ def test_nothing_is_written_into_a_run(run: Path, refused, option: str, name: st
     assert content(run) == before
 
 
-def test_links_lead_to_what_they_are(run: Path, refused, tmp_path: Path) -> None:
+def test_symbolic_links_are_kept(run: Path, refused, tmp_path: Path) -> None:
     file = run / 'run_0.mcap'
     (tmp_path / 'folder').symlink_to(run)
     (tmp_path / 'soft').symlink_to(file)
@@ -190,7 +190,7 @@ def test_a_pipe_is_written_in_place_and_not_awaited_without_a_reader(
     assert in_process(run, '--json', '/dev/null', '--html', '/dev/null').returncode == 0
 
 
-def test_the_file_of_the_report_is_no_place_for_another(run: Path, tmp_path: Path) -> None:
+def test_two_outputs_to_one_file_are_refused(run: Path, tmp_path: Path) -> None:
     with (tmp_path / 'report').open('w') as file:
         done = in_process(run, '--json', '/dev/stdout', stdout=file.fileno())
     assert done.returncode == 3

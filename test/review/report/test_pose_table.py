@@ -75,7 +75,7 @@ def test_a_run_without_legs_is_an_empty_frame(tmp_path: Path) -> None:
     assert len(pose_frame(review_run(run))) == 0
 
 
-def test_without_pandas_one_line_names_what_to_install(
+def test_without_pandas_one_line_names_the_package(
     run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, 'pandas', None)

@@ -12,7 +12,7 @@ def test_it_is_small_enough_to_be_passed_on() -> None:
     assert FILE.stat().st_size < 250_000
 
 
-def test_it_holds_the_licence_of_what_it_includes() -> None:
+def test_licences_of_vendored_code_are_included() -> None:
     page = FILE.read_text(encoding='utf-8')
     assert 'Copyright (C) 2011-2015 by Vitaly Puzrin' in page
     assert 'WITHOUT WARRANTY OF ANY KIND' in page

@@ -189,7 +189,7 @@ def test_yaml_means_the_same_to_both() -> None:
         assert found.get('content', found) == parse(text)
 
 
-def test_what_is_not_taken_is_refused_in_a_line() -> None:
+def test_refused_files_have_a_reason_in_one_line() -> None:
     found = read_in_node(REFUSED, is_yaml=True)
     assert [text[:40] for text, one in zip(REFUSED, found, strict=True) if 'content' in one] == []
 

@@ -351,7 +351,7 @@ def test_a_guess_may_lead_elsewhere_or_nowhere(lab: Opened) -> None:
     lab.until("document.getElementById('verdict').textContent.includes('no root')")
 
 
-def test_why_it_jams_is_said_with_its_millimetres(lab: Opened) -> None:
+def test_a_jam_is_explained_with_its_gap(lab: Opened) -> None:
     lab.page.locator('#number-1').fill('330')
     lab.page.locator('#alpha').fill('165')
     assert lab.text('#state') == 'At 165.0° it jams.'
@@ -373,7 +373,7 @@ def test_another_assembly_is_taken_by_a_button(lab: Opened) -> None:
     lab.until(f"{pressed}.startsWith('[+ \N{MINUS SIGN}]')")
 
 
-def test_a_refused_number_is_said_and_changes_nothing(lab: Opened) -> None:
+def test_a_refused_number_is_explained_and_changes_nothing(lab: Opened) -> None:
     def refusal(n: int, value: str) -> str:
         lab.page.locator(f'#number-{n}').fill(value)
         assert lab.page.evaluate('[lab.numbers[0], lab.numbers[3]]') == [0.12, np.pi / 18.0]
@@ -477,7 +477,7 @@ def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
     assert matrices() == [['-27.138', '26.675'], ['51.764', '-147.721', '-193.185', '26.047']]
 
 
-def test_in_portuguese_it_says_the_same(visit) -> None:
+def test_the_portuguese_page_has_the_same_content(visit) -> None:
     opened = visit(locale='pt-BR')
     assert opened.page.locator('html').get_attribute('lang') == 'pt-BR'
     assert opened.text('h1') == 'Laboratório de mecanismos'
@@ -515,7 +515,7 @@ def saved_by(lab: Opened, button: str, folder: Path) -> str:
     return path.read_text(encoding='utf-8')
 
 
-def test_what_is_saved_is_loaded_by_solver_node_and_by_the_page(
+def test_saved_files_are_loaded_by_solver_node_and_by_the_page(
     lab: Opened, tmp_path: Path
 ) -> None:
     lab.drag('C', 25, -30)

@@ -156,7 +156,7 @@ def test_random_legs_have_the_same_poses_and_refusals(
     assert closed > 10
 
 
-def test_what_jams_is_reported_as_by_the_kinematics(
+def test_jams_are_reported_as_by_the_python_kinematics(
     random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
 ) -> None:
     base, reported = shipped_linkage('klann'), 0
@@ -174,7 +174,7 @@ def test_what_jams_is_reported_as_by_the_kinematics(
 
 @pytest.mark.parametrize('value', [0.0, -0.1, 1e300, 1e-300, None])
 @pytest.mark.parametrize('name', ['klann', 'jansen', 'slider_crank'])
-def test_numbers_that_are_no_linkages_are_refused_by_both(name: str, value: float | None) -> None:
+def test_invalid_dimensions_are_refused_by_both(name: str, value: float | None) -> None:
     linkage = shipped_linkage(name)
     lengths = [n for n, d in enumerate(linkage.structure.dimensions) if d.is_length]
     cases = []
