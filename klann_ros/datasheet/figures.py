@@ -14,7 +14,7 @@ from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
 SPEED_FLUCTUATION = 0.1
 # Sampling error of a mean over a turn, as a part of the peak.
 SAMPLING_ERROR = 1e-5
-# The least transmission angle, from in line, that the literature recommends [rad].
+# Transmission angle limit, from in line [rad] (Norton, Design of Machinery).
 GOOD_TRANSMISSION = 40.0 * pi / 180.0
 # Rows of the table of support patterns.
 MAX_PATTERNS = 12

@@ -1,8 +1,9 @@
 """
 A calculation as a student writes it: angles in degrees, each step recorded, or with one mistake.
 
-A mistake is named SLIP or SLIP:PLACE, such as 'radians:trig'. The same course formulas with a
-mistake give the wrong answer that the slip leads to, so that marking can name it.
+A *slip* is a category, such as degrees for radians; a *mistake* is one instance of it, named SLIP
+or SLIP:PLACE, such as 'radians:trig'. The course formulas with a mistake give the wrong answer of
+that mistake, so that marking can name the slip.
 """
 
 from collections.abc import Callable, Mapping
@@ -122,7 +123,7 @@ class Calculation:
         return self.half_turn - (self.half_turn - angle) % (2.0 * self.half_turn)
 
     def step(self, symbol: str, value: float, unit: str, formula: str = '') -> float:
-        """Record an intermediate result; return it, rounded by who rounds between steps."""
+        """Record an intermediate result; return it, rounded if that is the mistake."""
         value = self._rounded(value)
         self.steps.append(Step(symbol, value, unit, formula))
         return value
@@ -191,7 +192,7 @@ class Calculation:
     def use_other_root(
         self, position: Callable[['Calculation'], object], names: tuple[str, ...]
     ) -> None:
-        """Answer with the root of the other assembly mode, of who converged to that."""
+        """Answer with the root of the other assembly mode, as Newton may converge to it."""
         if self.mistake.startswith('assembly'):
             other = Calculation(self.givens, self.mistake, self._input)
             position(other)

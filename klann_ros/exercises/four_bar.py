@@ -27,7 +27,7 @@ MAX_COSINE = 0.97
 
 
 def four_bar_of(givens: Givens) -> FourBar:
-    """Return the four-bar of the givens, in the open assembly."""
+    """Return the four-bar of the givens, in the open assembly, +1."""
     l_1, l_2, l_3, l_4 = (givens[name] for name in LINKS)
     return FourBar(l_1, l_2, l_3, l_4)
 

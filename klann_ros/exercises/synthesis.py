@@ -28,7 +28,8 @@ from .four_bar import analytic, four_bar_of, leg_of, LINKS
 from .klann import Givens
 from .variant import kind_of
 
-MAX_RATIO = 8.0
+# Bounds of crank and rocker as parts of the ground, so that the sheet can draw the four-bar.
+MIN_RATIO, MAX_RATIO = 0.125, 4.0
 
 
 def _work_function(c: Calculation) -> None:
@@ -54,7 +55,7 @@ def _work_function(c: Calculation) -> None:
         c.answer(f'K_{k}', value)
     l_1 = c['L_1']
     l_2, l_4 = l_1 / k_1, l_1 / k_2
-    if not c.mistake and not 1.0 / MAX_RATIO < min(l_2, l_4) / l_1 <= max(l_2, l_4) / l_1 < 4.0:
+    if not c.mistake and not MIN_RATIO < min(l_2, l_4) / l_1 <= max(l_2, l_4) / l_1 < MAX_RATIO:
         raise ValueError('a link is negative, or far too long')
     c.answer('L_2', l_2, 'mm', 'K_1 = L_1 / L_2')
     c.answer('L_4', l_4, 'mm', 'K_2 = L_1 / L_4')
@@ -233,7 +234,7 @@ def _work_return(c: Calculation) -> None:
     rule = 'C² = (L_3 + L_2)² + (L_3 - L_2)² - 2 (L_3² - L_2²) cos δ'
     l_3 = c.step('L_3', sqrt(square), 'mm', rule)
     c.answer('L_3', l_3)
-    # O2 from the middle of the chord, along it and across; O4 is on the other side.
+    # O2 from the middle of the chord, along it and across; O4 is on the same side, at height h.
     along = (l_3 + l_2) ** 2 - (l_3 - l_2) ** 2
     along = c.step('y', along / (2.0 * chord), 'mm', '2 L_2 L_3 / C')
     across = sqrt((l_3 - l_2) ** 2 - (chord / 2.0 - along) ** 2)

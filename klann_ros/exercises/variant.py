@@ -28,9 +28,9 @@ from .calculation import (
 
 LANGUAGES = ('en', 'pt')
 KINDS_FILE, TEXTS_FILE = 'kinds.yaml', 'texts.yaml'
-# Longest student number [characters], and tries to draw a fit variant.
+# Longest student number [characters], and tries to draw a suitable variant.
 MAX_STUDENT, MAX_DRAWS = 64, 5000
-# Significant digits asked for. Smaller answers count as this one: it has no sign worth asking.
+# Significant digits asked for. Smaller answers are not asked: their digits are ill-conditioned.
 ASKED_DIGITS = 4
 SMALLEST = {'deg': 3.0, 'mm': 3.0, 'mm/s': 10.0, 'mm/s²': 30.0, 'count': 1.0}
 SMALLEST_NUMBER = 0.03
@@ -45,7 +45,7 @@ class ExerciseError(ValueError):
 
 class Draw:
     """
-    Numbers from a text: FNV-1a gives the seed, mulberry32 the numbers, which the lab repeats.
+    Numbers from a text: FNV-1a gives the seed, mulberry32 the numbers (short in JavaScript too).
 
     References
     ----------
@@ -322,13 +322,13 @@ def make_variant(kind: Kind, student: str) -> Variant:
         )
     draw = Draw(f'{kind.name}:{student}')
     for _ in range(MAX_DRAWS):
-        variant = _fit(kind, student, kind.draw(draw))
+        variant = _suitable(kind, student, kind.draw(draw))
         if variant:
             return variant
-    raise AssertionError(f'{kind.name}: no fit variant')
+    raise AssertionError(f'{kind.name}: no suitable variant')
 
 
-def _fit(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
+def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
     """Return the variant of givens if it assembles, is well conditioned and has fair answers."""
     worked = kind.calculated(givens)
     guarded = kind.calculated(givens, GUARD_DIGITS) if worked else None

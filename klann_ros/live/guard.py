@@ -101,7 +101,7 @@ class Guard:
         if site is not None and site not in {'same-origin', 'none'}:
             raise ForbiddenError('only the page of this server may ask for that')
 
-    def knows(self, token: str | None) -> bool:
+    def check_token(self, token: str | None) -> bool:
         """Return whether a token is the right one, in constant time."""
         given = (token or '')[:_MAX_HEADER_LENGTH].encode('utf-8', 'replace')
         return compare_digest(given, self.token.encode('ascii'))
@@ -116,12 +116,12 @@ class Guard:
             The token is missing or wrong.
 
         """
-        if not self.is_local and not self.knows(token):
+        if not self.is_local and not self.check_token(token):
             raise ForbiddenError('open the whole address that view_node printed')
 
     def may_drive(self, token: str | None) -> bool:
         """Return whether a request with this token may change something."""
-        return not self.read_only and self.knows(token)
+        return not self.read_only and self.check_token(token)
 
     def _is_own(self, name: str) -> bool:
         if self.host in ANY:

@@ -201,7 +201,7 @@ class LiveServer:
             self._state,
             self._notifier,
             may_drive=self.guard.may_drive(token),
-            has_runs=bool(self._runs) and self.guard.knows(token),
+            has_runs=bool(self._runs) and self.guard.check_token(token),
         )
         self._clients.add(socket)
         unread = UnreadLimit(request)
@@ -249,7 +249,7 @@ class LiveServer:
         return web.Response(text=note, content_type='text/html', headers={'Refresh': '0.2'})
 
     def _check_token(self, request: web.Request) -> None:
-        if not self.guard.knows(_token(request)):
+        if not self.guard.check_token(_token(request)):
             raise ForbiddenError('open the whole address that view_node printed')
 
 

@@ -1,5 +1,5 @@
 """
-Make a readable run from a damaged one.
+Make a readable run from a damaged or truncated file.
 
 Every intact message, attachment and metadata record (:mod:`klann_ros.log.mcap.recovery`) is
 copied to a new run with its times, sequence number, schema and channel metadata. The files of a

@@ -82,7 +82,7 @@ class WalkController:
     steering : Steering
         The walker's.
     settings : ControllerSettings
-        MotionLimits, timeouts and gains.
+        Limits, timeouts and gains.
     steady : callable, optional
         Returns the time of a clock that always runs [s]; not needed if the control clock does.
 

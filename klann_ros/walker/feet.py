@@ -249,7 +249,7 @@ def _columns(leg: RobotLeg, moving: BodyMotion, radius: float, order: int) -> Ar
     turned = moving.rotation_1[owner] if order else _turned(moving, owner)
     # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
     along = leg.mount.rotate((1.0, 0.0))[:2]
-    # One that turns about itself would roll on from turn to turn: none is known that stands.
+    # A foot link that turns fully would roll on without bound; no such leg stands on its foot.
     spins = round(float(moving.rotation_1[owner].mean())) != 0
     rolled = (0.0 if spins else radius) * turned[:, None] * along
     if not order:

@@ -2,9 +2,9 @@
 The motion of a walker's body by the phases of its left and right cranks, and turning on the spot.
 
 With a and b for the phases of left and right, p = (a + b) / 2 is their mean and q = (b - a) / 2
-half their difference. At each (p, q) the body rests on the most upright facet of its feet
-(`support`), and moves so that frictional dissipation is minimal (`slip`). In the mean over q the
-twist is linear in p' and q' within a few per cent.
+half their difference. At each (p, q) the body rests on the most upright facet of its feet and
+moves so that frictional dissipation is minimal, as in `stance.minimize_slip`. In the mean over q
+the twist is linear in p' and q' within a few per cent.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 MAP_POINTS = 64
 # Step of phase derivatives [rad].
 PHASE_STEP = 1e-5
-# Largest slope of a facet, and the tolerance of an edge.
-UPRIGHT, ROUNDING = 1e-6, 1e-9
+# A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
+MIN_PROJECTED_AREA, ROUNDING = 1e-6, 1e-9
 # Iteratively reweighted least squares: steps, and the relative slip of a foot that sticks.
 ITERATIONS, STICK_TOLERANCE = 12, 1e-3
 # Least part of the mean yaw gain that q' is raised for; phases with this part of the greatest gain
@@ -180,12 +180,12 @@ def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
     for triple in combinations(range(feet.shape[1]), 3):
         a, b, c = (feet[:, i] for i in triple)
         normal = np.cross(b - a, c - a)
-        is_flat = np.abs(normal[:, 2]) > UPRIGHT
-        slope = normal[:, :2] / np.where(is_flat, normal[:, 2], np.inf)[:, None]
+        is_facet = np.abs(normal[:, 2]) > MIN_PROJECTED_AREA
+        slope = normal[:, :2] / np.where(is_facet, normal[:, 2], np.inf)[:, None]
         level = a[:, 2] + _dot(a[:, :2], slope)
         steepness = 1.0 + _dot(slope, slope)
         above = (feet[..., 2] + _dot(feet[..., :2], slope[:, None])).min(axis=1)
-        found = np.flatnonzero(is_flat & (above >= level - ROUNDING) & (steepness < best))
+        found = np.flatnonzero(is_facet & (above >= level - ROUNDING) & (steepness < best))
         middle, tilt = centre[found], slope[found]
         height = (middle[:, 2] + _dot(middle[:, :2], tilt) - level[found]) / steepness[found]
         over = middle[:, :2] - height[:, None] * tilt

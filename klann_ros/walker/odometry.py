@@ -9,27 +9,30 @@ An error-state Kalman filter (J. Sola, Quaternion kinematics for the error-state
     b_w, b_x, b_y        biases of the gyro's yaw rate and of the level acceleration,
     c_1 ... c_5          errors of the contact model, constant along a walk.
 
-Prediction over a time t, with the measured velocity change dv and rotation dpsi:
+Prediction over a time t, with the measured velocity change dv [m/s] and rotation dpsi [rad], the
+load-weighted slip s [m/s], and e [m/s], e_w [rad/s], the differences between the motion of least
+squares of the slip and the estimate:
 
     (x, y)' = (x, y) + R(psi) (v + c_1 v + (c_2, c_3) s + c_5 e) t,
     psi' = psi + (w + c_4 s / reach + c_5 e_w) t,
     v' = R(-w t) v + dv - b t,     w = dpsi / t - b_w.
 
 Without an accelerometer dv is that of the momentum of the centre of mass on the slope, without a
-gyro w stays, and friction may change both within the step: the variance of v grows by mu g / K.
+gyro w stays, and friction may change both within the step: the variance of v grows by mu g / K,
+with K [s/m^2] the weight of slip below.
 
-Measurement: each standing foot i has the slip s_i = q_i + v + w J p_i, of which |s_i| has a
-Laplace distribution with the weight K t l_i, l_i being its load: dry friction is its likelihood,
-and the update is the minimum of dissipation and prior (`slip`), an iterated Kalman update. On a
+Measurement: each standing foot i, at p_i [m] with the velocity q_i [m/s] in the body, has the slip
+s_i = q_i + v + w J p_i (J turns by 90 deg), of which |s_i| has a Laplace distribution with the
+weight K t l_i, l_i being its share of the load: dry friction is its likelihood, and the update is
+the minimum of dissipation and prior (`stance.minimize_slip`), an iterated Kalman update. On a
 slope, or where the body is accelerated, the median of the slip is not zero: friction balances
 that force.
 
 The errors of the contact model are alike from step to step, so they do not average out. They are
 consider parameters (S. F. Schmidt, Application of state-space methods to navigation problems,
-1966): never estimated, but correlated with the pose. s is the load-weighted slip; e is the
-difference between the motion that least squares of the slip would give and the estimate, that is
-how much depends on the friction law and the loads. With a gyro and an accelerometer the last four
-count less.
+1966): never estimated, but correlated with the pose. e is large where much depends on the friction
+law and the loads. With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as
+well), and c_4 is not used.
 
 At standstill the rotation and the acceleration are zero, which measures the biases. The slope
 is a running mean of the measured attitude less that of the body on its feet: the Kalman filter of
@@ -85,7 +88,8 @@ STICTION_SPEED = 0.002
 LONGEST_STEP, MAX_STEPS = 0.05, 500
 # After a longer step, or one of an unknown time, the velocity is unknown [s].
 MAX_STEP_TIME = 0.1
-# Time constant of the complementary filter of crank angles and rates [s], and its gate [rad].
+# Time constant of the complementary filter of crank angles and rates [s]; a larger difference
+# between prediction and reading bypasses it [rad].
 ENCODER_FILTER_TIME, ENCODER_GATE = 0.3, 0.1
 # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
 # between the feet, the slope, and the mean innovation [s].

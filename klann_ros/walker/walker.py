@@ -19,13 +19,13 @@ class Walker:
     Parameters
     ----------
     steering : Steering
-        What its cranks make of it.
+        Maps body motion to crank rates.
     settings : ControllerSettings, optional
-        How it is controlled.
+        Limits, timeouts and gains of its controller.
     noise : OdometryNoise, optional
         Uncertainties of its odometry.
     imu_timeout : float
-        An older IMU is not used [s].
+        Maximum age of IMU readings [s]; older ones are ignored.
     steady : callable, optional
         Returns the time of a clock that always runs [s]; see `WalkController`.
 

@@ -69,13 +69,13 @@ def test_other_machines_need_the_session_token_to_view() -> None:
 def test_only_the_whole_token_is_the_token() -> None:
     token = new_token()
     guard = Guard('127.0.0.1', 8321, token)
-    assert guard.knows(token)
+    assert guard.check_token(token)
     for k in range(len(token)):
         other = 'A' if token[k] == 'B' else 'B'
-        assert not guard.knows(token[:k] + other + token[slice(k + 1, None)])
-        assert not guard.knows(token[:k])
-    assert not guard.knows(token + 'A')
-    assert not guard.knows(None)
+        assert not guard.check_token(token[:k] + other + token[slice(k + 1, None)])
+        assert not guard.check_token(token[:k])
+    assert not guard.check_token(token + 'A')
+    assert not guard.check_token(None)
 
 
 def test_a_read_only_server_drives_with_no_token() -> None:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from .geometry import FourBarGeometry
 from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimits
 
-# Transmission angle limits of good practice for large forces.
+# Transmission angle limits for large forces (Norton, Design of Machinery).
 MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
 # A four-bar's lengths may be in any unit, so Z has none.

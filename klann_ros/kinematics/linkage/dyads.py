@@ -42,7 +42,7 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
     r_p, r_q : float
         Lengths of the links from P and from Q [m].
     sign : int
-        The sign of the cross product PJ x QJ: which of the two joints.
+        The assembly mode of the dyad: the sign of the cross product PJ x QJ.
 
     Returns
     -------

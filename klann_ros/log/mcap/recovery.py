@@ -1,5 +1,5 @@
 """
-One pass over the records of a file in any state: sound ones are read, damage is skipped and noted.
+Recovery of a damaged or truncated file: one pass reads intact records and reports damage.
 
 Any valid MCAP file is accepted: records that are longer than their fields, private kinds, kinds of
 later versions. Behind damage whose end is unknown the pass resynchronises at the next sound record

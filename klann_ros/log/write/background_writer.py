@@ -20,7 +20,7 @@ MESSAGE_OVERHEAD = 400
 """Memory of a message beside its data, roughly [bytes]."""
 
 REORDER_DELAY = 0.1
-"""Maximum delay between reception and enqueueing [s]."""
+"""Maximum delay between reception and enqueueing by a running recorder [s]."""
 
 # Batching delay: waking the thread for each message costs more than writing it [s].
 _BATCH_PERIOD = 0.05

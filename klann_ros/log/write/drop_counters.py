@@ -1,4 +1,9 @@
-"""Drop counters of a recording: what became of every message, for each topic."""
+"""
+Drop counters of a recording: received = skipped + dropped + written, for each topic.
+
+*Skipped* messages came during a pause, *dropped* ones found a full queue (overrun) or a file that
+refused them (unwritten). *Missed* messages were lost before reception: see `klann_ros.log.loss`.
+"""
 
 from collections import Counter
 from collections.abc import Mapping

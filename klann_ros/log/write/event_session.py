@@ -33,7 +33,7 @@ OpenedRun = tuple[RunWriter, BackgroundWriter]
 # Opens a run in a new folder.
 OpenRun = Callable[[Path], OpenedRun]
 
-# Maximum delay between reception and `put` [s].
+# Maximum delay between reception and `put`, with stalls: a later message is in no event run [s].
 _RECEPTION_DELAY = 0.25
 # Maximum delay between a fault and its finding, buffered in addition to the pre-trigger [s].
 _FINDING_DELAY = 1.0
@@ -148,8 +148,8 @@ class EventSession:
     must be called from one thread.
 
     The runs are folders in an existing one, named by time and cause, opened by `open_run` in a
-    thread (LogError or OSError), each with the entries. `on_status` receives success and a message
-    for the user.
+    thread, which may raise LogError or OSError, each with the entries. `on_status` receives
+    success and a message for the user.
     """
 
     def __init__(

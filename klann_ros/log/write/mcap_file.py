@@ -1,8 +1,8 @@
 """
 One MCAP file being written: schemas, channels, chunks with checksums (CRC), and its index.
 
-The records are the MCAP library's, but for messages and their index: its writer packs each field
-of a message by a call of its own, which takes four times as long.
+The `mcap` library encodes all records (specification: mcap.dev/spec) except messages and message
+indexes: its writer packs each field by a call of its own, which takes four times as long.
 """
 
 from array import array
@@ -66,7 +66,7 @@ class _Channel:
     number: int = 0
     # Messages passed to the file.
     count: int = 0
-    # Log time and offset of each message in the open chunk, in turn.
+    # Alternately the log time [ns] and the offset in the open chunk [bytes] of each message.
     index: 'array[int]' = field(default_factory=lambda: array('Q'))
 
     def take_entries(self) -> bytes:

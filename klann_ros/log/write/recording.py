@@ -107,7 +107,7 @@ class Pauses:
 
 class RecordingSession:
     """
-    Sink of a recorder that writes one run by its writer thread.
+    Receives the messages of a recorder, and writes them to one run in a background thread.
 
     `counts` returns what became of each topic's messages; by default the drop counters' counts.
     """

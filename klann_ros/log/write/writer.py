@@ -397,8 +397,8 @@ class RunWriter(AbstractContextManager['RunWriter']):
         """Take the file in progress out of the run; return the text of the fault."""
         path, count = self.file.path, self.file.message_count
         self._content = self._content.drop_current(self.file)
-        number = f'{counted(count, "message")} {verb(count, "counts", "count")} as lost'
-        text = f'{path.name} {fault.value} while it was recorded: its {number}'
+        loss = f'{counted(count, "message")} {verb(count, "counts", "count")} as lost'
+        text = f'{path.name} {fault.value} while it was recorded: its {loss}'
         return f'{text}; `recover {path}` saves the rest' if fault is FileFault.CHANGED else text
 
     def _write_metadata_yaml(self) -> None:

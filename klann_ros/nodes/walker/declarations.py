@@ -67,7 +67,11 @@ CONTROL = (
     ),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
     _tunable(
-        'cmd_vel_timeout', _SETTINGS.cmd_vel_timeout, 'older commands stop it [s]', 0.01, 60.0
+        'cmd_vel_timeout',
+        _SETTINGS.cmd_vel_timeout,
+        'command timeout: older commands stop it [s]',
+        0.01,
+        60.0,
     ),
     _tunable(
         'feedback_timeout',
