@@ -23,7 +23,9 @@ from .measurements import MeasurementError
 from .observability import Suggestion
 
 NOT_OBSERVABLE = 1
-ERROR_CODES = dict.fromkeys((RobotFileError, MeasurementError, NotALogError, OSError), NOT_READ)
+CALIBRATE_ERRORS = dict.fromkeys(
+    (RobotFileError, MeasurementError, NotALogError, OSError), NOT_READ
+)
 DESCRIPTION = """\
 Calibrate a leg: the lengths, pivots and bends as they were built, and the zero of its encoder,
 with standard errors, from measured points of the turning leg.
@@ -40,7 +42,7 @@ Exit code: 0 calibrated, 1 something is not observable (the report names it and 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Calibrate a leg; return the exit code."""
-    return _parser().run(_calibrate, ERROR_CODES, argv)
+    return _parser().run(_calibrate, CALIBRATE_ERRORS, argv)
 
 
 def _calibrate(options: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from .sheet import DataSheet, SheetError
 from .text import text
 
 MOTOR_FAILS = 1
-ERROR_CODES = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
+DESCRIBE_ERRORS = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
 DESCRIPTION = """\
 Describe a leg or a walker before it is built: bars, the path of the foot, transmission angles,
 masses, crank torque, joint forces, and whether a motor can turn it.
@@ -32,7 +32,7 @@ OUT cannot be written."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Describe a robot; return the exit code."""
-    return _parser().run(_describe, ERROR_CODES, argv)
+    return _parser().run(_describe, DESCRIBE_ERRORS, argv)
 
 
 def _describe(options: argparse.Namespace) -> int:

@@ -22,7 +22,7 @@ from .search import DEFAULT_EVALUATIONS, Found, Progress, search, State
 from .wish import Wish, wish_from_file, WishError
 
 NONE_FOUND, INTERRUPTED = 1, 130
-ERROR_CODES = {WishError: NOT_READ, EngineError: NOT_READ}
+DESIGN_ERRORS = {WishError: NOT_READ, EngineError: NOT_READ}
 STATE = 'search.json'
 MAX_STATE_SIZE = 100_000_000
 DESCRIPTION = """\
@@ -40,7 +40,7 @@ refused, 3 FOLDER cannot be written."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Search for legs; return the exit code."""
-    return _parser().run(_design, ERROR_CODES, argv)
+    return _parser().run(_design, DESIGN_ERRORS, argv)
 
 
 def _design(options: argparse.Namespace) -> int:

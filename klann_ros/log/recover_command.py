@@ -18,7 +18,7 @@ NOT_WRITTEN = 1
 NOTHING_READ = 2
 SOMETHING_LOST = 3
 INTERRUPTED = 130
-ERROR_CODES = {NotALogError: NOTHING_READ, LogError: NOT_WRITTEN, OSError: NOT_WRITTEN}
+RECOVER_ERRORS = {NotALogError: NOTHING_READ, LogError: NOT_WRITTEN, OSError: NOT_WRITTEN}
 
 _EPILOG = """
 exit code: 0 nothing was discarded (a run that was only not closed included), 3 something was,
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     """
     try:
-        return _parser().run(_recover, ERROR_CODES, argv)
+        return _parser().run(_recover, RECOVER_ERRORS, argv)
     except KeyboardInterrupt:
         print_error('recover', 'interrupted, nothing was written')
         return INTERRUPTED

@@ -347,10 +347,10 @@ class _OtherNodes:
 
         own = {
             'player_node': player.declarations(1.0, 0.0, 0.0),
-            'recorder_node': recorder.PARAMETERS,
-            'walker_node': walker.PARAMETERS,
-            'sim_node': sim.PARAMETERS,
-            'crank_node': (*crank.MOTION, *crank.PARAMETERS),
+            'recorder_node': recorder.RECORDER_PARAMETERS,
+            'walker_node': walker.WALKER_PARAMETERS,
+            'sim_node': sim.SIM_PARAMETERS,
+            'crank_node': (*crank.MOTION, *crank.CRANK_PARAMETERS),
             'solver_node': (
                 *solver.GEOMETRY,
                 *solver.LEGS,

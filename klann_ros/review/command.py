@@ -49,7 +49,7 @@ def progress() -> Iterator[Progress]:
         yield report
 
 
-ERROR_CODES = dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ)
+REVIEW_ERRORS = dict.fromkeys((LogError, OSError, RobotFileError), NOT_READ)
 DESCRIPTION = """\
 Review a run: the motion of the leg, lost messages, and whether every pose is right.
 
@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = command_words() if argv is None else list(argv)
     if each.OPTION in given[: given.index('--') if '--' in given else None]:
         return each.main(given)
-    return _parser().run(_review, ERROR_CODES, given)
+    return _parser().run(_review, REVIEW_ERRORS, given)
 
 
 def _review(options: argparse.Namespace) -> int:

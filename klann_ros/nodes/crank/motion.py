@@ -106,7 +106,7 @@ MOTION = (
         'frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'
     ),
 )
-PARAMETERS = (
+CRANK_PARAMETERS = (
     Declaration('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
     Declaration(
         'revolutions',

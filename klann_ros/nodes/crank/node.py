@@ -19,7 +19,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .motion import CrankMotion, CrankMotionError, MOTION, PARAMETERS
+from .motion import CRANK_PARAMETERS, CrankMotion, CrankMotionError, MOTION
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
@@ -46,7 +46,7 @@ class CrankNode(Node):
         """Declare and validate the parameters; a StartError names a refused one."""
         super().__init__('crank_node', **options)
         self._finish = finish
-        values = declare(self, [*MOTION, *PARAMETERS])
+        values = declare(self, [*MOTION, *CRANK_PARAMETERS])
         try:
             self._motion = CrankMotion(**{p.name: values[p.name] for p in MOTION})
         except CrankMotionError as error:
@@ -194,7 +194,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = ArgumentParser(
         'crank_node',
         'Drive the crank: publish its angle on crank_angle, or angle and rate on crank_state.',
-        f'{usage({"": [*MOTION, *PARAMETERS]})}\n{QOS_USAGE}',
+        f'{usage({"": [*MOTION, *CRANK_PARAMETERS]})}\n{QOS_USAGE}',
     )
     arguments(parser, argv)
     return run('crank_node', CrankNode, argv, stop)

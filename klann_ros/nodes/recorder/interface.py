@@ -36,7 +36,7 @@ TOPICS = (
     '/clock',
     '/diagnostics',
 )
-PARAMETERS = (
+RECORDER_PARAMETERS = (
     Declaration(
         'output',
         '',

@@ -29,7 +29,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from .interface import PARAMETERS, RecordingDiagnostics, SERVICES
+from .interface import RECORDER_PARAMETERS, RecordingDiagnostics, SERVICES
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
@@ -52,7 +52,7 @@ class RecorderNode(ProcessNode):
     def __init__(self, finish: Finish, **options: Any) -> None:
         """Open the run; a StartError names a refused parameter, or the folder's problem."""
         super().__init__('recorder_node', **options)
-        values = declare(self, PARAMETERS)
+        values = declare(self, RECORDER_PARAMETERS)
         has_trigger = values['pre_trigger'] > 0.0
         # Triggers come from the judge, unless the user disables it.
         has_judge = values['judge'] or (has_trigger and 'judge' not in overrides(self))
@@ -323,7 +323,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = ArgumentParser(
         'recorder_node',
         'Record the topics of a leg to an MCAP run that survives a crash. Ctrl-C finishes it.',
-        f'{usage({"": PARAMETERS})}\n\n{SERVICES}',
+        f'{usage({"": RECORDER_PARAMETERS})}\n\n{SERVICES}',
     )
     arguments(parser, argv)
     return run('recorder_node', RecorderNode, argv, stop, raw=True, batch_period=_BATCH_PERIOD)

@@ -72,7 +72,7 @@ OUTPUT = (
     Declaration('base_frame', 'base_link', 'frame of the body, and of its IMU'),
     _number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
-PARAMETERS = (*WORLD, *DRIVES, *READINGS, *OUTPUT)
+SIM_PARAMETERS = (*WORLD, *DRIVES, *READINGS, *OUTPUT)
 
 
 def floor(values: Mapping[str, Any]) -> Floor:

@@ -23,7 +23,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from .commands import as_values, CrankCommands, WARNING_PERIOD
-from .declarations import DRIVES, floor, motors, OUTPUT, PARAMETERS, READINGS, sensors, WORLD
+from .declarations import DRIVES, floor, motors, OUTPUT, READINGS, sensors, SIM_PARAMETERS, WORLD
 from .driver import Driver
 from .outputs import RobotOutputs
 
@@ -48,7 +48,7 @@ class SimNode(Node):
     def __init__(self, **options: Any) -> None:
         """Declare, validate, and begin; `options` are those of Node."""
         super().__init__('sim_node', **options)
-        values = declare(self, PARAMETERS)
+        values = declare(self, SIM_PARAMETERS)
         step = values['time_step']
         require(step == 0.0 or step >= SHORTEST, 'time_step', step, f'0, or {SHORTEST:g} .. 0.005')
         self._twin = self._made(values)

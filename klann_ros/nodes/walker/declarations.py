@@ -132,7 +132,7 @@ ODOMETRY = (
     ),
     _number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
-PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
+WALKER_PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
 
 
 def settings(values: Mapping[str, Any]) -> ControllerSettings:

@@ -27,7 +27,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
-from .declarations import CONTROL, LIMITS, noise, ODOMETRY, PARAMETERS, settings
+from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
 from .diagnostics import WalkerDiagnostics
 from .messages import ImuReader, read_twist
 from .outputs import CrankOutput, OdomOutput
@@ -60,7 +60,7 @@ class WalkerNode(Node):
     def __init__(self, **options: Any) -> None:
         """Declare, validate and connect; `options` are those of Node."""
         super().__init__('walker_node', **options)
-        values = declare(self, PARAMETERS)
+        values = declare(self, WALKER_PARAMETERS)
         robot = declared_robot(self, described=True)
         try:
             feet = Feet(robot, foot_radius=values['foot_radius'])
@@ -79,7 +79,7 @@ class WalkerNode(Node):
         self._reported_refusals: set[str] = set()
         self._connect(values)
         self._values = values
-        on_change(self, PARAMETERS, self._on_change)
+        on_change(self, WALKER_PARAMETERS, self._on_change)
         figures = walk_figures(robot, foot_radius=values['foot_radius'], samples=WARNING_SAMPLES)
         for warning in figures.warnings:
             self.get_logger().warning(printable(warning))
