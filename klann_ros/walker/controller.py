@@ -353,16 +353,9 @@ class WalkController:
         return Twist2D(wanted.linear * share, wanted.angular * share), hit + slow
 
     def _side_rates(self, motion: Twist2D) -> Rates:
-        """Return the rates of the sides; neither turns against its commanded rate."""
-        commanded = self.steering.rates(motion)
-        rates = self.steering.rates(self.motion_feedback.corrected(motion))
-        if motion.angular and not motion.linear and self.steering.can_turn:
-            return self.steering.spot_rates(rates, self.lock.targets or self.positions)
-        left, right = (
-            rate if rate * wanted > 0.0 else 0.0
-            for rate, wanted in zip(rates, commanded, strict=True)
-        )
-        return Rates(left, right)
+        wanted = self.motion_feedback.corrected(motion)
+        targets = self.lock.targets or self.positions
+        return self.steering.planned_rates(wanted, targets, on_spot=not motion.linear)
 
     def _crank_rates(self, rates: Rates, dt: float) -> list[float]:
         """Return the rates of the cranks: those of the sides within their limits."""

@@ -1,5 +1,5 @@
 """
-The motion of a walker's body by the phases of its left and right cranks, and turning on the spot.
+The motion of a walker's body by the phases of its left and right cranks.
 
 With a and b for the phases of left and right, p = (a + b) / 2 is their mean and q = (b - a) / 2
 half their difference. At each (p, q) the body rests on the most upright facet of its feet and
@@ -9,7 +9,6 @@ the twist is linear in p' and q' within a few per cent.
 
 from collections.abc import Sequence
 from itertools import combinations
-from math import copysign
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
@@ -26,11 +25,6 @@ PHASE_STEP = 1e-5
 MIN_PROJECTED_AREA, ROUNDING = 1e-6, 1e-9
 # Iteratively reweighted least squares: steps, and the relative slip of a foot that sticks.
 ITERATIONS, STICK_TOLERANCE = 12, 1e-3
-# Least part of the mean yaw gain that q' is raised for; phases with this part of the greatest gain
-# are as good; standard deviation of the low-pass filter of the gain over p and q [rad].
-MIN_GAIN, PEAK_RATIO, GAIN_FILTER = 0.2, 0.9, 0.1
-# p' towards the best phase as a multiple of the mean q', slower within this distance [rad].
-SEEKING_RATE, SEEKING_RANGE = 2.0, 0.3
 
 
 class PhasePoses:
@@ -117,59 +111,6 @@ def phase_map(
         poses.twists(*rates).reshape(points, points, 2) for rates in ((1.0, 1.0), (-1.0, 1.0))
     )
     return straight, turning
-
-
-class SpotTurn:
-    """
-    Crank rates for a turn on the spot.
-
-    The yaw for q' depends on p by up to 30 times: where the standing feet of both sides are at the
-    wrong ends of the body, their drives cancel. So p goes to the phase of the greatest yaw gain g,
-    and q' = w / g. As |p'| <= |q'|, neither side turns against the other's direction.
-
-    Parameters
-    ----------
-    yaw : numpy.ndarray, shape (n, n)
-        Yaw rate at q' = 1 rad/s by p and q: see `phase_map`; positive in the mean.
-
-    """
-
-    def __init__(self, yaw: Array) -> None:
-        smooth = _low_pass(yaw) / yaw.mean()
-        gain = smooth.mean(axis=1)
-        least = MIN_GAIN * np.maximum(gain, 1.0)[:, None]
-        self._turn = (1.0 / np.maximum(smooth, least)).tolist()
-        is_peak = (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1))
-        peaks = np.flatnonzero(is_peak & (gain >= PEAK_RATIO * gain.max()))
-        self._peaks: list[float] = ((peaks + 0.5) * (TURN / len(yaw))).tolist()
-
-    def rates(self, p: float, q: float, walking: float, turning: float) -> tuple[float, float]:
-        """
-        Return p' and q' [rad/s].
-
-        Parameters
-        ----------
-        p, q : float
-            Mean phase of left and right, and half their difference [rad].
-        walking, turning : float
-            p' and q' for the motion in the mean over all phases [rad/s].
-
-        """
-        count = len(self._turn)
-        i, j = (int(angle / TURN * count) % count for angle in (p % TURN, q % TURN))
-        away = min(((peak - p + TURN / 2.0) % TURN - TURN / 2.0 for peak in self._peaks), key=abs)
-        most = SEEKING_RATE * abs(turning)
-        seeking = most * max(-1.0, min(1.0, away / SEEKING_RANGE))
-        limit = max(abs(turning) * self._turn[i][j], abs(seeking))
-        walks = max(-limit, min(limit, max(-most, min(most, walking)) + seeking))
-        return walks, copysign(max(abs(turning) * self._turn[i][j], abs(walks)), turning)
-
-
-def _low_pass(values: Array) -> Array:
-    """Return a periodic map through a Gaussian filter."""
-    order = np.fft.fftfreq(len(values), 1.0 / len(values)) * GAIN_FILTER
-    weights = np.exp(-0.5 * (order[:, None] ** 2 + order**2))
-    return np.asarray(np.fft.ifft2(np.fft.fft2(values) * weights).real, dtype=np.float64)
 
 
 def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:

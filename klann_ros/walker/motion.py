@@ -13,7 +13,7 @@ from .steering import Rates, Twist2D
 # The largest correction, as a part of the command; and the largest lag, as a multiple of that.
 MAX_SHARE, MAX_WINDUP = 0.5, 6.0
 # K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
-# on the spot, where it comes evenly. Chosen in MuJoCo.
+# on the spot, where it comes evenly. Chosen in MuJoCo, as those of `turn_plan`.
 CURVE_GAIN, SPOT_GAIN = 0.5, 2.0
 # A measurement over a longer time is not used [s].
 MAX_INTERVAL = 0.1

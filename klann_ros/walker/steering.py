@@ -14,7 +14,8 @@ from klann_ros.kinematics.angles import TURN
 import numpy as np
 
 from .feet import Array, Feet
-from .gait_map import are_mirrored, phase_map, PhasePoses, SpotTurn
+from .gait_map import are_mirrored, phase_map, PhasePoses
+from .turn_plan import TurnPlan
 
 # Slower turns are none [rad/s].
 MIN_YAW_RATE = 1e-9
@@ -134,15 +135,14 @@ class Steering:
         return ((v, 0.0), (0.0, y)) if self.is_mirrored else ((v, w), (x, y))
 
     @cached_property
-    def _spot_turn(self) -> SpotTurn | None:
-        """Return the plan for turning on the spot; None if its legs cannot turn it to the left."""
-        yaw = self._maps[1][..., 1]
-        return SpotTurn(yaw) if yaw.mean() > 0.0 else None
+    def turn_plan(self) -> TurnPlan:
+        """Return the rates for turning, by phase."""
+        return TurnPlan(self._maps[0][..., 0], self._maps[1][..., 1])
 
     def prepare(self) -> None:
         """Compute what is computed once."""
-        self.spot_rates(self.rates(Twist2D(0.0, 1.0)), [0.0] * len(self._shares))
-        self.rates(Twist2D(self.speed, 0.0))
+        self.rates(Twist2D(self.speed, 1.0))
+        self.turn_plan.rates(0.0, 0.0, 0.0, 0.0)
 
     def motion(self, rates: Rates) -> Twist2D:
         """Return how the body moves at rates of the sides."""
@@ -163,15 +163,24 @@ class Steering:
         turning = (wanted.angular * v - wanted.linear * w) / whole
         return Rates(walking - turning, walking + turning)
 
-    def spot_rates(self, mean: Rates, cranks: list[float]) -> Rates:
-        """Return the rates of the sides for a turn on the spot, at crank angles [rad]."""
-        if self._spot_turn is None:
+    def planned_rates(
+        self, wanted: Twist2D, cranks: list[float], *, on_spot: bool = False
+    ) -> Rates:
+        """
+        Return the rates of the sides for a motion, at crank angles [rad].
+
+        The motion is their mean over a cycle of phases, see `turn_plan`.
+        With `on_spot` the mean phase stays where turning is the most effective.
+        """
+        mean = self.rates(wanted)
+        if mean.left == mean.right or not self.turn_plan.is_possible:
             return mean
         left, right = self.phases(cranks)
-        p, q = self._spot_turn.rates(
+        p, q = self.turn_plan.rates(
             (left + right) / 2.0,
             (right - left) / 2.0,
             (mean.left + mean.right) / 2.0,
             (mean.right - mean.left) / 2.0,
+            on_spot=on_spot,
         )
         return Rates(p - q, p + q)

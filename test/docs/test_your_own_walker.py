@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from klann_ros.robot import robot_of
-from klann_ros.walker import Feet, Rates, Steering, walk_figures
+from klann_ros.walker import Feet, Steering, walk_figures
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +26,7 @@ def test_the_walker_of_the_page_stands_walks_and_turns(tmp_path: Path) -> None:
     assert walk.speed == pytest.approx(0.057, abs=0.001)
     steering = Steering(Feet(robot))
     assert steering.is_mirrored
-    assert steering.motion(Rates(-1.0, 1.0)).angular > 0.0
+    assert steering.turn_plan.is_possible
 
 
 def test_the_example_package_has_the_files_of_the_page_and_is_built_by_colcon(
