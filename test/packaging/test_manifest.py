@@ -27,6 +27,7 @@ MODULES = {
     'numpy': ('numpy', 'python3-numpy'),
     'pandas': ('pandas', ''),
     'pyarrow': ('pyarrow', ''),
+    'pymoo': ('pymoo', ''),
     'ray': ('ray', ''),
     'scipy': ('scipy', ''),
     'tqdm': ('tqdm', 'python3-tqdm'),

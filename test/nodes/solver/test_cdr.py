@@ -7,6 +7,7 @@ from typing import Any
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
 from klann_ros.nodes.solver import cdr
+from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 import pytest
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message
@@ -165,17 +166,17 @@ def written(
     if kind == 'point':
         message = PointStamped()
         message.point.x, message.point.y = x, y
-        data = cdr.PointTemplate(frame_id).fill(*stamp, x, y)
+        data = PointTemplate(frame_id).fill(*stamp, x, y)
     elif kind == 'twist':
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y = x, y
-        data = cdr.TwistTemplate(frame_id).fill(*stamp, x, y)
+        data = TwistTemplate(frame_id).fill(*stamp, x, y)
     else:
         count = len(names)
         positions = numbers[:count]
         velocities = numbers[::-1][:count] if kind == 'rates' else []
         message = JointState(name=names, position=positions, velocity=velocities)
-        template = cdr.JointStateTemplate(names, frame_id)
+        template = JointStateTemplate(names, frame_id)
         data = template.fill(*stamp, positions, velocities)
     message.header.frame_id = frame_id
     message.header.stamp.sec, message.header.stamp.nanosec = stamp
