@@ -6,8 +6,8 @@ A moving picture is SVG as well (animation elements, no script), so it can stand
 
 from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
+from html import escape
 from typing import Any
-from xml.sax.saxutils import escape, quoteattr
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
@@ -125,7 +125,7 @@ class _View:
         width, height = round(self.width), round(self.height)
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-            f'viewBox="0 0 {width} {height}" role="img" aria-label={quoteattr(label)}>'
+            f'viewBox="0 0 {width} {height}" role="img" aria-label="{escape(label)}">'
             f'<rect width="100%" height="100%" fill="#fff"/>{"".join(shapes)}</svg>'
         )
 
@@ -213,8 +213,8 @@ def _polyline(points: Sequence[tuple[float, float]], **style: Any) -> str:
 def _text(x: float, y: float, text: str) -> str:
     style = {'text-anchor': 'middle', 'dominant-baseline': 'middle', 'font-size': '14'}
     where = {'x': round(x, 1), 'y': round(y, 1), 'font-family': 'sans-serif', 'fill': '#000'}
-    return f'<text{_attributes(where | style)}>{escape(text)}</text>'
+    return f'<text{_attributes(where | style)}>{escape(text, quote=False)}</text>'
 
 
 def _attributes(attributes: dict[str, Any]) -> str:
-    return ''.join(f' {name}={quoteattr(str(value))}' for name, value in attributes.items())
+    return ''.join(f' {name}="{escape(str(value))}"' for name, value in attributes.items())
