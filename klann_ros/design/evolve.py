@@ -34,6 +34,11 @@ class Scores(NamedTuple):
         """Return the sum of the violations of each candidate; 0 if it holds all."""
         return np.asarray(np.maximum(0.0, self.violations).sum(axis=1))
 
+    @property
+    def order(self) -> IndexArray:
+        """Return the candidates from the best: by their violations, then by their losses."""
+        return np.asarray(np.lexsort([self.losses.sum(axis=1), self.total]), dtype=np.intp)
+
 
 def scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
@@ -102,12 +107,12 @@ def sampled(wish: Wish, space: Space, random: np.random.Generator, count: int) -
     x = random.uniform(size=(count, len(space.names)))
     x[0] = as_drawn(space)
     found = scores(wish, space, x)
-    order = np.lexsort([found.losses.sum(axis=1), found.total])
-    return x[_chosen(found, order)]
+    return x[_chosen(found)]
 
 
-def _chosen(found: Scores, order: IndexArray) -> IndexArray:
+def _chosen(found: Scores) -> IndexArray:
     """Return a population: half of it the best, half far apart of the rest that is as good."""
+    order = found.order
     best = order[: POPULATION // 2]
     fine = order[found.total[order] <= 0.0]
     rest = np.setdiff1d(fine, best)

@@ -1,7 +1,7 @@
 """The figures of a wish: names, units and bounds; in bulk, and as `describe` reports them."""
 
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.datasheet import DataSheet
 from klann_ros.kinematics import Linkage, linkage_poses, Variants
@@ -183,12 +183,9 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
     (_, _, left), (_, _, right) = x.least(), x.greatest()
     (lowest, at, low), (_, _, high) = y.least(), y.greatest()
     lift, stride = high - low, right - left
-    sign = np.sign(x.slope(lowest, at))
+    sign = np.sign(_slope(x.cubics(lowest), at))
     level = low + GROUND_BAND * lift
     inside = (y.values <= level[:, None]) & (np.sign(x.slopes) == sign[:, None])
-
-    def touches(intervals: IndexArray, t: FloatArray) -> BoolArray:
-        return np.asarray((y.value(intervals, t) <= level) & (x.slope(intervals, t) * sign > 0.0))
 
     ends = []
     for forward in (True, False):
@@ -198,14 +195,15 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
         interval = lowest + (run if forward else -run)
         known = np.where(run == 0, at, 0.0 if forward else 1.0)
         away = np.full(len(h), 1.0 if forward else 0.0)
+        along, up = x.cubics(interval % count), y.cubics(interval % count)
         for _ in range(BISECTIONS):
             middle = (known + away) / 2.0
-            holds = touches(interval % count, middle)
+            holds = (_value(up, middle) <= level) & (_slope(along, middle) * sign > 0.0)
             known, away = np.where(holds, middle, known), np.where(holds, away, middle)
         ends.append(step * (interval + known))
     end, start = ends
     t = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, STANCE_POINTS)
-    s_x, s_y, v_x, v_y = x.at(t), y.at(t), x.slope_at(t), y.slope_at(t)
+    (s_x, v_x), (s_y, v_y) = x.at(t), y.at(t)
     speed = np.abs(v_x)
     covered = np.abs(s_x[:, -1] - s_x[:, 0])
     duration = end - start
@@ -224,12 +222,16 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
             'straightness': deviation / covered,
             'ripple': (_peak(speed) + _peak(-speed)) / mean,
             'advance': mean,
-            'step_height': y.at(middle[:, None])[:, 0] - low,
+            'step_height': y.at(middle[:, None])[0][:, 0] - low,
         }
         top, bottom = np.maximum(0.0, _peak(v_y)), np.maximum(0.0, _peak(-v_y))
         found['torque_peak'] = load * np.maximum(top, bottom)
         found['torque_range'] = load * (top + bottom)
     return found
+
+
+# Coefficients of t^0 ... t^3.
+_Cubics: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 class _Curve:
@@ -238,39 +240,22 @@ class _Curve:
     def __init__(self, values: FloatArray, slopes: FloatArray, step: float) -> None:
         self.values, self.slopes, self._step = values, slopes, step
 
-    def _ends(self, intervals: IndexArray) -> tuple[FloatArray, ...]:
+    def cubics(self, intervals: IndexArray) -> _Cubics:
+        """Return the cubics of intervals by the part of them, shapes as `intervals`."""
         count = self.values.shape[1]
         at = intervals if intervals.ndim > 1 else intervals[:, None]
-        ends = [
+        p, m, q, n = (
             np.take_along_axis(of, (at + k) % count, axis=1).reshape(intervals.shape)
             for k in (0, 1)
             for of in (self.values, self._step * self.slopes)
-        ]
-        return tuple(ends)
+        )
+        return p, m, 3.0 * (q - p) - 2.0 * m - n, 2.0 * (p - q) + m + n
 
-    def value(self, intervals: IndexArray, t: FloatArray) -> FloatArray:
-        """Return values in intervals, at parts of them."""
-        p, m, q, n = self._ends(intervals)
-        a, b = 2.0 * (p - q) + m + n, 3.0 * (q - p) - 2.0 * m - n
-        return np.asarray(p + t * (m + t * (b + t * a)))
-
-    def slope(self, intervals: IndexArray, t: FloatArray) -> FloatArray:
-        """Return derivatives by the angle likewise."""
-        p, m, q, n = self._ends(intervals)
-        a, b = 2.0 * (p - q) + m + n, 3.0 * (q - p) - 2.0 * m - n
-        return np.asarray((m + t * (2.0 * b + t * 3.0 * a)) / self._step)
-
-    def at(self, angles: FloatArray) -> FloatArray:
-        """Return values at angles, shape (n, j)."""
-        return self.value(*self._split(angles))
-
-    def slope_at(self, angles: FloatArray) -> FloatArray:
-        """Return derivatives at angles, shape (n, j)."""
-        return self.slope(*self._split(angles))
-
-    def _split(self, angles: FloatArray) -> tuple[IndexArray, FloatArray]:
+    def at(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values at angles, shape (n, j), and derivatives by the angle."""
         places = np.floor(angles / self._step)
-        return places.astype(np.intp), angles / self._step - places
+        t, cubics = angles / self._step - places, self.cubics(places.astype(np.intp))
+        return _value(cubics, t), _slope(cubics, t) / self._step
 
     def least(self) -> tuple[IndexArray, FloatArray, FloatArray]:
         """Return interval, part of it and value of the minimum, shape (n,) each."""
@@ -284,13 +269,24 @@ class _Curve:
         # A minimum lies behind a sample with a falling slope.
         falls = sign * self.slopes[np.arange(len(k)), k] < 0.0
         interval = np.where(falls, k, k - 1)
-        p, m, q, n = self._ends(interval)
-        a, b = 3.0 * (2.0 * (p - q) + m + n), 3.0 * (q - p) - 2.0 * m - n
+        cubics = self.cubics(interval)
+        _, m, b, a = cubics
         with np.errstate(all='ignore'):
-            root = np.sqrt(np.maximum(0.0, b * b - a * m))
-            t = m / -(b + np.where(sign * b >= 0.0, sign, sign) * root)
+            root = np.sqrt(np.maximum(0.0, b * b - 3.0 * a * m))
+            t = m / -(b + sign * root)
         t = np.clip(np.where(np.isfinite(t), t, 0.0), 0.0, 1.0)
-        return interval, t, self.value(interval, t)
+        return interval, t, _value(cubics, t)
+
+
+def _value(cubics: _Cubics, t: FloatArray) -> FloatArray:
+    p, m, b, a = cubics
+    return np.asarray(p + t * (m + t * (b + t * a)))
+
+
+def _slope(cubics: _Cubics, t: FloatArray) -> FloatArray:
+    """Return the derivative by the part of the interval."""
+    _, m, b, a = cubics
+    return np.asarray(m + t * (2.0 * b + t * 3.0 * a))
 
 
 def _deviation(x: FloatArray, y: FloatArray, speed: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 import hashlib
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError, Linkage, Variants
@@ -36,6 +36,9 @@ DEFAULT_EVALUATIONS = 30_000
 PROVEN_PER_LEG = 3
 # With one aim: the number of the best candidates, and of those far apart that are refined.
 BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
+
+# Space, candidates and scores of each island.
+_Scored: TypeAlias = Sequence[tuple[int, FloatArray, Scores]]
 
 
 class State(NamedTuple):
@@ -173,10 +176,10 @@ def search(
     share = max(POPULATION, min(MAX_ROUND, evaluations // (count * ROUNDS)))
     try:
         while now.evaluations < evaluations:
-            now = _next_round(wish, now, seed, share, jobs=jobs, engine=engine)
+            now, every = _next_round(wish, now, seed, share, jobs=jobs, engine=engine)
             if on_round is not None:
                 seconds = monotonic() - start
-                on_round(now, _progress(wish, now, seconds))
+                on_round(now, _progress(wish, now, every, seconds))
             if time_limit is not None and monotonic() - start > time_limit:
                 break
     except KeyboardInterrupt:
@@ -194,7 +197,8 @@ def search_key(wish: Wish, seed: int) -> str:
 
 def _next_round(
     wish: Wish, state: State, seed: int, share: int, *, jobs: int | None, engine: str
-) -> State:
+) -> tuple[State, _Scored]:
+    """Return the state after a round, and the scores of its populations."""
     islands = [
         Island(wish, n % len(wish.spaces), x, (seed, state.rounds, n), share)
         for n, x in enumerate(state.populations)
@@ -213,31 +217,32 @@ def _next_round(
         'evaluations': spent,
         'populations': tuple(populations),
     }
-    return _with_hypervolume(wish, state._replace(**now))
+    state = state._replace(**now)
+    every = _all_scores(wish, state)
+    return _with_hypervolume(state, every), every
 
 
 def _migrated(wish: Wish, populations: Sequence[FloatArray | None]) -> list[FloatArray | None]:
     """Return the populations, the worst of each replaced by the best of the one before it."""
     spaces = len(wish.spaces)
+    orders = [
+        None if x is None else scores(wish, wish.spaces[n % spaces], x).order
+        for n, x in enumerate(populations)
+    ]
     moved: list[FloatArray | None] = []
-    for n, x in enumerate(populations):
+    for n, (x, order) in enumerate(zip(populations, orders, strict=True)):
         same = [k for k in range(n % spaces, len(populations), spaces) if k != n]
-        other = populations[max([k for k in same if k < n], default=same[-1] if same else n)]
-        if x is None or other is None or not same:
+        before = max([k for k in same if k < n], default=same[-1] if same else n)
+        other, guests = populations[before], orders[before]
+        if x is None or order is None or other is None or guests is None or not same:
             moved.append(x)
             continue
-        space = wish.spaces[n % spaces]
-        order, guests = (_order(scores(wish, space, each)) for each in (x, other))
         moved.append(np.concatenate([x[order[:-MIGRANTS]], other[guests[:MIGRANTS]]]))
     return moved
 
 
-def _order(found: Scores) -> Any:
-    return np.lexsort([found.losses.sum(axis=1), found.total])
-
-
-def _all_scores(wish: Wish, state: State) -> list[tuple[int, FloatArray, Scores]]:
-    """Return space, candidates and scores of each island."""
+def _all_scores(wish: Wish, state: State) -> _Scored:
+    """Return the scores of each island that has a population."""
     return [
         (n % len(wish.spaces), x, scores(wish, wish.spaces[n % len(wish.spaces)], x))
         for n, x in enumerate(state.populations)
@@ -245,9 +250,9 @@ def _all_scores(wish: Wish, state: State) -> list[tuple[int, FloatArray, Scores]
     ]
 
 
-def _with_hypervolume(wish: Wish, state: State) -> State:
+def _with_hypervolume(state: State, every: _Scored) -> State:
     """Return the state with the volume that its front dominates."""
-    losses = np.concatenate([s.losses[s.total <= 0.0] for _, _, s in _all_scores(wish, state)])
+    losses = np.concatenate([s.losses[s.total <= 0.0] for _, _, s in every])
     losses = losses[(losses < WORST_LOSS).all(axis=1)]
     if len(losses) and not state.frame:
         # Relative to the first front, so that later ones compare with it.
@@ -262,8 +267,7 @@ def _with_hypervolume(wish: Wish, state: State) -> State:
     return state._replace(hypervolumes=(*state.hypervolumes, volume))
 
 
-def _progress(wish: Wish, state: State, seconds: float) -> Progress:
-    every = _all_scores(wish, state)
+def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progress:
     turning = sum(int((s.violations[:, 0] <= 0.0).sum()) for _, _, s in every)
     best = {}
     for aim in wish.cheap_aims:
@@ -383,7 +387,7 @@ def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     return [legs[k] for k in front[np.argsort(table[front, 0], kind='stable')].tolist()]
 
 
-def _reasons(wish: Wish, every: Sequence[tuple[int, FloatArray, Scores]]) -> list[str]:
+def _reasons(wish: Wish, every: _Scored) -> list[str]:
     """Return why no candidate fulfils a wish: the figure that fails, and by how much."""
     turning = [s.violations[:, 0] <= 0.0 for _, _, s in every]
     if not any(t.any() for t in turning):
