@@ -1,9 +1,10 @@
 """Settings of all tests, and which of them share a worker."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 import gc
+from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, settings
@@ -80,3 +81,19 @@ def browser() -> Iterator[Any]:
         opened = playwright.chromium.launch(executable_path=find(), args=FLAGS)
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def visit(browser: Any, pages: Mapping[str, Path]) -> Iterator[Callable[..., Any]]:
+    """Yield what opens a page of a module by its name; options are those of a browser context."""
+    from opened_page import OpenedPage
+
+    contexts = []
+
+    def open_page(name: str, **options: Any) -> OpenedPage:
+        contexts.append(browser.new_context(**options))
+        return OpenedPage(contexts[-1].new_page(), pages[name].as_uri())
+
+    yield open_page
+    for context in contexts:
+        context.close()

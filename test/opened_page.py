@@ -1,8 +1,5 @@
 """A page in the browser, with its requests, its errors, and the points that it draws."""
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,17 +42,3 @@ class OpenedPage:
             name: np.array([left + x / scale, top - y / scale])
             for name, (x, y), left, top, scale in found
         }
-
-
-@contextmanager
-def visitor(browser: Any, pages: Mapping[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
-    """Yield what opens a page by its name; options are those of a browser's context."""
-    contexts = []
-
-    def open_page(name: str, **options: Any) -> OpenedPage:
-        contexts.append(browser.new_context(**options))
-        return OpenedPage(contexts[-1].new_page(), pages[name].as_uri())
-
-    yield open_page
-    for context in contexts:
-        context.close()

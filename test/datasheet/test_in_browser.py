@@ -1,10 +1,9 @@
 """The page of a data sheet in a real browser: offline, alive, for telephones, nights and paper."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 import re
-from typing import Any
 
 from browser import find
 from hostile_leg import HOSTILE, LINKAGE
@@ -13,7 +12,7 @@ from klann_ros.datasheet.page import page
 from klann_ros.kinematics import KlannLeg
 from klann_ros.robot import Robot, robot_from_file, robot_of
 import numpy as np
-from opened_page import OpenedPage, visitor
+from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')
@@ -52,12 +51,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, sheet in sheets(folder).items():
         made[name].write_text(page(sheet), encoding='utf-8')
     return made
-
-
-@pytest.fixture
-def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
-    with visitor(browser, pages) as open_page:
-        yield open_page
 
 
 @pytest.mark.parametrize('name', ALL)

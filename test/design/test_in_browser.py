@@ -1,15 +1,14 @@
 """The page of a search in a real browser: offline, on telephones, with keys."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from browser import find
 from hostile_leg import LINKAGE
 from klann_ros.design import Found, search, wish_from
 from klann_ros.design.page import page
-from opened_page import OpenedPage, visitor
+from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')
@@ -41,12 +40,6 @@ def pages(found: Found, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     for name, result in results.items():
         made[name].write_text(page(result), encoding='utf-8')
     return made
-
-
-@pytest.fixture
-def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
-    with visitor(browser, pages) as open_page:
-        yield open_page
 
 
 @pytest.mark.parametrize('name', ALL)

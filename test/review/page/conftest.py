@@ -1,6 +1,6 @@
 """Pages of real runs, opened from their files in a real browser: one for all tests."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from klann_ros.review.model.compare import compare
 from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
-from opened_page import OpenedPage, visitor
+from opened_page import OpenedPage
 import pytest
 from walk_runs import Walking
 
@@ -96,12 +96,6 @@ def klann(klann_page: OpenedPage) -> OpenedPage:
     )
     klann_page.page.evaluate('document.activeElement.blur()')
     return klann_page
-
-
-@pytest.fixture
-def visit(browser: Any, pages: dict[str, Path]) -> Iterator[Callable[..., OpenedPage]]:
-    with visitor(browser, pages) as open_page:
-        yield open_page
 
 
 @pytest.fixture(scope='session')

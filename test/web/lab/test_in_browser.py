@@ -18,6 +18,7 @@ from klann_ros.kinematics.linkage.file import linkage_from_text, SHIPPED
 from klann_ros.sanitize.yaml_text import parse
 from klann_ros.web.lab.build import FILE
 import numpy as np
+from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')
@@ -34,26 +35,12 @@ PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
     node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
 
 
-class Opened:
+class Opened(OpenedPage):
     """The lab in the browser, with everything that it asked for and complained about."""
 
     def __init__(self, page: Any, fragment: str = '') -> None:
-        self.page = page
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        page.on('request', lambda request: self.requests.append(request.url))
-        page.on('console', lambda said: self.complaints.append(said.text))
-        page.on('pageerror', lambda error: self.complaints.append(str(error)))
-        page.goto(FILE.as_uri() + fragment)
+        super().__init__(page, FILE.as_uri() + fragment)
         self.until('Boolean(lab.turn)')
-
-    def until(self, expression: str) -> None:
-        """Wait for something; playwright's own waiting needs what the policy forbids."""
-        for _ in range(2000):
-            if self.page.evaluate(expression):
-                return
-            self.page.wait_for_timeout(10)
-        raise AssertionError(expression)
 
     def text(self, selector: str) -> str:
         found: str = self.page.locator(selector).text_content()
