@@ -8,9 +8,8 @@ from pathlib import Path
 
 from klann_ros.export import urdf
 from klann_ros.robot import robot_from_parameters, solver_section
-from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import printable_line
-from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
+from klann_ros.sanitize.yaml_text import parse_file
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
@@ -66,7 +65,7 @@ ARGUMENTS = (
 def urdf_of(params_file: Path, linkage: str, **names: str) -> str:
     """Return the URDF of the legs that solver_node has with these parameters."""
     try:
-        own = solver_section(parse(read_regular(str(params_file), MAX_FILE_SIZE)))
+        own = solver_section(parse_file(params_file))
         # The node's default, one leg, where the file has no geometry.
         parameters = {'legs': [''], **own, **({'linkage': linkage} if linkage else {})}
         robot = robot_from_parameters(parameters, folders=(params_file.parent,), weigh=False)

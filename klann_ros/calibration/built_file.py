@@ -8,7 +8,7 @@ from klann_ros.robot import RobotLeg
 from klann_ros.robot.file import of_leg, solver_section
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.text import printable_line
-from klann_ros.sanitize.yaml_text import dump, parse_file
+from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file
 
 from .fit import Calibration
 
@@ -50,7 +50,7 @@ def built_file(calibration: Calibration, leg: RobotLeg, drawing: str | None, run
             for name, error in errors
         ),
     ]
-    return '\n'.join([*lines, dump({'/**': {'ros__parameters': parameters}})]) + '\n'
+    return '\n'.join([*lines, parameter_file({'/**': parameters})])
 
 
 def _other_parameters(file: str, name: str) -> dict[str, Any]:

@@ -124,8 +124,7 @@ def _save(folder: Path, name: str, content: str) -> None:
     place = folder / name
     if place.is_symlink():
         raise OutputError(f'{printable(place)} is a link, which is not followed')
-    data = content.encode(errors='replace')
-    Output('-o', os.fspath(place)).save(lambda file: file.write(data))
+    Output('-o', os.fspath(place)).write(content.encode(errors='replace'))
 
 
 def _line(wish: Wish, progress: Progress) -> str:

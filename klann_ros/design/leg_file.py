@@ -12,7 +12,7 @@ from klann_ros.kinematics.linkage.file import (
     NUMBER_DIGITS,
 )
 from klann_ros.robot import RobotLeg
-from klann_ros.sanitize.yaml_text import dump
+from klann_ros.sanitize.yaml_text import dump, parameter_file
 import numpy as np
 
 # Of a leg without masses, and of a walker [kg/m, kg].
@@ -63,7 +63,7 @@ def leg_text(leg: RobotLeg) -> str:
 
 def parameter_text(parameters: Mapping[str, Any]) -> str:
     """Return a file of parameters, such as a walker's."""
-    return dump({'/**': {'ros__parameters': dict(parameters)}}) + '\n'
+    return parameter_file({'/**': parameters})
 
 
 def _geometry(leg: RobotLeg) -> dict[str, Any]:

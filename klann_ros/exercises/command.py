@@ -64,7 +64,7 @@ def _make(options: argparse.Namespace) -> int:
         reason = f'-o {printable(options.output)} cannot be written: {error.strerror}'
         raise OutputError(reason) from error
     for place, content in zip(places, files.values(), strict=True):
-        place.save(partial(_write, content))
+        place.write(content)
     template.save(partial(save_template, kind, students))
     print(f'{counted(len(students), "variant")} of {kind.name} in {printable(folder)}:')
     print('\n'.join(f'  {name}' for name in [*files][:10]))
@@ -72,10 +72,6 @@ def _make(options: argparse.Namespace) -> int:
         print(f'  ... and {len(files) - 10} more')
     print(f'  {kind.name}_answers.csv  (to be filled in for exercise mark)')
     return 0
-
-
-def _write(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
 
 
 def _mark(options: argparse.Namespace) -> int:

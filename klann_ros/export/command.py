@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 import sys
-from typing import BinaryIO
 
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
@@ -59,16 +58,12 @@ def _export(options: argparse.Namespace) -> int:
     contents = _contents(robot, options)
     control = ros2_control_files(options.file, robot) if folder is not None else {}
     for output in files:
-        output.save(partial(_write, contents[output.option]))
+        output.write(contents[output.option])
         print(f'written: {output.option} {printable(output.path)}')
     if folder is not None:
         save_folder(ROS2_CONTROL, folder, control)
         print(f'written: {ROS2_CONTROL} {printable(folder)}: {", ".join(control)}')
     return 0
-
-
-def _write(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
 
 
 def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:

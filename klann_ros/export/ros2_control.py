@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 from klann_ros.robot import Robot
 from klann_ros.robot.file import flat_parameters, solver_section
 from klann_ros.sanitize.text import printable
-from klann_ros.sanitize.yaml_text import dump, parse_file
+from klann_ros.sanitize.yaml_text import parameter_file, parse_file
 from klann_ros.twin import robot_mjcf
 from klann_ros.twin.mjcf import start_angle
 
@@ -133,8 +133,7 @@ def controllers(robot: Robot, *, has_imu: bool) -> str:
         **{name: {'type': kind} for name, kind in types.items()},
     }
     sections = {'controller_manager': manager, **settings}
-    text = dump({name: {'ros__parameters': values} for name, values in sections.items()})
-    return f'{_YAML_HEAD.format(name=printable(robot.name))}{text}\n'
+    return _YAML_HEAD.format(name=printable(robot.name)) + parameter_file(sections)
 
 
 def cranks_urdf(robot: Robot, *, simulated: bool) -> str:
@@ -192,7 +191,7 @@ def _walker(file: str, robot: Robot) -> str:
         for leg in robot.legs
         if leg.description
     }
-    return dump({'/**': {'ros__parameters': {**given, **texts}}}) + '\n'
+    return parameter_file({'/**': {**given, **texts}})
 
 
 _LAUNCH = """\

@@ -8,7 +8,7 @@ from typing import Any
 
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import printable
-from klann_ros.sanitize.yaml_text import dump, MAX_FILE_SIZE, parse
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse
 
 from .records import Message, Topic
 
@@ -65,7 +65,7 @@ def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
 
 def leg_description(solver: SolverParameters) -> str:
     """Return a solver's parameters as a parameter file: the text of `leg_description`."""
-    return dump({solver.node: {_SECTION: solver.parameters}}) + '\n'
+    return parameter_file({solver.node: solver.parameters})
 
 
 def described_solver(text: str, time: int) -> SolverParameters:

@@ -42,6 +42,10 @@ class Output:
         with self._reported(), self._opened() as file:
             save(file)
 
+    def write(self, content: bytes) -> None:
+        """Write the file with a content that is there already; errors as `save`."""
+        self.save(lambda file: file.write(content))
+
     def check(self, inputs: Sequence[str]) -> None:
         """Raise an OutputError if it is an input, or cannot be written."""
         with self._reported():

@@ -5,7 +5,7 @@ Safe reading and writing of YAML, at a cost proportional to the text's length.
 :func:`load` reads texts of other tools, with anchors. Invalid text is refused in one line.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from math import isfinite
 import re
 from typing import Any, TypeVar
@@ -125,6 +125,12 @@ def dump(data: object) -> str:
         # A lone surrogate: libyaml refuses it, PyYAML escapes it.
         text = yaml.dump(data, Dumper=yaml.SafeDumper, **options)
     return text.rstrip('\n')
+
+
+def parameter_file(sections: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return a ROS 2 parameter file: the parameters of each node, or of all nodes as '/**'."""
+    content = {node: {'ros__parameters': dict(own)} for node, own in sections.items()}
+    return f'{dump(content)}\n'
 
 
 class _PlainLoader(yaml.SafeLoader):
