@@ -7,7 +7,7 @@ from geometry_msgs.msg import PointStamped
 from klann_ros.calibration.command import main
 from klann_ros.robot import robot_of
 import pytest
-from ros_domain import Domain
+from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
@@ -24,8 +24,10 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     ros.start_by([], 'sim_node', '--ros-args', *file, *words)
     run = tmp_path / 'run'
     options = ['-p', f'output:={run}', '-p', 'all_topics:=true']
+    reports = RecorderReports(probe)
     recorder = ros.start_by([], 'recorder_node', '--ros-args', *options)
-    probe.until(lambda: feet and run.exists())
+    # A late discovery would leave a part of the turn only.
+    reports.until_received(dict.fromkeys(('/crank_state', '/camera/g', '/camera/h'), 1))
     commands = probe.publisher(JointState, 'crank_command')
 
     def turned() -> bool:

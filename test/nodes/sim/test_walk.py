@@ -7,7 +7,7 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.log.reader import open_log
 from nav_msgs.msg import Odometry
 import pytest
-from ros_domain import Domain
+from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -20,6 +20,7 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
     odometry: list[Odometry] = ros.probe.listen(Odometry, 'odom')
     reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    recorded = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
     given = ('--ros-args', '--params-file', WALKER)
     sim = ros.start_by([], 'sim_node', *given, '-p', 'use_clock:=true', '-p', 'linear:=0.15')
@@ -45,6 +46,7 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     # Once somebody else may steer it nobody else does.
     ros.probe.publisher(TwistStamped, 'cmd_vel')
     ros.probe.until(lambda: abs(odometry[-1].twist.twist.linear.x) < 0.01)
+    recorded.until_received({'/odom': 100, '/crank_command': 100})
     assert [node.stop() for node in (walker, sim, recorder)] == [0, 0, 0]
     # Each message that is heard again is one of the run, to the last byte.
     kinds = {'/odom': Odometry, '/crank_command': JointState}
