@@ -62,7 +62,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
-        f'{NAME}.exercises': ['kinds.yaml', 'texts.yaml', 'static/*'],
+        f'{NAME}.exercises': ['exercises.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.design': ['schema.json', 'static/*'],

@@ -3,21 +3,36 @@ A calculation as a student writes it: angles in degrees, each step recorded, or 
 
 A *slip* is a category, such as degrees for radians; a *mistake* is one instance of it, named SLIP
 or SLIP:PLACE, such as 'radians:trig'. The course formulas with a mistake give the wrong answer of
-that mistake, so that marking can name the slip.
+that mistake, so that marking can name the slip. exercises.yaml has the formulas.
 """
 
-from collections.abc import Callable, Mapping
-from math import acos, atan2, cos, degrees, floor, log10, pi, radians, sin
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from math import acos, atan2, cos, degrees, floor, hypot, isfinite, log10, pi, radians, sin, sqrt
+from pathlib import Path
+import re
+from types import CodeType
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.yaml_text import parse_file
 import numpy as np
 
 Answer = float | str
-Equations = Callable[[FloatArray], FloatArray]
+DATA_FILE = Path(__file__).with_name('exercises.yaml')
+# SYMBOLS UNIT = EXPRESSION | FORMULA AS SHOWN, and the results of a system.
+ROW = re.compile(r'(\w+)(?: (\S+))? (:?=) (.+?)(?: \| (.*))?')
+RESULTS = re.compile(r'(.+?) (\S+) (:?=) (.*)')
 # Maximum number of iterations; stopping correction, and that of convergence [deg].
 MAX_STUDENT_ITERATIONS, STOP_STEP, CONVERGED_STEP = 12, 1e-2, 1e-7
 HALF_TURN, TURN_DEG = 180.0, 360.0
+# Functions of expressions beside those with a student's mistakes.
+FUNCTIONS = {
+    '__builtins__': {}, 'sqrt': sqrt, 'hypot': hypot, 'min': min, 'max': max, 'abs': abs
+}  # fmt: skip
+# Crank angles of a table, and of its printed rows [deg]; rounds that refine an extreme.
+TABLE_STEP, PRINTED_STEP, REFINING_ROUNDS = 6, 30, 36
+GOLDEN_SHARE = (sqrt(5.0) - 1.0) / 2.0
 
 
 class Step(NamedTuple):
@@ -64,139 +79,199 @@ class Calculation:
         self.mistake = mistake
         self.steps: list[Step] = []
         self.answers: dict[str, Answer] = {}
-        self.givens, self._input = givens, input_angle
-        slip, _, place = mistake.partition(':')
-        self._digits = int(place) if slip == 'rounding' else 0
-        self._entry = tuple(map(int, place.split(','))) if slip in ('f', 'phi') else ()
+        self._givens, self._input = givens, input_angle
+        self._slip, _, self._place = mistake.partition(':')
+        self._digits = int(self._place) if self._slip == 'rounding' else 0
+        self._half_turn = pi if mistake == 'radians:trig' else HALF_TURN
+        self._scope: dict[str, Any] = {
+            **FUNCTIONS,
+            'cos': self._cos,
+            'sin': self._sin,
+            'acos': lambda cosine: self._angle(acos(cosine)),
+            'atan2': lambda y, x: self._angle(atan2(y, x)),
+            'sign': self._sign,
+            'wrapped': self._wrapped,
+            'half_turn': self._half_turn,
+            **givens,
+        }
+        if input_angle in givens:
+            self._scope[input_angle] = self._reading(givens[input_angle])
 
     def __getitem__(self, name: str) -> float:
-        """Return a given number; the input angle with its mistake."""
-        value = self.givens[name]
-        if name == self._input:
-            readings = {
-                'clockwise:input': -value,
-                'side:input': HALF_TURN - value,
-                'side:half': HALF_TURN + value,
-                # It exchanges sine and cosine of the input alone.
-                'sine:input': 90.0 - value,
-            }
-            return readings.get(self.mistake, value)
-        return value
+        """Return a given number, the input angle with its mistake, or a result."""
+        return float(self._scope[name])
 
-    def many(self, *names: str) -> tuple[float, ...]:
-        """Return several givens."""
-        return tuple(self[name] for name in names)
+    def _reading(self, angle: float) -> float:
+        readings = {
+            'clockwise:input': -angle,
+            'side:input': HALF_TURN - angle,
+            'side:half': HALF_TURN + angle,
+            # It exchanges sine and cosine of the input alone.
+            'sine:input': 90.0 - angle,
+        }
+        return readings.get(self.mistake, angle)
 
-    def sign(self, loop: int = 1) -> float:
-        """Return +1, or -1 where this loop is closed in the other assembly mode."""
-        slip, _, loops = self.mistake.partition(':')
-        return -1.0 if slip == 'assembly' and str(loop) in loops else 1.0
-
-    def cos(self, angle: float) -> float:
-        """Return the cosine of an angle [deg]."""
+    def _cos(self, angle: float) -> float:
         radian = angle if self.mistake == 'radians:trig' else radians(angle)
         return sin(radian) if self.mistake == 'sine:all' else cos(radian)
 
-    def sin(self, angle: float) -> float:
-        """Return the sine of an angle [deg]."""
+    def _sin(self, angle: float) -> float:
         radian = angle if self.mistake == 'radians:trig' else radians(angle)
         return cos(radian) if self.mistake == 'sine:all' else sin(radian)
-
-    def acos(self, cosine: float) -> float:
-        """Return an angle from its cosine [deg]; a ValueError beyond +-1."""
-        return self._angle(acos(cosine))
-
-    def atan2(self, y: float, x: float) -> float:
-        """Return the direction of (x, y), in (-180, 180] [deg]."""
-        return self._angle(atan2(y, x))
 
     def _angle(self, radian: float) -> float:
         return radian if self.mistake == 'radians:trig' else degrees(radian)
 
-    @property
-    def half_turn(self) -> float:
-        """Return 180 deg, or pi on a calculator set to radians."""
-        return pi if self.mistake == 'radians:trig' else HALF_TURN
+    def _sign(self, loop: int) -> float:
+        """Return +1, or -1 where this loop is closed in the other assembly mode."""
+        return -1.0 if self._slip == 'assembly' and str(loop) in self._place else 1.0
 
-    def wrapped(self, angle: float) -> float:
+    def _wrapped(self, angle: float) -> float:
         """Return an angle within half a turn of 0 [deg]."""
-        return self.half_turn - (self.half_turn - angle) % (2.0 * self.half_turn)
+        return self._half_turn - (self._half_turn - angle) % (2.0 * self._half_turn)
 
-    def step(self, symbol: str, value: float, unit: str, formula: str = '') -> float:
-        """Record an intermediate result; return it, rounded if that is the mistake."""
-        value = self._rounded(value)
-        self.steps.append(Step(symbol, value, unit, formula))
-        return value
+    def work(self, name: str) -> None:
+        """
+        Work the formulas of this name.
 
-    def answer(self, name: str, value: Answer, unit: str = '', formula: str = '') -> None:
-        """Record an answer, which with a unit is a step as well."""
-        self.answers[name] = value
-        if unit and isinstance(value, float):
-            self.steps.append(Step(name, value, unit, formula))
+        Raises
+        ------
+        ValueError, ArithmeticError, numpy.linalg.LinAlgError
+            They lead nowhere, or a requirement is not met.
 
-    def solve(self, phi: FloatArray, right: FloatArray) -> FloatArray:
+        """
+        for row in data()['formulas'][name]:
+            if isinstance(row, str):
+                self._work_row(row)
+            elif 'solve' in row:
+                self._solve_system(row)
+            elif 'sweep' in row:
+                self._sweep(row['sweep'], row['extremes'])
+            else:
+                self._newton(row['newton'])
+
+    def _work_row(self, row: str) -> None:
+        word, _, rest = row.partition(' ')
+        if word == 'use':
+            self.work(rest)
+        elif word == 'require':
+            # A wrong calculation goes on, as its student does.
+            if not self.mistake and not self._value(rest):
+                raise ValueError(rest)
+        else:
+            symbol, unit, becomes, expression, formula = _parts(row)
+            self._record(symbol, unit, becomes, self._value(expression), formula)
+
+    def _value(self, expression: str) -> Any:
+        return eval(_compiled(expression), self._scope)  # noqa: S307 - of our own data file
+
+    def _record(self, symbol: str, unit: str, becomes: str, value: Any, formula: str) -> None:
+        """Record a step, rounded if that is the mistake, unless it is a result."""
+        if unit:
+            value = self._rounded(value) if becomes == '=' else value
+            self.steps.append(Step(symbol, value, unit, formula))
+        self.answers[symbol] = self._scope[symbol] = value
+
+    def _solve_system(self, row: Mapping[str, Any]) -> None:
+        system = row['solve']
+        rows = data()['systems'][system]['phi'] if isinstance(system, str) else system
+        found = self._solution(self._matrix(rows), np.array(self._row_values(row['right'])))
+        symbols, unit, becomes, formula = _results(row['gives'])
+        for symbol, value in zip(symbols, found.tolist(), strict=True):
+            self._record(symbol, unit, becomes, value, formula)
+
+    def _row_values(self, expressions: str) -> tuple[float, ...]:
+        return tuple(self._value(f'{expressions},'))
+
+    def _matrix(self, rows: Sequence[str]) -> FloatArray:
+        return np.array([self._row_values(row) for row in rows])
+
+    def _solution(self, phi: FloatArray, right: FloatArray) -> FloatArray:
         """Return Phi^-1 right [rad or rad/s], by this student."""
         solved: Any = np.linalg.solve(self._jacobian(phi), self._left(right))
         return -solved if self.mistake == 'sign:step' else solved  # type: ignore[no-any-return]
 
     def _jacobian(self, phi: FloatArray) -> FloatArray:
-        if len(self._entry) == 2:
-            phi = phi.copy()
-            phi[self._entry] = -phi[self._entry]
+        if self._slip == 'phi':
+            row, column = map(int, self._place.split(','))
+            phi[row, column] *= -1.0
         return self._all_rounded(phi.T if self.mistake == 'transposed' else phi)
 
     def _left(self, f: FloatArray) -> FloatArray:
-        if len(self._entry) == 1:
-            f = f.copy()
-            f[self._entry[0]] = -f[self._entry[0]]
+        if self._slip == 'f':
+            f[int(self._place)] *= -1.0
         return self._all_rounded(f)
 
-    def newton(
-        self, f: Equations, phi: Equations, guess: FloatArray, names: tuple[str, ...]
-    ) -> None:
+    def _newton(self, name: str) -> None:
         """
         Iterate x_(k+1) = x_k - Phi^-1 f from a guess [deg].
 
         The answers are f and two entries of Phi at the guess, x_2, the converged x, and the number
         of iterations up to the first one whose corrections are all at most `STOP_STEP`.
         """
-        for k, value in enumerate(self._left(f(guess)).tolist(), 1):
-            self.answer(f'f_{k}', value, 'mm', f'f_{k}(x_1)')
-        entries = self._jacobian(phi(guess)).tolist()
-        for row, values in enumerate(entries, 1):
-            for column, value in enumerate(values, 1):
-                self.step(f'Phi_{row}{column}', value, 'mm', f'∂f_{row}/∂x_{column} (x_1)')
-        self.answer('Phi_12', entries[0][1])
-        self.answer('Phi_21', entries[1][0])
-        x, count = [np.asarray(guess, dtype=float)], 0
+        system = data()['systems'][name]
+        names = system['unknowns'].split()
+        guess = np.array([self._givens[f'{each}_1'] for each in names], dtype=float)
+        f, phi = self._linearised(system, guess)
+        for k, value in enumerate(self._left(f).tolist(), 1):
+            self._record(f'f_{k}', 'mm', ':=', value, f'f_{k}(x_1)')
+        for (row, column), value in np.ndenumerate(self._jacobian(phi)):
+            shown = f'∂f_{row + 1}/∂x_{column + 1} (x_1)'
+            self._record(f'Phi_{row + 1}{column + 1}', 'mm', '=', float(value), shown)
+        x, count = self._iterates(system, guess)
+        last = x[min(int(self._place), len(x) - 1)] if self._slip == 'short' else x[-1]
+        second = x[0] if self.mistake == 'short:1' else x[1]
+        seconds = [f'{each}_2' for each in names]
+        self.answers |= zip([*seconds, *names], [*second, *last], strict=True)
+        self.answers['iterations'] = float(count)
+        if self._slip == 'assembly':
+            # Newton may converge to the root of the other assembly mode.
+            other = Calculation(self._givens, self.mistake, self._input)
+            other.work(system['position'])
+            self.answers |= {each: other.answers[each] for each in names}
+
+    def _linearised(
+        self, system: Mapping[str, Any], x: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return f and Phi at x, without mistakes of their own."""
+        self._scope.update(zip(system['unknowns'].split(), x.tolist(), strict=True))
+        return np.array([self._value(each) for each in system['f']]), self._matrix(system['phi'])
+
+    def _iterates(self, system: Mapping[str, Any], guess: FloatArray) -> tuple[Any, int]:
+        """Return the iterates, and the number of the first small correction; 0 if none is."""
+        x, count = [guess], 0
         while len(x) <= MAX_STUDENT_ITERATIONS:
-            correction = self.solve(phi(x[-1]), f(x[-1]))
+            f, phi = self._linearised(system, x[-1])
+            correction = self._solution(phi, f)
             if self.mistake not in ('radians:step', 'radians:trig'):
                 correction = np.degrees(correction)
             x.append(self._all_rounded(x[-1] - correction))
-            for name, value in zip(names, x[-1].tolist(), strict=True):
-                self.step(f'{name}_{len(x)}', value, 'deg', 'x_(k+1) = x_k - Φ⁻¹ f')
+            for name, value in zip(system['unknowns'].split(), x[-1].tolist(), strict=True):
+                self._record(f'{name}_{len(x)}', 'deg', '=', value, 'x_(k+1) = x_k - Φ⁻¹ f')
             largest = np.abs(correction).max()
             count = count or (len(x) - 1 if largest <= STOP_STEP else 0)
             if largest <= CONVERGED_STEP:
                 break
-        slip, _, place = self.mistake.partition(':')
-        last = x[min(int(place), len(x) - 1)] if slip == 'short' else x[-1]
-        second = x[0] if self.mistake == 'short:1' else x[1]
-        for name, value in zip(names, second.tolist(), strict=True):
-            self.answer(f'{name}_2', value)
-        for name, value in zip(names, last.tolist(), strict=True):
-            self.answer(name, value)
-        self.answer('iterations', float(count))
+        return [each.tolist() for each in x], count
 
-    def use_other_root(
-        self, position: Callable[['Calculation'], object], names: tuple[str, ...]
-    ) -> None:
-        """Answer with the root of the other assembly mode, as Newton may converge to it."""
-        if self.mistake.startswith('assembly'):
-            other = Calculation(self.givens, self.mistake, self._input)
-            position(other)
-            self.answers |= {name: other.answers[name] for name in names}
+    def _sweep(self, formulas: str, extremes: Mapping[str, str]) -> None:
+        """Answer with the differences of extremes over a turn of the input angle."""
+
+        def at(angle: float) -> Calculation:
+            one = Calculation({**self._givens, self._input: angle}, self.mistake, self._input)
+            one.work(formulas)
+            return one
+
+        table = {float(angle): at(angle) for angle in range(0, 360, TABLE_STEP)}
+        for angle in range(0, 360, PRINTED_STEP):
+            for name in extremes.values():
+                self._record(name, 'mm', '=', table[angle][name], f'α = {angle}°')
+        for answer, name in extremes.items():
+            highest = max(table, key=lambda angle: table[angle][name])
+            lowest = min(table, key=lambda angle: table[angle][name])
+            high = _greatest(at, highest, name, 1.0)
+            low = _greatest(at, lowest, name, -1.0)
+            self._record(answer, 'mm', ':=', high + low, f'max {name} - min {name}')
 
     def _all_rounded(self, values: FloatArray) -> FloatArray:
         if not self._digits:
@@ -208,9 +283,56 @@ class Calculation:
         return significant(value, self._digits) if self._digits else float(value)
 
 
+@cache
+def data() -> dict[str, Any]:
+    """Return the data of the exercises."""
+    found: dict[str, Any] = parse_file(DATA_FILE)
+    return found
+
+
+@cache
+def _compiled(expression: str) -> CodeType:
+    return compile(expression, str(DATA_FILE), 'eval')
+
+
+@cache
+def _parts(row: str) -> Sequence[Any]:
+    return _groups(ROW, row)
+
+
+@cache
+def _results(text: str) -> Sequence[Any]:
+    symbols, *others = _groups(RESULTS, text)
+    return symbols.split(), *others
+
+
+def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
+    found = form.fullmatch(text)
+    if not found:
+        raise SyntaxError(f'{DATA_FILE}: {text}')
+    return found.groups(default='')
+
+
+def _greatest(at: Callable[[float], Calculation], near: float, name: str, sense: float) -> float:
+    """Return the greatest value, times a sense, near an angle of the table: golden section."""
+    low, high = near - TABLE_STEP, near + TABLE_STEP
+    left, right = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
+    at_left, at_right = sense * at(left)[name], sense * at(right)[name]
+    for _ in range(REFINING_ROUNDS):
+        if at_left < at_right:
+            low, left, at_left = left, right, at_right
+            right = low + GOLDEN_SHARE * (high - low)
+            at_right = sense * at(right)[name]
+        else:
+            high, right, at_right = right, left, at_left
+            left = high - GOLDEN_SHARE * (high - low)
+            at_left = sense * at(left)[name]
+    return max(at_left, at_right)
+
+
 def significant(value: float, digits: int) -> float:
     """Return a value rounded to significant digits."""
-    if value == 0.0 or not np.isfinite(value):
+    if value == 0.0 or not isfinite(value):
         return value
     return round(value, digits - 1 - floor(log10(abs(value))))
 

@@ -1,12 +1,11 @@
 """All kinds of exercises, by their name."""
 
-from .four_bar import FOUR_BAR_KINDS
-from .klann import KLANN_KINDS
-from .sliders import SLIDER_KINDS
-from .synthesis import SYNTHESIS_KINDS
+from .analysis import KEYS as ANALYSIS_KEYS
+from .synthesis import KEYS as SYNTHESIS_KEYS
 from .variant import Kind
 
 KINDS: dict[str, Kind] = {
-    kind.name: kind for kind in (*KLANN_KINDS, *FOUR_BAR_KINDS, *SLIDER_KINDS, *SYNTHESIS_KINDS)
+    name: Kind(name, *key_and_leg)
+    for name, key_and_leg in (ANALYSIS_KEYS | SYNTHESIS_KEYS).items()
 }
 """The kinds of exercises by their name."""

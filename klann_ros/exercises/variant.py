@@ -5,21 +5,20 @@ A variant depends on its kind and student alone. Its key is computed by the libr
 the course's formulas; a draw is accepted if both agree and the numbers are fit for a person.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import floor, isfinite, log10
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.sanitize.text import did_you_mean, printable
-from klann_ros.sanitize.yaml_text import parse_file
 import numpy as np
 
 from .calculation import (
     Answer,
     Calculation,
+    data,
     newton_mistakes,
     slip_of,
     Step,
@@ -27,7 +26,6 @@ from .calculation import (
 )
 
 LANGUAGES = ('en', 'pt')
-KINDS_FILE, TEXTS_FILE = 'kinds.yaml', 'texts.yaml'
 # Longest student number [characters], and tries to draw a suitable variant.
 MAX_STUDENT, MAX_DRAWS = 64, 5000
 # Significant digits asked for. Smaller answers are not asked: their digits are ill-conditioned.
@@ -96,97 +94,87 @@ class Question(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Kind:
     """
-    A kind of exercise; `kind_of` makes it with the numbers of kinds.yaml.
+    A kind of exercise; exercises.yaml has its givens, questions and formulas by its name.
 
     Attributes
     ----------
     name : str
         Its name.
-    work : callable
-        The course's formulas on a Calculation, which answers every question.
     key : callable
         The answers by the library, for givens.
     leg : callable
         Leg and its crank angle [rad] for the drawing, for givens; None shows the answer.
-    ranges : mapping of str to (float, float, float)
-        Lowest and highest number of each given, and the step between.
-    questions : tuple of Question
-        The questions.
-    input_angle : str
-        The given angle to which mistakes of the input apply.
-    mistakes : tuple of str
-        Mistakes beside those of every calculation.
-    digits : int
-        Significant digits asked for.
-    agreement : float
-        Largest relative difference of key and formulas.
-    complete : callable or None
-        Changes drawn givens, such as adding a guess.
 
     """
 
     name: str
-    work: Callable[[Calculation], None]
     key: Callable[[Mapping[str, float]], Mapping[str, Answer]]
     leg: Callable[[Mapping[str, float]], tuple[Any, float]]
-    ranges: Mapping[str, Sequence[float]]
-    questions: tuple[Question, ...]
-    input_angle: str
-    mistakes: tuple[str, ...]
-    digits: int
-    agreement: float
-    complete: Callable[[Draw, dict[str, float]], None] | None
+
+    @cached_property
+    def _own(self) -> dict[str, Any]:
+        own: dict[str, Any] = data()['kinds'][self.name]
+        return own
+
+    @cached_property
+    def questions(self) -> tuple[Question, ...]:
+        """Return the questions in their order."""
+        choices = data()['choices']
+        return tuple(
+            Question(quantity, unit, tuple(choices.get(quantity, ())))
+            for unit, *quantities in map(str.split, self._own['asked'].split(', '))
+            for quantity in quantities
+        )
+
+    @property
+    def digits(self) -> int:
+        """Return the significant digits asked for."""
+        return int(self._own.get('digits', ASKED_DIGITS))
+
+    @cached_property
+    def mistakes(self) -> tuple[str, ...]:
+        """Return the mistakes of a calculation, those of its system first."""
+        system = data()['systems'].get(self._own.get('system'), {'f': ()})
+        common = data()['mistakes']['calculation'].split()
+        return (*newton_mistakes(len(system['f'])), *common)
 
     def draw(self, draw: Draw) -> dict[str, float]:
         """Return givens, in mm, deg, s and N."""
-        givens = {name: draw.value(*map(float, each)) for name, each in self.ranges.items()}
-        if self.complete:
-            self.complete(draw, givens)
+        givens: dict[str, float] = {}
+        for part in self._own['given']:
+            ranges = data()['groups'][part] if isinstance(part, str) else part
+            for name, (low, high, step) in ranges.items():
+                givens[name] = draw.value(float(low), float(high), float(step))
+        if draw_guess := self._own.get('guess'):
+            self._add_guess(data()['systems'][draw_guess], draw, givens)
+        share = self._own.get('change-points', 0.0)
+        if share and draw.unit() < share:
+            # Class III: the longest link is p + q - s.
+            s, p, q, _ = sorted(givens.values())
+            givens[max(givens, key=lambda name: givens[name])] = p + q - s
         return givens
+
+    @staticmethod
+    def _add_guess(system: Mapping[str, str], draw: Draw, givens: dict[str, float]) -> None:
+        """Add a guess near the root, in multiples of 5 deg."""
+        roots = Calculation(givens)
+        try:
+            roots.work(system['position'])
+        except (ValueError, ArithmeticError):
+            roots.answers.clear()
+        for name in system['unknowns'].split():
+            root = float(roots.answers.get(name, 0.0))
+            givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
 
     def calculated(self, givens: Mapping[str, float], mistake: str = '') -> Calculation | None:
         """Return the calculation with a mistake; None where it leads nowhere."""
-        calculation = Calculation(givens, mistake, self.input_angle)
+        calculation = Calculation(givens, mistake, self._own.get('input', ''))
         try:
             with np.errstate(all='ignore'):
-                self.work(calculation)
+                calculation.work(self.name)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             return None
         return calculation
-
-
-def kind_of(
-    name: str,
-    work: Callable[[Calculation], None],
-    key: Callable[[Mapping[str, float]], Mapping[str, Answer]],
-    leg: Callable[[Mapping[str, float]], tuple[Any, float]] = lambda _: (None, 0.0),
-    complete: Callable[[Draw, dict[str, float]], None] | None = None,
-) -> Kind:
-    """Return a kind with its givens and questions of kinds.yaml."""
-    data = _data(KINDS_FILE)
-    own = data['kinds'][name]
-    ranges: dict[str, Sequence[float]] = {}
-    for part in own['given']:
-        ranges |= data['groups'][part] if isinstance(part, str) else part
-    questions = [
-        Question(quantity, unit, tuple(data['choices'].get(quantity, ())))
-        for unit, *quantities in map(str.split, own['asked'].split(', '))
-        for quantity in quantities
-    ]
-    unknowns = own.get('unknowns', 0)
-    return Kind(
-        name,
-        work,
-        key,
-        leg,
-        ranges,
-        tuple(questions),
-        own.get('input', ''),
-        newton_mistakes(unknowns),
-        own.get('digits', ASKED_DIGITS),
-        own.get('agreement', AGREEMENT),
-        complete,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,15 +206,15 @@ class Variant:
     @cached_property
     def mistaken(self) -> dict[str, dict[str, Answer]]:
         """Return the wrong answers of each mistake, by question."""
-        mistakes = _data(KINDS_FILE)['mistakes']
         found: dict[str, dict[str, Answer]] = {}
-        for mistake in (*self.kind.mistakes, *mistakes['calculation'].split()):
+        for mistake in self.kind.mistakes:
             calculation = self.kind.calculated(self.givens, mistake)
             if calculation:
                 found[mistake] = self._wrong(calculation.answers)
+        of_answers = data()['mistakes']['answers']
         for question in self.kind.questions:
             right = self.answers[question.name]
-            for mistake, (factor, summand) in mistakes['answers'].get(question.unit, {}).items():
+            for mistake, (factor, summand) in of_answers.get(question.unit, {}).items():
                 if isinstance(right, float):
                     wrong = self._wrong({question.name: factor * right + summand})
                     found.setdefault(mistake, {}).update(wrong)
@@ -354,7 +342,7 @@ def _agrees(
     rounded = guarded.answers[question.name]
     if isinstance(right, str) or isinstance(by_hand, str) or isinstance(rounded, str):
         return right == by_hand == rounded
-    allowed = variant.kind.agreement * max(abs(right), 1.0)
+    allowed = AGREEMENT * max(abs(right), 1.0)
     return difference(question, right, by_hand) <= allowed and (
         difference(question, rounded, right) <= GUARD_SHARE * variant.tolerance(question)
     )
@@ -373,21 +361,16 @@ def _is_finite(answer: Answer) -> bool:
     return isinstance(answer, str) or isfinite(answer)
 
 
-@lru_cache
-def _data(name: str) -> dict[str, Any]:
-    found: dict[str, Any] = parse_file(Path(__file__).with_name(name))
-    return found
-
-
 def texts() -> dict[str, Any]:
     """Return the texts of the exercises, by subject and language."""
-    return _data(TEXTS_FILE)
+    found: dict[str, Any] = data()['texts']
+    return found
 
 
 @lru_cache
 def unit_of(given: str) -> str:
-    """Return the unit of a given; mm unless kinds.yaml has another."""
-    units: dict[str, str] = _data(KINDS_FILE)['units']
+    """Return the unit of a given; mm unless exercises.yaml has another."""
+    units: dict[str, str] = data()['units']
     return next((unit for unit, names in units.items() if given in names.split()), 'mm')
 
 
