@@ -26,7 +26,10 @@ def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     """Yield the external programs to start: the reason, the package, the executable."""
     yield 'every launch', 'robot_state_publisher', 'robot_state_publisher'
     if 'sim' in given:  # an argument of ros2_control.launch.py alone
-        yield 'ros2_control', 'controller_manager', 'ros2_control_node'
+        if asked(given, 'hardware'):
+            yield 'ros2_control', 'controller_manager', 'ros2_control_node'
+        else:
+            yield 'hardware:=false', 'mujoco_ros2_control', 'ros2_control_node'
         yield 'ros2_control', 'controller_manager', 'spawner'
     if given.get('fuse') == 'ekf':
         yield 'fuse:=ekf', 'robot_localization', 'ekf_node'

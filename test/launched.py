@@ -21,12 +21,15 @@ NODES = (
     'walker_node',
 )  # fmt: skip
 # The programs of others, which a launch file only starts and ends.
-OTHERS = {
-    'joint_state_publisher_gui': 'joint_state_publisher_gui',
-    'robot_state_publisher': 'robot_state_publisher',
-    'rviz2': 'rviz2',
-    'robot_localization': 'ekf_node',
-}
+OTHERS = (
+    ('joint_state_publisher_gui', 'joint_state_publisher_gui'),
+    ('robot_state_publisher', 'robot_state_publisher'),
+    ('rviz2', 'rviz2'),
+    ('robot_localization', 'ekf_node'),
+    ('controller_manager', 'ros2_control_node'),
+    ('controller_manager', 'spawner'),
+    ('mujoco_ros2_control', 'ros2_control_node'),
+)
 # As `ros2 launch` does it: an included file, its arguments, the service's code. Here for many
 # lists of arguments, one after the other; each code goes into the list of what was started.
 DRIVER = """
@@ -96,7 +99,7 @@ class Prefix:
         if brief:
             before = AFTER_ANOTHER.format(started=shlex.quote(str(self._started)))
             self._install('klann_ros', 'player_node', '', before)
-        for package, name in OTHERS.items():
+        for package, name in OTHERS:
             if package not in without:
                 self._install(package, name, '' if brief else 'exec sleep 1000')
         (folder / 'bin').mkdir()
@@ -147,14 +150,23 @@ class Prefix:
             time.sleep(0.05)
 
     def given(self, name: str) -> list[str]:
-        """Return the arguments that a program was last started with."""
+        """Return the path and the arguments that a program was last started with."""
         return (self.folder / name).read_text().splitlines()
 
     def parameters(self, name: str) -> dict[str, object]:
-        """Return the parameters that launch wrote for a node."""
-        written = yaml.safe_load(Path(self.given(name)[-1]).read_text())
+        """Return the parameters that launch wrote for a node last."""
+        *_, file = (word for word in self.given(name) if 'launch_params_' in word)
+        written = yaml.safe_load(Path(file).read_text())
         (node,) = written.values()
         return dict(node['ros__parameters'])
+
+    def descriptions(self) -> list[str]:
+        """Return the robot descriptions that launch wrote for nodes."""
+        files = [path.read_text() for path in sorted(self.folder.glob('launch_params_*'))]
+        nodes = [
+            each['ros__parameters'] for file in files for each in yaml.safe_load(file).values()
+        ]
+        return [node['robot_description'] for node in nodes if 'robot_description' in node]
 
     def left(self) -> list[str]:
         """Return what was started and has not ended."""
@@ -191,7 +203,7 @@ class Prefix:
         program.parent.mkdir(parents=True, exist_ok=True)
         log, arguments = (shlex.quote(str(p)) for p in (self._started, self.folder / name))
         program.write_text(
-            f'#!/bin/sh\n{before}\nprintf "%s\\n" "$@" > {arguments}\n'
+            f'#!/bin/sh\n{before}\nprintf "%s\\n" "$0" "$@" > {arguments}\n'
             f'echo {name} $$ >> {log}\n{script}\n'
         )
         program.chmod(0o755)

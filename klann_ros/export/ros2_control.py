@@ -31,7 +31,7 @@ MODEL, ROBOT, SIMULATED, HARDWARE, CONTROLLERS, WALKER, LAUNCH = (
     'walker.yaml',
     'ros2_control.launch.py',
 )
-"""Names of the files: the launch file finds the others beside it."""
+"""Names of the files: ros2_control.launch.py of klann_ros reads the others by these."""
 
 NAV2 = 'nav2.yaml'
 """Name of the parameters for Nav2."""
@@ -201,102 +201,32 @@ A walker under ros2_control: in MuJoCo, or with hardware:=true on topics of its 
     ros2 launch ros2_control.launch.py
     ros2 topic pub -r 10 cmd_vel geometry_msgs/msg/TwistStamped '{twist: {linear: {x: 0.1}}}'
 
-Made by klann_ros: its other files stand beside it, and may be moved with it.
+Made by klann_ros: its other files stand beside it, and may be moved with it. headless:=false opens
+the window of MuJoCo; with hardware:=true sim:=true sim_node stands in for the motor drivers.
 \"\"\"
 
 from pathlib import Path
 
-from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
 
-HERE = Path(__file__).resolve().parent
-CONTROLLERS, WALKER = str(HERE / 'ros2_control.yaml'), str(HERE / 'walker.yaml')
-CRANKS = 'crank_description'
-FLAG = ['true', 'false']
-
-
-def description(name: str, text: str, sim: dict, remappings: list) -> Node:
-    \"\"\"Return the publisher of a robot description.\"\"\"
-    return Node(
-        package='robot_state_publisher',
-        executable='robot_state_publisher',
-        name=name,
-        # Without a type the URDF would be read as YAML.
-        parameters=[{'robot_description': ParameterValue(text, value_type=str)}, sim],
-        remappings=remappings,
-    )
-
-
-def nodes(context: LaunchContext) -> list:
-    \"\"\"Return the nodes: those of ros2_control, and those of klann_ros.\"\"\"
-    given = context.launch_configurations
-    real = given['hardware'] == 'true'
-    urdf = (HERE / ('cranks_hardware.urdf' if real else 'cranks.urdf')).read_text(encoding='utf-8')
-    urdf = urdf.replace('>robot.xml<', f'>{HERE / "robot.xml"}<')
-    urdf = urdf.replace('"headless">true<', f'"headless">{given["headless"]}<')
-    sim = {'use_sim_time': not real}
-    controllers = ['joint_state_broadcaster', 'crank_velocity_controller']
-    imu = [] if real else ['imu_sensor_broadcaster']
-    states = ('crank_state', 'joint_state_broadcaster/joint_states')
-    return [
-        # On topics of its own: no other node may take the cranks for the robot.
-        description(
-            'crank_description_publisher',
-            urdf,
-            sim,
-            [('robot_description', CRANKS), ('joint_states', 'crank_joints')],
-        ),
-        description(
-            'robot_state_publisher',
-            (HERE / 'robot.urdf').read_text(encoding='utf-8'),
-            sim,
-            [],
-        ),
-        Node(
-            package='controller_manager' if real else 'mujoco_ros2_control',
-            executable='ros2_control_node',
-            output='screen',
-            parameters=[CONTROLLERS, sim],
-            # Jazzy listens to the first, Humble to the second.
-            remappings=[('robot_description', CRANKS), ('~/robot_description', CRANKS)],
-        ),
-        Node(
-            package='controller_manager',
-            executable='spawner',
-            arguments=[*controllers, *imu, '--controller-manager', 'controller_manager'],
-        ),
-        Node(
-            package='klann_ros',
-            executable='solver_node',
-            name='solver_node',
-            output='screen',
-            parameters=[WALKER, {'joint_separator': '_'}, sim],
-            remappings=[states],
-        ),
-        Node(
-            package='klann_ros',
-            executable='walker_node',
-            name='walker_node',
-            output='screen',
-            parameters=[WALKER, CONTROLLERS, {'use_imu': True}, sim],
-            remappings=[
-                states,
-                ('crank_command', 'crank_velocity_controller/commands'),
-                *([] if real else [('imu', 'imu_sensor_broadcaster/imu')]),
-            ],
-        ),
-    ]
+SHARE = FindPackageShare('klann_ros')
 
 
 def generate_launch_description() -> LaunchDescription:
-    \"\"\"Describe the arguments and the nodes.\"\"\"
+    \"\"\"Describe the launch of klann_ros with the files beside this one.\"\"\"
+    shared = PathJoinSubstitution([SHARE, 'launch', 'ros2_control.launch.py'])
     return LaunchDescription(
         [
-            DeclareLaunchArgument('hardware', default_value='false', choices=FLAG),
-            DeclareLaunchArgument('headless', default_value='true', choices=FLAG),
-            OpaqueFunction(function=nodes),
+            DeclareLaunchArgument('hardware', default_value='false'),
+            DeclareLaunchArgument('sim', default_value='false'),
+            IncludeLaunchDescription(
+                PythonLaunchDescriptionSource(shared),
+                launch_arguments={'folder': str(Path(__file__).resolve().parent)}.items(),
+            ),
         ]
     )
 """

@@ -10,8 +10,8 @@ from launch_syntax import calls, constants, declared, FILES, included, keywords,
 import pytest
 
 FOLDERS = ('config', 'launch', 'rviz', 'urdf')
-# Looked for at the start, with its package named; not every user fuses.
-OPTIONAL = {'robot_localization'}
+# Looked for at the start, with its package named; not every user needs it.
+OPTIONAL = {'robot_localization', 'mujoco_ros2_control'}
 KEYWORDS = {name: words for names in NAMES.values() for name, words in names.items()}
 
 COMMAND = re.compile(r'ros2 launch klann_ros (\w+\.launch\.py)((?: [\w-]+:=[\w./]+)*)')
@@ -188,8 +188,9 @@ def test_checked_arguments_are_declared() -> None:
         for node in nodes('checks.py', ast.Yield)
         if isinstance(node.value, ast.Constant)
     }
-    assert checked == {'params_file', 'rviz', 'rviz_config', 'slider'}
-    assert checked <= set(declared('leg.launch.py')) | set(declared('description.launch.py'))
+    assert checked == {'hardware', 'params_file', 'rviz', 'rviz_config', 'slider'}
+    files = ('leg.launch.py', 'description.launch.py', 'ros2_control.launch.py')
+    assert checked <= {argument for name in files for argument in declared(name)}
 
 
 @pytest.mark.parametrize('name', FILES)

@@ -8,10 +8,12 @@ import re
 import shutil
 import signal
 import subprocess
+from xml.etree import ElementTree as ET
 
 from bags import write_bag
 from domain import own_domain
-from launched import OTHERS, PATIENCE, Prefix, ROOT
+from klann_ros.export.command import main
+from launched import PATIENCE, Prefix, ROOT
 import pytest
 
 pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
@@ -29,7 +31,7 @@ ARGUMENTS = {
     'demo': DEMO,
     'walker': DEMO | {'walker', 'crank'},
     'walk': LEG | {'linear', 'friction', 'slope', 'fuse'},
-    'ros2_control': {'params_file', 'sim'},
+    'ros2_control': {'params_file', 'folder', 'hardware', 'sim', 'headless'},
     'replay': DESCRIPTION | {'log', 'play_rate', 'start_offset', 'loop'},
 }
 # What a launch file starts in any case, and what a flag adds.
@@ -191,7 +193,7 @@ def test_ctrl_c_ends_everything_without_an_error(rviz: str, prefix: Callable[...
     made = prefix()
     if rviz:
         # The programs of others may fail: a recording goes on when RViz crashes.
-        (made.folder / 'lib' / 'rviz2' / OTHERS['rviz2']).write_text(f'#!/bin/sh\n{rviz}\n')
+        (made.folder / 'lib' / 'rviz2' / 'rviz2').write_text(f'#!/bin/sh\n{rviz}\n')
     launch = made.launch('demo', ['record:=true', 'output:=a run', 'rviz:=true'])
     made.wait_for_a_recording('a run')
     launch.send_signal(signal.SIGINT)
@@ -299,6 +301,67 @@ def test_a_launch_file_of_a_users_package_starts_the_users_walker(
     ((started, code),) = made.started()
     assert (started, code) == (ALWAYS['walk'] | {'robot_state_publisher'}, 0), output
     assert any('config/desk_walker.yaml' in word for word in made.given('sim_node'))
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'package', 'adds'),
+    [
+        ([], 'mujoco_ros2_control', set()),
+        (['headless:=false', 'sim:=true'], 'mujoco_ros2_control', set()),
+        (['hardware:=true'], 'controller_manager', set()),
+        (['hardware:=True', 'sim:=true'], 'controller_manager', {'sim_node'}),
+    ],
+)
+def test_an_exported_walker_is_launched_under_ros2_control(
+    arguments: list[str], package: str, adds: set[str], prefix: Callable[..., Prefix]
+) -> None:
+    made = prefix(brief=True)
+    folder = made.folder / 'the <b> & "its" $(walker)'
+    assert main([f'{ROOT}/config/walker8_two_motors.yaml', '--ros2-control', str(folder)]) == 0
+    launch = made.launch(folder / 'ros2_control.launch.py', arguments)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
+    assert list(made.started()) == [(always | {'walker_node'} | adds, 0)], output
+    assert f'/lib/{package}/' in made.given('ros2_control_node')[0]
+    is_real = package == 'controller_manager'
+    (cranks,) = (text for text in made.descriptions() if '<ros2_control' in text)
+    hardware = {
+        each.get('name'): each.text
+        for each in ET.fromstring(cranks).iter('param')  # noqa: S314 - our own
+    }
+    if not is_real:
+        assert hardware['mujoco_model'] == str(folder / 'robot.xml')
+        assert hardware['headless'] == ('false' if arguments else 'true')
+    for name in ('walker_node', 'solver_node'):
+        assert str(folder / 'walker.yaml') in made.given(name)
+        assert made.parameters(name) == {'use_sim_time': not is_real}
+    assert ('imu:=imu_sensor_broadcaster/imu' in made.given('walker_node')) != is_real
+    assert ('imu_sensor_broadcaster' in made.given('spawner')) != is_real
+
+
+def test_any_walker_is_launched_under_ros2_control(prefix: Callable[..., Prefix]) -> None:
+    made = prefix(brief=True)
+    launch = made.launch(
+        'ros2_control',
+        [],
+        ['sim:=false', f'params_file:={ROOT}/config/walker_jansen.yaml'],
+        ['params_file:=sem104.yaml'],
+        ['folder:=config'],
+    )
+    shutil.copy(ROOT / 'config' / 'sem104.yaml', made.folder)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
+    always |= {'walker_node'}
+    assert list(made.started()) == [
+        (always | {'sim_node'}, 0),
+        (always, 0),
+        (set(), 1),
+        (set(), 1),
+    ]
+    assert 'sem104.yaml is refused: --ros2-control needs a walker' in output
+    assert f'folder:={made.folder}/config: export --ros2-control has not written it' in output
+    assert 'Traceback' not in output
+    assert list(made.folder.glob('klann_ros-*')) == []
 
 
 def test_paths_may_hold_any_character(prefix: Callable[..., Prefix]) -> None:
