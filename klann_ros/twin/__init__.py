@@ -15,9 +15,8 @@ the extra `sim`; without it these raise a NoMujocoError.
 
 from .agreement import Agreement, agreement
 from .mjcf import Floor, robot_mjcf
-from .pace import Pace, RealTimeFactor
 from .parts import Imu, Motors, NoMujocoError, Sensors, SimulatedCrank, Truth, TwinError
-from .twin import DivergedError, Twin
+from .twin import DivergedError, Pace, RealTimeFactor, Twin
 
 __all__ = [
     'Agreement',

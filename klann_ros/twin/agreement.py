@@ -96,14 +96,13 @@ class _Turned:
         self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
         self._bodies, self._closing = spanning_tree(leg.linkage)
+        crank_dof = self._model.joint(leg.crank_joint).dofadr[0]
         rates = joint_rates(leg.linkage, self._bodies, float(leg.crank_angles(crank)))
-        for body in self._bodies:
-            name = leg.crank_joint if body.body == 0 else leg.linkage.joint_names[body.body]
-            at = self._model.joint(name).dofadr[0]
-            self._data.qvel[at] = leg.direction * rate * rates[body.body]
-        self._data.qvel[self._model.joint(leg.crank_joint).dofadr[0]] = rate
-        self._data.ctrl[0] = rate
-        self._rotor = float(self._model.dof_armature[self._model.joint(leg.crank_joint).dofadr[0]])
+        for j in range(1, len(self._bodies)):
+            dof = self._model.joint(leg.linkage.joint_names[j]).dofadr[0]
+            self._data.qvel[dof] = leg.direction * rate * rates[j]
+        self._data.qvel[crank_dof] = self._data.ctrl[0] = rate
+        self._rotor = float(self._model.dof_armature[crank_dof])
         self._rows: list[tuple[float, ...]] = []
         self._forces: list[dict[tuple[str, str], complex]] = []
 

@@ -20,7 +20,7 @@ from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-# Between the names of a leg and its joint: ros2_control and MoveIt refuse a slash.
+# Separates the names of a leg and its joint: ros2_control and MoveIt refuse a slash.
 SEPARATOR = '_'
 # Mass of a massless body, as a part of the leg's: without one its loop would be soft.
 MIN_MASS_PART = 1e-4
@@ -28,7 +28,7 @@ MIN_MASS_PART = 1e-4
 POINT_INERTIA_PART, MIN_INERTIA = 1e-9, 1e-12
 # Thickness of drawn bars, as a part of the leg's size.
 BAR_THICKNESS = 0.012
-# Crank angles among which the leg's inertia at the crank is largest and least.
+# Crank angles at which the leg's inertia at the crank is sampled.
 INERTIA_SAMPLES = 181
 
 
@@ -99,27 +99,17 @@ def _next_bodies(structure: Structure, visited: list[int]) -> Iterator[TreeBody]
                 yield TreeBody(j, parent, point)
 
 
-class Stiffness(NamedTuple):
-    """The stiffness of constraints: a violation r follows r.. = -stiffness r - damping r. ."""
+def equality(stiffness: float) -> dict[str, str]:
+    """
+    Return the attributes of a critically damped equality of a stiffness [1/s^2].
 
-    # In 1/s^2.
-    stiffness: float
-    # In 1/s.
-    damping: float
-
-    @classmethod
-    def critical(cls, stiffness: float) -> 'Stiffness':
-        """Return the critically damped one."""
-        return cls(stiffness, 2.0 * stiffness**0.5)
-
-    @property
-    def attributes(self) -> dict[str, str]:
-        """Return the attributes of an equality; solimp is as hard as the engine allows."""
-        # Negative numbers are direct values.
-        return {
-            'solref': f'{number(-self.stiffness)} {number(-self.damping)}',
-            'solimp': '0.9999 0.9999 0.001 0.5 2',
-        }
+    A violation r follows r.. = -stiffness r - damping r. ; solimp is as hard as the engine allows.
+    """
+    # Negative numbers are direct values.
+    return {
+        'solref': f'{number(-stiffness)} {number(-2.0 * stiffness**0.5)}',
+        'solimp': '0.9999 0.9999 0.001 0.5 2',
+    }
 
 
 class Section(NamedTuple):
@@ -128,37 +118,15 @@ class Section(NamedTuple):
     # The sections of the model.
     equality: Element
     tendon: Element
-    # Returns a name that its kind ('body', 'joint', 'site') does not have yet.
+    # The names of the elements.
     unique: 'Names'
 
 
 class LegModel:
     """
-    Writes one leg.
+    Writes a leg in its pose at an angle of its crank's joint [rad].
 
-    Parameters
-    ----------
-    leg : RobotLeg
-        The leg.
-    dynamics : Dynamics
-        The leg with its masses.
-    crank : float
-        The angle of the joint that turns its crank, in the pose in which it is written [rad].
-
-    Attributes
-    ----------
-    crank_name : str
-        The name of its crank's joint in the model, once it is written.
-    mass : float
-        Of the whole leg [kg].
-
-    Raises
-    ------
-    CrankAngleError, UnreachableError, LoopsOpenError
-        The linkage does not close at this angle.
-    MassError
-        Its mass is 0.
-
+    A MassError refuses a leg without mass; other errors are of a linkage that does not close.
     """
 
     def __init__(self, leg: RobotLeg, dynamics: Dynamics, crank: float) -> None:
@@ -174,11 +142,9 @@ class LegModel:
         # The origins of the bodies' frames in this pose.
         self._origins = {h.body: self._points[h.point] for h in self._tree} | {FIXED: 0j}
         self._size = float(np.ptp(self._pose.points, axis=0).max())
-        self.mass = dynamics.masses.total
-        self.crank_name = ''
+        self._crank_name = ''
         self._bodies: dict[int, str] = {}
         self._sites: dict[str, str] = {}
-        self._foot: tuple[Element, complex] | None = None
 
     @property
     def foot(self) -> complex:
@@ -192,26 +158,15 @@ class LegModel:
         return float(there.min()), float(there.max())
 
     def write(
-        self, plane: Element, section: Section, crank_name: str, stiffness: Stiffness, rotor: float
+        self, plane: Element, section: Section, crank_name: str, stiffness: float, rotor: float
     ) -> None:
         """
-        Write the leg.
+        Write the leg into the body of its plane, with a name for its crank's joint.
 
-        Parameters
-        ----------
-        plane : Element
-            The body whose x and y are the linkage's.
-        section : Section
-            The other sections.
-        crank_name : str
-            The name of its crank's joint.
-        stiffness : Stiffness
-            Of the closings of its loops.
-        rotor : float
-            The inertia of the crank's drive, at the crank [kg m^2].
-
+        `stiffness` is that of the closings [1/s^2], `rotor` the inertia of the crank's drive at
+        the crank [kg m^2].
         """
-        self.crank_name = crank_name
+        self._crank_name = crank_name
         self._bodies[FIXED] = plane.attrib['name']
         elements = {FIXED: plane}
         for point in self.leg.linkage.structure.pivots:
@@ -221,20 +176,14 @@ class LegModel:
             elements[tree_body.body] = self._body(parent, section, tree_body, rotor)
         for point, first, j in self._closing:
             SubElement(
-                section.equality,
-                'connect',
-                stiffness.attributes,
-                body1=self._bodies[j],
-                body2=self._bodies[first],
-                anchor=at(self._points[point] - self._origins[j]),
-            )
+                section.equality, 'connect', equality(stiffness), body1=self._bodies[j],
+                body2=self._bodies[first], anchor=at(self._points[point] - self._origins[j]),
+            )  # fmt: skip
         for spring in self._dynamics.masses.springs:
             self._spring(plane, section, spring)
 
     def foot_geom(self, radius: float, friction: float) -> None:
         """Put a ball that touches the floor on the foot of a written leg."""
-        if self._foot is None:
-            raise AssertionError('the leg is written before')
         element, place = self._foot
         SubElement(
             element, 'geom', touching(friction), type='sphere', pos=at(place),
@@ -273,7 +222,7 @@ class LegModel:
         turned = self._pose.vectors[own] if own != FIXED else 1.0 + 0j
         first = self._points[structure.bodies[j].points[0]]
         centre = first + complex(mass.centre * turned) - self._origins[j]
-        weight = mass.mass or MIN_MASS_PART * self.mass
+        weight = mass.mass or MIN_MASS_PART * self._dynamics.masses.total
         inertia = max(mass.inertia or POINT_INERTIA_PART * weight * self._size**2, MIN_INERTIA)
         # A plate: the moments about the axes in its plane add up to the one about its normal.
         flat = f'{number(inertia / 2.0)} {number(inertia / 2.0)} {number(inertia)}'
@@ -282,6 +231,7 @@ class LegModel:
     def _site(self, element: Element, section: Section, point: str, place: complex) -> None:
         self._sites[point] = section.unique('site', self.leg.prefix + point.lower())
         if point == self.leg.linkage.structure.foot:
+            # For the ball: its element and the place in it.
             self._foot = element, place
         SubElement(
             element, 'site', name=self._sites[point], pos=at(place), size=number(self._radius)
@@ -301,7 +251,7 @@ class LegModel:
             # It has the angle q of its robot's joint: alpha = direction q + phase.
             sense = structure.senses[0] * self.leg.direction
             SubElement(
-                element, 'joint', name=self.crank_name, type='hinge', axis=f'0 0 {sense}',
+                element, 'joint', name=self._crank_name, type='hinge', axis=f'0 0 {sense}',
                 ref=number(self._crank), armature=number(rotor),
             )  # fmt: skip
             return

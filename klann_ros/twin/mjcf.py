@@ -11,15 +11,15 @@ from klann_ros.kinematics import KinematicsError, LinkageLeg
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 
-from .leg_model import LegModel, Names, number, Section, SEPARATOR, Stiffness, touching
+from .leg_model import equality, LegModel, Names, number, Section, SEPARATOR, touching
 
 MAX_SLOPE = pi / 4.0
 
 
 class Accuracy(NamedTuple):
-    """How the engine integrates a model."""
+    """The engine's numerical settings for a model."""
 
-    # In seconds.
+    # [s].
     time_step: float
     # MuJoCo's name of the method.
     integrator: str
@@ -33,10 +33,10 @@ class Accuracy(NamedTuple):
 SUSPENDED = Accuracy(2e-4, 'RK4', 0.01, 2.0)
 # Contacts allow no higher order, and a robot must run in real time.
 WALKING = Accuracy(5e-4, 'implicitfast', 0.04, 0.5)
-# Inertia of a crank's drive, as a multiple of the largest one of its leg at the crank: then the
-# stiffest stable servo turns it evenly.
+# Inertia of a crank's drive, as a multiple of the largest one of its leg at the crank, with which
+# the stiffest stable servo turns it evenly.
 ROTOR_RATIO = 10.0
-# The ball of a foot [m], and how far above the floor a walker begins [m].
+# Radius of a foot, and clearance of the lowest foot from the floor at the start [m].
 FOOT_RADIUS, GROUND_GAP = 0.004, 1e-4
 
 
@@ -62,17 +62,8 @@ class Floor:
         if not (isfinite(self.friction) and self.friction >= 0.0):
             raise ValueError(f'friction = {self.friction!r} is refused: it must be >= 0')
         if not abs(self.slope) <= MAX_SLOPE:
-            msg = f'slope = {self.slope!r} rad is refused: it must be within +-{MAX_SLOPE:.3f}'
-            raise ValueError(msg)
-
-    @property
-    def euler(self) -> str:
-        """Return its Euler angles."""
-        return f'0 {number(-self.slope)} 0'
-
-    def above(self, height: float) -> str:
-        """Return the place at a height above its origin [m]."""
-        return f'{number(-height * sin(self.slope))} 0 {number(height * cos(self.slope))}'
+            allowed = f'within +-{MAX_SLOPE:.3f}'
+            raise ValueError(f'slope = {self.slope!r} rad is refused: it must be {allowed}')
 
 
 FLAT = Floor()
@@ -170,16 +161,18 @@ class _Model:
         name = self._unique('body', 'base_link')
         if not self._robot.is_walker:
             return SubElement(world, 'body', name=name)
-        body = _body(self._robot)
+        body, slope = _body(self._robot), self._floor.slope
+        euler = _triple((0.0, -slope, 0.0))
         SubElement(
             world, 'geom', touching(self._floor.friction, floor=True), name='floor', type='plane',
-            size='0 0 1', euler=self._floor.euler, rgba='0.85 0.85 0.82 1',
+            size='0 0 1', euler=euler, rgba='0.85 0.85 0.82 1',
         )  # fmt: skip
         lowest = min(
             float(leg.leg.mount.transform([leg.foot.real, leg.foot.imag])[2]) for leg in self._legs
         )
-        above = self._floor.above(FOOT_RADIUS + GROUND_GAP - lowest)
-        base = SubElement(world, 'body', name=name, pos=above, euler=self._floor.euler)
+        height = FOOT_RADIUS + GROUND_GAP - lowest
+        pos = _triple((-height * sin(slope), 0.0, height * cos(slope)))
+        base = SubElement(world, 'body', name=name, pos=pos, euler=euler)
         SubElement(base, 'freejoint', name=self._unique('joint', name))
         centre = _triple(body.centre)
         SubElement(
@@ -196,7 +189,7 @@ class _Model:
         """Write the legs of a joint, and its actuator."""
         name = self._cranks[joint]
         step = self._accuracy.time_step
-        stiffness = Stiffness.critical(self._accuracy.closing / step**2)
+        stiffness = self._accuracy.closing / step**2
         turned, legs = 0.0, [leg for leg in self._legs if leg.leg.crank_joint == joint]
         for leg in legs:
             least, most = leg.inertias()
@@ -206,17 +199,14 @@ class _Model:
             if leg is not legs[0]:
                 crank_name = self._unique('joint', leg.leg.joint_name(joint, SEPARATOR))
                 SubElement(
-                    section.equality, 'joint', stiffness.attributes, joint1=crank_name,
+                    section.equality, 'joint', equality(stiffness), joint1=crank_name,
                     joint2=name, polycoef='0 1 0 0 0',
                 )  # fmt: skip
             mount = leg.leg.mount
             plane = SubElement(
-                base,
-                'body',
-                name=self._unique('body', f'{leg.leg.prefix}leg_plane'),
-                pos=_triple(mount.xyz),
-                euler=_triple(mount.rpy),
-            )
+                base, 'body', name=self._unique('body', f'{leg.leg.prefix}leg_plane'),
+                pos=_triple(mount.xyz), euler=_triple(mount.rpy),
+            )  # fmt: skip
             leg.write(plane, section, crank_name, stiffness, rotor)
             if self._robot.is_walker:
                 leg.foot_geom(FOOT_RADIUS, self._floor.friction)
@@ -243,10 +233,8 @@ def start_angle(legs: Sequence[RobotLeg], crank: float | None = None) -> float:
 
 def _body(robot: Robot) -> WalkerBody:
     if robot.body is None:
-        raise MassError(
-            f'{robot.source or robot.name} has no body_mass [kg], body_size [m]: '
-            f'a walker needs them'
-        )
+        name = robot.source or robot.name
+        raise MassError(f'{name} has no body_mass [kg], body_size [m]: a walker needs them')
     return robot.body
 
 

@@ -18,20 +18,13 @@ class NoMujocoError(ImportError):
 
 
 def engine() -> Any:
-    """
-    Return the module of the physics engine, imported when it is used.
-
-    Raises
-    ------
-    NoMujocoError
-        It is not installed.
-
-    """
+    """Return the module of the physics engine, imported when it is used, or a NoMujocoError."""
     try:
         return import_module('mujoco')
     except ImportError as error:
-        msg = "the physics engine is not installed: pip install 'klann_ros[sim]'"
-        raise NoMujocoError(msg) from error
+        raise NoMujocoError(
+            "the physics engine is not installed: pip install 'klann_ros[sim]'"
+        ) from error
 
 
 def _require(condition: bool, name: str, value: float, rule: str) -> None:

@@ -1,7 +1,7 @@
-"""A simulated robot: the model in the engine, with realistic motors and sensors."""
+"""A simulated robot: the model in the engine, with realistic motors and sensors, in real time."""
 
 from math import cos, degrees, exp, isfinite
-from typing import Any
+from typing import NamedTuple
 
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line
@@ -27,6 +27,8 @@ TIME_STEP = 1e-3
 FALLEN = cos(np.radians(60.0))
 # A larger position, angle, speed or rate means divergence [m, rad, s].
 MAX_STATE = 1e6
+# A larger delay is given up: time continues from there, without a burst [s].
+MAX_CATCH_UP = 0.2
 
 
 class DivergedError(TwinError):
@@ -88,13 +90,12 @@ class Twin:
         self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
         self._legs = robot.legs
         for joint in motors.factors:
-            hint = did_you_mean(joint, self.joints)
             if joint not in self.joints:
-                known = ', '.join(map(printable, self.joints))
-                raise TwinError(f'{printable(joint)} turns no crank: there are {known}{hint}')
+                known = ', '.join(map(printable, self.joints)) + did_you_mean(joint, self.joints)
+                raise TwinError(f'{printable(joint)} turns no crank: there are {known}')
         self._engine, self._seed = engine(), seed
-        # Otherwise it writes a log file in the working directory.
-        self._engine.set_mju_user_warning(_ignore)
+        # Otherwise it writes a log file in the working directory; each step checks for divergence.
+        self._engine.set_mju_user_warning(lambda _: None)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
         text = mjcf or robot_mjcf(robot, floor=floor, time_step=step)
         try:
@@ -189,10 +190,8 @@ class Twin:
         angles = angles + sensors.encoder_noise * self._random.standard_normal(count)
         rates = self._data.qvel[self._rates]
         rates = rates + sensors.velocity_noise * self._random.standard_normal(count)
-        pairs = zip(angles.tolist(), rates.tolist(), strict=True)
-        return {
-            joint: SimulatedCrank(*pair) for joint, pair in zip(self.joints, pairs, strict=True)
-        }
+        readings = map(SimulatedCrank, angles.tolist(), rates.tolist())
+        return dict(zip(self.joints, readings, strict=True))
 
     def points(self) -> dict[str, tuple[float, float]]:
         """Return the moving points of each leg as cameras measure them, in its leg_plane [m]."""
@@ -286,5 +285,65 @@ def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, float, 
     )
 
 
-def _ignore(_: Any) -> None:
-    """Ignore a warning: each step checks for divergence."""
+class Pace:
+    """
+    The ticks of a simulation in real time.
+
+    Parameters
+    ----------
+    period : float
+        Of simulated time between ticks [s].
+    factor : float
+        Simulated time over wall time.
+    now : float
+        Wall time at the start [s].
+
+    Attributes
+    ----------
+    slipped : float
+        Wall time given up so far [s].
+
+    """
+
+    def __init__(self, period: float, factor: float, now: float) -> None:
+        self._period, self._between = period, period / factor
+        self._begin, self._ticks = now, 0
+        self.slipped = 0.0
+        self._since, self._done = now, 0
+
+    def due(self, now: float) -> int:
+        """Return the number of ticks due at a wall time [s]; they count as done."""
+        late = now - self._begin - (self._ticks + 1) * self._between
+        if late > MAX_CATCH_UP:
+            # One tick is due now, the others are dropped.
+            self._begin += late
+            self.slipped += late
+        count = max(0, int((now - self._begin) / self._between + 1e-6) - self._ticks)
+        self._ticks += count
+        self._done += count
+        return count
+
+    def factor(self, now: float) -> 'RealTimeFactor':
+        """Return the real-time factor since the last call."""
+        elapsed = max(now - self._since, 1e-9)
+        wanted = elapsed / self._between
+        factor = RealTimeFactor(self._done * self._period / elapsed, self._done / wanted)
+        self._since, self._done = now, 0
+        return factor
+
+
+class RealTimeFactor(NamedTuple):
+    """
+    The achieved real-time factor.
+
+    Attributes
+    ----------
+    factor : float
+        Simulated time over wall time.
+    share : float
+        Share of the requested steps that were done.
+
+    """
+
+    factor: float
+    share: float
