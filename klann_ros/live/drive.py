@@ -24,16 +24,24 @@ class DriveError(Exception):
 
 
 @dataclass
-class CrankDrive:
+class _Drive:
+    """A drive: the page that controls it, and the time of the page's last message [s]."""
+
+    owner: int | None = None
+    alive_at: float = 0.0
+
+    def is_lost(self, now: float) -> bool:
+        """Return whether its page has timed out."""
+        return self.owner is not None and now - self.alive_at > CLIENT_TIMEOUT
+
+
+@dataclass
+class CrankDrive(_Drive):
     """A crank driven by a page: to an angle by a slider, or at a speed."""
 
-    # The page that controls it.
-    owner: int | None = None
     # The published angle [rad] and its rate [rad/s].
     angle: float = 0.0
     speed: float = 0.0
-    # Time of the page's last message [s].
-    alive_at: float = 0.0
     _turned: float = 0.0
 
     def take(self, owner: int, now: float, angle: float) -> None:
@@ -42,29 +50,13 @@ class CrankDrive:
         self.alive_at = self._turned = now
 
     def turn_to(self, angle: float, now: float) -> None:
-        """
-        Turn to an angle, and stay there.
-
-        Raises
-        ------
-        DriveError
-            It is not a valid crank angle.
-
-        """
+        """Turn to an angle, and stay there; a DriveError for an invalid one."""
         if not isfinite(angle) or abs(angle) > _MAX_ANGLE:
             raise DriveError(f'a crank angle is within +-{_MAX_ANGLE:g} rad')
         self.angle, self.speed, self._turned = angle, 0.0, now
 
     def spin(self, speed: float, now: float) -> None:
-        """
-        Turn at a constant rate.
-
-        Raises
-        ------
-        DriveError
-            It exceeds the limit.
-
-        """
+        """Turn at a constant rate; a DriveError beyond the limit."""
         if not isfinite(speed) or abs(speed) > MAX_CRANK_RATE:
             raise DriveError(f'the crank turns at {MAX_CRANK_RATE:g} rad/s at most')
         self.advance(now)
@@ -77,46 +69,26 @@ class CrankDrive:
         self._turned = now
         return self.angle
 
-    def is_lost(self, now: float) -> bool:
-        """Return whether its page has timed out."""
-        return self.owner is not None and now - self.alive_at > CLIENT_TIMEOUT
-
 
 @dataclass
-class WalkDrive:
+class WalkDrive(_Drive):
     """A walker that a page steers."""
 
-    # The page that controls it.
-    owner: int | None = None
     # Velocities [m/s], [rad/s].
     forward: float = 0.0
     turn: float = 0.0
-    # Time of the page's last message [s].
-    alive_at: float = 0.0
 
     def take(self, owner: int, now: float, _: float = 0.0) -> None:
         """Give control to a page, at rest."""
         self.owner, self.forward, self.turn, self.alive_at = owner, 0.0, 0.0, now
 
     def walk(self, forward: float, turn: float) -> None:
-        """
-        Walk at a constant velocity.
-
-        Raises
-        ------
-        DriveError
-            It exceeds the limit.
-
-        """
+        """Walk at a constant velocity; a DriveError beyond the limits."""
         if not (abs(forward) <= MAX_WALK_SPEED and abs(turn) <= MAX_TURN_RATE):
             raise DriveError(
                 f'at most {MAX_WALK_SPEED:g} m/s and {MAX_TURN_RATE:g} rad/s are walked from here'
             )
         self.forward, self.turn = forward, turn
-
-    def is_lost(self, now: float) -> bool:
-        """Return whether its page has timed out."""
-        return self.owner is not None and now - self.alive_at > CLIENT_TIMEOUT
 
 
 def crank_at(alpha: float, direction: float, phase: float) -> float:

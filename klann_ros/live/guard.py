@@ -9,7 +9,7 @@ and commands must carry the session token, which only the printed URL has.
 
 from dataclasses import dataclass
 from hmac import compare_digest
-from ipaddress import ip_address
+from ipaddress import ip_address, IPv4Address, IPv6Address
 import secrets
 
 LOOPBACK = ('127.0.0.1', 'localhost', '::1')
@@ -45,54 +45,24 @@ class Guard:
     @property
     def is_local(self) -> bool:
         """Return whether only this machine can reach it."""
-        if self.host == 'localhost':
-            return True
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        address = _address(self.host)
+        return self.host == 'localhost' or (address is not None and address.is_loopback)
 
     @property
     def url(self) -> str:
         """Return the address to open, with the token if it has an effect."""
         shown = '127.0.0.1' if self.host == ANY[0] else '::1' if self.host == ANY[1] else self.host
-        place = f'http://{_bracketed(shown)}:{self.port}/'
+        place = f'http://{f"[{shown}]" if ":" in shown else shown}:{self.port}/'
         return place if self.read_only and self.is_local else f'{place}?token={self.token}'
 
     def check_host(self, host: str | None) -> None:
-        """
-        Refuse a request for another server.
-
-        Parameters
-        ----------
-        host : str, optional
-            Its Host header.
-
-        Raises
-        ------
-        ForbiddenError
-            It is not a name of this server.
-
-        """
+        """Refuse a request for another server, by its Host header, with a ForbiddenError."""
         name, port = _split(host or '')
         if port != self.port or not self._is_own(name):
             raise ForbiddenError('this server has another name')
 
     def check_origin(self, origin: str | None, host: str | None) -> None:
-        """
-        Refuse a request of another server's page, or of no page.
-
-        Parameters
-        ----------
-        origin, host : str, optional
-            The Origin and Host headers; the host is checked.
-
-        Raises
-        ------
-        ForbiddenError
-            The page is not this server's own, at the requested name.
-
-        """
+        """Refuse a request of no page of this server, by Origin and the checked Host header."""
         if origin is None or origin.lower() != f'http://{(host or "").lower()}':
             raise ForbiddenError('only the page of this server may ask for that')
 
@@ -107,15 +77,7 @@ class Guard:
         return compare_digest(given, self.token.encode('ascii'))
 
     def check_reading(self, token: str | None) -> None:
-        """
-        Refuse a request without read access: on a host other than loopback, one without the token.
-
-        Raises
-        ------
-        ForbiddenError
-            The token is missing or wrong.
-
-        """
+        """Refuse a request without the token, unless only this machine can reach the server."""
         if not self.is_local and not self.check_token(token):
             raise ForbiddenError('open the whole address that view_node printed')
 
@@ -126,7 +88,7 @@ class Guard:
     def _is_own(self, name: str) -> bool:
         if self.host in ANY:
             # A name may be rebound by a foreign DNS server; a number cannot.
-            return name in LOOPBACK or _is_number(name)
+            return name in LOOPBACK or _address(name) is not None
         names = {self.host.lower()}
         return name in (names.union(LOOPBACK) if self.is_local else names)
 
@@ -147,13 +109,9 @@ def _split(host: str) -> tuple[str, int]:
     return name, int(port)
 
 
-def _is_number(name: str) -> bool:
+def _address(name: str) -> IPv4Address | IPv6Address | None:
+    """Return a name that is a number as an address."""
     try:
-        ip_address(name)
+        return ip_address(name)
     except ValueError:
-        return False
-    return True
-
-
-def _bracketed(host: str) -> str:
-    return f'[{host}]' if ':' in host else host
+        return None

@@ -20,7 +20,7 @@ MAX_LEGS = 24
 # Poses a turn from which foot path and reach are drawn.
 _POSES = 240
 _UPRIGHT = (pi / 2, 0.0, 0.0)
-# Digits beyond a tenth of a micrometre draw nothing.
+# Digits of a foot path: a tenth of a micrometre.
 _DIGITS = 7
 _ASSUMED = 'It publishes no lengths: the leg is drawn as SEM 104, which may not be its own.'
 _UNKNOWN_SOLVER = 'Its lengths are unknown, and its joints are not a Klann leg: not drawn.'
@@ -28,41 +28,39 @@ _CHANGED = (
     'Its lengths were changed while it was recorded: the leg is drawn with the last ones, which '
     'are not its own before that.'
 )
-# The last answers: all legs of a walker have one linkage.
+# Shapes that are kept: all legs of a walker have one linkage.
+_MAX_SHAPES = 32
 _shapes: list[tuple[Linkage, dict[str, Any]]] = []
-_MOST_SHAPES = 32
 
 
 @dataclass(frozen=True, eq=False)
 class LiveLeg:
-    """A leg that a solver tells of."""
+    """A leg of a solver."""
 
     # '' for the only, unnamed one.
     name: str
-    # What it solves; None where its parameters tell none.
+    # Its solver; None if its linkage is unknown.
     leg: AnyLeg | None
     # alpha = direction * crank + phase.
     direction: float = 1.0
     phase: float = 0.0
     crank_joint: str = 'crank'
-    # Where its plane is in base_link [m], [rad]; None where the parameters do not tell.
+    # The pose of its plane in base_link [m], [rad]; None if unknown.
     mount_xyz: tuple[float, ...] | None = None
     mount_rpy: tuple[float, ...] = _UPRIGHT
-    # What stands between its name and its joints' names.
+    # Separates its name and its joints' names.
     joint_separator: str = '/'
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Return the names of its joints as they are published, the crank's first."""
+        """Return the published names of its joints, the crank's first."""
         names = self.leg.joint_names if self.leg else ()
         prefix = f'{self.name}{self.joint_separator}' if self.name else ''
         return tuple(prefix + name for name in names)
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as the page draws it, ready for JSON."""
-        mount = None
-        if self.mount_xyz is not None:
-            mount = {'xyz': self.mount_xyz, 'rpy': self.mount_rpy}
+        """Return it for the page, ready for JSON."""
+        mount = {'xyz': self.mount_xyz, 'rpy': self.mount_rpy} if self.mount_xyz else None
         linkage = self.leg.linkage if self.leg else None
         return {
             'name': printable(self.name, 60),
@@ -78,21 +76,16 @@ class LiveLeg:
 
 @dataclass(frozen=True, eq=False)
 class LiveSolver:
-    """A node that solves legs, with what can be set of them."""
+    """A node that publishes legs, and their parameters that can be set."""
 
     # Its full name.
     node: str
     legs: tuple[LiveLeg, ...]
-    # Parameters that are lengths or bends, as they are [m], [rad], and the two signs.
+    # Lengths, bends and the two signs [m], [rad].
     lengths: Mapping[str, float | list[int]] = field(default_factory=dict)
-    # What it does with them, and the notes on that.
+    # Its role on the page, and a note about its lengths.
     does: str = 'solved by'
     note: str = ''
-
-    @property
-    def settable(self) -> frozenset[str]:
-        """Return the names of the parameters that a page may set."""
-        return frozenset(self.lengths)
 
     def as_data(self) -> dict[str, Any]:
         """Return its legs and lengths, ready for JSON."""
@@ -102,7 +95,12 @@ class LiveSolver:
             'does': self.does,
             'note': self.note,
             'lengths': [
-                {'name': name, 'value': value, 'unit': unit_of(name), 'leg': leg_of(name)}
+                {
+                    'name': name,
+                    'value': value,
+                    'unit': unit_of(name),
+                    'leg': name.rpartition('.')[0],
+                }
                 for name, value in self.lengths.items()
             ],
         }
@@ -112,11 +110,6 @@ def unit_of(name: str) -> str:
     """Return the unit of a geometry's parameter; '' for the signs."""
     last = name.rpartition('.')[2]
     return 'rad' if last in BENDS else 'm' if last in NUMBERS else ''
-
-
-def leg_of(name: str) -> str:
-    """Return the leg that a parameter is of; '' for the unnamed one."""
-    return name.rpartition('.')[0]
 
 
 def solver_of(recorded: SolverParameters) -> LiveSolver:
@@ -129,15 +122,9 @@ def solver_of(recorded: SolverParameters) -> LiveSolver:
 
 def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> LiveSolver:
     """
-    Return what a player tells of the legs on a topic that it plays.
+    Return the solver of the legs on a topic that a player publishes, both by their full names.
 
-    Parameters
-    ----------
-    node, topic : str
-        The player's full name, and the topic's, which is below the player's namespace.
-    records : sequence of SolverParameters
-        What its run tells, in the order of time, at least one.
-
+    `records`, at least one, are the solvers in its run, in the order of time.
     """
     namespace = parent(topic.removeprefix(parent(node)))
     has_changed = any(solver.leg_time for solver in leg_solvers(records, namespace).values())
@@ -150,7 +137,7 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
 
 
 def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
-    """Return the Klann legs whose joints a node publishes without telling their lengths."""
+    """Return the Klann legs whose joints a node publishes without their lengths."""
     legs = list(published_legs(names, JOINTS))
     leg = KlannLeg(KlannGeometry.sem104())
     return LiveSolver(
@@ -183,7 +170,7 @@ def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg
 
 
 def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:
-    """Return what can be set: of a Klann leg its numbers, of a linkage in a file nothing."""
+    """Return the parameters that can be set: a Klann leg's numbers, none of a linkage's file."""
     found: dict[str, float | list[int]] = {}
     for leg in legs:
         prefix = f'{leg}.' if leg else ''
@@ -207,13 +194,13 @@ def _triple(value: Any) -> tuple[float, ...] | None:
 
 
 def drawn_shape(linkage: Linkage) -> dict[str, Any]:
-    """Return a linkage's shape, with the path of its foot and the box that holds all of it [m]."""
+    """Return a linkage's shape, the path of its foot, and the bounding box of both [m]."""
     for known, shape in _shapes:
         if known == linkage:
             return shape
     shape = {**leg_shape(linkage), **_reach(linkage)}
     _shapes.append((linkage, shape))
-    del _shapes[:-_MOST_SHAPES]
+    del _shapes[:-_MAX_SHAPES]
     return shape
 
 
@@ -235,17 +222,7 @@ def _reach(linkage: Linkage) -> dict[str, Any]:
 def positions(
     joints: Sequence[str], names: Sequence[str], values: Sequence[float]
 ) -> list[float] | None:
-    """
-    Return a leg's coordinates out of a joint state; None where it has not all of them.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The leg's joints, the crank's first.
-    names, values : sequence
-        Those of the message, of one length or not.
-
-    """
+    """Return the positions of a leg's joints in a joint state; None if one is missing."""
     if len(names) != len(values) or not joints:
         return None
     by_name = dict(zip(names, values, strict=True))

@@ -21,7 +21,7 @@ _STYLES = (
     SHARED / 'tables.css',
     _STATIC_FILES / 'live.css',
 )
-# In this order: each uses what stands above it.
+# In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
     SHARED / 'theme.js',
@@ -79,7 +79,7 @@ def _page() -> str:
 
 
 def note_page(note: str) -> str:
-    """Return a page that says one thing."""
+    """Return a page with one note."""
     return _small('Review', element('p', note))
 
 

@@ -8,11 +8,10 @@ A page acknowledges a drawn frame (`{"ack": 7}`) or sends a command
 from collections.abc import Callable
 from dataclasses import dataclass, field
 import json
-from math import isfinite
 from time import monotonic
 from typing import Any
 
-# Of a message [bytes].
+# Size of a message [bytes].
 MAX_MESSAGE_SIZE = 4096
 # Sustained rate and burst of messages: a page acknowledges each frame, on screens of 240 Hz too,
 # and sends its slider as often.
@@ -61,11 +60,7 @@ def parsed(text: str) -> Command | int | None:
     """
     Return the message of a page: a command, the number of a drawn frame, or None (keep-alive).
 
-    Raises
-    ------
-    ProtocolError
-        The message is invalid.
-
+    A ProtocolError says why a message is invalid.
     """
     try:
         message = json.loads(text, parse_constant=_refuse)
@@ -86,18 +81,8 @@ def _command(message: dict[str, Any]) -> Command:
         raise ProtocolError('no known command')
     if set(message) != {'id', 'command', *COMMANDS[command]}:
         raise ProtocolError(f'{command} takes {", ".join(COMMANDS[command])}')
-    checks: dict[str, Callable[[Any], Any]] = {
-        'target': _text,
-        'name': _text,
-        'value': _number,
-        'turn': _number,
-        'values': _values,
-    }
-    return Command(
-        number=_whole(message['id']),
-        command=command,
-        **{key: checks[key](message[key]) for key in COMMANDS[command]},
-    )
+    fields = {key: _CHECKS[key](message[key]) for key in COMMANDS[command]}
+    return Command(_whole(message['id']), command, **fields)
 
 
 def _refuse(name: str) -> Any:
@@ -113,8 +98,6 @@ def _whole(value: Any) -> int:
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e9:
         raise ProtocolError('a number within +-1e9 is missing')
-    if not isfinite(value):
-        raise ProtocolError('a finite number is missing')
     return float(value)
 
 
@@ -138,34 +121,26 @@ def _signs(value: list[Any]) -> list[int]:
     return list(value)
 
 
+_CHECKS: dict[str, Callable[[Any], Any]] = {
+    'target': _text,
+    'name': _text,
+    'value': _number,
+    'turn': _number,
+    'values': _values,
+}
+
+
 class RateLimit:
-    """
-    A token bucket: whether a client exceeds its message rate.
+    """A token bucket of RATE and BURST for the messages of a client; `clock` is in seconds."""
 
-    Parameters
-    ----------
-    rate : float
-        Sustained rate [Hz].
-    burst : float
-        Burst size.
-    clock : callable
-        Returns the time [s].
-
-    """
-
-    def __init__(
-        self,
-        rate: float = RATE,
-        burst: float = BURST,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
-        self._rate, self._burst, self._clock = rate, burst, clock
-        self._left, self._last = burst, clock()
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
+        self._clock = clock
+        self._left, self._last = BURST, clock()
 
     def allows(self) -> bool:
         """Count a message; return whether it is within the limit."""
         now = self._clock()
-        self._left = min(self._burst, self._left + (now - self._last) * self._rate)
+        self._left = min(BURST, self._left + (now - self._last) * RATE)
         self._last = now
         if self._left < 1.0:
             return False

@@ -1,4 +1,4 @@
-"""The rate of a topic's messages, and the number lost on the way to the page."""
+"""The rate of a topic's messages, and their loss on the way to the page."""
 
 from collections import deque
 from collections.abc import Callable
@@ -11,30 +11,13 @@ WINDOW = 2.0
 
 
 class TopicRate:
-    """
-    Figures of one topic.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns the time [s].
-
-    Attributes
-    ----------
-    count : int
-        Number of received messages.
-    loss : LossCounter
-        Counts the missing messages.
-    publishers : int
-        Number of publishers.
-
-    """
+    """The rate and the losses of a topic; `clock` returns the time [s]."""
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
-        self.count = 0
+        # The numbers of received messages and of publishers.
+        self.count = self.publishers = 0
         self.loss = LossCounter()
-        self.publishers = 0
-        self.last = -1.0
+        self._last: float | None = None
         self._clock = clock
         self._marks: deque[tuple[float, int]] = deque([(clock(), 0)])
 
@@ -42,7 +25,7 @@ class TopicRate:
         """Count a message; `sequence` is its publication sequence number."""
         self.count += 1
         self.loss.count(sequence, self.publishers)
-        self.last = self._clock()
+        self._last = self._clock()
 
     @property
     def lost(self) -> int | None:
@@ -60,4 +43,4 @@ class TopicRate:
 
     def silence(self) -> float | None:
         """Return the time since the last message [s]; None without any."""
-        return None if self.last < 0.0 else self._clock() - self.last
+        return None if self._last is None else self._clock() - self._last

@@ -79,13 +79,7 @@ class Reviews:
     """
     Reviews and calibrations of the runs in a folder, as pages; one is made at a time.
 
-    Parameters
-    ----------
-    folder : str
-        Where the runs are.
-    command : sequence of str, optional
-        The program in the place of both; RUN --html FILE is appended.
-
+    `command` replaces both programs; RUN --html FILE is appended.
     """
 
     def __init__(self, folder: str, command: Sequence[str] = ()) -> None:
@@ -104,7 +98,7 @@ class Reviews:
 
     async def runs(self) -> list[ListedRun]:
         """Return the runs in the folder, read in a thread: the disk may be slow."""
-        return await asyncio.get_running_loop().run_in_executor(None, runs_in, self._folder)
+        return await asyncio.to_thread(runs_in, self._folder)
 
     async def page(self, name: str, program: str = 'review') -> Page | None:
         """Return the page of a run by a program, started if new; None without such a run."""

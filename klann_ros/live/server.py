@@ -1,24 +1,32 @@
 """The server of the live page: aiohttp in a thread of its own."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from dataclasses import replace
 from itertools import count
-from pathlib import Path
+import logging
 from threading import Event, Thread
+from time import monotonic
 from typing import Any
 
 from aiohttp import web, WSCloseCode, WSMsgType
+from aiohttp.http_exceptions import HttpProcessingError
+from klann_ros.sanitize.text import printable_line
 
 from .clients import ChangeNotifier, Client, PageState
 from .guard import ForbiddenError, Guard
 from .live_page import FILES, HTML, list_page, note_page, POLICY
-from .malformed import RequestLog, UnreadLimit
 from .protocol import MAX_MESSAGE_SIZE
 from .runs import PROGRAMS, Reviews
 
 # Maximum number of clients.
 MAX_CLIENTS = 200
+# Bytes since the last whole message of a socket: old releases of aiohttp assemble a frame before
+# they check its size.
+MAX_UNREAD = 64 * MAX_MESSAGE_SIZE
+# Minimum time between two log lines about malformed requests [s].
+_LOG_PERIOD = 5.0
 # A client is gone if it answers no ping for this time [s].
 _HEARTBEAT = 20.0
 # Shutdown timeout [s].
@@ -44,29 +52,9 @@ class ServerError(Exception):
 
 class LiveServer:
     """
-    Serve the live page.
+    Serve the live page, with a folder of runs unless it is ''; `warn` logs a line.
 
-    Parameters
-    ----------
-    guard : Guard
-        The access rules; port 0 for any free one.
-    state : PageState
-        What the page shows and drives.
-    runs : str
-        A folder of runs; '' for none.
-    warn : callable, optional
-        Logs one line about malformed requests.
-
-    Attributes
-    ----------
-    guard : Guard
-        With the actual port.
-
-    Raises
-    ------
-    ServerError
-        It cannot listen there.
-
+    Port 0 is any free one. A ServerError says why it cannot listen.
     """
 
     def __init__(
@@ -76,8 +64,9 @@ class LiveServer:
         runs: str = '',
         warn: Callable[[str], object] = lambda _: None,
     ) -> None:
+        # The rules, with the actual port.
         self.guard = guard
-        self._log = RequestLog(warn)
+        self._log = _RequestLog(warn)
         self._state, self._runs = state, runs
         self._numbers = count(1)
         self._clients: set[web.WebSocketResponse] = set()
@@ -113,7 +102,7 @@ class LiveServer:
             await runner.cleanup()
             return
         else:
-            self.guard = _with_port(self.guard, runner.addresses[0][1])
+            self.guard = replace(self.guard, port=runner.addresses[0][1])
         finally:
             self._listening.set()
         await self._ended.wait()
@@ -141,7 +130,7 @@ class LiveServer:
         app.router.add_get('/', self._page)
         app.router.add_get('/static/{name}', self._file)
         app.router.add_get('/socket', self._socket)
-        app.router.add_get('/favicon.ico', _no_icon)
+        app.router.add_get('/favicon.ico', self._no_icon)
         if self._runs:
             app.router.add_get('/runs', self._list)
             app.router.add_get('/runs/{name}', self._made)
@@ -177,6 +166,9 @@ class LiveServer:
     async def _page(self, _: web.Request) -> web.Response:
         return web.Response(text=HTML, content_type='text/html')
 
+    async def _no_icon(self, _: web.Request) -> web.Response:
+        return web.Response(status=204)
+
     async def _file(self, request: web.Request) -> web.Response:
         file = FILES.get(request.match_info['name'])
         if file is None:
@@ -204,7 +196,7 @@ class LiveServer:
             has_runs=bool(self._runs) and self.guard.check_token(token),
         )
         self._clients.add(socket)
-        unread = UnreadLimit(request)
+        unread = _UnreadLimit(request)
         writer = asyncio.ensure_future(client.write())
         # It ends with its socket; its exception has no other reader.
         writer.add_done_callback(lambda done: done.cancelled() or done.exception())
@@ -239,7 +231,7 @@ class LiveServer:
             raise web.HTTPNotFound
         if page.state == 'ready':
             headers = {'Content-Security-Policy': _REVIEW_POLICY}
-            text = await self._loop.run_in_executor(None, _text, page.file)
+            text = await asyncio.to_thread(page.file.read_text, encoding='utf-8')
             return web.Response(text=text, content_type='text/html', headers=headers)
         if page.state:
             return web.Response(text=note_page(page.state), content_type='text/html', status=500)
@@ -260,23 +252,80 @@ def _only(request: web.Request, name: str) -> str | None:
 
 
 def _token(request: web.Request) -> str | None:
-    values: Mapping[str, str] = request.query
-    return values.get('token')
-
-
-async def _no_icon(_: web.Request) -> web.Response:
-    return web.Response(status=204)
-
-
-def _text(file: Path) -> str:
-    return file.read_text(encoding='utf-8')
-
-
-def _with_port(guard: Guard, port: int) -> Guard:
-    return Guard(guard.host, port, guard.token, guard.read_only)
+    token: str | None = request.query.get('token')
+    return token
 
 
 def _reason(error: Exception, guard: Guard) -> str:
     text = getattr(error, 'strerror', None) or str(error)
     hint = '; --port 0 takes any that is free' if 'in use' in str(error) else ''
     return f'cannot listen on {guard.host}, port {guard.port}: {text}{hint}'
+
+
+class _RequestLog(logging.Logger):
+    """
+    The logger of aiohttp's request handler: malformed requests are counted, not logged one by one.
+
+    aiohttp answers them with 400 and logs a traceback each. Errors of the handlers are logged as
+    before. `warn` logs the count in one line, at most once in _LOG_PERIOD.
+    """
+
+    def __init__(self, warn: Callable[[str], object]) -> None:
+        super().__init__('aiohttp.server')
+        self._warn = warn
+        self._count = self._logged = 0
+        self._reason = ''
+        self._next = monotonic()
+
+    def handle(self, record: logging.LogRecord) -> None:
+        """Count a malformed request; pass all else to aiohttp's own logger."""
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, HttpProcessingError):
+            self.count(error.message)
+        else:
+            logging.getLogger(self.name).handle(record)
+
+    def count(self, reason: str) -> None:
+        """Count a malformed request, and log the count if a line is due."""
+        self._count += 1
+        lines = reason.strip().splitlines() or ['not HTTP']
+        self._reason = printable_line(lines[0])[:120]
+        if monotonic() >= self._next:
+            self.close()
+
+    def close(self) -> None:
+        """Log the requests that were not logged yet."""
+        if self._count == self._logged:
+            return
+        self._logged = self._count
+        self._next = monotonic() + _LOG_PERIOD
+        self._warn(
+            f'malformed HTTP requests refused so far: {self._count} (the last: {self._reason})'
+        )
+
+
+class _UnreadLimit:
+    """Stand between a socket and aiohttp; close one that sends too much of one message."""
+
+    def __init__(self, request: web.Request) -> None:
+        self.bytes = 0
+        self._inner: Any = request.protocol
+        self._transport: Any = request.transport
+        if self._transport is not None:
+            self._transport.set_protocol(self)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def data_received(self, data: bytes) -> None:
+        """Forward the bytes that were sent."""
+        self.bytes += len(data)
+        if self.bytes > MAX_UNREAD:
+            self._transport.abort()
+        else:
+            self._inner.data_received(data)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Forward the loss, and break the reference cycle with the transport."""
+        self._inner.connection_lost(error)
+        self._transport = None

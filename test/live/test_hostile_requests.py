@@ -11,9 +11,8 @@ import aiohttp
 from alone import run_alone
 from fake_live_state import FakeState, Served
 from klann_ros.live.guard import Guard
-from klann_ros.live.malformed import MAX_UNREAD
 from klann_ros.live.protocol import MAX_MESSAGE_SIZE
-from klann_ros.live.server import LiveServer, ServerError
+from klann_ros.live.server import LiveServer, MAX_UNREAD, ServerError
 from multidict import CIMultiDict
 import pytest
 

@@ -11,7 +11,7 @@ from klann_ros.live.legs import (
     replayed_solver,
     solver_of,
 )
-from klann_ros.live.protocol import Command, parsed, RateLimit
+from klann_ros.live.protocol import BURST, Command, parsed, RATE, RateLimit
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import (
     replayed_solvers,
@@ -94,13 +94,17 @@ def test_addresses_hold_the_token_where_it_is_needed() -> None:
 
 def test_messages_of_a_page_are_rate_limited() -> None:
     now = 0.0
-    limit = RateLimit(rate=10.0, burst=5.0, clock=lambda: now)
-    assert [limit.allows() for _ in range(7)] == [True] * 5 + [False] * 2
-    now = 0.21
-    assert [limit.allows() for _ in range(3)] == [True, True, False]
+    limit = RateLimit(clock=lambda: now)
+
+    def allowed() -> int:
+        return sum(limit.allows() for _ in range(2 * int(BURST)))
+
+    assert allowed() == BURST
+    now = 0.25
+    assert allowed() == pytest.approx(0.25 * RATE, abs=1)
     # A long silence saves up no more than the burst.
     now = 1e6
-    assert [limit.allows() for _ in range(6)] == [True] * 5 + [False]
+    assert allowed() == BURST
 
 
 def test_valid_commands_are_parsed() -> None:
@@ -171,8 +175,8 @@ def test_a_leg_is_known_by_its_solver() -> None:
     assert b.leg is not None
     assert b.leg.linkage.dimensions['l_gh'] == 0.5
     assert b.joint_names[0] == 'b/alpha'
-    assert 'b.l_gh' in solver.settable
-    assert 'use_sim_time' not in solver.settable
+    assert 'b.l_gh' in solver.lengths
+    assert 'use_sim_time' not in solver.lengths
 
 
 @pytest.mark.parametrize(
