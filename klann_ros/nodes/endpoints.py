@@ -10,9 +10,10 @@ from importlib import import_module
 from time import monotonic
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.definitions import is_installed, split_type
 from klann_ros.sanitize.text import printable
+from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
@@ -25,11 +26,13 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.type_support import check_is_valid_msg_type
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from std_srvs.srv import Trigger
 
 from .parameters import Declaration, declare, overrides
+from .raw_executor import Info, RawCallbackGroup
 
 # Bursts would overwrite a shallow queue.
 DEPTH = 2000
@@ -122,9 +125,30 @@ def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
 
 
-def create_steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Any:
+def subscribe_raw(
+    node: Node, kind: type, topic: str, callback: Callable[[bytes, Info], None]
+) -> None:
+    """Subscribe to the bytes of an input, with the quality of service as overridden."""
+    profile, group = overridden(node, topic, 'subscription', INPUT), RawCallbackGroup()
+    node.create_subscription(kind, topic, callback, profile, raw=True, callback_group=group)
+
+
+def create_steady_timer(
+    node: Node,
+    period: float,
+    callback: Callable[[], object],
+    group: CallbackGroup | None = None,
+) -> Any:
     """Return a timer [s] on the steady clock, which neither jumps nor stands still."""
-    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    return node.create_timer(period, callback, group, steady)
+
+
+def diagnostic_array(node: Node, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
+    """Return statuses as a message of the present time."""
+    array = DiagnosticArray(status=list(statuses))
+    array.header.stamp = node.get_clock().now().to_msg()
+    return array
 
 
 def diagnostic_status(
@@ -146,6 +170,11 @@ def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]
         return response
 
     node.create_service(Trigger, f'~/{name}', answer)
+
+
+def node_of(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of the node of a publisher or a subscription."""
+    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 
 def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSProfile:

@@ -86,6 +86,14 @@ class Declaration:
         return '' if self.allows(value) else refusal(self.name, value, self.allowed)
 
 
+def number(
+    name: str, default: float, text: str, least: float, most: float, *, read_only: bool = True
+) -> Declaration:
+    """Return the declaration of a number within limits; integers and doubles are accepted."""
+    limits = least, most
+    return Declaration(name, default, text, limits=limits, read_only=read_only, any_number=True)
+
+
 def refusal(name: str, value: Any, requirement: str) -> str:
     """Return the line about a refused value and its requirement."""
     shown = printable(repr(value), _MAX_VALUE_LENGTH)

@@ -7,7 +7,7 @@ from time import monotonic, time_ns
 from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
-from klann_ros.nodes.endpoints import name_refusal
+from klann_ros.nodes.endpoints import name_refusal, node_of
 from klann_ros.nodes.process import ros_error
 from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
@@ -92,7 +92,7 @@ class SolverWatch:
     def add(self, publishers: Sequence[TopicEndpointInfo]) -> None:
         """Add the nodes of new publishers; to be called repeatedly."""
         for publisher in publishers:
-            name = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+            name = node_of(publisher)
             # A restarted solver has its old name and a new publisher.
             identity = tuple(publisher.endpoint_gid)
             # Discovery knows a publisher before it knows its node.

@@ -5,10 +5,17 @@ from math import degrees
 from time import monotonic
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
-from klann_ros.nodes.endpoints import create_publisher, create_trigger, QOS_USAGE
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    create_steady_timer,
+    create_trigger,
+    diagnostic_array,
+    diagnostic_status,
+    QOS_USAGE,
+)
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
@@ -18,44 +25,30 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import DivergedError, NoMujocoError, Pace, RealTimeFactor, Twin, TwinError
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 
-from .commands import as_values, CrankCommands, WARNING_PERIOD
 from .declarations import DRIVES, floor, motors, OUTPUT, READINGS, sensors, SIM_PARAMETERS, WORLD
-from .driver import Driver
-from .outputs import RobotOutputs
+from .topics import CrankCommands, DemoCommandPublisher, RobotOutputs, WARNING_PERIOD
 
 # A warning is published below this real-time factor [-].
 MIN_REAL_TIME_FACTOR = 0.97
-SECOND = 10**9
-# The engine would never get anywhere [s].
-SHORTEST = 1e-5
+# With shorter steps the engine would never get anywhere [s].
+MIN_TIME_STEP = 1e-5
 
 
 class SimNode(Node):
-    """
-    Simulate a robot in real time: crank_command in; cranks, IMU and the truth out.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused, there is no robot with masses, or no engine; the text says why.
-
-    """
+    """Simulate a robot in real time: crank_command in; cranks, IMU and the truth out."""
 
     def __init__(self, **options: Any) -> None:
-        """Declare, validate, and begin; `options` are those of Node."""
+        """Declare, validate, and begin; a StartError names a refused parameter, or no engine."""
         super().__init__('sim_node', **options)
         values = declare(self, SIM_PARAMETERS)
-        step = values['time_step']
-        require(step == 0.0 or step >= SHORTEST, 'time_step', step, f'0, or {SHORTEST:g} .. 0.005')
-        self._twin = self._made(values)
+        step, allowed = values['time_step'], f'0, or {MIN_TIME_STEP:g} .. 0.005'
+        require(step == 0.0 or step >= MIN_TIME_STEP, 'time_step', step, allowed)
+        self._twin = self._make_twin(values)
         self._period = 1.0 / values['rate']
-        self._commands = CrankCommands(
-            self, self._twin, monotonic, timeout=values['command_timeout']
-        )
+        self._commands = CrankCommands(self, self._twin, values['command_timeout'])
         self._outputs = RobotOutputs(
             self,
             self._twin,
@@ -65,17 +58,17 @@ class SimNode(Node):
             with_clock=values['use_clock'],
             with_cameras=values['cameras'],
         )
-        # Of all ticks, and the tick of the robot's start.
+        # The number of ticks, and the tick of the robot's start.
         self._tick = self._first = 0
         self._resets = 0
-        # What has gone wrong since the last report.
-        self._astray = ''
+        # The last fault since the last report.
+        self._fault = ''
         # Simulated time begins with 0, or with now.
         self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         create_trigger(self, 'reset', self._on_reset)
         if values['linear']:
-            Driver(self, values['linear'], lambda: self._twin.time)
+            DemoCommandPublisher(self, values['linear'], lambda: self._twin.time)
         self._factor = values['real_time_factor']
         require(
             values['use_clock'] or self._factor == 1.0,
@@ -84,13 +77,12 @@ class SimNode(Node):
             '1 without use_clock',
         )
         self._pace = Pace(self._period, self._factor, monotonic())
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         period = self._period / max(1.0, self._factor)
-        self.create_timer(period, self._on_timer, RawCallbackGroup(), steady)
-        self.create_timer(values['diagnostics_period'], self._report, clock=steady)
+        create_steady_timer(self, period, self._on_timer, RawCallbackGroup())
+        create_steady_timer(self, values['diagnostics_period'], self._report)
         self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
 
-    def _made(self, values: dict[str, Any]) -> Twin:
+    def _make_twin(self, values: dict[str, Any]) -> Twin:
         robot = declared_robot(self)
         try:
             if values['built']:
@@ -116,17 +108,15 @@ class SimNode(Node):
             try:
                 self._twin.step((self._tick - self._first) * self._period)
             except DivergedError as error:
-                self._astray = f'{error}; the robot is put back to its start'
-                self.get_logger().error(self._astray, throttle_duration_sec=WARNING_PERIOD)
+                self._fault = f'{error}; the robot is put back to its start'
+                self.get_logger().error(self._fault, throttle_duration_sec=WARNING_PERIOD)
                 self._reset()
             self._outputs.publish(self._stamp())
 
     def _stamp(self) -> Any:
         """Return simulated time, or the world's, which stands still for no late tick."""
-        seconds = self._tick * self._period
-        if self._origin:
-            seconds += self._pace.slipped
-        return Time(nanoseconds=self._origin + round(seconds * SECOND)).to_msg()
+        seconds = self._tick * self._period + (self._pace.slipped if self._origin else 0.0)
+        return Time(nanoseconds=self._origin + round(seconds * 1e9)).to_msg()
 
     def _reset(self) -> None:
         self._twin.reset()
@@ -147,25 +137,16 @@ class SimNode(Node):
             'given_up': f'{self._pace.slipped:.3f}',
             'tilt': f'{degrees(self._twin.tilt):.2f}',
             'resets': self._resets,
-            **as_values(self._commands.counts),
+            **self._commands.counts,
         }
-        name = f'{self.get_name()}: simulation'
-        status = DiagnosticStatus(
-            level=level,
-            name=name,
-            message=message,
-            hardware_id=name,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(array)
+        status = diagnostic_status(self, 'simulation', level, message, values.items())
+        self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _verdict(self, factor: RealTimeFactor) -> tuple[bytes, str]:
-        """Return the level and the most important thing to say."""
-        if self._astray:
-            said, self._astray = self._astray, ''
-            return DiagnosticStatus.ERROR, said
+        """Return the level and the most important message."""
+        if self._fault:
+            fault, self._fault = self._fault, ''
+            return DiagnosticStatus.ERROR, fault
         if self._twin.state:
             return DiagnosticStatus.ERROR, self._twin.state
         if factor.share < MIN_REAL_TIME_FACTOR:
@@ -184,7 +165,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     groups = {
         'the world': WORLD,
-        'what turns its cranks': DRIVES,
+        'motors': DRIVES,
         'sensors': READINGS,
         'outputs': OUTPUT,
     }

@@ -14,6 +14,7 @@ from klann_ros.nodes.endpoints import (
     LATCHED,
     message_class,
     name_refusal,
+    node_of,
     UnknownMessageTypeError,
 )
 from klann_ros.nodes.process import ROS_ERRORS
@@ -101,16 +102,16 @@ class Graph:
         """Return the publishers of a topic."""
         infos = _query(lambda: self._node.get_publishers_info_by_topic(topic))
         known = (info for info in infos if _UNKNOWN_NODE not in info.node_name)
-        return [info for info in known if _node_of(info) != self._own]
+        return [info for info in known if node_of(info) != self._own]
 
     def names_of_publishers(self, topic: str) -> list[str]:
         """Return the names of those nodes, each once."""
-        return list(dict.fromkeys(map(_node_of, self.publishers(topic))))
+        return list(dict.fromkeys(map(node_of, self.publishers(topic))))
 
     def names_of_subscribers(self, topic: str) -> list[str]:
         """Return the names of the nodes that subscribe to a topic."""
         infos = _query(lambda: self._node.get_subscriptions_info_by_topic(topic))
-        return [name for name in map(_node_of, infos) if name != self._own]
+        return [name for name in map(node_of, infos) if name != self._own]
 
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node subscribes to."""
@@ -395,11 +396,6 @@ class ServiceCalls:
                 self._node.destroy_client(oldest)
             client = self._clients[service] = self._node.create_client(kind, service)
         return client
-
-
-def _node_of(info: Any) -> str:
-    """Return the full name of an endpoint's node."""
-    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 
 def _query(query: Callable[[], Any]) -> list[Any]:

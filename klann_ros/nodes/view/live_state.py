@@ -141,7 +141,7 @@ class LiveState(PageState):
 
     def _set(self, command: Command, answer: Answer) -> None:
         solver = self._solvers.get(command.target)
-        if solver is None or not set(command.values) <= solver.settable:
+        if solver is None or not set(command.values) <= set(solver.lengths):
             answer(False, 'there are no such lengths to set')
             return
         node, values = solver.node, command.values

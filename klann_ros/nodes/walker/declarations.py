@@ -6,7 +6,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from klann_ros.nodes.parameters import Declaration
+from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
 from klann_ros.walker.controller import MAX_GAP
 from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
@@ -15,50 +15,23 @@ from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 MIN_GAP_PERIODS = 3.0
 COMMANDS = ('joint_state', 'velocities')
 _LIMITS, _SETTINGS, _NOISE = MotionLimits(), ControllerSettings(), OdometryNoise()
-
-
-def _number(
-    name: str, default: float, what: str, least: float, most: float, *, read_only: bool = True
-) -> Declaration:
-    return Declaration(
-        name, default, what, limits=(least, most), any_number=True, read_only=read_only
-    )
-
-
-# MotionLimits and gains can be set at run time.
-_tunable = partial(_number, read_only=False)
-
-
+# Limits, timeouts and gains can be set at run time.
+_tunable = partial(number, read_only=False)
 LIMITS = (
-    _tunable('max_linear', _LIMITS.max_linear, 'greatest speed [m/s]', 0.0, 100.0),
-    _tunable('max_angular', _LIMITS.max_angular, 'greatest yaw rate [rad/s]', 0.0, 100.0),
-    _tunable(
-        'max_linear_acceleration',
-        _LIMITS.max_linear_acceleration,
-        'greatest change of the speed [m/s^2]',
-        1e-3,
-        1e3,
+    *(
+        _tunable(name, getattr(_LIMITS, name), f'greatest {text}', least, most)
+        for name, text, least, most in (
+            ('max_linear', 'speed [m/s]', 0.0, 100.0),
+            ('max_angular', 'yaw rate [rad/s]', 0.0, 100.0),
+            ('max_linear_acceleration', 'change of the speed [m/s^2]', 1e-3, 1e3),
+            ('max_angular_acceleration', 'change of the yaw rate [rad/s^2]', 1e-3, 1e3),
+            ('max_crank_rate', 'rate of a crank [rad/s]', 1e-3, 1e3),
+        )
     ),
-    _tunable(
-        'max_angular_acceleration',
-        _LIMITS.max_angular_acceleration,
-        'greatest change of the yaw rate [rad/s^2]',
-        1e-3,
-        1e3,
-    ),
-    _tunable(
-        'max_curvature',
-        0.0,
-        'greatest curvature of the path [1/m]; 0: any, also turning on the spot',
-        0.0,
-        1e3,
-    ),
-    _tunable(
-        'max_crank_rate', _LIMITS.max_crank_rate, 'greatest rate of a crank [rad/s]', 1e-3, 1e3
-    ),
+    _tunable('max_curvature', 0.0, 'greatest curvature of the path [1/m]; 0: any', 0.0, 1e3),
 )
 CONTROL = (
-    _number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
+    number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
     Declaration(
         'command_type',
         'joint_state',
@@ -66,55 +39,31 @@ CONTROL = (
         choices=COMMANDS,
     ),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
-    _tunable(
-        'cmd_vel_timeout',
-        _SETTINGS.cmd_vel_timeout,
-        'command timeout: older commands stop it [s]',
-        0.01,
-        60.0,
-    ),
-    _tunable(
-        'feedback_timeout',
-        _SETTINGS.feedback_timeout,
-        'a crank that is silent for longer stops all [s]',
-        0.01,
-        60.0,
+    *(
+        _tunable(name, getattr(_SETTINGS, name), text, least, most)
+        for name, text, least, most in (
+            ('cmd_vel_timeout', 'command timeout: older commands stop it [s]', 0.01, 60.0),
+            ('feedback_timeout', 'a crank that is silent for longer stops all [s]', 0.01, 60.0),
+            ('rephase', 'part of its rate by which a crank returns to its phase', 0.0, 0.5),
+            ('motion_gain', 'of the feedback of the measured motion; 0: none [1/s]', 0.0, 5.0),
+        )
     ),
     Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
     _tunable('phase_gain', PROPORTIONAL, 'proportional gain of the phase lock [1/s]', 0.0, 100.0),
     _tunable('phase_integral', INTEGRAL, 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
-    _tunable(
-        'rephase',
-        _SETTINGS.rephase,
-        'part of its rate by which a crank goes back into phase, straight on; 0: never',
-        0.0,
-        0.5,
-    ),
-    _tunable(
-        'motion_gain',
-        _SETTINGS.motion_gain,
-        'of the feedback of the measured motion to the command; 0: none [1/s]',
-        0.0,
-        5.0,
-    ),
 )
 ODOMETRY = (
     Declaration('odom_frame', 'odom', 'frame in which it is'),
     Declaration('base_frame', 'base_link', 'its own frame'),
     Declaration('publish_tf', True, 'whether odom_frame -> base_frame is sent to /tf'),
     Declaration('use_imu', False, 'whether yaw and attitude are taken from imu'),
-    _number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
-    _number('foot_radius', 0.004, 'of its feet, which are balls [m]', 0.0, 1.0),
+    number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
+    number('foot_radius', 0.004, 'of its feet, which are balls [m]', 0.0, 1.0),
     *(
-        _number(name, getattr(_NOISE, name), what, least, most)
+        number(name, getattr(_NOISE, name), what, least, most)
         for name, what, least, most in (
             ('friction', 'friction coefficient of the feet', 0.01, 10.0),
-            (
-                'accelerometer_noise',
-                'density, of its attitude as well [m/s^2/sqrt(Hz)]',
-                1e-6,
-                10.0,
-            ),
+            ('accelerometer_noise', 'density of the noise [m/s^2/sqrt(Hz)]', 1e-6, 10.0),
             ('gyro_noise', 'density of the noise [rad/s/sqrt(Hz)]', 1e-9, 1.0),
             ('accelerometer_bias', 'before standstill, standard deviation [m/s^2]', 1e-6, 10.0),
             ('gyro_bias', 'before standstill, standard deviation [rad/s]', 1e-9, 1.0),
@@ -130,7 +79,7 @@ ODOMETRY = (
             ('tilt_error', 'standard deviation of roll and pitch [rad]', 1e-6, 3.2),
         )
     ),
-    _number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
+    number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
 WALKER_PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
 

@@ -1,43 +1,40 @@
 """
-What `walker_node` reads and writes a hundred times a second, as it is on the wire.
+The messages of `walker_node`, read and written as bytes, and their publishers.
 
-As in solver/cdr.py, of which this is a sequel: to make a Python message of bytes, or bytes of it,
-costs more than all that is computed.
+As in solver/cdr.py: conversion between bytes and Python messages costs more than the computation.
 """
 
 from collections.abc import Sequence
-from math import isfinite
+from math import cos, isfinite, sin
 import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import TransformStamped
-from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
+from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
+from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, JointStateTemplate, STAMP_SIZE
+from klann_ros.walker import CrankCommand, OdometryEstimate
 from nav_msgs.msg import Odometry
+from rclpy.node import Node
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
-# Numbers that no name contains, by which their places are found.
+# A number and a stamp that mark their places in a message; no name contains their bytes.
 _MARK = 1.2345678e-300
 _STAMP = 123456789, 987654321
-# Norm of a valid quaternion; a default-initialised one is shorter.
-UNIT = 1e-2
-# How long the frame of a header is.
+# Tolerance of the norm of a quaternion; a default-initialised one is shorter.
+UNIT_TOLERANCE = 1e-2
+# The length of a header's frame in a message.
 _FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
-# No body that walks turns at more [rad/s].
-FASTEST = 100.0
+# No walking body turns faster [rad/s].
+MAX_ANGULAR_RATE = 100.0
+# Variance of the velocities z, roll and pitch, which only tilting causes.
+_TILTING_VARIANCE = 1e-2
+_ZEROS = (0.0, 0.0, 0.0)
 
 
 class NumbersTemplate:
-    """
-    A message of which only its stamp and a run of numbers change.
-
-    Parameters
-    ----------
-    message : message
-        With `_STAMP` as its stamp and `_MARK` as the first of the numbers.
-    count : int
-        How many numbers follow each other.
-
-    """
+    """A message with `_STAMP` and `_MARK`, of which only its stamp and a run of numbers change."""
 
     def __init__(self, message: Any, count: int) -> None:
         whole = bytes(serialize_message(message))
@@ -57,7 +54,7 @@ def odometry_template(frame: str, child: str) -> NumbersTemplate:
     """Return a nav_msgs/Odometry: pose, its covariance, twist, its covariance."""
     message = Odometry(child_frame_id=child)
     message.header.frame_id = frame
-    _mark(message.header)
+    message.header.stamp.sec, message.header.stamp.nanosec = _STAMP
     message.pose.pose.position.x = _MARK
     return NumbersTemplate(message, 7 + 36 + 6 + 36)
 
@@ -66,17 +63,13 @@ def transform_template(frame: str, child: str, kind: Any) -> NumbersTemplate:
     """Return a tf2_msgs/TFMessage of one transform: translation, rotation."""
     transform = TransformStamped(child_frame_id=child)
     transform.header.frame_id = frame
-    _mark(transform.header)
+    transform.header.stamp.sec, transform.header.stamp.nanosec = _STAMP
     transform.transform.translation.x = _MARK
     return NumbersTemplate(kind(transforms=[transform]), 7)
 
 
-def _mark(header: Any) -> None:
-    header.stamp.sec, header.stamp.nanosec = _STAMP
-
-
 class TwistReading(NamedTuple):
-    """What a cmd_vel asks for; the stamp of a Twist is 0."""
+    """A cmd_vel; the stamp of a Twist is 0."""
 
     linear: float
     angular: float
@@ -85,112 +78,168 @@ class TwistReading(NamedTuple):
 
 
 def read_twist(data: bytes, *, stamped: bool) -> TwistReading:
-    """
-    Return what a geometry_msgs/TwistStamped, or a Twist, asks for.
-
-    Raises
-    ------
-    ValueError
-        It is no such message.
-
-    """
+    """Read a geometry_msgs/TwistStamped or Twist; a ValueError for another message."""
     cursor = CdrCursor(data)
-    sec = nanosec = 0
-    if stamped:
-        sec, nanosec = _stamp(cursor, data)
-    x, *_, turn = _doubles(cursor, data, 6)
+    sec, nanosec = _read_header(cursor, data) if stamped else (0, 0)
+    cursor.align(8)
+    x, *_, turn = struct.unpack_from(f'{cursor.order}6d', data, cursor.skip(48))
     return TwistReading(x, turn, sec, nanosec)
 
 
 class ImuMessage(NamedTuple):
-    """
-    What a sensor_msgs/Imu says.
+    """A sensor_msgs/Imu."""
 
-    Attributes
-    ----------
-    orientation : tuple of 4 floats, or None
-        x, y, z, w; None where there is none.
-    variance : float
-        Variance of the yaw [rad^2]; 0 if unknown.
-    angular : tuple of 3 floats
-        [rad/s].
-    force : tuple of 3 floats, or None
-        What its accelerometer feels [m/s^2]; None where there is none.
-    sec, nanosec : int
-        The stamp.
-
-    """
-
+    # x, y, z, w; None if it has none.
     orientation: tuple[float, float, float, float] | None
+    # Variance of the yaw [rad^2]; 0 if unknown.
     variance: float
+    # Angular velocity [rad/s].
     angular: tuple[float, float, float]
+    # Linear acceleration [m/s^2]; None if it has none.
     force: tuple[float, float, float] | None
     sec: int
     nanosec: int
 
 
 class ImuReader:
-    """Read one sensor_msgs/Imu after the other."""
+    """Read successive sensor_msgs/Imu messages."""
 
     def __init__(self) -> None:
-        # Most messages differ from the last one in their numbers only: its size, what it begins
-        # with, how long its frame is, and where its numbers are.
+        # Most messages differ from the last one in their numbers only: size, byte order and length
+        # of the frame of the last one, and the places of its numbers.
         self._layout = -1, b'', b'', _imu_numbers('<', 0)
 
     def read(self, data: bytes) -> ImuMessage:
-        """
-        Return what a message says.
-
-        Raises
-        ------
-        ValueError
-            It is no such message, or its rates are no numbers.
-
-        """
+        """Return a message; a ValueError for another one, or one with invalid rates."""
         kind = len(data), data[:2], data[_FRAME]
         if kind != self._layout[:3]:
             self._layout = *kind, _imu_layout(data)
         numbers = self._layout[3].unpack_from(data)
-        sec, nanosec, x, y, z, w, first, variance, a, b, c, *force, feels = numbers
+        sec, nanosec, x, y, z, w, first, variance, a, b, c, *force, force_first = numbers
         # NaN compares with nothing.
-        if not (abs(a) <= FASTEST and abs(b) <= FASTEST and abs(c) <= FASTEST):
-            raise ValueError(f'its angular velocity is not finite, or beyond {FASTEST:g} rad/s')
-        # So the message's definition has it: -1 where there is no orientation, or no acceleration.
-        has = first != -1.0 and abs(x * x + y * y + z * z + w * w - 1.0) < UNIT
+        limit = MAX_ANGULAR_RATE
+        if not (abs(a) <= limit and abs(b) <= limit and abs(c) <= limit):
+            raise ValueError(f'its angular velocity is not finite, or beyond {limit:g} rad/s')
+        # By the message's definition -1 means no orientation, or no acceleration.
+        has = first != -1.0 and abs(x * x + y * y + z * z + w * w - 1.0) < UNIT_TOLERANCE
         if not (isfinite(variance) and variance > 0.0):
             variance = 0.0
         orientation = (x, y, z, w) if has else None
-        acceleration = (force[0], force[1], force[2]) if feels != -1.0 else None
+        acceleration = (force[0], force[1], force[2]) if force_first != -1.0 else None
         return ImuMessage(orientation, variance, (a, b, c), acceleration, sec, nanosec)
 
 
 def _imu_layout(data: bytes) -> struct.Struct:
     cursor = CdrCursor(data)
-    _stamp(cursor, data)
+    _read_header(cursor, data)
     cursor.align(8)
     return _imu_numbers(cursor.order, cursor.skip(8 * 37))
 
 
 def _imu_numbers(order: str, begin: int) -> struct.Struct:
     """
-    Return the places of the stamp, and of what there is of each of three and their covariances.
+    Return the places of the stamp, and of three quantities with parts of their covariances.
 
-    Of the orientation with the first and last, of the angular velocity with none, of the linear
-    acceleration with the first.
+    The first and last of the orientation's, none of the angular velocity's, and the first of the
+    linear acceleration's.
     """
     between = max(0, begin - _FRAME.start)
     return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d{9 * 8}x3dd')
 
 
-def _stamp(cursor: CdrCursor, data: bytes) -> tuple[int, int]:
+def _read_header(cursor: CdrCursor, data: bytes) -> tuple[int, int]:
+    """Read a header; return its stamp."""
     sec, nanosec = struct.unpack_from(f'{cursor.order}iI', data, cursor.skip(8))
     cursor.string()
     return sec, nanosec
 
 
-def _doubles(cursor: CdrCursor, data: bytes, count: int) -> tuple[float, ...]:
-    cursor.align(8)
-    numbers: tuple[float, ...] = struct.unpack_from(
-        f'{cursor.order}{count}d', data, cursor.skip(8 * count)
+class CrankOutput:
+    """Publisher of crank_command: JointStates, or `velocities` alone as for ros2_control."""
+
+    def __init__(self, node: Node, joints: Sequence[str], *, velocities: bool) -> None:
+        self._template = None if velocities else JointStateTemplate(joints)
+        kind: Any = Float64MultiArray if velocities else JointState
+        self._publisher = create_publisher(node, kind, 'crank_command')
+
+    def publish(self, command: CrankCommand, sec: int, nanosec: int) -> None:
+        """Publish a command."""
+        if self._template is None:
+            self._publisher.publish(Float64MultiArray(data=list(command.velocity)))
+        else:
+            filled = self._template.fill(sec, nanosec, command.position, command.velocity)
+            self._publisher.publish(filled)
+
+
+class OdomOutput:
+    """
+    Publisher of odom from `frame` to `child`, and of the same transform on /tf.
+
+    `tilt` [rad] and `height` [m] are the standard deviations of roll, pitch and z.
+    """
+
+    def __init__(
+        self, node: Node, frame: str, child: str, *, tilt: float, height: float, transform: bool
+    ) -> None:
+        self._odom = create_publisher(node, Odometry, 'odom')
+        self._odom_template = odometry_template(frame, child)
+        self._tilt, self._height = tilt**2, height**2
+        self._tf: Any = None
+        # The reason why there is no transform, although it is requested.
+        self.problem = ''
+        if transform:
+            try:
+                kind = message_class('tf2_msgs/msg/TFMessage')
+            except UnknownMessageTypeError:
+                self.problem = 'tf2_msgs is not installed: odom is published, but nothing on /tf'
+                return
+            self._tf = create_publisher(node, kind, '/tf')
+            self._tf_template = transform_template(frame, child, kind)
+
+    def publish(self, at: OdometryEstimate, sec: int, nanosec: int) -> None:
+        """Publish an estimate, unless its height is unknown."""
+        if not isfinite(at.z):
+            return
+        pose = (at.x, at.y, at.z, *_quaternion(at.roll, at.pitch, at.yaw))
+        twist = (*at.linear, 0.0, 0.0, 0.0, at.angular)
+        numbers = (*pose, *self._pose_covariance(at), *twist, *_twist_covariance(at))
+        self._odom.publish(self._odom_template.fill(sec, nanosec, numbers))
+        if self._tf is not None:
+            self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
+
+    def _pose_covariance(self, at: OdometryEstimate) -> tuple[float, ...]:
+        """Return the covariance of x, y, z, roll, pitch and yaw, row by row."""
+        (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = at.covariance
+        return (
+            *(xx, xy, *_ZEROS, xt),
+            *(yx, yy, *_ZEROS, yt),
+            *(0.0, 0.0, self._height, *_ZEROS),
+            *(*_ZEROS, self._tilt, 0.0, 0.0),
+            *(*_ZEROS, 0.0, self._tilt, 0.0),
+            *(tx, ty, *_ZEROS, tt),
+        )
+
+
+def _twist_covariance(at: OdometryEstimate) -> tuple[float, ...]:
+    """Return the covariance of the velocities, row by row."""
+    x, y, turn = at.rate_variances
+    return (
+        *(x, 0.0, 0.0, *_ZEROS),
+        *(0.0, y, 0.0, *_ZEROS),
+        *(0.0, 0.0, _TILTING_VARIANCE, *_ZEROS),
+        *(*_ZEROS, _TILTING_VARIANCE, 0.0, 0.0),
+        *(*_ZEROS, 0.0, _TILTING_VARIANCE, 0.0),
+        *(*_ZEROS, 0.0, 0.0, turn),
     )
-    return numbers
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    a, b = cos(roll / 2.0), sin(roll / 2.0)
+    c, d = cos(pitch / 2.0), sin(pitch / 2.0)
+    e, f = cos(yaw / 2.0), sin(yaw / 2.0)
+    return (
+        b * c * e - a * d * f,
+        a * d * e + b * c * f,
+        a * c * f - b * d * e,
+        a * c * e + b * d * f,
+    )

@@ -1,14 +1,23 @@
 """`walker_node`: takes cmd_vel to the cranks of a walker, and gives odom back."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.kinematics import KinematicsError
-from klann_ros.nodes.endpoints import INPUT, overridden, QOS_USAGE
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    create_steady_timer,
+    diagnostic_array,
+    diagnostic_status,
+    QOS_USAGE,
+    subscribe_raw,
+)
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
-from klann_ros.nodes.process import arguments, run
+from klann_ros.nodes.process import arguments, LOG_PERIOD, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
@@ -16,6 +25,7 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import (
+    DiagnosticLevel,
     Feet,
     imu_reading,
     NoWalkerError,
@@ -23,17 +33,19 @@ from klann_ros.walker import (
     walk_figures,
     Walker,
 )
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
 from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
-from .diagnostics import WalkerDiagnostics
-from .messages import ImuReader, read_twist
-from .outputs import CrankOutput, OdomOutput
+from .messages import CrankOutput, ImuReader, OdomOutput, read_twist
 
-# Shortest time between two log lines about inputs, and between two about events [s].
-THROTTLE, EVENT_PERIOD = 2.0, 1.0
+_LEVELS = {
+    DiagnosticLevel.OK: DiagnosticStatus.OK,
+    DiagnosticLevel.WARN: DiagnosticStatus.WARN,
+    DiagnosticLevel.ERROR: DiagnosticStatus.ERROR,
+}
+# Minimum time between two log lines about events [s].
+EVENT_PERIOD = 1.0
 # Events in one line of the log.
 MAX_LOGGED = 5
 # Period of the watchdog [s]; where feedback drives this part of all commands, no timer does.
@@ -47,18 +59,10 @@ EARLY = 0.3
 
 
 class WalkerNode(Node):
-    """
-    Drive the cranks of a walker by cmd_vel, and publish its odometry.
-
-    Raises
-    ------
-    StartError
-        A parameter is refused, or there is no walker; the text says why.
-
-    """
+    """Drive the cranks of a walker by cmd_vel, and publish its odometry."""
 
     def __init__(self, **options: Any) -> None:
-        """Declare, validate and connect; `options` are those of Node."""
+        """Declare, validate and connect; a StartError names a refused parameter, or no walker."""
         super().__init__('walker_node', **options)
         values = declare(self, WALKER_PARAMETERS)
         robot = declared_robot(self, described=True)
@@ -101,39 +105,29 @@ class WalkerNode(Node):
         )
         if self._odom.problem:
             self.get_logger().warning(self._odom.problem)
-        self._diagnostics = WalkerDiagnostics(
-            self, walker, self._now, period=values['diagnostics_period']
-        )
-        self._listen(JointState, 'crank_state', self._on_crank_state)
-        self._listen(TwistStamped if self._stamped else Twist, 'cmd_vel', self._on_cmd_vel)
+        self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        # Also where simulated time stands still.
+        create_steady_timer(self, values['diagnostics_period'], self._report)
+        subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        cmd_vel = TwistStamped if self._stamped else Twist
+        subscribe_raw(self, cmd_vel, 'cmd_vel', self._on_cmd_vel)
         if values['use_imu']:
-            self._listen(Imu, 'imu', self._on_imu)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
+            subscribe_raw(self, Imu, 'imu', self._on_imu)
         self._period = 1.0 / values['rate']
         # Of the commands, and of the feedback that could drive them.
         self._due, self._fed = Beat(self._period), Beat(self._period)
         # Inputs drive the outputs, which is quicker, and costs half of what a timer does; where
         # too few arrive, the timer helps.
         self._driven = 0
-        lean = RawCallbackGroup()
-        clock = self.get_clock() if self._sim else steady
-        self._timer = self.create_timer(self._period, self._on_timer, lean, clock)
+        group = RawCallbackGroup()
+        create_timer = self.create_timer if self._sim else partial(create_steady_timer, self)
+        self._timer: Any = create_timer(self._period, self._on_timer, group)
         self._logged = -EVENT_PERIOD
-        self.create_timer(WATCH_PERIOD, self._on_watch, lean, steady)
+        create_steady_timer(self, WATCH_PERIOD, self._on_watch, group)
 
     def _on_change(self, values: Mapping[str, Any]) -> None:
         self._values |= values
         self._walker.controller.settings = settings(self._values)
-
-    def _listen(self, kind: type, topic: str, callback: Any) -> None:
-        self.create_subscription(
-            kind,
-            topic,
-            callback,
-            overridden(self, topic, 'subscription', INPUT),
-            raw=True,
-            callback_group=RawCallbackGroup(),
-        )
 
     def _summary(self, values: dict[str, Any]) -> str:
         feet, steering = self._walker.feet, self._walker.controller.steering
@@ -162,7 +156,7 @@ class WalkerNode(Node):
         try:
             linear, angular, *stamp = read_twist(data, stamped=self._stamped)
         except ValueError as error:
-            self._complain(f'cmd_vel is rejected: {error}')
+            self._warn(f'cmd_vel is rejected: {error}')
             return
         age = 0.0
         if stamp != [0, 0]:
@@ -177,7 +171,7 @@ class WalkerNode(Node):
                 self._reported_refusals.add(problem)
                 self.get_logger().warning(f'angular.z is refused: {problem}')
         elif problem:
-            self._complain(problem)
+            self._warn(problem)
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
         readings, problem, stamp = {}, '', (0, 0)
@@ -190,7 +184,7 @@ class WalkerNode(Node):
             readings[joint] = position, velocity
             stamp = at[0], at[1]
         if not readings:
-            self._complain(f'crank_state is rejected: {problem}')
+            self._warn(f'crank_state is rejected: {problem}')
             return
         when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else info['source_timestamp'] / 1e9
         now = self._now()
@@ -205,7 +199,7 @@ class WalkerNode(Node):
         try:
             message = self._imu.read(data)
         except ValueError as error:
-            self._complain(f'imu is rejected: {error}')
+            self._warn(f'imu is rejected: {error}')
             return
         now = self._now()
         # Its own clock has less jitter than the transport.
@@ -213,10 +207,17 @@ class WalkerNode(Node):
         reading = imu_reading(message.orientation, message.angular, at, message.force)
         self._walker.imu(reading, now, message.variance)
 
-    def _complain(self, what: str) -> None:
-        self.get_logger().warning(printable(what), throttle_duration_sec=THROTTLE)
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(printable(text), throttle_duration_sec=LOG_PERIOD)
 
     # Outputs.
+
+    def _report(self) -> None:
+        now = self._now()
+        level, message = self._walker.verdict(now)
+        values = self._walker.values(now).items()
+        status = diagnostic_status(self, 'walker', _LEVELS[level], message, values)
+        self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _on_timer(self) -> None:
         self._command(self._now())
@@ -269,21 +270,13 @@ def _transport_age(info: Info) -> float | None:
 
 
 class Beat:
-    """
-    A beat that is kept in the mean, by whatever comes often enough.
-
-    Parameters
-    ----------
-    period : float
-        [s].
-
-    """
+    """A mean period [s], kept by events that are frequent enough."""
 
     def __init__(self, period: float) -> None:
         self._period, self._due = period, 0.0
 
     def take(self, now: float) -> bool:
-        """Return whether the next is due [s]; if so, it is taken."""
+        """Return whether the next beat is due at a time [s]; if so, count it."""
         if abs(now - self._due) > BEAT_RESTART * self._period:
             self._due = now
         if now < self._due - EARLY * self._period:
@@ -295,14 +288,14 @@ class Beat:
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     groups = {
-        'what it may do': LIMITS,
-        'how it is controlled': CONTROL,
-        'where it is': ODOMETRY,
+        'limits': LIMITS,
+        'control': CONTROL,
+        'odometry': ODOMETRY,
     }
     parser = ArgumentParser(
         'walker_node',
-        'Walk: take cmd_vel to the cranks of a walker (crank_command), whose legs keep their '
-        'phases, and tell where it is (odom) from the angles of its cranks (crank_state).',
+        'Walk: convert cmd_vel to rates of the cranks of a walker (crank_command), whose legs '
+        'keep their phases; estimate its pose (odom) from the angles of its cranks (crank_state).',
         f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
         f'leg_description\n{QOS_USAGE}',
     )
