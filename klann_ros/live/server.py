@@ -8,7 +8,7 @@ from itertools import count
 import logging
 from threading import Event, Thread
 from time import monotonic
-from typing import Any
+from typing import Any, cast
 
 from aiohttp import web, WSCloseCode, WSMsgType
 from aiohttp.http_exceptions import HttpProcessingError
@@ -312,7 +312,8 @@ class _UnreadLimit:
         self._inner: Any = request.protocol
         self._transport: Any = request.transport
         if self._transport is not None:
-            self._transport.set_protocol(self)
+            # By __getattr__ it is a protocol to asyncio.
+            self._transport.set_protocol(cast('asyncio.Protocol', self))
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
