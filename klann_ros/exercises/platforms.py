@@ -2,24 +2,25 @@
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from html import escape
 import json
 import re
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
-from xml.etree.ElementTree import Element, indent, SubElement, tostring
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 from klann_ros.web.markup import element, joined, Markup
 
 from .calculation import slip_of, TURN_DEG
 from .kinds import KINDS
-from .marking import DEFAULT_CREDIT, mark, SLIP_CREDIT
+from .marking import DEFAULT_CREDIT, FACTORS, mark, SLIP_CREDIT
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, UNIT_SIGNS
 from .variant import known, make_variant, Question, reason, texts, Variant
 
 Files = dict[str, bytes]
-# Answers with feedback of a Cloze field at most.
-MAX_ALTERNATIVES = 12
-CLOZE_ESCAPES = re.compile(r'([}#~/"\\])')
+# Answers of a Moodle question at most; marks that end a part of a Cloze field.
+MAX_ALTERNATIVES = 14
+NOT_IN_CLOZE = re.compile(r'[}#~\\]')
 NOT_IN_NAMES = re.compile(r'[^A-Za-z0-9-]+')
 # The address of package.xml.
 INSTALL = '%pip install -q git+https://h-seed-5572db61.example/klann_ros otter-grader'
@@ -30,70 +31,126 @@ DOCTEST = """\
 """
 
 
+class Alternative(NamedTuple):
+    """An answer that Moodle recognises, with its percentage of the points, and what it tells."""
+
+    percent: str
+    value: str
+    tolerance: str = ''
+    reason: str = ''
+
+
 def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:
-    """Return a Moodle XML file: a category of the kind, and a Cloze question a student."""
-    kind = variants[0].kind
-    quiz = Element('quiz')
-    category = SubElement(quiz, 'question', type='category')
-    _text(SubElement(category, 'category'), f'$course$/top/klann_ros/{kind.name}')
+    """
+    Return two Moodle XML files, each with a category of its own.
+
+    KIND.xml has a Cloze question a student; KIND_parts.xml a numerical question for each quantity,
+    which takes convertible units, and multiple choice for a word.
+    """
+    name = variants[0].kind.name
+    whole, parts = Element('quiz'), Element('quiz')
+    for quiz, category in ((whole, name), (parts, f'{name}/parts')):
+        head = SubElement(quiz, 'question', type='category')
+        _text(head, 'category', f'$course$/top/klann_ros/{category}')
     for variant in variants:
-        question = SubElement(quiz, 'question', type='cloze')
-        _text(SubElement(question, 'name'), f'{kind.name} {variant.student}')
-        text = SubElement(question, 'questiontext', format='html')
-        drawing = picture(variant)
-        content = problem(variant, language)
+        drawing, content = picture(variant), problem(variant, language)
         if drawing:
             image = element('img', src='@@PLUGINFILE@@/linkage.svg', alt='linkage')
-            content = Markup(content.replace(drawing, image.replace('</img>', '')))
-        fields = (
-            element(
-                'tr',
-                element('th', question_markup(each, language)),
-                element('td', Markup(_cloze(variant, each, language))),
-                element('td', UNIT_SIGNS.get(each.unit, each.unit)),
-                element('td', asked(variant, each, language)),
-            )
-            for each in kind.questions
-        )
-        _text(text, joined([content, element('table', *fields)]))
-        if drawing:
-            place = {'name': 'linkage.svg', 'path': '/', 'encoding': 'base64'}
-            SubElement(text, 'file', place).text = b64encode(drawing.encode()).decode()
-    indent(quiz)
-    return {f'{kind.name}.xml': b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(quiz)}
+            content = Markup(content.replace(drawing, image))
+        rows = []
+        for question in variant.kind.questions:
+            words, digits = question_markup(question, language), asked(variant, question, language)
+            answers = _alternatives(variant, question, language)
+            cells = Markup(_cloze(answers)), UNIT_SIGNS.get(question.unit, question.unit), digits
+            rows.append(element('tr', element('th', words), *(element('td', x) for x in cells)))
+            text = joined([content, element('p', words, f' ({digits})')])
+            title = f'{name} {variant.student} {question.name}'
+            _part(_question(parts, title, text, drawing), question, answers)
+        text = joined([content, element('table', *rows)])
+        _question(whole, f'{name} {variant.student}', text, drawing).set('type', 'cloze')
+    return {
+        f'{name}{end}.xml': b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(quiz)
+        for end, quiz in (('', whole), ('_parts', parts))
+    }
 
 
-def _text(parent: Element, text: str) -> None:
-    SubElement(parent, 'text').text = text
+def _text(parent: Element, name: str, text: str, **attributes: str) -> Element:
+    added = SubElement(parent, name, attributes)
+    SubElement(added, 'text').text = text
+    return added
 
 
-def _cloze(variant: Variant, question: Question, language: str) -> str:
-    """Return a field of a Cloze question, with the slips as answers of part credit."""
+def _question(quiz: Element, name: str, text: str, drawing: str) -> Element:
+    """Add a question with its text and drawing, without a type."""
+    question = SubElement(quiz, 'question')
+    _text(question, 'name', name)
+    place = _text(question, 'questiontext', text, format='html')
+    if drawing:
+        file = SubElement(place, 'file', name='linkage.svg', path='/', encoding='base64')
+        file.text = b64encode(drawing.encode()).decode()
+    return question
+
+
+def _part(element_: Element, question: Question, answers: Sequence[Alternative]) -> None:
+    """Make a question one of numbers with units, or of choices."""
+    element_.set('type', 'multichoice' if question.choices else 'numerical')
+    for each in answers:
+        text_format = 'html' if question.choices else 'moodle_auto_format'
+        answer = _text(element_, 'answer', each.value, fraction=each.percent, format=text_format)
+        if not question.choices:
+            SubElement(answer, 'tolerance').text = each.tolerance
+        _text(answer, 'feedback', escape(each.reason), format='html')
+    sign = UNIT_SIGNS.get(question.unit, question.unit)
+    if not sign:
+        return
+    units = SubElement(element_, 'units')
+    # Moodle strips spaces from an answer; a multiplier is the number of units in the first one.
+    spellings = {sign: 1.0, **FACTORS.get(question.unit, {})}
+    names = {name.replace(' ', '').replace('n', 'N'): each for name, each in spellings.items()}
+    for name, factor in names.items():
+        unit = SubElement(units, 'unit')
+        SubElement(unit, 'multiplier').text = f'{1.0 / factor:.15g}'
+        SubElement(unit, 'unit_name').text = name
+
+
+def _alternatives(variant: Variant, question: Question, language: str) -> list[Alternative]:
+    """Return the right answers of a question, and the slips as answers of part credit."""
     right = variant.answers[question.name]
     if isinstance(right, str):
         words = texts()['choices']
-        names = [words.get(each, {}).get(language, each) for each in question.choices]
-        pairs = zip(names, question.choices, strict=True)
-        choices = '~'.join(f'={name}' if each == right else name for name, each in pairs)
-        return f'{{1:MULTICHOICE:{choices}}}'
+        return [
+            Alternative('100' if each == right else '0', words.get(each, {}).get(language, each))
+            for each in question.choices
+        ]
     tolerance = variant.tolerance(question)
     places = decimals(tolerance) + 2 if tolerance else 0
-    turns = (0.0, -TURN_DEG) if question.unit == 'deg' else (0.0,)
-    found = [f'={right + turn:.{places}f}:{tolerance:g}' for turn in turns]
-    seen: set[str] = set()
+    # An angle may be written as a positive or a negative one.
+    turns = (0.0, -TURN_DEG if right > 0.0 else TURN_DEG) if question.unit == 'deg' else (0.0,)
+    found = [Alternative('100', f'{right + turn:.{places}f}', f'{tolerance:g}') for turn in turns]
     for mistake, wrong in variant.mistaken.items():
         value = wrong.get(question.name)
         if value is None or isinstance(value, str) or abs(value) >= 1e12:
             continue
         near = variant.tolerance(question, value)
-        slip, number = slip_of(mistake), f'{value:.{decimals(near) + 2}f}'
-        if number in seen or len(seen) == MAX_ALTERNATIVES:
-            continue
-        seen.add(number)
-        credit = 100.0 * SLIP_CREDIT.get(slip, DEFAULT_CREDIT)
-        words = CLOZE_ESCAPES.sub(r'\\\1', reason(mistake, language))
-        found.append(f'%{credit:.0f}%{number}:{near:g}#{words}')
-    return f'{{1:NUMERICAL:{"~".join(found)}}}'
+        number = f'{value:.{decimals(near) + 2}f}'
+        if len(found) < MAX_ALTERNATIVES and number not in {each.value for each in found}:
+            credit = 100.0 * SLIP_CREDIT.get(slip_of(mistake), DEFAULT_CREDIT)
+            found.append(
+                Alternative(f'{credit:.0f}', number, f'{near:g}', reason(mistake, language))
+            )
+    return found
+
+
+def _cloze(answers: Sequence[Alternative]) -> str:
+    """Return a field of a Cloze question. Moodle decodes the entities of a reason once."""
+    kind = 'NUMERICAL' if answers[0].tolerance else 'MULTICHOICE'
+    found = []
+    for each in answers:
+        head = {'100': '=', '0': ''}.get(each.percent, f'%{each.percent}%')
+        tolerance = f':{each.tolerance}' if each.tolerance else ''
+        words = NOT_IN_CLOZE.sub(lambda found: f'&#{ord(found[0])};', escape(each.reason))
+        found.append(f'{head}{each.value}{tolerance}{words and "#"}{escape(words)}')
+    return f'{{1:{kind}:{"~".join(found)}}}'
 
 
 def prairielearn(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:

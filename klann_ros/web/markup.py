@@ -10,7 +10,7 @@ UNKNOWN_NUMBER = '\N{EN DASH}'
 # Longer texts are cut.
 _MAX_TEXT = 20_000
 # Elements without content, and without an end.
-_VOID = frozenset({'input', 'link', 'meta', 'br'})
+_VOID = frozenset({'input', 'link', 'meta', 'br', 'img'})
 
 
 class Markup(str):

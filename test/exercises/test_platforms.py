@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from doctest import DocTestParser, DocTestRunner
+from html import escape, unescape
 import json
+import math
 from pathlib import Path
 import re
 import runpy
 from typing import Any
-from xml.etree import ElementTree as ET
 
 from klann_ros.exercises import (
     check,
@@ -19,12 +20,12 @@ from klann_ros.exercises import (
     platforms,
     Variant,
 )
+from klann_ros.exercises.variant import LANGUAGES, reason, texts
 from klann_ros.web import browser
+from moodle_rules import FIELD, imported, MoodleAnswer, MoodleQuestion
 import pytest
 
-# A field of Moodle's embedded answers: {1:TYPE:alternative~alternative}.
-FIELD = re.compile(r'\{1:(NUMERICAL|MULTICHOICE):((?:[^\\}]|\\.)+)\}')
-NUMERICAL = re.compile(r'(?:=|%(\d+)%)(-?[\d.]+):([\d.e-]+)(?:#(.+))?')
+NOTHING = MoodleAnswer(0.0, '', 0.0, '')
 
 
 @pytest.fixture(scope='module')
@@ -32,45 +33,84 @@ def variants() -> list[Variant]:
     return [make_variant(KINDS['grashof'], '1'), make_variant(KINDS['grashof'], '2')]
 
 
-def fields(variant: Variant, language: str) -> dict[str, str]:
-    (content,) = platforms.moodle([variant], [''], language).values()
-    quiz = ET.fromstring(content)  # noqa: S314 - our own
-    text = quiz.findtext('question/questiontext/text') or ''
-    found = FIELD.findall(text)
-    assert '{' not in FIELD.sub('', text)
-    names = [question.name for question in variant.kind.questions]
-    return dict(zip(names, [alternatives for _, alternatives in found], strict=True))
+def moodle(variants: list[Variant], language: str) -> tuple[MoodleQuestion, list[MoodleQuestion]]:
+    """Return the first Cloze question, and the parts, as Moodle imports them."""
+    whole, parts = platforms.moodle(variants, [''] * len(variants), language).values()
+    return imported(whole)[1][0], imported(parts)[1]
 
 
 @pytest.mark.parametrize('name', KINDS)
-def test_a_moodle_field_takes_the_key_and_names_the_slips(name: str) -> None:
+@pytest.mark.parametrize('language', LANGUAGES)
+def test_moodle_gives_the_points_and_the_reasons_of_the_marking(name: str, language: str) -> None:
     variant = make_variant(KINDS[name], '21')
-    for question in variant.kind.questions:
-        alternatives = re.split(r'(?<!\\)~', fields(variant, 'en')[question.name])
-        right = variant.answers[question.name]
-        if isinstance(right, str):
-            assert f'={right}' in alternatives
+    cloze, parts = moodle([variant], language)
+    assert '{' not in cloze.text
+    for question, field, part in zip(variant.kind.questions, cloze.parts, parts, strict=True):
+        assert part.name == f'{name} 21 {question.name}'
+        assert field.answers == part.answers
+        if question.choices:
+            right = texts()['choices'].get(variant.answers[question.name], {}).get(language)
+            best = max(field.answers)
+            assert best.fraction == 1.0
+            assert best.text == (right or variant.answers[question.name])
             continue
-        numbers = [NUMERICAL.fullmatch(each) for each in alternatives]
-        assert all(numbers)
-        first, *others = (each for each in numbers if each)
-        assert first[1] is None
-        assert variant.is_right(question, float(first[2]))
-        slips = [each for each in others if each[1]]
-        for each in slips:
-            assert not variant.is_right(question, float(each[2]))
+        assert variant.is_right(question, float(field.answers[0].text))
+        for each in field.answers:
             (found,) = [
-                one for one in mark(variant, {question.name: each[2]}) if one.slip != 'empty'
+                one for one in mark(variant, {question.name: each.text}) if one.slip != 'empty'
             ]
-            assert found.points == pytest.approx(float(each[1]) / 100.0)
+            assert found.points == pytest.approx(each.fraction)
+            if each.fraction < 1.0:
+                fitting = [
+                    mistake
+                    for mistake, wrong in variant.mistaken.items()
+                    if question.name in wrong
+                    and variant.is_near(question, float(each.text), wrong[question.name])
+                ]
+                assert each.feedback in {escape(reason(one, language)) for one in fitting}
+
+
+def test_moodle_takes_an_angle_as_students_write_it() -> None:
+    variant = make_variant(KINDS['klann-position'], '3')
+    cloze, parts = moodle([variant], 'en')
+    for question, field, part in zip(variant.kind.questions, cloze.parts, parts, strict=True):
+        right = variant.answers[question.name]
+        assert isinstance(right, float)
+        spellings = {f'{right:.3f}': 1.0}
+        if question.unit == 'deg':
+            spellings |= {f'{right - math.copysign(360, right):.4f}': 1.0}
+            unit = {f'{right:.3f}°': 1.0, f'{math.radians(right):.7f} rad': 1.0}
+        else:
+            unit = {
+                f'{right / 10:.4f} cm': 1.0,
+                f'{right / 1e3:,.6f}'.replace('.', ',') + ' m': 1.0,
+            }
+        for text, points in spellings.items():
+            assert (field.marked(text) or NOTHING).fraction == points, text
+        for text, points in (spellings | unit).items():
+            assert (part.marked(text) or NOTHING).fraction == points, text
 
 
 def test_moodle_has_the_drawing_as_a_file(variants: list[Variant]) -> None:
-    (content,) = platforms.moodle(variants, ['', ''], 'pt').values()
-    quiz = ET.fromstring(content)  # noqa: S314 - our own
-    assert [each.get('type') for each in quiz] == ['category', 'cloze', 'cloze']
-    assert len(quiz.findall('question/questiontext/file')) == 2
-    assert b'@@PLUGINFILE@@/linkage.svg' in content
+    cloze, parts = moodle(variants, 'pt')
+    assert cloze.files['/linkage.svg'].startswith(b'<svg')
+    assert all(each.files == cloze.files for each in parts[:4])
+    assert '@@PLUGINFILE@@/linkage.svg' in cloze.text
+    assert '<svg' not in cloze.text
+
+
+def test_a_reason_with_marks_of_moodle_is_shown_as_it_is() -> None:
+    answer = platforms.Alternative('50', '2', '1', 'a < b ~ {c} #1 \\ "d" & é')
+    right = platforms.Alternative('100', '1', '0.1')
+    (field,) = FIELD.finditer(platforms._cloze([right, answer]))
+    question = platforms.Element('question', type='cloze')
+    assert field[2] == 'NUMERICAL'
+    platforms._text(question, 'name', 'x')
+    platforms._text(question, 'questiontext', field[0])
+    quiz = b'<quiz>' + platforms.tostring(question) + b'</quiz>'
+    (found,) = imported(quiz)[1]
+    # The feedback is HTML.
+    assert unescape(found.parts[0].answers[1].feedback) == answer.reason
 
 
 @pytest.fixture
