@@ -52,20 +52,21 @@ def poses() -> bool:
     """Judge poses by path figures, transmission angle and turning, in one process."""
     random, done, turning = np.random.default_rng(1), 0, 0
     judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
-    begin = time.perf_counter()
+    begin, own = time.perf_counter(), time.process_time()
     while done < POSES:
         found = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
         turning += int(found.turns.sum())
         done += CHUNK * CANDIDATE_ANGLES
-    seconds = time.perf_counter() - begin
+    seconds, cpu = time.perf_counter() - begin, time.process_time() - own
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     legs = done // CANDIDATE_ANGLES
     print(
         f'{done:.3g} poses of {legs} legs, {100.0 * turning / legs:.0f} % turn, in one process: '
-        f'{seconds:.1f} s ({1e9 * seconds / done:.0f} ns a pose), memory {memory:.2f} GB'
+        f'{seconds:.1f} s, of a CPU {cpu:.1f} s ({1e9 * cpu / done:.0f} ns a pose), '
+        f'memory {memory:.2f} GB'
     )
     print('aim: 1e9 in 60 s on two cores (120 ns a pose and core), below 1 GB')
-    return SMOKE or (1e9 * seconds / done <= 120.0 and memory < 1.0)
+    return SMOKE or (1e9 * cpu / done <= 120.0 and memory < 1.0)
 
 
 def proof() -> bool:

@@ -8,7 +8,9 @@ from klann_ros.kinematics import Linkage, linkage_poses, Variants
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 from klann_ros.kinematics.batch.turn_clearance import driven_clearances
+from klann_ros.kinematics.batch.turns import whole_turns
 from klann_ros.kinematics.foot.path import GROUND_BAND
+from klann_ros.kinematics.searches import parabola_peak
 import numpy as np
 
 # Crank angles of a candidate's turn; between them the path is a cubic.
@@ -97,40 +99,29 @@ def judge(
 ) -> Judgement:
     """Return the named figures of candidates; those that are not computed in bulk are left out."""
     has_box = not names.isdisjoint({'width', 'height'})
-    poses: Any = linkage_poses(
-        variants,
-        crank_angles(count),
-        velocities=True,
-        transmission_angles='transmission_angle' in names,
-        points=has_box,
-        kernel=kernel,
-    )
-    jam = np.asarray((poses.reason != 0).mean(axis=1), dtype=np.float64)
-    jam[variants.error_codes != 0] = 2.0
+    turns = whole_turns(variants, count, box=has_box, kernel=kernel)
+    jam = np.where(variants.error_codes, 2.0, turns.missing)
     if variants.base.two_circles:
         with np.errstate(invalid='ignore'):
             lacking = np.maximum(0.0, -driven_clearances(variants) / variants.base.size)
         jam += np.where(np.isfinite(lacking), np.minimum(lacking, 1.0), 0.0)
     turning = np.flatnonzero(jam == 0.0)
-    found = _path_figures(poses.h[turning], poses.h_1[turning], load)
-    if 'transmission_angle' in names:
-        mu = poses.transmission_angles[turning]
-        inward = np.minimum(mu, pi - mu)
-        found['transmission_angle'] = _least_between(inward).min(axis=1, initial=pi / 2.0)
+    h, h_1 = (each.take(turning, axis=1) for each in (turns.h, turns.h_1))
+    found = _path_figures(h, h_1, load)
+    found['transmission_angle'] = turns.transmission_angle[turning]
     numbers, dimensions = variants.numbers[:, turning], variants.base.structure.dimensions
     lengths = numbers[[k for k, d in enumerate(dimensions) if d.kind == 'length']]
     found['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
     pivots = [k for k, d in enumerate(dimensions) if d.kind == 'y']
     base = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
     found['ground_clearance'] = base - found.pop('lowest')
-    if has_box:
-        points = poses.points[turning]
-        found['width'], found['height'] = np.ptp(points, axis=(1, 2)).T
+    if turns.box is not None:
+        found['width'], found['height'] = turns.box[:, turning]
     figures = {}
     for name in names & found.keys():
         figures[name] = np.full(len(variants), np.nan)
         figures[name][turning] = found[name]
-    return Judgement(jam, figures, poses.h)
+    return Judgement(jam, figures, turns.h.transpose(1, 2, 0))
 
 
 def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
@@ -176,16 +167,16 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
 
 
 def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, FloatArray]:
-    """Return the figures of closed paths and their derivatives, shape (n, k, 2)."""
-    count = h.shape[1]
+    """Return the figures of closed paths and their derivatives, shape (2, n, k)."""
+    curves, count = _Curves(h, h_1), h.shape[2]
     step = TURN / count
-    x, y = _Curve(h[..., 0], h_1[..., 0], step), _Curve(h[..., 1], h_1[..., 1], step)
-    (_, _, left), (_, _, right) = x.least(), x.greatest()
-    (lowest, at, low), (_, _, high) = y.least(), y.greatest()
+    (_, _, left), (_, _, right) = curves.extreme(0, least=True), curves.extreme(0, least=False)
+    (lowest, at, low), (_, _, high) = curves.extreme(1, least=True), curves.extreme(1, least=False)
     lift, stride = high - low, right - left
-    sign = np.sign(_slope(x.cubics(lowest), at))
+    along, _ = curves.cubics(lowest)
+    sign = np.sign(_slope(along, at))
     level = low + GROUND_BAND * lift
-    inside = (y.values <= level[:, None]) & (np.sign(x.slopes) == sign[:, None])
+    inside = (h[1] <= level[:, None]) & (np.sign(h_1[0]) == sign[:, None])
 
     ends = []
     for forward in (True, False):
@@ -194,8 +185,8 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
         run = np.argmin(np.take_along_axis(inside, order % count, axis=1), axis=1)
         interval = lowest + (run if forward else -run)
         known = np.where(run == 0, at, 0.0 if forward else 1.0)
-        away = np.full(len(h), 1.0 if forward else 0.0)
-        along, up = x.cubics(interval % count), y.cubics(interval % count)
+        away = np.full(len(lift), 1.0 if forward else 0.0)
+        along, up = curves.cubics(interval)
         for _ in range(BISECTIONS):
             middle = (known + away) / 2.0
             holds = (_value(up, middle) <= level) & (_slope(along, middle) * sign > 0.0)
@@ -203,26 +194,26 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
         ends.append(step * (interval + known))
     end, start = ends
     t = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, STANCE_POINTS)
-    (s_x, v_x), (s_y, v_y) = x.at(t), y.at(t)
+    (s_x, v_x), (s_y, v_y) = curves.at(t)
     speed = np.abs(v_x)
     covered = np.abs(s_x[:, -1] - s_x[:, 0])
     duration = end - start
     with np.errstate(all='ignore'):
         mean = covered / duration
         deviation = _deviation(s_x, s_y, np.hypot(v_x, v_y))
-        middle = (start + end + TURN) / 2.0
+        _, (swing, _) = curves.at((start + end + TURN)[:, None] / 2.0)
         found = {
             'stride': stride,
             'lift': lift,
             'lowest': low,
-            'path_length': TURN * np.hypot(h_1[..., 0], h_1[..., 1]).mean(axis=1),
+            'path_length': TURN * np.hypot(*h_1).mean(axis=1),
             'duty_factor': duration / TURN,
             'ground_covered': covered,
             'deviation': deviation,
             'straightness': deviation / covered,
             'ripple': (_peak(speed) + _peak(-speed)) / mean,
             'advance': mean,
-            'step_height': y.at(middle[:, None])[0][:, 0] - low,
+            'step_height': swing[:, 0] - low,
         }
         top, bottom = np.maximum(0.0, _peak(v_y)), np.maximum(0.0, _peak(-v_y))
         found['torque_peak'] = load * np.maximum(top, bottom)
@@ -234,42 +225,41 @@ def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, Floa
 _Cubics: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-class _Curve:
-    """Periodic curves as cubics between samples, shape (n, k), with slopes by the angle."""
+class _Curves:
+    """Closed plane curves as cubics between samples, shape (2, n, k), with their derivatives."""
 
-    def __init__(self, values: FloatArray, slopes: FloatArray, step: float) -> None:
-        self.values, self.slopes, self._step = values, slopes, step
+    def __init__(self, values: FloatArray, slopes: FloatArray) -> None:
+        self._values, self._slopes = values, slopes
+        self._count = values.shape[2]
 
-    def cubics(self, intervals: IndexArray) -> _Cubics:
-        """Return the cubics of intervals by the part of them, shapes as `intervals`."""
-        count = self.values.shape[1]
-        at = intervals if intervals.ndim > 1 else intervals[:, None]
-        p, m, q, n = (
-            np.take_along_axis(of, (at + k) % count, axis=1).reshape(intervals.shape)
-            for k in (0, 1)
-            for of in (self.values, self._step * self.slopes)
-        )
-        return p, m, 3.0 * (q - p) - 2.0 * m - n, 2.0 * (p - q) + m + n
+    def cubics(self, intervals: IndexArray) -> list[_Cubics]:
+        """Return the cubics of x and y in intervals, shape (n,) or (n, j), by the part of them."""
+        starts = self._count * np.arange(len(intervals))
+        starts = starts[:, None] if intervals.ndim > 1 else starts
+        at, after = (starts + (intervals + k) % self._count for k in (0, 1))
+        step, found = TURN / self._count, []
+        for values, slopes in zip(self._values, self._slopes, strict=True):
+            p, q = values.ravel()[at], values.ravel()[after]
+            m, n = step * slopes.ravel()[at], step * slopes.ravel()[after]
+            found.append((p, m, 3.0 * (q - p) - 2.0 * m - n, 2.0 * (p - q) + m + n))
+        return found
 
-    def at(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return values at angles, shape (n, j), and derivatives by the angle."""
-        places = np.floor(angles / self._step)
-        t, cubics = angles / self._step - places, self.cubics(places.astype(np.intp))
-        return _value(cubics, t), _slope(cubics, t) / self._step
+    def at(self, angles: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return x and y at angles, shape (n, j), and the derivatives by the angle of each."""
+        step = TURN / self._count
+        places = np.floor(angles / step)
+        t = angles / step - places
+        each = self.cubics(places.astype(np.intp))
+        return [(_value(cubics, t), _slope(cubics, t) / step) for cubics in each]
 
-    def least(self) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Return interval, part of it and value of the minimum, shape (n,) each."""
-        return self._extreme(self.values.argmin(axis=1), 1.0)
-
-    def greatest(self) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Return interval, part of it and value of the maximum, shape (n,) each."""
-        return self._extreme(self.values.argmax(axis=1), -1.0)
-
-    def _extreme(self, k: IndexArray, sign: float) -> tuple[IndexArray, FloatArray, FloatArray]:
+    def extreme(self, axis: int, *, least: bool) -> tuple[IndexArray, FloatArray, FloatArray]:
+        """Return interval, part of it and value of the least or greatest x or y, shape (n,)."""
+        sign = 1.0 if least else -1.0
+        k = (sign * self._values[axis]).argmin(axis=1)
         # A minimum lies behind a sample with a falling slope.
-        falls = sign * self.slopes[np.arange(len(k)), k] < 0.0
+        falls = sign * self._slopes[axis][np.arange(len(k)), k] < 0.0
         interval = np.where(falls, k, k - 1)
-        cubics = self.cubics(interval)
+        cubics = self.cubics(interval)[axis]
         _, m, b, a = cubics
         with np.errstate(all='ignore'):
             root = np.sqrt(np.maximum(0.0, b * b - 3.0 * a * m))
@@ -307,22 +297,4 @@ def _peak(values: FloatArray) -> Any:
     k = np.clip(values.argmax(axis=1), 1, values.shape[1] - 2)
     rows = np.arange(len(values))
     before, own, after = (values[rows, k + d] for d in (-1, 0, 1))
-    return np.maximum(values.max(axis=1), _vertex(before, own, after))
-
-
-def _least_between(values: FloatArray) -> FloatArray:
-    """Return the least over the periodic axis 1, by a parabola through three samples."""
-    k = values.argmin(axis=1)[:, None]
-    n = values.shape[1]
-    before, own, after = (
-        np.take_along_axis(values, (k + d) % n, axis=1)[:, 0] for d in (-1, 0, 1)
-    )
-    return np.asarray(-_vertex(-before, -own, -after))
-
-
-def _vertex(before: FloatArray, own: FloatArray, after: FloatArray) -> Any:
-    with np.errstate(all='ignore'):
-        bend = before - 2.0 * own + after
-        rise = (after - before) ** 2 / (-8.0 * bend)
-    inside = (own >= before) & (own >= after) & (bend < 0.0)
-    return np.asarray(own + np.where(inside, rise, 0.0))
+    return np.maximum(values.max(axis=1), parabola_peak(before, own, after))

@@ -177,3 +177,12 @@ def minimum_near(
         if not len(rows):
             break
     return at, least
+
+
+def parabola_peak(before: FloatArray, own: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the peaks of parabolas through three values; the middle one if it is not greatest."""
+    with np.errstate(all='ignore'):
+        bend = before - 2.0 * own + after
+        rise = (after - before) ** 2 / (-8.0 * bend)
+    inside = (own >= before) & (own >= after) & (bend < 0.0)
+    return np.asarray(own + np.where(inside, rise, 0.0), dtype=np.float64)

@@ -6,6 +6,7 @@ changed until the full turn is lost.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from sys import float_info
 from typing import Any
 
@@ -81,8 +82,11 @@ class _Clearances:
         structure = variants.base.structure
         self._structure = structure
         self._terms = PathTerms(structure, *variants.vectors, variants.signs)
-        self._program = compile_program(structure, links=False)
-        self._constants = constants(self._program, self._terms, len(variants))
+        self._count, self._program = len(variants), compile_program(structure, links=False)
+
+    @cached_property
+    def _constants(self) -> FloatArray:
+        return constants(self._program, self._terms, self._count)
 
     def driven(self, k: int) -> FloatArray:
         """Return the least of a dyad driven by the crank alone, shape (n,) [m]."""
