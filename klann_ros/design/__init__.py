@@ -12,7 +12,8 @@ All values are in SI units. A figure is the one that `klann_ros.datasheet` repor
 
 from .proof import FoundLeg
 from .search import Found, Progress, search, State
-from .wish import Aim, Limit, Space, Wish, wish_from, wish_from_file, WishError
+from .space import Space, WishError
+from .wish import Aim, Limit, Wish, wish_from, wish_from_file
 
 __all__ = [
     'Aim',

@@ -19,7 +19,8 @@ from .leg_file import leg_text, parameter_text
 from .page import page
 from .report import figure_text, leg_name, report, text
 from .search import DEFAULT_EVALUATIONS, Found, Progress, search, State
-from .wish import Wish, wish_from_file, WishError
+from .space import WishError
+from .wish import Wish, wish_from_file
 
 NONE_FOUND, INTERRUPTED = 1, 130
 DESIGN_ERRORS = {WishError: NOT_READ, EngineError: NOT_READ}

@@ -2,12 +2,12 @@
 
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import GeometryError, Variants
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
 from .figures import judge
-from .wish import Space, spread, Wish
+from .space import Space
+from .wish import Wish
 
 POPULATION = 120
 # Candidates sampled for each of the first population, and judged at once.
@@ -55,10 +55,7 @@ def scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
 
 
 def _scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
-    try:
-        variants = Variants(space.linkage, space.changes(x))
-    except GeometryError as error:
-        raise AssertionError(str(error)) from error
+    variants = space.variants(x)
     names = frozenset(wish.figures)
     found = judge(variants, names, wish.load)
     figures = found.figures
@@ -81,10 +78,13 @@ def _scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
 
 
 class Island(NamedTuple):
-    """A population that evolves by itself for a while; without one it is sampled first."""
+    """
+    A population that evolves by itself for a while; without one it is sampled first.
+
+    The wish has its space alone.
+    """
 
     wish: Wish
-    space: int
     population: FloatArray | None
     seed: tuple[int, ...]
     evaluations: int
@@ -92,7 +92,7 @@ class Island(NamedTuple):
 
 def evolve(island: Island) -> FloatArray:
     """Return the population of an island after its evaluations, shape (p, d)."""
-    wish, space = island.wish, island.wish.spaces[island.space]
+    wish, (space,) = island.wish, island.wish.spaces
     random = np.random.default_rng(island.seed)
     x, spent = island.population, 0
     if x is None:
@@ -103,11 +103,9 @@ def evolve(island: Island) -> FloatArray:
 
 
 def sampled(wish: Wish, space: Space, random: np.random.Generator, count: int) -> FloatArray:
-    """Return the best random candidates; one of them is the linkage as drawn."""
-    x = random.uniform(size=(count, len(space.names)))
-    x[0] = as_drawn(space)
-    found = scores(wish, space, x)
-    return x[_chosen(found)]
+    """Return the best of random candidates."""
+    x = space.sample(random, count)
+    return x[_chosen(scores(wish, space, x))]
 
 
 def _chosen(found: Scores) -> IndexArray:
@@ -120,12 +118,6 @@ def _chosen(found: Scores) -> IndexArray:
     both = np.concatenate([best, rest])
     others = order[~np.isin(order, both)]
     return np.asarray(np.concatenate([both, others])[:POPULATION], dtype=np.intp)
-
-
-def as_drawn(space: Space) -> FloatArray:
-    """Return the linkage as drawn, as a candidate, shape (d,)."""
-    own = np.array([space.linkage.dimensions.get(name, 1.0) for name in space.names])
-    return np.asarray(np.clip((own - space.low) / (space.high - space.low), 0.0, 1.0))
 
 
 def _evolved(
@@ -153,6 +145,22 @@ def _evolved(
     seed = int(random.integers(2**31))
     found = minimize(problem, algorithm, ('n_gen', generations), seed=seed)
     return np.array(found.pop.get('X'), dtype=np.float64)
+
+
+def spread(points: FloatArray, count: int) -> IndexArray:
+    """
+    Return rows of points, shape (n, m), that are far from each other: the first row first.
+
+    Farthest-point sampling of the points relative to their ranges.
+    """
+    reach = np.ptp(points, axis=0)
+    relative = (points - points.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
+    chosen = [0]
+    distance = np.linalg.norm(relative - relative[0], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(relative - relative[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.intp)
 
 
 def pareto_front(losses: FloatArray) -> IndexArray:

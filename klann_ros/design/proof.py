@@ -15,7 +15,8 @@ import numpy as np
 
 from .figures import sheet_figures
 from .leg_file import walker_parameters, with_numbers
-from .wish import Limit, Space, Wish
+from .space import Space
+from .wish import Limit, Wish
 
 # Relative half-width of all lengths where the wish has no tolerance.
 DEFAULT_TOLERANCE = 1e-3

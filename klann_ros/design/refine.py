@@ -4,15 +4,15 @@ from cmath import phase
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import GeometryError, Linkage, linkage_poses, Variants
+from klann_ros.kinematics import GeometryError, Linkage, linkage_poses
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.linkage.structure import GROUND
 import numpy as np
 
 from .figures import crank_angles
+from .space import Space
 from .target import PATH_POINTS, resampled, Target
-from .wish import Space
 
 MAX_STEPS = 100
 # Crank angles between which the nearest point of a path is sought, and projections onto it.
@@ -74,7 +74,7 @@ def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float
 
 
 def _linkage(space: Space, x: FloatArray) -> Linkage:
-    return Variants(space.linkage, space.changes(x[None]))[0]
+    return space.variants(x[None])[0]
 
 
 def _fitted(target: Target, space: Space, start: _Point) -> _Point:
@@ -164,7 +164,8 @@ def _nearest(leg: Linkage, point: _Point, z: ComplexArray) -> FloatArray:
     """Return the crank angles where the path is nearest to points."""
     alphas = crank_angles(NEAREST_ANGLES)
     path = point.factor * (linkage_poses(leg, alphas).h @ (1.0, 1j)) + point.shift
-    nearest = alphas[np.nanargmin(np.abs(path[:, None] - z), axis=0)]
+    # One that never closes is found out by its poses.
+    nearest = alphas[np.nan_to_num(np.abs(path[:, None] - z), nan=np.inf).argmin(axis=0)]
     for _ in range(PROJECTIONS):
         poses: Any = linkage_poses(leg, nearest, velocities=True)
         at = point.factor * (poses.h @ (1.0, 1j)) + point.shift
@@ -181,7 +182,7 @@ def _number_derivatives(space: Space, x: FloatArray) -> FloatArray:
     count, step = len(x), 1e-3
     # Dimensions are at most of second degree in the variables: these are exact.
     tried = np.concatenate([x + step * np.eye(count), x - step * np.eye(count)])
-    numbers = Variants(space.linkage, space.changes(tried)).numbers
+    numbers = space.variants(tried).numbers
     return np.asarray((numbers[:, :count] - numbers[:, count:]) / (2.0 * step))
 
 

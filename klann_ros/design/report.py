@@ -10,7 +10,8 @@ from klann_ros.sanitize.text import counted, printable_line
 from .figures import FIGURES
 from .proof import FoundLeg
 from .search import Found
-from .wish import Units, Wish
+from .space import Units
+from .wish import Wish
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12

@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
-from klann_ros.kinematics import GeometryError, Linkage, Variants
+from klann_ros.kinematics import GeometryError, Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.sanitize.text import counted
 import numpy as np
@@ -20,12 +20,13 @@ from .evolve import (
     POPULATION,
     Scores,
     scores,
+    spread,
     WORST_LOSS,
 )
 from .figures import FIGURES
 from .proof import FoundLeg, ProofError, prove
 from .refine import refined
-from .wish import Limit, spread, Wish
+from .wish import Limit, Wish
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
@@ -37,6 +38,8 @@ PROVEN_PER_LEG = 3
 # With one aim: the number of the best candidates, and of those far apart that are refined.
 BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 
+# The population of an island that is given up.
+DROPPED = np.empty((0, 0))
 # Space, candidates and scores of each island.
 _Scored: TypeAlias = Sequence[tuple[int, FloatArray, Scores]]
 
@@ -173,10 +176,9 @@ def search(
     if now.key != key or len(now.populations) != count:
         raise ValueError('the search to resume is of another wish or seed')
     start, is_interrupted = monotonic(), False
-    share = max(POPULATION, min(MAX_ROUND, evaluations // (count * ROUNDS)))
     try:
         while now.evaluations < evaluations:
-            now, every = _next_round(wish, now, seed, share, jobs=jobs, engine=engine)
+            now, every = _next_round(wish, now, seed, evaluations, jobs=jobs, engine=engine)
             if on_round is not None:
                 seconds = monotonic() - start
                 on_round(now, _progress(wish, now, every, seconds))
@@ -196,20 +198,30 @@ def search_key(wish: Wish, seed: int) -> str:
 
 
 def _next_round(
-    wish: Wish, state: State, seed: int, share: int, *, jobs: int | None, engine: str
+    wish: Wish, state: State, seed: int, evaluations: int, *, jobs: int | None, engine: str
 ) -> tuple[State, _Scored]:
     """Return the state after a round, and the scores of its populations."""
+    numbers = [n for n, x in enumerate(state.populations) if x is None or len(x)]
+    share = max(POPULATION, min(MAX_ROUND, evaluations // (len(numbers) * ROUNDS)))
     islands = [
-        Island(wish, n % len(wish.spaces), x, (seed, state.rounds, n), share)
-        for n, x in enumerate(state.populations)
+        # Of many spaces a worker needs its own alone.
+        Island(
+            replace(wish, spaces=(wish.spaces[n % len(wish.spaces)],)),
+            state.populations[n],
+            (seed, state.rounds, n),
+            share,
+        )
+        for n in numbers
     ]
     answers = _in_order(evolve, islands, jobs, engine)
     failed = [answer for answer in answers if isinstance(answer, str)]
     if len(failed) == len(answers):
         raise EngineError(f'the search failed: {failed[0]}')
-    # Of an island whose worker died twice the population stays as it was.
-    pairs = zip(answers, state.populations, strict=True)
-    populations = [old if isinstance(answer, str) else answer for answer, old in pairs]
+    populations = [*state.populations]
+    for n, answer in zip(numbers, answers, strict=True):
+        # Of an island whose worker died twice the population stays as it was.
+        if not isinstance(answer, str):
+            populations[n] = answer
     populations = _migrated(wish, populations)
     spent = state.evaluations + share * len(islands)
     now: dict[str, Any] = {
@@ -219,14 +231,20 @@ def _next_round(
     }
     state = state._replace(**now)
     every = _all_scores(wish, state)
-    return _with_hypervolume(state, every), every
+    state = _with_hypervolume(state, every)
+    if len(numbers) > ISLANDS and len(wish.spaces) > ISLANDS:
+        # The island of a space has its number.
+        better = _better_half(state, every)
+        pairs = enumerate(state.populations)
+        state = state._replace(populations=tuple(x if n in better else DROPPED for n, x in pairs))
+    return state, every
 
 
 def _migrated(wish: Wish, populations: Sequence[FloatArray | None]) -> list[FloatArray | None]:
     """Return the populations, the worst of each replaced by the best of the one before it."""
     spaces = len(wish.spaces)
     orders = [
-        None if x is None else scores(wish, wish.spaces[n % spaces], x).order
+        scores(wish, wish.spaces[n % spaces], x).order if x is not None and len(x) else None
         for n, x in enumerate(populations)
     ]
     moved: list[FloatArray | None] = []
@@ -246,7 +264,7 @@ def _all_scores(wish: Wish, state: State) -> _Scored:
     return [
         (n % len(wish.spaces), x, scores(wish, wish.spaces[n % len(wish.spaces)], x))
         for n, x in enumerate(state.populations)
-        if x is not None
+        if x is not None and len(x)
     ]
 
 
@@ -260,11 +278,28 @@ def _with_hypervolume(state: State, every: _Scored) -> State:
         low, reach = front.min(axis=0), np.ptp(front, axis=0)
         reach = np.where(reach > 0.0, reach, np.maximum(np.abs(low), 1e-12))
         state = state._replace(frame=tuple(zip(low.tolist(), reach.tolist(), strict=True)))
-    volume = 0.0
-    if len(losses):
-        low, reach = np.array(state.frame).T
-        volume = hypervolume((losses - low) / reach, np.full(len(low), 1.1))
-    return state._replace(hypervolumes=(*state.hypervolumes, volume))
+    return state._replace(hypervolumes=(*state.hypervolumes, _volume(state, losses)))
+
+
+def _volume(state: State, losses: FloatArray) -> float:
+    """Return the volume that losses dominate, in the frame of the first front."""
+    if not len(losses):
+        return 0.0
+    low, reach = np.array(state.frame).T
+    return hypervolume((losses - low) / reach, np.full(len(low), 1.1))
+
+
+def _better_half(state: State, every: _Scored) -> list[int]:
+    """Return the islands whose populations dominate most: half of them, or `ISLANDS`."""
+
+    def rank(item: tuple[int, FloatArray, Scores]) -> tuple[float, ...]:
+        _, _, own = item
+        first = own.order[0]
+        volume = _volume(state, own.losses[own.total <= 0.0])
+        return -volume, float(own.total[first]), float(own.losses[first].sum())
+
+    count = max(ISLANDS, (len(every) + 1) // 2)
+    return [n for n, _, _ in sorted(every, key=rank)[:count]]
 
 
 def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progress:
@@ -352,7 +387,7 @@ def _made(item: tuple[Wish, int, FloatArray, dict[str, float]]) -> tuple[Linkage
     try:
         if wish.target is not None:
             return refined(wish.target, space, x)
-        return Variants(space.linkage, space.changes(x[None]))[0], 0.0
+        return space.variants(x[None])[0], 0.0
     except GeometryError as error:
         return str(error)
 

@@ -1,18 +1,15 @@
 """A wish: the linkages, what may vary, and the figures that are aimed at or limited."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 import json
-from math import inf, radians
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.kinematics import Linkage
-from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.kinematics.linkage.file import LENGTH_UNITS
 from klann_ros.kinematics.linkage.file_checks import schema_error
 from klann_ros.robot import robot_of, RobotFileError, RobotLeg
 from klann_ros.robot.file import preset_names
@@ -21,17 +18,14 @@ from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
 from .figures import FIGURES
+from .grow import grown_spaces
+from .space import Space, Units, varied_space, WishError
 from .target import Target, target_from
 
 AIMS = ('minimize', 'maximize')
 LIMITS = ('at_least', 'at_most')
-DEFAULT_PERCENT = 20.0
 DEFAULT_COUNT = 24
 DEGREES_HINT = 'for degrees write units: {angle: deg}'
-
-
-class WishError(ValueError):
-    """A wish that is refused; the text says why."""
 
 
 class Aim(NamedTuple):
@@ -58,74 +52,6 @@ class Limit(NamedTuple):
     def shortfall(self, values: Any) -> Any:
         """Return by how much values miss the bound; 0 or less if they hold it."""
         return self.value - values if self.sense == 'at_least' else values - self.value
-
-
-class Units(NamedTuple):
-    """Names of a wish's units, and their sizes in m and rad."""
-
-    length: str = 'm'
-    angle: str = 'rad'
-
-    def size(self, unit: str) -> float:
-        """Return the size of the wish's unit for an SI unit."""
-        if unit == 'm':
-            return LENGTH_UNITS[self.length]
-        return radians(1.0) if unit == 'rad' and self.angle == 'deg' else 1.0
-
-    def name(self, unit: str) -> str:
-        """Return the name of the wish's unit for an SI unit."""
-        return {'m': self.length, 'rad': self.angle}.get(unit, unit)
-
-    def text(self, value: float, unit: str) -> str:
-        """Return a value (SI) in the wish's unit."""
-        return f'{value / self.size(unit):.4g} {self.name(unit)}'.rstrip()
-
-
-@dataclass(frozen=True, eq=False)
-class Space:
-    """
-    The dimensions of one linkage that vary.
-
-    Attributes
-    ----------
-    leg : RobotLeg
-        The linkage, its file's text, and its masses.
-    names : tuple of str
-        The variables: dimensions, and 'scale' for a common factor.
-    low, high : numpy.ndarray, shape (d,)
-        Their ranges [m, rad].
-    ties : mapping of str to (str, int)
-        Dimensions that equal another one, times +1 or -1.
-
-    """
-
-    leg: RobotLeg
-    names: tuple[str, ...]
-    low: FloatArray
-    high: FloatArray
-    ties: Mapping[str, tuple[str, int]] = field(default_factory=dict)
-
-    @property
-    def linkage(self) -> Linkage:
-        """Return the linkage."""
-        return self.leg.linkage
-
-    def changes(self, x: FloatArray) -> dict[str, FloatArray]:
-        """Return the dimensions of candidates by name; x of shape (n, d) is in [0, 1]."""
-        values = self.low + x * (self.high - self.low)
-        columns = dict(zip(self.names, values.T, strict=True))
-        scale = columns.pop('scale', None)
-        for name, (other, sign) in self.ties.items():
-            columns[name] = sign * columns.get(other, np.full(len(x), self._own(other)))
-        if scale is not None:
-            for d in self.linkage.structure.dimensions:
-                if d.unit == 'm':
-                    own = columns.get(d.name, np.full(len(x), self._own(d.name)))
-                    columns[d.name] = scale * own
-        return columns or {self.linkage.structure.dimensions[0].name: np.full(len(x), inf)}
-
-    def _own(self, name: str) -> float:
-        return self.linkage.dimensions[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +143,17 @@ def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
         raise WishError(wrong)
     units = Units(**content.get('units', {}))
     place = folder or Path()
-    given = content['linkage']
+    given = content.get('linkage', [])
     names = [given] if isinstance(given, str) else given
-    spaces = tuple(_space(_leg(name, place), content, units) for name in names)
+    if not names and 'grow' not in content:
+        raise WishError('linkage is missing, or grow in its place')
+    legs = [_leg(name, place) for name in names]
     aims, limits = _figures(content.get('figures', {}), units)
     metre = units.size('m')
-    target = _target(content, metre, place, spaces)
+    target = _target(content, metre, place, legs)
+    spaces = tuple(varied_space(leg, content, units, several=len(legs) > 1) for leg in legs)
+    if 'grow' in content:
+        spaces += grown_spaces(content['grow'], units, target)
     if target is not None and not any(aim.figure == 'path_error' for aim in aims):
         aims = (Aim('path_error', 'minimize'), *aims)
     motor = None
@@ -260,7 +191,7 @@ def _check_needs(wish: Wish, content: Mapping[str, Any]) -> None:
 
 
 def _target(
-    content: Mapping[str, Any], metre: float, folder: Path, spaces: Iterable[Space]
+    content: Mapping[str, Any], metre: float, folder: Path, legs: Iterable[RobotLeg]
 ) -> Target | None:
     """Return the path that the foot is to follow, if there is one."""
     if 'path' not in content:
@@ -269,7 +200,7 @@ def _target(
         target = target_from(content['path'], metre, folder)
     except (OSError, ValueError) as error:
         raise WishError(f'path: {getattr(error, "strerror", None) or error}') from error
-    if not all(space.leg.description for space in spaces):
+    if not all(leg.description for leg in legs):
         raise WishError('path needs a linkage with pivots of its own, such as klann')
     return target
 
@@ -295,71 +226,6 @@ def _leg(name: str, folder: Path) -> RobotLeg:
         raise WishError(f'linkage: {printable(name)} has several different legs')
     leg = legs[0]
     return RobotLeg('', leg.linkage, masses=leg.masses, description=leg.description)
-
-
-def _space(leg: RobotLeg, content: Mapping[str, Any], units: Units) -> Space:
-    vary = content.get('vary', DEFAULT_PERCENT)
-    ranges = dict(vary) if isinstance(vary, Mapping) else {'all': vary}
-    dimensions = {d.name: d for d in leg.linkage.structure.dimensions}
-    several = not isinstance(content['linkage'], str) and len(content['linkage']) > 1
-    ties = dict(_ties(content.get('tie', {}), dimensions, several=several))
-    for name in ranges:
-        if name != 'all' and name not in dimensions and not several:
-            raise WishError(f'vary: {_unknown(name, dimensions)}')
-    found = {}
-    for name, dimension in dimensions.items():
-        own = leg.linkage.dimensions[name]
-        given = ranges.get(name, ranges.get('all'))
-        if given is None or name in ties:
-            continue
-        low, high = _range(dimension, own, given, units)
-        if low < high:
-            found[name] = low, high
-    if 'scale' in content:
-        low, high = content['scale']
-        if not low < high:
-            raise WishError(f'scale: the range [{low:g}, {high:g}] is empty')
-        found['scale'] = low, high
-    if not found:
-        raise WishError('vary leaves nothing to vary: give a percentage above 0, or ranges')
-    ends = np.array([*found.values()], dtype=np.float64)
-    return Space(leg, tuple(found), ends[:, 0], ends[:, 1], ties)
-
-
-def _range(dimension: Any, own: float, given: Any, units: Units) -> tuple[float, float]:
-    """Return the range of a dimension [m, rad]: its own, or a percentage of its value."""
-    if not isinstance(given, list):
-        ends = own * (1.0 - given / 100.0), own * (1.0 + given / 100.0)
-        return min(ends), max(ends)
-    size, name = units.size(dimension.unit), dimension.name
-    low, high = size * given[0], size * given[1]
-    shown = f'[{given[0]:g}, {given[1]:g}] {units.name(dimension.unit)}'
-    if not low < high:
-        raise WishError(f'vary.{name}: the range {shown} is empty')
-    if dimension.is_length and low <= 0.0:
-        raise WishError(f'vary.{name}: a length must be > 0, but the range is {shown}')
-    return low, high
-
-
-def _ties(
-    given: Mapping[str, str], dimensions: Iterable[str], *, several: bool
-) -> Iterable[tuple[str, tuple[str, int]]]:
-    for name, text in given.items():
-        other, sign = (text[1:].strip(), -1) if text.startswith('-') else (text, 1)
-        missing = [each for each in (name, other) if each not in dimensions]
-        if missing and several:
-            continue
-        if missing:
-            raise WishError(f'tie: {_unknown(missing[0], dimensions)}')
-        if other == name or other in given:
-            raise WishError(f'tie.{printable(name)}: {printable(other)} is tied itself')
-        yield name, (other, sign)
-
-
-def _unknown(name: str, known: Iterable[str]) -> str:
-    names = [*known]
-    hint = did_you_mean(name, names)
-    return f'{printable(name)} is no dimension: these are {", ".join(names)}{hint}'
 
 
 def _figures(given: Mapping[str, Any], units: Units) -> tuple[tuple[Aim, ...], tuple[Limit, ...]]:
@@ -413,19 +279,3 @@ def _number(name: str, word: str, value: Any, units: Units) -> float:
             + f' is out of its bounds, {ends[0]} to {ends[1]}{hint}'
         )
     return number
-
-
-def spread(points: FloatArray, count: int) -> IndexArray:
-    """
-    Return rows of points, shape (n, m), that are far from each other: the first row first.
-
-    Farthest-point sampling of the points relative to their ranges.
-    """
-    reach = np.ptp(points, axis=0)
-    relative = (points - points.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
-    chosen = [0]
-    distance = np.linalg.norm(relative - relative[0], axis=1)
-    while len(chosen) < min(count, len(points)):
-        chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, np.linalg.norm(relative - relative[chosen[-1]], axis=1))
-    return np.array(chosen, dtype=np.intp)

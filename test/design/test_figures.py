@@ -42,7 +42,7 @@ def test_different_candidates_are_different_geometries_in_the_solver() -> None:
     assert len(set(lifts.tolist())) == 8
     alphas = np.linspace(0.0, 6.0, 200)
     for i in range(8):
-        leg = LinkageLeg(Variants(space.linkage, space.changes(x))[i])
+        leg = LinkageLeg(space.variants(x)[i])
         y = [leg.closed_form(alpha).h[1] for alpha in alphas.tolist()]
         assert np.ptp(y) == pytest.approx(lifts[i], rel=1e-2)
 

@@ -188,10 +188,10 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
     if start is not None:
         check_start_names(start, order)
     try:
-        structure = _structure(content, bodies)
+        structure = structure_of(content)
         _ = structure.groups
     except GeometryError as error:
-        raise GeometryError(f'{error}{describe_misspelling(content, _structure)}') from error
+        raise GeometryError(f'{error}{describe_misspelling(content, structure_of)}') from error
     bars = [bar for name in order for bar in body_bars(bodies[name])]
     _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
@@ -238,7 +238,17 @@ def _order(content: Mapping[str, Any]) -> list[str]:
     return [content['crank'], *(name for name in content['bodies'] if name != content['crank'])]
 
 
-def _structure(content: Mapping[str, Any], bodies: Mapping[str, Any]) -> Structure:
+def structure_of(content: Mapping[str, Any], bodies: Mapping[str, Any] | None = None) -> Structure:
+    """
+    Return the structure of a file's content, which may lack numbers; or with other bodies.
+
+    Raises
+    ------
+    GeometryError
+        It is no linkage.
+
+    """
+    bodies = bodies or content['bodies']
     made = tuple(_body(name, bodies[name]) for name in _order(content))
     return Structure(tuple(content['pivots']), made, content['foot'])
 

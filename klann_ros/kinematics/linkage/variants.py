@@ -122,7 +122,9 @@ class Variants:
     def __getitem__(self, i: int) -> Linkage:
         """Return one of them; a GeometryError if it is invalid."""
         changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
-        return self.base.varied(changes)
+        made = self.base.varied(changes)
+        signs = [int(sign) for sign in self.signs[:, i]]
+        return made if signs == [*made.assembly] else made.in_assembly(signs)
 
     def reason(self, i: int) -> str:
         """Return the error message of one of them; empty for a valid linkage."""

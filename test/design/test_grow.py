@@ -1,0 +1,146 @@
+"""Growing structures: each one once, candidates that close, and legs that every program takes."""
+
+from collections.abc import Sequence
+from itertools import combinations, permutations, product
+from pathlib import Path
+
+from klann_ros.design import search, wish_from, WishError
+from klann_ros.design.grow import shapes
+from klann_ros.design.leg_file import leg_text
+from klann_ros.kinematics import linkage_poses
+from klann_ros.robot import robot_from_file
+import numpy as np
+import pytest
+
+# Joined bodies of a structure, each pair with the kind of its joint.
+Joints = Sequence[tuple[int, int, str]]
+Named = tuple[frozenset[tuple[int, int, str]], int]
+GROUND, CRANK = 0, 1
+
+
+def brute_force(dyads: int, *, sliders: bool = False) -> set[Named]:
+    """Return all structures with so many dyads, by comparing them under all renamings."""
+    count = 2 * (dyads + 1)
+    graphs: list[Joints] = [[(GROUND, CRANK, 'pin')]]
+    for link in range(2, count + 1, 2):
+        ends = [(*pair, 'pin') for pair in combinations(range(link), 2)]
+        ends += [(*pair, 'slide') for pair in permutations(range(link), 2) if sliders]
+        graphs = [
+            [*graph, (link, one, 'pin'), (link + 1, link, 'pin'), (link + 1, other, kind)]
+            for graph, (one, other, kind) in product(graphs, ends)
+        ]
+    found: set[Named] = set()
+    for graph in graphs:
+        for foot in (count, count + 1):
+            renamings = ((GROUND, CRANK, *p) for p in permutations(range(2, count + 2)))
+            if is_wanted(graph, foot) and found.isdisjoint(
+                named(graph, foot, names) for names in renamings
+            ):
+                found.add(named(graph, foot, range(count + 2)))
+    return found
+
+
+def named(graph: Joints, foot: int, names: Sequence[int]) -> Named:
+    low_high = ((*sorted((names[a], names[b])), kind) for a, b, kind in graph)
+    return frozenset(low_high), names[foot]  # type: ignore[arg-type]  # three in each
+
+
+def is_wanted(graph: Joints, foot: int) -> bool:
+    """Return whether the foot is on no circle or line, and no dyad can be taken away from it."""
+    if any({GROUND, foot} == {*joint[:2]} for joint in graph):
+        return False
+    degrees = [sum(body in joint[:2] for joint in graph) for body in range(2 + foot)]
+    loose = [link for link in range(2, foot + 1, 2) if degrees[link] == degrees[link + 1] == 2]
+    return loose == [foot - foot % 2]
+
+
+@pytest.mark.parametrize(('dyads', 'sliders'), [(0, False), (1, False), (2, False), (1, True)])
+def test_every_structure_is_grown_once(dyads: int, *, sliders: bool) -> None:
+    grown = shapes(dyads, sliders=sliders)
+    count = sum(len(brute_force(n, sliders=sliders)) for n in range(dyads + 1))
+    assert len(set(grown)) == len(grown) == count
+    assert count == {(0, False): 1, (1, False): 9, (2, False): 93, (1, True): 75}[dyads, sliders]
+
+
+def test_the_six_bars_are_watts_and_stephensons() -> None:
+    # Which bodies have three joints, and whether these two are joined: all there is to a six-bar.
+    kinds = set()
+    for dyads, _ in shapes(1):
+        joints = [(GROUND, CRANK)]
+        for k, (one, other, _) in enumerate(dyads, start=1):
+            joints += [(2 * k, one), (2 * k, 2 * k + 1), (2 * k + 1, other)]
+        if len(dyads) == 2:
+            ternary = {b for b in range(6) if sum(b in joint for joint in joints) == 3}
+            kinds.add(any(ternary == {*joint} for joint in joints))
+    assert kinds == {True, False}
+
+
+@pytest.mark.parametrize('sliders', [False, True])
+def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
+    wish = wish_from({'grow': {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}})
+    for space in wish.spaces:
+        x = space.sample(np.random.default_rng(0), 200)
+        variants = space.variants(x)
+        assert not variants.error_codes.any()
+        alphas = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        reached = linkage_poses(variants, alphas, kernel='numpy').reason == 0
+        assert reached.any(axis=1).mean() > 0.95
+        assert reached.all(axis=1).mean() > 0.05
+        # In both modes of each dyad.
+        assert all(len(np.unique(row)) == 2 for row in variants.signs)
+
+
+# A figure of eight, 120 by 60 mm.
+EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28, 0.1)]
+
+
+def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(tmp_path: Path) -> None:
+    wish = wish_from(
+        {
+            'grow': {'dyads': 1},
+            'units': {'length': 'mm'},
+            'path': {'points': EIGHT},
+            'count': 1,
+        }
+    )
+    found = search(wish, evaluations=12_000)
+    (leg,) = found.legs
+    assert leg.linkage.name.startswith('Grown six-bar')
+    assert leg.reached['path_error'] < 2e-3
+    # Half of the structures after each round, but four.
+    assert sum(x is not None and len(x) > 0 for x in found.state.populations) == 4
+    file = tmp_path / 'leg.yaml'
+    file.write_text(leg_text(leg.leg))
+    assert robot_from_file(file).legs[0].linkage == leg.linkage
+
+
+def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
+    wish = wish_from(
+        {
+            'grow': {'dyads': 0, 'sliders': True, 'crank': [20, 30]},
+            'units': {'length': 'mm', 'angle': 'deg'},
+            'figures': {'lift': 'maximize', 'transmission_angle': {'at_least': 30}},
+            'count': 3,
+        }
+    )
+    found = search(wish, evaluations=2000)
+    assert found.legs
+    for leg in found.legs:
+        assert 0.02 <= leg.linkage.dimensions['A-C'] <= 0.03
+
+
+@pytest.mark.parametrize(
+    ('content', 'message'),
+    [
+        ({'grow': {'dyads': 1}}, 'grow.crank is missing: the range of its length [mm]'),
+        ({'grow': {'dyads': 3}}, '3 must be <= 2'),
+        ({'grow': {'dyad': 1}}, 'did you mean dyads?'),
+        ({'grow': {'dyads': 1, 'crank': [30, 20]}}, 'grow.crank: the range [30, 20] is empty'),
+        ({'grow': {'dyads': 1, 'crank': [0, 20]}}, '0 must be > 0'),
+        ({}, 'linkage is missing, or grow'),
+    ],
+)
+def test_a_growth_is_refused_in_one_line(content: dict[str, object], message: str) -> None:
+    with pytest.raises(WishError) as error:
+        wish_from({'units': {'length': 'mm'}, **content})
+    assert message in str(error.value)
