@@ -4,6 +4,7 @@ Odometry as others would compute it, for the comparison with walker_node's.
 Each baseline takes the same feet and sensors, and the same rule of which feet stand (`support`).
 """
 
+from cmath import rect
 from collections.abc import Sequence
 from math import cos, pi, sin
 from typing import NamedTuple
@@ -84,10 +85,10 @@ class NoSlip:
         both = {*last.support.feet} & {*self._last.support.feet} or {*self._last.support.feet}
         standing = [foot_motion(last.flat[i], self._last.flat[i], 1.0) for i in both]
         turn = (sample.imu.yaw_rate - self._bias) * dt if self._with_gyro else None
-        x, y, yaw = least_squares(standing, turn)
-        middle = self.pose[2] + yaw / 2.0
-        self.pose[0] += cos(middle) * x - sin(middle) * y
-        self.pose[1] += sin(middle) * x + cos(middle) * y
+        motion, yaw = least_squares(standing, turn)
+        step = motion * rect(1.0, self.pose[2] + yaw / 2.0)
+        self.pose[0] += step.real
+        self.pose[1] += step.imag
         self.pose[2] += yaw
 
 

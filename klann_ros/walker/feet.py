@@ -3,9 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import floor
-import struct
-from typing import NamedTuple
 
 from klann_ros.dynamics.motion import body_motion, BodyMotion
 from klann_ros.kinematics import foot_path, LinkageLeg, turns_fully
@@ -18,11 +15,7 @@ Array = NDArray[np.float64]
 # Angles a turn between which a cubic is within 1e-9 of a leg's size, and intervals in a radian.
 CUBIC_SAMPLES = 720
 PER_RADIAN = CUBIC_SAMPLES / TURN
-# Foot (3), rolling (2), centre of mass (3).
-COLUMNS = 8
 _POWERS = np.arange(4.0)
-_CUBIC = struct.Struct('=4d')
-_INTERVAL = COLUMNS * _CUBIC.size
 # A crank whose legs are on both sides is in the middle; so far from it they are on one [m].
 MIDDLE = 1e-6
 # Legs that advance by less than this part of the robot's size per radian drive it nowhere.
@@ -52,14 +45,6 @@ class Placed:
     feet: Array
     rolled: Array
     centre: Array
-
-
-class Pose(NamedTuple):
-    """`Placed`, of one pose, in plain numbers."""
-
-    feet: list[tuple[float, float, float]]
-    rolled: list[tuple[float, float]]
-    centre: tuple[float, float, float]
 
 
 class Feet:
@@ -103,8 +88,9 @@ class Feet:
                     f'{leg.name or "the leg"} does not turn fully, so it cannot walk'
                 )
         self.crank_of = np.array([self.joints.index(leg.crank_joint) for leg in robot.legs])
-        self._directions = np.array([leg.direction for leg in robot.legs], dtype=np.float64)
-        self._phases = np.array([leg.phase for leg in robot.legs])
+        # Intervals of the table, by leg and angle.
+        self._scales = np.array([leg.direction * PER_RADIAN for leg in robot.legs])
+        self._starts = np.array([leg.phase * PER_RADIAN for leg in robot.legs])
         masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
         body = robot.body
         self._total = sum(masses) + (body.mass if body else 0.0)
@@ -112,19 +98,9 @@ class Feet:
         self._fixed = np.zeros(3)
         if body is not None:
             self._fixed = np.array(body.centre) * body.mass / self._total
-        # By leg, by interval, by column, by power.
-        self._cubics = np.stack([_leg_cubics(leg, foot_radius) for leg in robot.legs])
-        self._which = np.arange(len(robot.legs))
-        self._packed = list(
-            zip(
-                self.crank_of.tolist(),
-                self._directions.tolist(),
-                self._phases.tolist(),
-                self._shares.tolist(),
-                map(np.ndarray.tobytes, self._cubics),
-                strict=True,
-            )
-        )
+        # By leg and interval, by column, by power.
+        self._cubics = np.concatenate([_leg_cubics(leg, foot_radius) for leg in robot.legs])
+        self._rows = CUBIC_SAMPLES * np.arange(len(robot.legs))
 
     @property
     def count(self) -> int:
@@ -164,8 +140,8 @@ class Feet:
     @cached_property
     def reach(self) -> float:
         """Return the greatest distance of a foot from base_link over the ground [m]."""
-        placed = self.at(np.linspace(0.0, TURN, 60)[:, None] * np.ones(len(self.joints)))
-        return float(np.hypot(*placed.feet[..., :2].T).max())
+        values = self._values(np.linspace(0.0, TURN, 60)[:, None] * np.ones(len(self.joints)))
+        return float(np.hypot(*values[..., :2].T).max())
 
     @cached_property
     def gyration(self) -> float:
@@ -194,39 +170,20 @@ class Feet:
         centre = self._fixed + self._shares @ values[..., 5:]
         return Placed(values[..., :3], values[..., 3:5], centre)
 
-    def pose(self, cranks: Sequence[float]) -> Pose:
-        """
-        Return where the feet are in one pose, ten times as fast as `at`.
-
-        Parameters
-        ----------
-        cranks : sequence of float
-            Angles of the cranks [rad].
-
-        """
-        feet, rolled = [], []
-        cx, cy, cz = self._fixed.tolist()
-        for crank, direction, phase, share, cubics in self._packed:
-            turned = (cranks[crank] * direction + phase) * PER_RADIAN
-            whole = floor(turned)
-            t = turned - whole
-            begin = whole % CUBIC_SAMPLES * _INTERVAL
-            x, y, z, rx, ry, mx, my, mz = [
-                a + t * (b + t * (c + t * d))
-                for a, b, c, d in _CUBIC.iter_unpack(cubics[slice(begin, begin + _INTERVAL)])
-            ]
-            feet.append((x, y, z))
-            rolled.append((rx, ry))
-            cx, cy, cz = cx + share * mx, cy + share * my, cz + share * mz
-        return Pose(feet, rolled, (cx, cy, cz))
+    def pose(
+        self, cranks: Sequence[float]
+    ) -> tuple[list[list[float]], list[list[float]], list[float]]:
+        """Return feet, rolling and centre of mass of one pose: `at`, in plain numbers."""
+        placed = self.at(cranks)
+        return placed.feet.tolist(), placed.rolled.tolist(), placed.centre.tolist()
 
     def _values(self, cranks: ArrayLike) -> Array:
         """Return foot, rolling and centre of mass of each leg, shape (..., n, 8)."""
-        angles = np.asarray(cranks, dtype=np.float64)[..., self.crank_of]
-        turned = (angles * self._directions + self._phases) * PER_RADIAN
+        angles = np.asarray(cranks, dtype=np.float64).take(self.crank_of, axis=-1)
+        turned = angles * self._scales + self._starts
         whole = np.floor(turned)
         powers = (turned - whole)[..., None] ** _POWERS
-        cubic = self._cubics[self._which, whole.astype(np.int64) % CUBIC_SAMPLES]
+        cubic = self._cubics.take(whole.astype(np.int64) % CUBIC_SAMPLES + self._rows, axis=0)
         return np.asarray((cubic @ powers[..., None])[..., 0], dtype=np.float64)
 
 

@@ -1,17 +1,18 @@
 """What a walker does over a turn of its cranks, before anything is built."""
 
+from cmath import rect
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin
+from itertools import combinations
+from math import inf
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot
 import numpy as np
-from numpy.typing import NDArray
 
-from .feet import Feet
-from .stance import body_displacement, outside, stance_pose, Support, support
+from .feet import Array, Feet
+from .stance import body_displacement, Point, stance_pose, support
 
-Array = NDArray[np.float64]
 TURN_SAMPLES = 720
 # A walker that rests for less of a turn is unstable.
 MIN_STABLE_FRACTION = 0.5
@@ -149,39 +150,31 @@ def walk_figures(
     alphas = np.linspace(0.0, TURN, samples + 1)
     placed = feet.at(alphas[:, None] * feet.senses)
     columns = placed.feet, placed.rolled, placed.centre
-    poses = list(zip(*(column.tolist() for column in columns), strict=True))
-    rests: list[Support | None] = []
-    facet = None
-    for points, _, centre in poses:
-        rests.append(rest := support(points, centre, facet))
-        facet = rest.facet if rest else facet
-    x = y = yaw = slid = 0.0
-    path, last = [], None
-    for (points, rolled, _), rest in zip(poses, rests, strict=True):
+    at, yaw, slid, path = 0j, 0.0, 0.0, []
+    loads, rows = np.zeros((samples + 1, feet.count)), np.full((samples + 1, 4), np.nan)
+    last = facet = None
+    for k, (points, rolled, centre) in enumerate(
+        zip(*(column.tolist() for column in columns), strict=True)
+    ):
         # Without support it falls, to an unknown pose.
-        pose = stance_pose(points, rolled, rest) if rest else None
-        if last and pose:
-            step = body_displacement(last, pose)
-            middle = yaw + step.yaw / 2.0
-            x += cos(middle) * step.x - sin(middle) * step.y
-            y += sin(middle) * step.x + cos(middle) * step.y
-            yaw, slid = yaw + step.yaw, slid + step.slid
-        last = pose
-        path.append((x, y, yaw))
-    loads = np.zeros((samples, feet.count))
-    rows = np.full((samples, 4), np.nan)
-    for k, rest in enumerate(rests[:-1]):
-        if rest is None:
-            points, _, centre = poses[k]
-            rows[k, 3] = -outside(points, centre)
-        else:
+        pose = None
+        if rest := support(points, centre, facet):
+            facet, pose = rest.facet, stance_pose(points, rolled, rest)
             loads[k, list(rest.feet)] = rest.loads
             rows[k] = rest.height, rest.roll, rest.pitch, rest.margin
-    height, roll, pitch, margin = rows.T
+        else:
+            rows[k, 3] = -_outside(points, centre)
+        if last and pose:
+            step = body_displacement(last, pose)
+            at += step.motion * rect(1.0, yaw + step.yaw / 2.0)
+            yaw, slid = yaw + step.yaw, slid + step.slid
+        last = pose
+        path.append((at.real, at.imag, yaw))
+    height, roll, pitch, margin = rows[:-1].T
     return GaitFigures(
         legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
         alphas=alphas[:-1],
-        loads=loads,
+        loads=loads[:-1],
         height=height,
         roll=roll,
         pitch=pitch,
@@ -189,3 +182,13 @@ def walk_figures(
         advance=np.array(path[1:]),
         slid=slid,
     )
+
+
+def _outside(feet: Sequence[Point], centre: Point) -> float:
+    """Return the distance of a centre of mass from the polygon of all feet, from above [m]."""
+    middle, nearest = complex(*centre[:2]), inf
+    for p, q in combinations(feet, 2):
+        edge, away = complex(*q[:2]) - complex(*p[:2]), middle - complex(*p[:2])
+        t = (away * edge.conjugate()).real / (abs(edge) ** 2 or 1.0)
+        nearest = min(nearest, abs(away - max(0.0, min(1.0, t)) * edge))
+    return nearest

@@ -13,9 +13,8 @@ from typing import NamedTuple
 from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics.angles import TURN
 
-from .stance import gravity_aligned
+from .stance import gravity_aligned, Triple
 
-Triple = tuple[float, float, float]
 # Time constant of the complementary filter between gyro and orientation [s].
 COMPLEMENTARY_FILTER_TIME = 0.5
 # A longer gap between readings invalidates the interval [s], and so does a gap that exceeds the
@@ -46,9 +45,9 @@ class ImuReading(NamedTuple):
         About the vertical [rad/s].
     at : float
         Time [s].
-    roll, pitch : float or None
-        [rad].
-    roll_rate, pitch_rate : float
+    attitude : (float, float) or None
+        Roll and pitch [rad].
+    attitude_rates : (float, float)
         Their derivatives [rad/s].
     force : (float, float, float) or None
         Specific force in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
@@ -58,10 +57,8 @@ class ImuReading(NamedTuple):
     yaw: float | None
     yaw_rate: float
     at: float
-    roll: float | None = None
-    pitch: float | None = None
-    roll_rate: float = 0.0
-    pitch_rate: float = 0.0
+    attitude: tuple[float, float] | None = None
+    attitude_rates: tuple[float, float] = (0.0, 0.0)
     force: Triple | None = None
 
 
@@ -96,12 +93,12 @@ def imu_reading(
     yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     rate = up[0] * angular[0] + up[1] * angular[1] + up[2] * angular[2]
     level = hypot(up[1], up[2])
-    roll, pitch = atan2(up[1], up[2]), atan2(-up[0], level)
     # Angular rates about the horizontal axes.
     across = (up[2] * angular[1] - up[1] * angular[2]) / (level or 1.0)
     along = (up[1] * angular[1] + up[2] * angular[2]) / (level or 1.0)
-    rolls = angular[0] - up[0] / (level or 1.0) * along
-    return ImuReading(yaw, rate, at, roll, pitch, rolls, across, force)
+    rates = angular[0] - up[0] / (level or 1.0) * along, across
+    attitude = atan2(up[1], up[2]), atan2(-up[0], level)
+    return ImuReading(yaw, rate, at, attitude, rates, force)
 
 
 class ImuIncrement(NamedTuple):
@@ -117,14 +114,6 @@ class ImuIncrement(NamedTuple):
     # Largest component of the last angular velocity [rad/s].
     body_rate: float
 
-    def divided(self, steps: int) -> 'ImuIncrement':
-        """Return the part of one of equal steps; the attitude is that at the end."""
-        if steps == 1:
-            return self
-        change = self.delta_velocity
-        part = change and (change[0] / steps, change[1] / steps, change[2] / steps)
-        return self._replace(turn=self.turn / steps, delta_velocity=part, span=self.span / steps)
-
 
 class ImuPreintegration:
     """Accumulate readings of an IMU from one reading of the cranks to the next."""
@@ -138,90 +127,76 @@ class ImuPreintegration:
         self._count = 0
         # Usual time between readings, and the time without one [s].
         self.period = self._silent = 0.0
-        self._clear()
-        self._is_complete = False
+        self._clear(is_complete=False)
 
-    def _clear(self) -> None:
+    def _clear(self, *, is_complete: bool = True) -> None:
         self._turn = self._span = 0.0
         self._sum: Triple = (0.0, 0.0, 0.0)
-        self._is_complete = True
+        self._is_complete = is_complete
 
     def read(self, reading: ImuReading) -> None:
         """Take a reading."""
-        last, self.last = self.last, reading
+        last, self.last = self.last or reading, reading
         self._count += 1
-        if last is None:
-            self._heading = reading.yaw
-            self._update_attitude(reading, reading, 0.0, 1.0)
-            return
         dt = max(0.0, reading.at - last.at)
         # The mean of the first readings, then a mean over the time constant.
         share = min(1.0, max(dt / COMPLEMENTARY_FILTER_TIME, 1.0 / self._count))
-        # After a longer gap the rate is unknown.
-        is_short = dt < COMPLEMENTARY_FILTER_TIME
-        turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * dt if is_short else 0.0
+        # After a longer gap the rates are unknown.
+        known = dt if dt < COMPLEMENTARY_FILTER_TIME else 0.0
+        turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * known
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turn
             correction = share * ((reading.yaw - heading + pi) % TURN - pi)
             turn += correction
             self._heading = heading + correction
         self._turn += turn
-        self._update_attitude(last, reading, dt if is_short else 0.0, share)
-        self._integrate_force(last, reading)
-
-    def _update_attitude(
-        self, last: ImuReading, reading: ImuReading, dt: float, share: float
-    ) -> None:
-        if reading.roll is None or reading.pitch is None:
+        if reading.attitude is None:
             self._attitude = None
-            return
-        roll, pitch = self._attitude or (reading.roll, reading.pitch)
-        roll += (reading.roll_rate + last.roll_rate) / 2.0 * dt
-        pitch += (reading.pitch_rate + last.pitch_rate) / 2.0 * dt
-        roll += share * ((reading.roll - roll + pi) % TURN - pi)
-        self._attitude = roll, pitch + share * (reading.pitch - pitch)
+        else:
+            before = self._attitude or reading.attitude
+            rates = zip(before, last.attitude_rates, reading.attitude_rates, strict=True)
+            moved = [angle + (p + q) / 2.0 * known for angle, p, q in rates]
+            roll, pitch = (
+                angle + share * (measured - angle)
+                for angle, measured in zip(moved, reading.attitude, strict=True)
+            )
+            self._attitude = roll, pitch
+        if reading.at != last.at:
+            self._integrate_force(last, reading)
 
     def _integrate_force(self, last: ImuReading, reading: ImuReading) -> None:
-        dt = reading.at - last.at
-        if dt == 0.0:
-            return
-        if (
-            reading.force is None
-            or last.roll is None
-            or last.pitch is None
-            or reading.roll is None
-            or reading.pitch is None
-            or not 0.0 < dt < MAX_READING_GAP
+        dt, force = reading.at - last.at, reading.force
+        if not (
+            force
+            and last.attitude
+            and reading.attitude
+            and 0.0 < dt < MAX_READING_GAP
             # NaN compares with nothing.
-            or not all(abs(part) * dt < MAX_IMPULSE for part in reading.force)
+            and all(abs(part) * dt < MAX_IMPULSE for part in force)
         ):
             self._is_complete = False
             return
         self.has_accelerometer = True
         self._is_complete &= dt <= DROPOUT_RATIO * (self.period or dt)
         self.period += PERIOD_SMOOTHING * (dt - self.period) if self.period else dt
-        roll, pitch = (last.roll + reading.roll) / 2.0, (last.pitch + reading.pitch) / 2.0
-        x, y, z = reading.force
-        ((forwards, left),) = gravity_aligned([reading.force], roll, pitch)
+        roll, pitch = ((a + b) / 2.0 for a, b in zip(last.attitude, reading.attitude, strict=True))
+        (level,) = gravity_aligned([force], roll, pitch)
+        x, y, z = force
         up = -sin(pitch) * x + cos(pitch) * (sin(roll) * y + cos(roll) * z) - GRAVITY
         sx, sy, sz = self._sum
-        self._sum = sx + forwards * dt, sy + left * dt, sz + up * dt
+        self._sum = sx + level.real * dt, sy + level.imag * dt, sz + up * dt
         self._span += dt
 
     def take(self, seconds: float) -> ImuIncrement | None:
         """Return the measurements since the last call, `seconds` ago; None without an IMU."""
-        if self.last is None:
+        last = self.last
+        if last is None:
             return None
         self._silent = 0.0 if self._span else self._silent + seconds
         is_valid = self._is_complete and self._silent <= MAX_READING_GAP
-        last = self.last
-        taken = ImuIncrement(
-            self._turn,
-            self._attitude,
-            self._sum if is_valid else None,
-            self._span,
-            max(abs(last.yaw_rate), abs(last.roll_rate), abs(last.pitch_rate)),
-        )
+        delta_velocity = self._sum if is_valid else None
+        body_rate = max(map(abs, (last.yaw_rate, *last.attitude_rates)))
+        taken = ImuIncrement(self._turn, self._attitude, delta_velocity, self._span, body_rate)
         self._clear()
         return taken
 
@@ -238,7 +213,7 @@ class StandstillCalibration:
         self._gyro_noise, self._creep = gyro_noise, creep
         self._rested, self._required = 0.0, MIN_CALIBRATION_TIME
         # Mean specific force less gravity at standstill [m/s^2].
-        self._mean: Triple = (0.0, 0.0, 0.0)
+        self._mean = [0.0, 0.0, 0.0]
         self.restart()
 
     def restart(self) -> None:
@@ -288,26 +263,24 @@ class StandstillCalibration:
             self._rested += taken.span
             share = min(1.0, taken.span / min(self._rested, MAX_CALIBRATION_TIME))
             both = zip(self._mean, taken.delta_velocity, strict=True)
-            x, y, z = (mean + share * (part / taken.span - mean) for mean, part in both)
-            self._mean = x, y, z
+            self._mean = [mean + share * (part / taken.span - mean) for mean, part in both]
         if self._still < SETTLING_TIME:
             return 0.0, 0.0
         # The mean rate since the standstill began is known with this information; what the
         # interval adds is that after it less that before it.
-        before, at_first = self._information(heading_variance), self._turned
-        mean = self._turned / (self._time or 1.0)
+        before, weighted = self._information(heading_variance)
         self._time += seconds
-        self._turned = at_first + taken.turn
-        after = self._information(heading_variance)
-        added = after - before
-        return (after * self._turned / self._time - before * mean) / added, 1.0 / added
+        self._turned += taken.turn
+        after, total = self._information(heading_variance)
+        return (total - weighted) / (after - before), 1.0 / (after - before)
 
-    def _information(self, heading_variance: float) -> float:
-        """Return the information on the bias: noise, and feet that creep at standstill."""
+    def _information(self, heading_variance: float) -> tuple[float, float]:
+        """Return the information on the mean rate, by noise and creeping feet, and its vector."""
         white, time = self._gyro_noise**2, self._time
         if not time:
-            return 0.0
+            return 0.0, 0.0
         noise = white / time
         if heading_variance:
             noise = 2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0) / time**2
-        return 1.0 / (noise + self._creep**2)
+        information = 1.0 / (noise + self._creep**2)
+        return information, information * self._turned / time

@@ -35,14 +35,15 @@ from itertools import combinations
 from math import asin, atan2, cos, hypot, inf, sin, sqrt
 from typing import NamedTuple
 
+from klann_ros.dynamics import GRAVITY
+
 Point = Sequence[float]
-Vec2 = tuple[float, float]
 Triple = tuple[float, float, float]
 Facet = tuple[int, int, int]
-# A symmetric 3 x 3 matrix, row by row: xx, xy, xz, yy, yz, zz.
+# xx, xy, xz, yy, yz, zz of a symmetric matrix.
 Symmetric = tuple[float, float, float, float, float, float]
-# Rounding: of areas by the squared size, of load shares, and of heights [m].
-FLAT, ROUNDING, BELOW = 1e-9, 1e-12, 1e-12
+# Relative area of a vertical facet; rounding of load shares and of positions [m].
+FLAT, ROUNDING = 1e-9, 1e-12
 # Cosine of the tilt beyond which a body lies on its side: 30 deg.
 STANDING = 0.866
 # Feet up to this height above the plane carry load as well, and a foot sinks by this under the
@@ -50,9 +51,10 @@ STANDING = 0.866
 TOUCHING, SINK = 1e-6, 5e-4
 # Iterations of the loads and of the slip, the relative tolerance of the latter, and the slip of
 # sticking feet by the longest step.
-ITERATIONS, CHANGE, HOLDS = 12, 1e-5, 1e-3
-# Yaw information of no foot, as a part of the feet's: coincident feet define no rotation.
-NO_YAW = 1e-9
+ITERATIONS, CHANGE, STICK_TOLERANCE = 12, 1e-5, 1e-3
+# Yaw information: of no foot, as a part of the feet's (coincident feet define no rotation), and of
+# a rotation that is measured.
+NO_YAW, MEASURED_YAW = 1e-9, 1e18
 
 
 class Support(NamedTuple):
@@ -104,33 +106,25 @@ class Support(NamedTuple):
         It is the horizontal distance of the centre of mass from the nearest edge of the polygon of
         the feet that touch the ground.
         """
-        corners, (nx, ny, nz), nearest = self.corners, self.normal, inf
+        *corners, centre = gravity_aligned([*self.corners, self.centre], self.roll, self.pitch)
+        nearest = inf
         for a, b in combinations(corners, 2):
-            ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-            sides = [ex * (f[1] - a[1]) - ey * (f[0] - a[0]) for f in corners]
-            if min(sides) < -ROUNDING and max(sides) > ROUNDING:
-                continue
-            # From the upright plane through both.
-            out = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
-            away = sum(o * (c - p) for o, c, p in zip(out, self.centre, a, strict=True))
-            nearest = min(nearest, abs(away) / (hypot(*out) or 1.0))
+            edge = (b - a) / (abs(b - a) or 1.0)
+            sides = [((foot - a) * edge.conjugate()).imag for foot in corners]
+            if min(sides) > -ROUNDING or max(sides) < ROUNDING:
+                nearest = min(nearest, abs(((centre - a) * edge.conjugate()).imag))
         return nearest
 
-
-def outside(feet: Sequence[Point], centre: Point) -> float:
-    """Return the distance of a centre of mass from the polygon of all feet, from above [m]."""
-    nearest = inf
-    for a, b in combinations(feet, 2):
-        ex, ey, x, y = b[0] - a[0], b[1] - a[1], centre[0] - a[0], centre[1] - a[1]
-        t = max(0.0, min(1.0, (x * ex + y * ey) / ((ex * ex + ey * ey) or 1.0)))
-        nearest = min(nearest, hypot(x - t * ex, y - t * ey))
-    return nearest
+    def height_of(self, point: Point) -> float:
+        """Return the height of a point of base_link above the ground [m]."""
+        (nx, ny, nz), (x, y, z) = self.normal, point
+        return self.height + nx * x + ny * y + nz * z
 
 
-def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[Vec2]:
-    """Return points or vectors of base_link, turned by roll and pitch, seen from above."""
+def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[complex]:
+    """Return points or vectors of base_link, turned by roll and pitch, seen from above: x + jy."""
     b, a, d, c = sin(roll), cos(roll), sin(pitch), cos(pitch)
-    return [(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
+    return [complex(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
 
 
 def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) -> Support | None:
@@ -152,19 +146,25 @@ def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) ->
         stable = [each for facet in _facets(len(feet)) if (each := _on(feet, centre, facet))]
         if not stable:
             return None
-        found = min(stable, key=lambda s: (-min(s.normal[2], STANDING), _above(s, centre)))
-    return _shared(feet, found)
+        found = min(stable, key=lambda s: (-min(s.normal[2], STANDING), s.height_of(centre)))
+    (x, y, z), top = found.normal, TOUCHING - found.height
+    touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
+    if len(touch) == 3:
+        return found
+    found, above = found._replace(corners=[feet[i] for i in touch]), found.height_of(centre)
+    ground = complex(centre[0] - above * x, centre[1] - above * y)
+    flat = [complex(corner[0], corner[1]) for corner in found.corners]
+    loads = spring_loads(flat, [0.0] * len(touch), ground)
+    carrying = [(i, load) for i, load in zip(touch, loads, strict=True) if load > 0.0]
+    if len(carrying) <= 3:
+        return found
+    on, shares = zip(*carrying, strict=True)
+    return found._replace(feet=on, loads=shares)
 
 
 @cache
 def _facets(count: int) -> tuple[Facet, ...]:
     return tuple(combinations(range(count), 3))
-
-
-def _above(found: Support, point: Point) -> float:
-    """Return the height of a point above the ground."""
-    (x, y, z), (px, py, pz) = found.normal, point
-    return found.height + x * px + y * py + z * pz
 
 
 def _on(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | None:
@@ -185,30 +185,22 @@ def _on(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | None:
     a = 1.0 - b - c
     if min(a, b, c) < -ROUNDING:
         return None
-    if min([fx * x + fy * y + fz * z for fx, fy, fz in feet]) < -height - BELOW:
+    if min([fx * x + fy * y + fz * z for fx, fy, fz in feet]) < -height - ROUNDING:
         return None
     return Support(facet, (a, b, c), facet, (x, y, z), height, corners, centre)
 
 
-def _shared(feet: Sequence[Point], found: Support) -> Support:
-    """Return a support on all feet that touch its plane."""
-    (x, y, z), centre = found.normal, found.centre
-    top = TOUCHING - found.height
-    touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
-    if len(touch) == 3:
-        return found
-    above, corners = _above(found, centre), [feet[i] for i in touch]
-    flat = [(corner[0], corner[1]) for corner in corners]
-    ground = centre[0] - above * x, centre[1] - above * y
-    loads = spring_loads(flat, [0.0] * len(touch), ground)
-    carrying = [(i, load) for i, load in zip(touch, loads, strict=True) if load > 0.0]
-    if len(carrying) > 3:
-        on, shares = zip(*carrying, strict=True)
-        return found._replace(feet=on, loads=shares, corners=corners)
-    return found._replace(corners=corners)
+def zero_moment_point(centre: complex, height: float, acceleration: complex) -> complex:
+    """
+    Return the point around which the feet carry an accelerated body [m], seen from above.
+
+    Gravity and inertia of a centre of mass at a height [m] have no moment about it that would tip
+    the body (M. Vukobratovic, B. Borovac, Zero-moment point, 2004).
+    """
+    return centre - height / GRAVITY * acceleration
 
 
-def spring_loads(flat: Sequence[Vec2], heights: Sequence[float], over: Vec2) -> list[float]:
+def spring_loads(flat: Sequence[complex], heights: Sequence[float], over: complex) -> list[float]:
     """
     Return the load shares of feet that give way like springs.
 
@@ -217,48 +209,47 @@ def spring_loads(flat: Sequence[Vec2], heights: Sequence[float], over: Vec2) -> 
 
     Parameters
     ----------
-    flat : sequence of (float, float)
+    flat : sequence of complex
         All feet, seen from above [m].
     heights : sequence of float
         Heights of the feet above the plane of their support [m].
-    over : (float, float)
+    over : complex
         The point in which the weight acts [m].
 
     """
-    ox, oy = over
-    at = [(x - ox, y - oy, h) for (x, y), h in zip(flat, heights, strict=True)]
-    active = [i for i, h in enumerate(heights) if h < TOUCHING]
-    loads = [0.0] * len(at)
+    at = [
+        (foot.real - over.real, foot.imag - over.imag, h)
+        for foot, h in zip(flat, heights, strict=True)
+    ]
+    active = [each for each in at if each[2] < TOUCHING]
+    sinks = [0.0] * len(at)
     for _ in range(ITERATIONS):
-        xx = xy = yy = sx = sy = sh = hx = hy = 0.0
-        for i in active:
-            x, y, h = at[i]
-            xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+        sx = sy = xx = xy = yy = hx = hy = 0.0
+        sh = SINK
+        for x, y, h in active:
             sx, sy, sh, hx, hy = sx + x, sy + y, sh + h, hx + h * x, hy + h * y
+            xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
         n = float(len(active))
         whole = n * (xx * yy - xy * xy) - sx * (sx * yy - sy * xy) + sy * (sx * xy - sy * xx)
         if abs(whole) <= FLAT * (xx + yy) ** 2:
             break
         p, q, r, s, t, u = inverse((n, sx, sy, xx, xy, yy))
-        sh += SINK
         d, a, b = p * sh + q * hx + r * hy, q * sh + s * hx + t * hy, r * sh + t * hx + u * hy
-        loads = [max(0.0, (d + a * x + b * y - h) / SINK) for x, y, h in at]
-        carrying = [i for i, load in enumerate(loads) if load > 0.0]
-        if carrying == active:
+        sinks = [max(0.0, d + a * x + b * y - h) for x, y, h in at]
+        last, active = active, [each for each, sink in zip(at, sinks, strict=True) if sink > 0.0]
+        if active == last:
             break
-        active = carrying
-    total = sum(loads)
-    return [load / total for load in loads] if total else loads
+    total = sum(sinks) or 1.0
+    return [sink / total for sink in sinks]
 
 
 class FootMotion(NamedTuple):
-    """Motion of a standing foot in the level frame of base_link: a step [m] or velocity [m/s]."""
+    """A standing foot in the level frame of base_link."""
 
-    x: float
-    y: float
+    # A step [m] or velocity [m/s].
+    motion: complex
     # Motion over the ground for each rad of the body's rotation [m].
-    arm_x: float
-    arm_y: float
+    arm: complex
     # Its weight in the sum.
     load: float
 
@@ -266,21 +257,21 @@ class FootMotion(NamedTuple):
 class MotionPrior(NamedTuple):
     """Motion of the body without friction, and a force that friction balances."""
 
-    # x, y and yaw, and their inverse covariance.
-    mean: Triple
-    information: Symmetric
+    motion: complex = 0j
+    yaw: float = 0.0
+    # Inverse covariance of x, y and yaw.
+    information: Symmetric = (0.0,) * 6
     # In units of mu times the weight of the body, weighted as the loads are.
-    force: Vec2
+    force: complex = 0j
 
 
 class BodyStep(NamedTuple):
     """Motion of a body over the ground, in base_link's directions before: a step or velocity."""
 
-    x: float
-    y: float
-    yaw: float
+    motion: complex = 0j
+    yaw: float = 0.0
     # Load-weighted slip of its feet.
-    slid: float
+    slid: float = 0.0
     # Inverse of the information of prior and feet.
     covariance: Symmetric = (0.0,) * 6
 
@@ -289,22 +280,21 @@ class StancePose(NamedTuple):
     """A pose of a body on its feet; positions in its level frame, seen from above [m]."""
 
     support: Support
-    # All feet, with their rolling.
-    flat: list[Vec2]
-    # The centre of mass.
-    centre: Vec2 = (0.0, 0.0)
+    # All feet, with their rolling, and the centre of mass.
+    flat: list[complex]
+    centre: complex
 
 
 def stance_pose(
     feet: Sequence[Point],
     rolled: Sequence[Sequence[float]],
     support: Support,
-    attitude: Vec2 | None = None,
+    attitude: tuple[float, float] | None = None,
     centre: Point = (0.0, 0.0, 0.0),
 ) -> StancePose:
     """Return a pose; `attitude` is roll and pitch where they are measured [rad]."""
     *level, middle = gravity_aligned([*feet, centre], *(attitude or (support.roll, support.pitch)))
-    flat = [(x + rx, y + ry) for (x, y), (rx, ry) in zip(level, rolled, strict=True)]
+    flat = [foot + complex(*rolls) for foot, rolls in zip(level, rolled, strict=True)]
     return StancePose(support, flat, middle)
 
 
@@ -315,22 +305,16 @@ def body_displacement(before: StancePose, after: StancePose) -> BodyStep:
         for foot, load in zip(support.feet, support.loads, strict=True):
             loads[foot] += load / 2.0
     feet = [foot_motion(before.flat[i], after.flat[i], load) for i, load in loads.items()]
-    return minimize_slip(feet, HOLDS * max(abs(foot.x) + abs(foot.y) for foot in feet))
+    return minimize_slip(feet, STICK_TOLERANCE * max(abs(foot.motion) for foot in feet))
 
 
-def foot_motion(before: Vec2, after: Vec2, load: float, seconds: float = 1.0) -> FootMotion:
+def foot_motion(before: complex, after: complex, load: float, seconds: float = 1.0) -> FootMotion:
     """Return the motion of a foot between two places, divided by a time."""
-    (px, py), (qx, qy) = before, after
-    return FootMotion(
-        (qx - px) / seconds, (qy - py) / seconds, -(py + qy) / 2.0, (px + qx) / 2.0, load
-    )
+    return FootMotion((after - before) / seconds, 0.5j * (before + after), load)
 
 
 def minimize_slip(
-    feet: Sequence[FootMotion],
-    creep: float,
-    prior: MotionPrior | None = None,
-    yaw: float | None = None,
+    feet: Sequence[FootMotion], creep: float, prior: MotionPrior | None = None
 ) -> BodyStep:
     """
     Return the motion of a body whose feet move.
@@ -343,68 +327,51 @@ def minimize_slip(
         Slip below which friction is regularised, in the unit of the motions.
     prior : MotionPrior, optional
         Motion without friction; without it, friction is all.
-    yaw : float, optional
-        Rotation of the body, where it is measured.
 
     """
-    x, y, turn = prior.mean if prior else (0.0, 0.0, 0.0)
-    scale = sum([abs(foot.x) + abs(foot.y) for foot in feet]) + abs(x) + abs(y)
+    v, turn = prior[:2] if prior else least_squares(feet)
+    prior = prior or MotionPrior()
+    scale = sum([abs(foot.motion) for foot in feet]) + abs(v)
     if scale == 0.0:
-        return BodyStep(0.0, 0.0, yaw or 0.0, 0.0)
-    pxx = pxy = pxt = pyy = pyt = ptt = bx = by = bt = 0.0
-    if prior is None:
-        x, y, turn = least_squares(feet, yaw)
-    else:
-        turn = turn if yaw is None else yaw
-        pxx, pxy, pxt, pyy, pyt, ptt = prior.information
-        bx = pxx * x + pxy * y + pxt * turn + prior.force[0]
-        by = pxy * x + pyy * y + pyt * turn + prior.force[1]
-        bt = pxt * x + pyt * y + ptt * turn
-    floor, change = creep * creep, CHANGE * scale
-    # Least squares without a prior is the first iteration.
-    for _ in range(ITERATIONS if prior else ITERATIONS - 1):
-        xx, xy, xt, yy, yt, tt, rx, ry, rt = pxx, pxy, pxt, pyy, pyt, ptt, bx, by, bt
-        for dx, dy, jx, jy, load in feet:
-            ex, ey = dx + x + turn * jx, dy + y + turn * jy
-            w = load / sqrt(ex * ex + ey * ey + floor)
-            xx += w
-            yy += w
-            xt += w * jx
-            yt += w * jy
-            tt += w * (jx * jx + jy * jy)
-            rx -= w * dx
-            ry -= w * dy
-            rt -= w * (jx * dx + jy * dy)
-        last_x, last_y, last_turn = x, y, turn
-        if yaw is None:
-            covariance = inverse((xx, xy, xt, yy, yt, tt * (1.0 + NO_YAW)))
-            cxx, cxy, cxt, cyy, cyt, ctt = covariance
-            turn = cxt * rx + cyt * ry + ctt * rt
-            x, y = cxx * rx + cxy * ry + cxt * rt, cxy * rx + cyy * ry + cyt * rt
-        else:
-            whole = xx * yy - xy * xy
-            cxx, cxy, cyy = yy / whole, -xy / whole, xx / whole
-            covariance = (cxx, cxy, 0.0, cyy, 0.0, 0.0)
-            rx, ry = rx - xt * yaw, ry - yt * yaw
-            x, y = cxx * rx + cxy * ry, cxy * rx + cyy * ry
+        return BodyStep(yaw=turn)
+    mean, yaw, (a, b, c, d, e, f), force = prior
+    px = a * mean.real + b * mean.imag + c * yaw + force.real
+    py = b * mean.real + d * mean.imag + e * yaw + force.imag
+    pt = c * mean.real + e * mean.imag + f * yaw
+    # Motion, arm, load, arm . arm, arm . motion.
+    terms = [(m, arm, load, abs(arm) ** 2, (arm.conjugate() * m).real) for m, arm, load in feet]
+    for _ in range(ITERATIONS):
+        n, arms, moves, tt, rt = 0.0, 0j, 0j, f, pt
+        for motion, arm, load, square, along in terms:
+            slip = motion + v + turn * arm
+            w = load / hypot(slip.real, slip.imag, creep)
+            n += w
+            arms += w * arm
+            moves += w * motion
+            tt += w * square
+            rt -= w * along
+        covariance = inverse((a + n, b, c + arms.real, d + n, e + arms.imag, tt * (1.0 + NO_YAW)))
+        xx, xy, xt, yy, yt, tt = covariance
+        rx, ry, last, last_turn = px - moves.real, py - moves.imag, v, turn
+        v = complex(xx * rx + xy * ry + xt * rt, xy * rx + yy * ry + yt * rt)
+        turn = xt * rx + yt * ry + tt * rt
         # A rotation moves feet by about their distance in metres.
-        if abs(x - last_x) + abs(y - last_y) + abs(turn - last_turn) < change:
+        if abs(v - last) + abs(turn - last_turn) < CHANGE * scale:
             break
-    slips = [(f.load, f.x + x + turn * f.arm_x, f.y + y + turn * f.arm_y) for f in feet]
-    slid = sum([load * hypot(ex, ey) for load, ex, ey in slips])
-    return BodyStep(x, y, turn, slid, covariance)
+    slid = sum([load * abs(motion + v + turn * arm) for motion, arm, load in feet])
+    return BodyStep(v, turn, slid, covariance)
 
 
-def least_squares(feet: Sequence[FootMotion], yaw: float | None = None) -> Triple:
-    """Return x, y and yaw of the body by load-weighted least squares of the slip."""
-    n = sx = sy = sjx = sjy = jj = jd = 0.0
-    for dx, dy, jx, jy, load in feet:
-        n, sx, sy = n + load, sx + load * dx, sy + load * dy
-        sjx, sjy = sjx + load * jx, sjy + load * jy
-        jj, jd = jj + load * (jx * jx + jy * jy), jd + load * (jx * dx + jy * dy)
+def least_squares(feet: Sequence[FootMotion], yaw: float | None = None) -> tuple[complex, float]:
+    """Return motion and yaw of the body by load-weighted least squares of the slip."""
+    n = sum([foot.load for foot in feet])
+    moves, arms = (sum([foot.load * foot[k] for foot in feet]) for k in (0, 1))
     if yaw is None:
-        yaw = (sjx * sx + sjy * sy - n * jd) / (n * jj * (1.0 + NO_YAW) - sjx * sjx - sjy * sjy)
-    return -(sx + yaw * sjx) / n, -(sy + yaw * sjy) / n, yaw
+        squares = sum([foot.load * abs(foot.arm) ** 2 for foot in feet])
+        along = sum([foot.load * (foot.arm.conjugate() * foot.motion).real for foot in feet])
+        yaw = (arms.conjugate() * moves).real - n * along
+        yaw /= n * squares * (1.0 + NO_YAW) - abs(arms) ** 2
+    return -(moves + yaw * arms) / n, yaw
 
 
 def inverse(matrix: Symmetric) -> Symmetric:
@@ -414,15 +381,3 @@ def inverse(matrix: Symmetric) -> Symmetric:
     whole = a * p + b * q + c * r
     s, t, u = a * f - c * c, b * c - a * e, a * d - b * b
     return p / whole, q / whole, r / whole, s / whole, t / whole, u / whole
-
-
-def rotate(vector: Vec2, angle: float) -> Vec2:
-    """Return a vector rotated counter-clockwise."""
-    (x, y), c, s = vector, cos(angle), sin(angle)
-    return c * x - s * y, s * x + c * y
-
-
-def low_pass(old: Vec2, new: Vec2, share: float) -> Vec2:
-    """Return a vector moved by a share of its distance towards another."""
-    (x, y), (to_x, to_y) = old, new
-    return x + share * (to_x - x), y + share * (to_y - y)

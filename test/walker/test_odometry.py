@@ -94,7 +94,7 @@ def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
     found = []
     for heading in (0.0, pi / 2.0):
         odometry = Odometry(two_motors)
-        odometry._yaw = heading
+        odometry._state[2] = heading
         for k in range(200):
             at = odometry.update((0.02 * k, 0.03 * k), (1.0, 1.5))
         found.append(at)

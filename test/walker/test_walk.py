@@ -1,22 +1,25 @@
 """A body on its feet: where it rests, and how far it walks."""
 
+from cmath import rect
 from dataclasses import replace
 from math import pi
 from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
+from klann_ros.dynamics import GRAVITY
 from klann_ros.kinematics import linkage_poses
 from klann_ros.robot import Robot, robot_of
 from klann_ros.walker import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.walker.stance import (
-    BodyStep,
     foot_motion,
     FootMotion,
     gravity_aligned,
+    MEASURED_YAW,
     minimize_slip,
     MotionPrior,
     spring_loads,
     support,
+    zero_moment_point,
 )
 import numpy as np
 import pytest
@@ -91,10 +94,9 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> Non
 
 @pytest.mark.parametrize('cranks', [(0.0, 0.0), (1.234, -7.7), (-1e3, 1e5), (6.2831853, 1e-9)])
 def test_single_poses_equal_arrays(two_motors: Feet, cranks: tuple[float, ...]) -> None:
-    pose, placed = two_motors.pose(cranks), two_motors.at([[0.5, 0.5], cranks])
-    assert np.array(pose.feet) == pytest.approx(placed.feet[1], abs=1e-12)
-    assert np.array(pose.rolled) == pytest.approx(placed.rolled[1], abs=1e-12)
-    assert np.array(pose.centre) == pytest.approx(placed.centre[1], abs=1e-12)
+    placed = two_motors.at([[0.5, 0.5], cranks])
+    for one, many in zip(two_motors.pose(cranks), vars(placed).values(), strict=True):
+        assert np.array(one) == pytest.approx(many[1], abs=1e-12)
 
 
 @settings(max_examples=40, deadline=None)
@@ -160,24 +162,19 @@ def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> N
 
 def test_a_body_that_no_foot_holds_keeps_its_velocity() -> None:
     # Two feet that carry the same are dragged against each other; one that carries more sticks.
-    prior = MotionPrior((0.1, 0.0, 0.0), (0.1, 0.0, 0.0, 0.1, 0.0, 0.0), (0.0, 0.0))
+    prior = MotionPrior(0.1, 0.0, (0.1, 0.0, 0.0, 0.1, 0.0, MEASURED_YAW))
     for loads, speed in (((0.5, 0.5), 0.1), ((0.6, 0.4), 0.3)):
-        feet = [
-            FootMotion(-0.3, 0.0, 0.0, 0.2, loads[0]),
-            FootMotion(0.3, 0.0, 0.0, -0.2, loads[1]),
-        ]
-        assert minimize_slip(feet, 1e-3, prior, 0.0).x == pytest.approx(speed, abs=0.01)
+        feet = [FootMotion(-0.3, 0.2j, loads[0]), FootMotion(0.3, -0.2j, loads[1])]
+        assert minimize_slip(feet, 1e-3, prior).motion == pytest.approx(speed, abs=0.01)
 
 
 def test_the_covariance_is_the_inverse_information_of_feet_and_prior() -> None:
-    feet = [
-        FootMotion(0.0, 0.0, -y, x, load) for x, y, load in ((0.5, 0.3, 0.6), (-0.4, 0.1, 0.4))
-    ]
-    prior = MotionPrior((0.01, 0.0, 0.0), (2.0, 0.5, 0.0, 3.0, 0.0, 1.0), (0.0, 0.0))
+    feet = [FootMotion(0.0, 1j * at, load) for at, load in ((0.5 + 0.3j, 0.6), (-0.4 + 0.1j, 0.4))]
+    prior = MotionPrior(0.01, 0.0, (2.0, 0.5, 0.0, 3.0, 0.0, 1.0))
     found = minimize_slip(feet, 100.0, prior)
     information = np.array([[2.0, 0.5, 0.0], [0.5, 3.0, 0.0], [0.0, 0.0, 1.0]])
-    for _, _, jx, jy, load in feet:
-        slip = np.array([[1.0, 0.0, jx], [0.0, 1.0, jy]])
+    for _, arm, load in feet:
+        slip = np.array([[1.0, 0.0, arm.real], [0.0, 1.0, arm.imag]])
         information += load / 100.0 * slip.T @ slip
     a, b, c, d, e, f = found.covariance
     assert np.array([[a, b, c], [b, d, e], [c, e, f]]) == pytest.approx(
@@ -205,34 +202,24 @@ def test_attitude_levels_the_feet_that_carry() -> None:
     feet = [(0.5, 0.4, -0.30), (0.4, -0.4, -0.35), (-0.5, 0.1, -0.31)]
     rest = support(feet, (0.0, 0.0, 0.0))
     assert rest is not None
-    level = np.array(gravity_aligned(feet, rest.roll, rest.pitch))
+    level = gravity_aligned(feet, rest.roll, rest.pitch)
     sides = [np.linalg.norm(np.subtract(feet[i], feet[i - 1])) for i in range(3)]
     # Seen from above, what lies level is as long as it is.
-    assert [np.linalg.norm(level[i] - level[i - 1]) for i in range(3)] == pytest.approx(sides)
+    assert [abs(level[i] - level[i - 1]) for i in range(3)] == pytest.approx(sides)
     assert rest.height == pytest.approx(0.32, abs=0.02)
 
 
 def test_feet_that_give_way_share_the_load_and_a_raised_foot_carries_none() -> None:
-    square = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]
-    assert spring_loads(square, [0.0] * 4, (0.0, 0.0)) == pytest.approx([0.25] * 4)
-    for heights, over in (([0.0] * 4, (0.3, -0.2)), ([0.0, 1e-4, 0.0, 0.0], (0.1, 0.0))):
+    square = [1.0 + 1.0j, 1.0 - 1.0j, -1.0 + 1.0j, -1.0 - 1.0j]
+    assert spring_loads(square, [0.0] * 4, 0j) == pytest.approx([0.25] * 4)
+    for heights, over in (([0.0] * 4, 0.3 - 0.2j), ([0.0, 1e-4, 0.0, 0.0], 0.1)):
         loads = np.array(spring_loads(square, heights, over))
         assert loads.sum() == pytest.approx(1.0)
         assert loads @ np.array(square) == pytest.approx(over, abs=1e-9)
-    raised = spring_loads(square, [0.0, 0.01, 0.0, 0.0], (-0.1, 0.1))
+    raised = spring_loads(square, [0.0, 0.01, 0.0, 0.0], -0.1 + 0.1j)
     assert raised == pytest.approx([0.5 - 0.05, 0.0, 0.1, 0.5 - 0.05], abs=1e-9)
     # Beside the feet: on the edge.
-    assert sum(spring_loads(square, [0.0] * 4, (1.5, 0.0))) == pytest.approx(1.0)
-
-
-def slip_step(
-    before: list[tuple[float, float]],
-    after: list[tuple[float, float]],
-    loads: list[float],
-    yaw: float | None = None,
-) -> BodyStep:
-    feet = [foot_motion(p, q, load) for p, q, load in zip(before, after, loads, strict=True)]
-    return minimize_slip(feet, 1e-5, None, yaw)
+    assert sum(spring_loads(square, [0.0] * 4, 1.5)) == pytest.approx(1.0)
 
 
 @settings(max_examples=60, deadline=None)
@@ -243,30 +230,51 @@ def slip_step(
     loads=st.lists(st.floats(0.05, 1.0), min_size=3, max_size=3),
 )
 def test_feet_that_agree_do_not_slip(x: float, y: float, yaw: float, loads: list[float]) -> None:
-    stands = np.array([[0.4, 0.2], [0.3, -0.3], [-0.5, 0.1]])
-    c, s = np.cos(yaw), np.sin(yaw)
     # The body moves by (x, y, yaw) over feet that stand still.
-    moved = (stands - (x, y)) @ np.array([[c, -s], [s, c]])
-    found = slip_step(stands.tolist(), moved.tolist(), loads)
-    assert found[:3] == pytest.approx((x, y, yaw), abs=3e-4)
+    stands = [0.4 + 0.2j, 0.3 - 0.3j, -0.5 + 0.1j]
+    feet = [
+        foot_motion(at, (at - complex(x, y)) * rect(1.0, -yaw), load)
+        for at, load in zip(stands, loads, strict=True)
+    ]
+    found = minimize_slip(feet, 1e-5)
+    assert found.motion == pytest.approx(complex(x, y), abs=3e-4)
+    assert found.yaw == pytest.approx(yaw, abs=3e-4)
     assert found.slid < 1e-4
 
 
+def slid_by(steps: tuple[complex, ...], loads: tuple[float, ...]) -> list[FootMotion]:
+    places = (0.5 + 0.3j, -0.5 + 0.3j, -0.3j)
+    both = zip(places, steps, loads, strict=True)
+    return [foot_motion(at, at + step, load) for at, step, load in both]
+
+
 def test_the_foot_that_carries_more_than_half_sticks_while_the_others_slip() -> None:
-    before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
-    after = [(0.49, 0.3), (-0.50, 0.3), (-0.02, -0.3)]
-    found = slip_step(before, after, [0.1, 0.2, 0.7], yaw=0.0)
-    assert (found.x, found.y) == pytest.approx((0.02, 0.0), abs=1e-5)
-    assert found.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=1e-3)
+    steps = (-0.01, 0.0, -0.02)
+    feet = slid_by(steps, (0.1, 0.2, 0.7))
+    no_yaw = MotionPrior(information=(0.0, 0.0, 0.0, 0.0, 0.0, MEASURED_YAW))
+    found = minimize_slip(feet, 1e-5, no_yaw)
+    assert (found.motion, found.yaw) == pytest.approx((0.02, 0.0), abs=2e-4)
+    assert found.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=2e-2)
 
 
 def test_a_mirrored_motion_is_mirrored() -> None:
-    before = [(0.5, 0.3), (-0.5, 0.3), (0.0, -0.3)]
-    after = [(0.49, 0.31), (-0.50, 0.3), (-0.02, -0.3)]
-    loads = [0.3, 0.4, 0.3]
-    one = slip_step(before, after, loads)
-    other = slip_step([(x, -y) for x, y in before], [(x, -y) for x, y in after], loads)
-    assert (other.x, -other.y, -other.yaw, other.slid) == pytest.approx(one[:4])
+    steps = (-0.01 + 0.01j, 0.0j, -0.02 + 0.0j)
+    feet = slid_by(steps, (0.3, 0.4, 0.3))
+    mirrored = [FootMotion(m.conjugate(), -arm.conjugate(), load) for m, arm, load in feet]
+    one, other = minimize_slip(feet, 1e-5), minimize_slip(mirrored, 1e-5)
+    assert other.motion.conjugate() == pytest.approx(one.motion)
+    assert (-other.yaw, other.slid) == pytest.approx((one.yaw, one.slid))
+
+
+@pytest.mark.parametrize('acceleration', [0.0, 2.0, -1.0 + 0.5j])
+def test_gravity_and_inertia_have_no_moment_about_the_zero_moment_point(
+    acceleration: complex,
+) -> None:
+    centre, height = 0.1 - 0.05j, 0.4
+    at = zero_moment_point(centre, height, acceleration)
+    arm = (centre.real - at.real, centre.imag - at.imag, height)
+    moment = np.cross(arm, (-acceleration.real, -acceleration.imag, -GRAVITY))
+    assert moment[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_round_soles_roll_without_sliding(six: Robot) -> None:
