@@ -1,8 +1,10 @@
 """Tables of a class: students, answers and marks, as spreadsheets of any locale write them."""
 
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable, Mapping, Sequence
 import csv
 from io import StringIO, TextIOWrapper
+import re
 from typing import BinaryIO, NamedTuple
 
 from klann_ros.sanitize.files import open_regular
@@ -16,6 +18,8 @@ MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
 DELIMITERS = ',;\t'
 ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
+# A long student number as a spreadsheet writes it.
+SCIENTIFIC = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+')
 # A spreadsheet takes a cell with this start for a formula.
 FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
 
@@ -42,12 +46,20 @@ def read_students(path: str) -> list[Student]:
     Raises
     ------
     ExerciseError
-        The file cannot be read, is no such table, or has a student twice.
+        The file cannot be read, is no such table, has a student twice, or a row without one.
 
     """
-    rows = _rows(path, ('student',))
-    found = [Student(row['student'].strip(), row.get('name', '').strip()) for _, row in rows]
-    found = [student for student in found if student.number]
+    found = []
+    for line, row in _rows(path, ('student',)):
+        number, name = row['student'].strip(), row.get('name', '').strip()
+        if not number:
+            raise ExerciseError(f'{printable(path)}, line {line}: no student number')
+        if SCIENTIFIC.fullmatch(number):
+            raise ExerciseError(
+                f'{printable(path)}, line {line}: student {number} is a number that a spreadsheet '
+                'has rounded; give the column the format text'
+            )
+        found.append(Student(number, name))
     if not 0 < len(found) <= MAX_STUDENTS:
         raise ExerciseError(
             f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
@@ -103,14 +115,13 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
         raise ExerciseError(f'{printable(path)} cannot be read: {printable(reason)}') from error
     if len(data) > MAX_TABLE:
         raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
-    try:
-        text = data.decode('utf-8-sig')
-    except UnicodeDecodeError:
-        # A spreadsheet's own encoding in western Europe and Brazil; every byte is a letter.
-        text = data.decode('cp1252', errors='replace')
-    head = text.partition('\n')[0]
+    text = _decoded(data)
+    head, _, rest = text.partition('\n')
+    if head.startswith('sep='):
+        # The line by which spreadsheets give the separator.
+        text, head = rest, rest.partition('\n')[0]
     delimiter = max(DELIMITERS, key=head.count)
-    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter)
+    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter, strict=True)
     try:
         heads = [cell.strip().casefold() for cell in next(reader, [])]
         missing = [name for name in columns if name not in heads]
@@ -119,6 +130,9 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
                 f'{printable(path)} has no column {listed(missing)}: its first line must have '
                 f'{", ".join(columns)}'
             )
+        twice = [name for name in columns if heads.count(name) > 1]
+        if twice:
+            raise ExerciseError(f'{printable(path)} has the column {listed(twice)} twice')
         found = []
         for row in reader:
             if not any(cell.strip() for cell in row):
@@ -133,6 +147,17 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
     except csv.Error as error:
         raise ExerciseError(f'{printable(path)}, line {reader.line_num}: {error}') from error
     return found
+
+
+def _decoded(data: bytes) -> str:
+    """Return the text of a table in an encoding of spreadsheets."""
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return data.decode('utf-16', errors='replace')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        # A spreadsheet's own encoding in western Europe and Brazil; every byte is a letter.
+        return data.decode('cp1252', errors='replace')
 
 
 def save_template(kind: Kind, students: Iterable[Student], file: BinaryIO) -> None:

@@ -7,6 +7,7 @@ import re
 
 from klann_ros.exercises import KINDS, make_variant
 from klann_ros.exercises.command import main
+from klann_ros.exercises.tables import read_students
 import pytest
 
 CLASS = 'student;name\n0011;João\n0012;<b>Eve</b>\n=cmd;x\n'
@@ -87,6 +88,15 @@ def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path) -> Non
         ('student\n', 'has 0 students'),
         ('student\n1\n1\n', 'has students twice: 1'),
         ('student\n1,2\n', '2 cells for 1 columns'),
+        ('student,name\n1,A\n,Ana\n', 'line 3: no student number'),
+        (
+            'student,name\n1.1E+07,A\n',
+            'a spreadsheet has rounded; give the column the format text',
+        ),
+        ('student,student\n1,2\n', 'has the column student twice'),
+        ('student,name\n1,"A\n2,B\n', 'unexpected end of data'),
+        ('student\n1\x1b[31m\n', "student '1\\\\x1b[31m' is refused"),
+        (f'student\n{"9" * 300}\n', '(300 characters)'),
     ],
 )
 def test_an_invalid_class_list_is_refused_in_one_line(
@@ -99,6 +109,21 @@ def test_an_invalid_class_list_is_refused_in_one_line(
     assert message in error
     assert error.count('\n') == 1
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(
+    'content',
+    [
+        'student;name\n1;João, "o outro"\n2;=cmd|x\n'.encode('utf-16'),
+        b'\xef\xbb\xbf Student , NAME \r\n1,"Jo\xc3\xa3o, ""o outro"""\r\n\r\n,,\r\n2,=cmd|x\r\n',
+        'sep=;\nstudent;name\n1;"João, ""o outro"""\n2;=cmd|x\n'.encode('latin-1'),
+        b'student\tname\r1\t"Jo\xe3o, ""o outro"""\r2\t=cmd|x\r',
+    ],
+)
+def test_a_class_list_of_any_spreadsheet_is_read(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / 'class.csv'
+    path.write_bytes(content)
+    assert read_students(str(path)) == [('1', 'João, "o outro"'), ('2', '=cmd|x')]
 
 
 @pytest.mark.parametrize('name', ['none.csv', '.', 'a\0b'])
