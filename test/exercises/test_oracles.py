@@ -1,0 +1,505 @@
+"""
+The key of every kind, held against an oracle that shares no code with it.
+
+Numbers have 18 digits (x87 long double). Positions are intersections of circles, derivatives are
+central differences of the order 8, extremes are roots of these derivatives by bisection.
+
+=========================  =======================================================================
+newton, four-bar-newton    loops in the complex plane, Jacobian by differences
+klann-position             two circle intersections; likewise four-bar-position
+velocity, acceleration     differences of the positions by the crank angle, once and twice
+foot-path                  extremes of the foot's coordinates
+torque                     virtual work: differences of the foot's path
+grashof                    full rotation of each link by the triangle inequality
+limits                     extremes of the rocker's angle
+dead-points                reach of two links in one line, by bisection
+transmission               angle at B; its extremes by samples of a turn
+mechanical-advantage       differences of the rocker's angle
+slider-crank               the height of the pin over the rod; extremes of the slide
+quick-return               direction of the pin from O; extremes of the arm's angle
+function-generation        roots of Chebyshev's polynomial; coupler's length at each point
+three-poses, timed-path    lengths and closure of the bars in each pose
+cognates                   each cognate closes at points of the path of the given four-bar
+instant-centres            points without velocity, and with equal velocities, by differences
+toggle                     crank pin, B and O4 in one line
+quick-return-design        extremes of the rocker's angle of the designed four-bar
+=========================  =======================================================================
+"""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise, product
+from typing import Any
+
+from klann_ros.exercises import KINDS, make_variant
+from klann_ros.exercises.variant import difference
+import numpy as np
+import pytest
+
+STUDENTS = 3
+PI = np.arccos(np.longdouble(-1.0))
+Real, Point = np.longdouble, np.clongdouble
+Givens = Mapping[str, Any]
+
+
+def radians(degrees: float) -> Real:
+    return Real(degrees) * PI / 180
+
+
+def turned(angle: Real) -> Point:
+    """Return e^(i angle)."""
+    return np.cos(angle) + 1j * np.sin(angle)
+
+
+def degrees(vector: Point) -> Real:
+    return np.arctan2(vector.imag, vector.real) * 180 / PI
+
+
+def cross(u: Point, v: Point) -> Real:
+    return (np.conj(u) * v).imag
+
+
+def derivative(f: Callable[[Real], Any], x: Real, h: float = 2e-3) -> Any:
+    weights = (Real(4) / 5, -Real(1) / 5, Real(4) / 105, -Real(1) / 280)
+    return sum(w * (f(x + k * h) - f(x - k * h)) for k, w in enumerate(weights, 1)) / h
+
+
+def turning(f: Callable[[Real], Point], x: Real) -> Real:
+    """Return the rate of a vector's direction."""
+    vector = f(x)
+    return cross(vector, derivative(f, x)) / abs(vector) ** 2
+
+
+def roots(f: Callable[[Real], Real], start: Real, end: Real, count: int = 180) -> list[Real]:
+    """Return the roots of a function by samples and bisection."""
+    ends = [start + (end - start) * k / count for k in range(count + 1)]
+    values = [f(x) for x in ends]
+    spans = zip(pairwise(ends), pairwise(values), strict=True)
+    return [bisected(f, *span) for span, (a, b) in spans if a * b <= 0 and a != b]
+
+
+def bisected(f: Callable[[Real], Real], low: Real, high: Real) -> Real:
+    first = f(low)
+    for _ in range(62):
+        middle = (low + high) / 2
+        low, high = (middle, high) if f(middle) * first > 0 else (low, middle)
+    return low
+
+
+def meeting(p: Point, r: Real, q: Point, s: Real, left: bool) -> Point:
+    """Return where the circles (p, r) and (q, s) meet, to the left of p to q or to the right."""
+    away = q - p
+    along = (abs(away) ** 2 + r**2 - s**2) / (2 * abs(away))
+    across = np.sqrt(Real(r**2 - along**2))
+    return p + away / abs(away) * (along + (1j if left else -1j) * across)
+
+
+class Leg:
+    """The Klann leg of givens, in mm."""
+
+    def __init__(self, givens: Givens) -> None:
+        self.g = {name: Real(value) for name, value in givens.items()}
+        self.d, self.e = Point(self.g['x_D']), self.g['x_E'] + 1j * self.g['y_E']
+
+    def points(self, alpha: Real) -> tuple[Point, ...]:
+        """Return B, C, G, F and H."""
+        g = self.g
+        b = 1j * g['y_A'] + g['L_AB'] * turned(alpha)
+        sides = [meeting(self.d, g['L_DC'], b, g['L_BC'], left) for left in (True, False)]
+        c = next(x for x in sides if cross(x - b, x - self.d) > 0)
+        corner = turned(radians(g['angle_BCG']))
+        g_ = c + (c - b) / g['L_BC'] * corner * g['L_CG']
+        sides = [meeting(self.e, g['L_EF'], g_, g['L_FG'], left) for left in (True, False)]
+        f = next(x for x in sides if cross(g_ - x, x - self.e) > 0)
+        bend = turned(-radians(g['angle_FGH']))
+        return b, c, g_, f, g_ + (g_ - f) / g['L_FG'] * bend * g['L_GH']
+
+    def directions(self, alpha: Real) -> np.ndarray:
+        """Return the directions gamma, beta, delta, theta, the first and the last clockwise."""
+        b, c, g, f, _ = self.points(alpha)
+        return np.array([np.conj(c - b), c - self.d, f - self.e, np.conj(g - f)])
+
+    def rates(self, alpha: Real) -> np.ndarray:
+        vectors, moved = self.directions(alpha), derivative(self.directions, alpha)
+        return (np.conj(vectors) * moved).imag / np.abs(vectors) ** 2
+
+    def loops(self, alpha: Real, x: np.ndarray) -> np.ndarray:
+        gamma, beta, delta, theta = x
+        g = self.g
+        c = self.d + g['L_DC'] * turned(beta)
+        end = 1j * g['y_A'] + g['L_AB'] * turned(alpha) + g['L_BC'] * turned(-gamma)
+        g_ = c + g['L_CG'] * turned(radians(g['angle_BCG']) - gamma)
+        f = self.e + g['L_EF'] * turned(delta) + g['L_FG'] * turned(-theta)
+        return np.array([(end - c).real, (end - c).imag, (f - g_).real, (f - g_).imag])
+
+
+class Bars:
+    """The four-bar of givens, open: sin(theta_4 - theta_3) > 0."""
+
+    def __init__(self, lengths: list[Any]) -> None:
+        self.lengths = [Real(each) for each in lengths]
+
+    def pins(self, theta: Real) -> tuple[Point, Point]:
+        l_1, l_2, l_3, l_4 = self.lengths
+        a = l_2 * turned(theta)
+        sides = [meeting(a, l_3, Point(l_1), l_4, left) for left in (True, False)]
+        return a, next(b for b in sides if cross(b - a, b - l_1) >= 0)
+
+    def coupler(self, theta: Real) -> Point:
+        a, b = self.pins(theta)
+        return b - a
+
+    def rocker(self, theta: Real) -> Point:
+        return self.pins(theta)[1] - self.lengths[0]
+
+    def loops(self, theta: Real, x: np.ndarray) -> np.ndarray:
+        l_1, l_2, l_3, l_4 = self.lengths
+        gap = l_1 + l_4 * turned(x[1]) - l_2 * turned(theta) - l_3 * turned(x[0])
+        return np.array([gap.real, gap.imag])
+
+    def limits(self) -> list[Real]:
+        """Return the crank angles of the rocker's limits, the stretched one first."""
+        found = roots(lambda x: turning(self.rocker, x), Real(0.001), Real(0.001) + 2 * PI)
+        assert len(found) == 2
+        return sorted(found, key=lambda x: -abs(self.pins(x)[1]))
+
+
+def bars(g: Givens) -> Bars:
+    return Bars([g[f'L_{k}'] for k in range(1, 5)])
+
+
+def newton(loops: Callable[[np.ndarray], np.ndarray], guess: list[float], names: list[str]) -> Any:
+    x = np.array([radians(each) for each in guess])
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        units = np.eye(len(x))
+        return np.array([derivative(lambda t, u=u: loops(x + t * u), Real(0)) for u in units]).T
+
+    phi, steps = jacobian(x), []
+    found = {f'f_{k}': value for k, value in enumerate(loops(x), 1)}
+    found |= {'Phi_12': phi[0, 1], 'Phi_21': phi[1, 0]}
+    for _ in range(12):
+        solved = np.linalg.solve(jacobian(x).astype(float), loops(x).astype(float))
+        x, steps = x - solved, [*steps, np.abs(solved).max() * 180 / PI]
+        if len(steps) == 1:
+            found |= {f'{name}_2': each * 180 / PI for name, each in zip(names, x, strict=True)}
+    found |= {name: each * 180 / PI for name, each in zip(names, x, strict=True)}
+    return {**found, 'iterations': float(next(k for k, s in enumerate(steps, 1) if s <= 0.01))}
+
+
+ANGLES = ['gamma', 'beta', 'delta', 'theta']
+
+
+def klann_newton(g: Givens) -> Any:
+    leg, alpha = Leg(g), radians(g['alpha'])
+    return newton(lambda x: leg.loops(alpha, x), [g[f'{name}_1'] for name in ANGLES], ANGLES)
+
+
+def klann_position(g: Givens) -> Any:
+    leg, alpha = Leg(g), radians(g['alpha'])
+    h = leg.points(alpha)[4]
+    angles = map(degrees, leg.directions(alpha))
+    return {**dict(zip(ANGLES, angles, strict=True)), 'x_H': h.real, 'y_H': h.imag}
+
+
+def klann_velocity(g: Givens) -> Any:
+    leg, alpha, omega = Leg(g), radians(g['alpha']), g['omega']
+    h = omega * derivative(lambda x: leg.points(x)[4], alpha)
+    rates = zip(ANGLES, omega * leg.rates(alpha), strict=True)
+    return {**{f'omega_{name}': each for name, each in rates}, 'v_Hx': h.real, 'v_Hy': h.imag}
+
+
+def klann_acceleration(g: Givens) -> Any:
+    leg, alpha, omega, epsilon = Leg(g), radians(g['alpha']), g['omega'], g['epsilon']
+
+    def motion(x: Real) -> np.ndarray:
+        return np.array([*leg.rates(x), derivative(lambda y: leg.points(y)[4], x)])
+
+    *rates, h = omega**2 * derivative(motion, alpha) + epsilon * motion(alpha)
+    found = {f'epsilon_{name}': rate.real for name, rate in zip(ANGLES, rates, strict=True)}
+    return {**found, 'a_Hx': h.real, 'a_Hy': h.imag}
+
+
+def foot_path(g: Givens) -> Any:
+    leg = Leg(g)
+
+    def extent(part: Callable[[Point], Real]) -> Real:
+        def coordinate(x: Real) -> Real:
+            return part(leg.points(x)[4])
+
+        turns = roots(lambda x: derivative(coordinate, x), Real(0), 2 * PI, 120)
+        return np.ptp([coordinate(x) for x in turns])
+
+    return {'stride': extent(lambda h: h.real), 'lift': extent(lambda h: h.imag)}
+
+
+def torque(g: Givens) -> Any:
+    leg = Leg(g)
+    h = derivative(lambda x: leg.points(x)[4], radians(g['alpha']))
+    return {'h_x': h.real, 'h_y': h.imag, 'T': -(g['F_x'] * h.real + g['F_y'] * h.imag) / 1e3}
+
+
+def grashof(g: Givens) -> Any:
+    l_1, l_2, l_3, l_4 = (round(g[f'L_{k}']) for k in range(1, 5))
+
+    def turns(crank: int, ground: int, one: int, other: int) -> bool:
+        return crank + ground <= one + other and abs(crank - ground) >= abs(one - other)
+
+    crank, rocker = turns(l_2, l_1, l_3, l_4), turns(l_4, l_1, l_3, l_2)
+    coupler = turns(l_3, l_2, l_4, l_1) and turns(l_3, l_4, l_2, l_1)
+    kinds = {(True, True): 'double crank', (True, False): 'crank-rocker'}
+    kinds |= {(False, True): 'rocker-crank'}
+    kinds[False, False] = 'double rocker' if coupler else 'triple rocker'
+    flat = any(l_1 + x * l_2 + y * l_3 + z * l_4 == 0 for x, y, z in product((1, -1), repeat=3))
+    s, p, q, longest = sorted((l_1, l_2, l_3, l_4))
+    sums = {'s_l': float(s + longest), 'p_q': float(p + q)}
+    kind = 'III' if flat else 'I' if crank or rocker or coupler else 'II'
+    return {**sums, 'grashof': kind, 'motion': kinds[crank, rocker]}
+
+
+def position(g: Givens) -> Any:
+    linkage, theta = bars(g), radians(g['theta_2'])
+    a, b = linkage.pins(theta)
+    o_4 = linkage.lengths[0]
+    found = {'theta_3': degrees(b - a), 'theta_4': degrees(b - o_4), 'Z': abs(a - o_4)}
+    found['mu'] = abs(degrees((a - b) / (o_4 - b)))
+    # At O4: alpha from A to B, beta from the ground to A.
+    found['alpha'] = abs(degrees((b - o_4) / (a - o_4)))
+    return {**found, 'beta': degrees(-1 / (a - o_4))}
+
+
+def four_bar_newton(g: Givens) -> Any:
+    linkage, theta, names = bars(g), radians(g['theta_2']), ['theta_3', 'theta_4']
+    return newton(lambda x: linkage.loops(theta, x), [g[f'{name}_1'] for name in names], names)
+
+
+def limits(g: Givens) -> Any:
+    linkage = bars(g)
+    found = linkage.limits()
+    rockers = [degrees(linkage.rocker(x)) for x in found]
+    away = abs(found[1] - found[0])
+    ratio = max(away, 2 * PI - away) / min(away, 2 * PI - away)
+    answers = {'swing': abs(rockers[0] - rockers[1]), 'Q': ratio}
+    for name, theta, rocker in zip('SF', found, rockers, strict=True):
+        answers |= {f'theta_2_{name}': theta * 180 / PI, f'theta_4_{name}': rocker}
+    return answers
+
+
+def dead_points(g: Givens) -> Any:
+    l_1, l_2, l_3, l_4 = bars(g).lengths
+
+    def crank(x: Real) -> Real:
+        return abs(l_2 * turned(x) - l_1) - l_3 - l_4
+
+    def rocker(x: Real) -> Real:
+        return abs(l_1 + l_4 * turned(x)) - l_2 - l_3
+
+    (theta_2,), (theta_4,) = roots(crank, Real(0), PI), roots(rocker, Real(0), PI)
+    found = {'theta_2_C': theta_2 * 180 / PI, 'theta_4_R': theta_4 * 180 / PI}
+    found['theta_4_C'] = degrees(l_2 * turned(theta_2) - l_1)
+    return {**found, 'theta_2_R': degrees(l_1 + l_4 * turned(theta_4))}
+
+
+def transmission(g: Givens) -> Any:
+    linkage = bars(g)
+
+    def angle(theta: Real) -> Real:
+        a, b = linkage.pins(theta)
+        return abs(degrees((a - b) / (linkage.lengths[0] - b)))
+
+    samples = [angle(radians(k)) for k in range(361)]
+    return {'mu': angle(radians(g['theta_2'])), 'mu_min': min(samples), 'mu_max': max(samples)}
+
+
+def advantage(g: Givens) -> Any:
+    linkage, theta = bars(g), radians(g['theta_2'])
+    ratio = 1 / turning(linkage.rocker, theta)
+    found = {name: position(g)[name] for name in ('theta_3', 'theta_4')}
+    return {**found, 'MA': ratio, 'T_4': ratio * g['T_2']}
+
+
+def centres(g: Givens) -> Any:
+    linkage, theta, omega = bars(g), radians(g['theta_2']), g['omega_2']
+    a, speed = linkage.pins(theta)[0], derivative(lambda x: linkage.pins(x)[0], theta)
+    i_13 = a + 1j * speed / turning(linkage.coupler, theta)
+    rate = turning(linkage.rocker, theta)
+    found = {'x_I13': i_13.real, 'y_I13': i_13.imag, 'omega_4': omega * rate}
+    return {**found, 'x_I24': rate * linkage.lengths[0] / (rate - 1)}
+
+
+def strokes(place: Callable[[Real], Real]) -> tuple[Real, Real]:
+    """Return the stroke and the time ratio of a place that goes there and back once a turn."""
+    first, last = roots(lambda x: derivative(place, x), Real(0.001), Real(0.001) + 2 * PI)
+    away = last - first
+    ratio = max(away, 2 * PI - away) / min(away, 2 * PI - away)
+    return abs(place(first) - place(last)), ratio
+
+
+def slider_crank(g: Givens) -> Any:
+    r, rod, e = Real(g['L_2']), Real(g['L_3']), Real(g['e'])
+
+    def place(theta: Real) -> Real:
+        return r * np.cos(theta) + np.sqrt(rod**2 - (e - r * np.sin(theta)) ** 2)
+
+    theta, (stroke, ratio) = radians(g['theta_2']), strokes(place)
+    pin = r * turned(theta)
+    found = {'phi': degrees(place(theta) + 1j * e - pin), 'x_C': place(theta), 'Q': ratio}
+    return {**found, 'v_C': g['omega_2'] * derivative(place, theta), 'stroke': stroke}
+
+
+def quick_return(g: Givens) -> Any:
+    arm, theta = Real(g['L_4']), radians(g['theta_2'])
+
+    def pin(x: Real) -> Point:
+        return 1j * Real(g['d']) + Real(g['L_2']) * turned(x)
+
+    stroke, ratio = strokes(lambda x: arm * pin(x).real / abs(pin(x)))
+    swing = strokes(lambda x: degrees(pin(x)))[0]
+    found = {'theta_4': degrees(pin(theta)), 's': abs(pin(theta)), 'swing': swing, 'Q': ratio}
+    return {**found, 'omega_4': g['omega_2'] * turning(pin, theta), 'stroke': stroke}
+
+
+def toggle(g: Givens) -> Any:
+    z = abs(Real(g['L_2']) * turned(radians(g['theta_2'])) - g['L_1'])
+    return {'Z': z, 'L_3_S': z - g['L_4'], 'L_3_F': z + g['L_4']}
+
+
+ORACLES: dict[str, Callable[[Givens], Any]] = {
+    'newton': klann_newton,
+    'klann-position': klann_position,
+    'velocity': klann_velocity,
+    'acceleration': klann_acceleration,
+    'foot-path': foot_path,
+    'torque': torque,
+    'grashof': grashof,
+    'four-bar-position': position,
+    'four-bar-newton': four_bar_newton,
+    'limits': limits,
+    'dead-points': dead_points,
+    'transmission': transmission,
+    'mechanical-advantage': advantage,
+    'instant-centres': centres,
+    'slider-crank': slider_crank,
+    'quick-return': quick_return,
+    'toggle': toggle,
+}
+
+
+@pytest.mark.parametrize('student', range(STUDENTS))
+@pytest.mark.parametrize('name', ORACLES)
+def test_the_key_is_that_of_the_oracle(name: str, student: int) -> None:
+    variant = make_variant(KINDS[name], f'oracle {student}')
+    found = ORACLES[name](variant.givens)
+    assert found.keys() >= {question.name for question in variant.kind.questions}
+    for question in variant.kind.questions:
+        right, wanted = variant.answers[question.name], found[question.name]
+        if isinstance(wanted, str) or isinstance(right, str):
+            assert right == wanted, question.name
+        else:
+            away = difference(question, right, float(wanted))
+            # The foot's extremes are interpolated: 1e-6 of the stride.
+            allowed = 1e-6 if name == 'foot-path' else 1e-9
+            assert away <= allowed * max(1.0, abs(right)), (question.name, right, wanted)
+
+
+def test_every_kind_has_an_oracle() -> None:
+    assert {*ORACLES, *DESIGNS} == {*KINDS}
+    assert not {*ORACLES} & {*DESIGNS}
+
+
+def function_generator(g: Givens, a: Givens) -> list[Real]:
+    middle, half = (g['x_0'] + g['x_4']) / 2, (g['x_4'] - g['x_0']) / 2
+    spaced = np.sort(np.polynomial.Chebyshev.basis(3).roots())
+    found = [a[f'x_{k}'] - middle - half * x for k, x in enumerate(spaced, 1)]
+    start, end = g['x_0'] ** Real(g['n']), g['x_4'] ** Real(g['n'])
+    for k in (1, 2, 3):
+        x = Real(middle + half * spaced[k - 1])
+        along = (x - g['x_0']) / (2 * half)
+        crank = radians(g['theta_2_0'] + g['dtheta_2'] * along)
+        rocker = radians(
+            g['theta_4_0'] + g['dtheta_4'] * (x ** Real(g['n']) - start) / (end - start)
+        )
+        pins = a['L_2'] * turned(crank), g['L_1'] + a['L_4'] * turned(rocker)
+        found.append((abs(pins[1] - pins[0]) - a['L_3']) / g['L_1'])
+    sizes = a['K_1'] * a['L_2'] - g['L_1'], a['K_2'] * a['L_4'] - g['L_1']
+    squares = g['L_1'] ** 2 + a['L_2'] ** 2 - a['L_3'] ** 2 + a['L_4'] ** 2
+    return [*found, *sizes, a['K_3'] * 2 * a['L_2'] * a['L_4'] / squares - 1]
+
+
+def three_poses(g: Givens, a: Givens) -> list[Real]:
+    found = []
+    for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
+        centre = a[f'x_{pivot}'] + 1j * a[f'y_{pivot}']
+        arm = g[f'x_{pin}'] + 1j * g[f'y_{pin}'] - (g['x_P1'] + 1j * g['y_P1'])
+        for k in (1, 2, 3):
+            psi = radians(g[f'psi_{k}']) if k > 1 else Real(0)
+            place = g[f'x_P{k}'] + 1j * g[f'y_P{k}'] + arm * turned(psi)
+            found.append(abs(place - centre) / a[bar] - 1)
+    return found
+
+
+def timed_path(g: Givens, a: Givens) -> list[Real]:
+    pivot, pin = (a[f'x_{name}'] + 1j * a[f'y_{name}'] for name in ('O2', 'A'))
+    found = [abs(pin - pivot) / a['L_2'] - 1]
+    for k in (2, 3):
+        crank, coupler = turned(radians(g[f'beta_{k}'])), turned(radians(g[f'psi_{k}']))
+        place = pivot + (pin - pivot) * crank - pin * coupler
+        found.append(abs(place - g[f'x_P{k}'] - 1j * g[f'y_P{k}']) / a['L_2'])
+    return found
+
+
+def cognates(g: Givens, a: Givens) -> list[Real]:
+    linkage = bars(g)
+    l_1, l_2, l_3, l_4 = linkage.lengths
+    v = (Real(g['u']) + 1j * Real(g['v'])) / l_3
+    third = v * l_1
+    found = [a['a_1'] / abs(third) - 1, a['b_1'] / abs(l_1 - third) - 1]
+    for k in range(-3, 4):
+        pin, rocker = linkage.pins(radians(g['theta_2'] + 2.0 * k))
+        p = pin + v * (rocker - pin)
+        # Bars of the coupler triangle about P, by similarity: along both of its sides.
+        for letter, pivots, arms in (
+            ('a', (Point(0), third), (l_2, abs(1 - v) * l_2)),
+            ('b', (third, Point(l_1)), (abs(v) * l_4, l_4)),
+        ):
+            places = [
+                [meeting(pivot, a[f'{letter}_{bar}'], p, arm, left) for left in (True, False)]
+                for pivot, bar, arm in zip(pivots, (2, 4), arms, strict=True)
+            ]
+            bar = a[f'{letter}_3']
+            found.append(min((abs(abs(x - y) / bar - 1) for x, y in product(*places))))
+    return found
+
+
+def quick_return_design(g: Givens, a: Givens) -> list[Real]:
+    linkage = Bars([a['L_1'], g['L_2'], a['L_3'], g['L_4']])
+    stretched, folded = linkage.limits()
+    ends = [linkage.rocker(x) for x in (stretched, folded)]
+    chord, away = abs(ends[0] - ends[1]), abs(stretched - folded)
+    ratio = max(away, 2 * PI - away) / min(away, 2 * PI - away)
+    delta = 180 * abs(away / PI - 1)
+    # O2 and O4 are on one side of the chord.
+    sides = (
+        cross(ends[1] - ends[0], -ends[0]),
+        cross(ends[1] - ends[0], -linkage.lengths[0] - ends[0]),
+    )
+    assert sides[0] * sides[1] > 0
+    swing = abs(degrees(ends[1] / ends[0]))
+    pairs = ((swing, g['swing']), (ratio, g['Q']), (chord, a['C']), (delta, a['delta']))
+    return [x / y - 1 for x, y in pairs]
+
+
+DESIGNS: dict[str, Callable[[Givens, Givens], list[Real]]] = {
+    'function-generation': function_generator,
+    'three-poses': three_poses,
+    'timed-path': timed_path,
+    'cognates': cognates,
+    'quick-return-design': quick_return_design,
+}
+
+
+@pytest.mark.parametrize('student', range(STUDENTS))
+@pytest.mark.parametrize('name', DESIGNS)
+def test_the_design_does_what_its_task_says(name: str, student: int) -> None:
+    variant = make_variant(KINDS[name], f'oracle {student}')
+    residuals = DESIGNS[name](variant.givens, variant.answers)
+    assert max(map(abs, residuals)) <= 1e-9
