@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator, Sequence, Set as AbstractSet
 from itertools import chain, islice
+from math import prod
 from typing import Any, TypeAlias
 
 from klann_ros.kinematics.arrays import AnyArray, BoolArray, ByteArray, ComplexArray, FloatArray
@@ -42,8 +43,15 @@ class PinnedDyads:
         self._wanted = _wanted(program, others)
         least = [self._terms.singular_determinant(k) for k in range(len(self._wanted['D']))]
         self._least_determinants = np.array([np.broadcast_to(d, len(variants)) for d in least])
-        names = (name for some in self._wanted.values() for name in some)
-        self._kernel = kernel(self._program, (*program.foot, *names), BLOCK_SIZE)
+        # Arrays that the kernel fills in: their numbers are one after another in memory.
+        tables = {}
+        for name, array in results.arrays().items():
+            moved = np.moveaxis(array, (0, 1), (-2, -1))
+            table = moved.reshape(prod(array.shape[2:]), *array.shape[:2])
+            if table.flags.c_contiguous and len(table) == len(self._wanted.get(name, ())):
+                tables[name] = self._wanted.pop(name), table
+        names = chain(program.foot, *self._wanted.values())
+        self._kernel = kernel(program, tuple(names), BLOCK_SIZE, [*tables.values()])
         self._block_crank: tuple[slice, Any] | None = None
 
     def fill(self, rows: slice, columns: slice, alphas: AnyArray) -> None:
@@ -52,7 +60,7 @@ class PinnedDyads:
             angles = np.ascontiguousarray(alphas[columns], dtype=np.float64)
             self._block_crank = columns, self._crank(angles)
         crank = self._block_crank[1]
-        found, missing = self._kernel.run(self._constants, rows, crank)
+        found, missing = self._kernel.run(self._constants, rows, crank, columns.start)
         h, reason = self._results.h[rows, columns], self._results.reason[rows, columns]
         h[..., 0] = found[0]
         h[..., 1] = found[1]
@@ -100,7 +108,7 @@ class PinnedDyads:
                 rates = own.get('angles_1', [])
                 pairs = [*zip(rates[::2], rates[1::2], strict=True)]
                 self._store_angles(array, links, pairs if name == 'angles_1' else None, rows)
-            else:
+            elif name in own:
                 # Numbers in the order of the array's last axes.
                 for place, number in zip(np.ndindex(array.shape[2:]), own[name], strict=True):
                     array[(..., *place)] = number

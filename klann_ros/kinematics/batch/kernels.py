@@ -8,11 +8,12 @@ when it is chosen, since that takes half a second.
 from collections.abc import Callable, Sequence
 from functools import cache
 from hashlib import sha256
+from itertools import chain
 from math import cos as cosine, isnan, nan, prod, sin as sine, sqrt
 import os
 from pathlib import Path
 import tempfile
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray
@@ -25,6 +26,9 @@ from .program import Operation, Program
 MIN_NUMBA_SIZE = 100_000
 # Results that numba stores row by row; more are stored in strips of so many poses first.
 MAX_ROWS, STRIP_SIZE = 4, 128
+# Cosines and sines of crank angles; results and the array of each group of them.
+Crank: TypeAlias = tuple[FloatArray, FloatArray]
+Tables: TypeAlias = Sequence[tuple[Sequence[str], FloatArray]]
 _UFUNCS: dict[str, Any] = {
     '+': np.add,
     '-': np.subtract,
@@ -34,7 +38,8 @@ _UFUNCS: dict[str, Any] = {
 }
 # Division by zero gives NaN or an infinity, as in NumPy.
 NUMBA_OPTIONS = {'error_model': 'numpy', 'nogil': True}
-PLACE_SIGNATURE = 'int64(float64[:, ::1], int64, float64[::1], float64[::1], float64[:, :, ::1])'
+TABLE = 'float64[:, :, ::1]'
+PLACE_SIGNATURE = f'int64(float64[:, ::1], int64, float64[::1], float64[::1], int64, {TABLE}'
 CRANK_SIGNATURE = '(float64[::1], float64[::1], float64[::1])'
 
 
@@ -71,14 +76,23 @@ class _Schedule(NamedTuple):
 
 
 class NumpyKernel:
-    """Runs the operations that the results need, on blocks of at most `size` poses."""
+    """
+    Runs the operations that the results need, on blocks of at most `size` poses.
 
-    def __init__(self, program: Program, results: Sequence[str], size: int) -> None:
-        self._schedule = _schedule(program, tuple(results))
+    Results in `tables` are stored there: names, and an array of shape (number of names, legs,
+    angles), contiguous.
+    """
+
+    def __init__(
+        self, program: Program, results: Sequence[str], size: int, tables: Tables = ()
+    ) -> None:
+        names = (*results, *chain(*(names for names, _ in tables)))
+        self._schedule = _schedule(program, names)
         self._memory = np.empty((self._schedule.buffers, size))
+        self._rows = [row for _, table in tables for row in table]
 
     @staticmethod
-    def crank(alphas: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def crank(alphas: FloatArray) -> Crank:
         """Return cosines and sines of crank angles, shape (k,); NaN for refused angles."""
         cos, sin = np.cos(alphas), np.sin(alphas)
         # NaN fails every comparison.
@@ -86,15 +100,15 @@ class NumpyKernel:
         return cos, sin
 
     def run(
-        self, constants: FloatArray, legs: slice, crank: tuple[FloatArray, FloatArray]
+        self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
     ) -> tuple[list[FloatArray], bool]:
         """
         Return the results of a block, and whether some are missing; the next run overwrites them.
 
         `constants` are those of all linkages, of which `legs` are in the block; `crank` has the
         cosines and sines of its k crank angles, shape (k,), or of each leg's, shape (number of
-        legs, k). Results have the shape (number of legs, k), NaN where there is no pose. Missing
-        are NaN in the first.
+        legs, k); in tables the first of them has the index `first`. Results have the shape (number
+        of legs, k), NaN where there is no pose. Missing are NaN in the first.
         """
         cos, sin = crank
         own = constants[:, legs]
@@ -113,7 +127,11 @@ class NumpyKernel:
                 function(slots[one], slots[other], out=slots[out])
         found = [slots[place] for place in self._schedule.results]
         missing = bool(np.isnan(found[0]).any())
-        return [array.T for array in found] if across else found, missing
+        found = [array.T for array in found] if across else found
+        count = len(found) - len(self._rows)
+        for row, number in zip(self._rows, found[count:], strict=True):
+            row[legs, slice(first, first + angles)] = number
+        return found[:count], missing
 
 
 @cache
@@ -155,25 +173,28 @@ def _needed(program: Program, results: Sequence[str]) -> list[Operation]:
 class NumbaKernel:
     """Runs a compiled program, pose by pose; see `NumpyKernel`."""
 
-    def __init__(self, program: Program, results: Sequence[str], size: int) -> None:
-        self._place = _compiled_program(_source(program, tuple(results)))
-        self._memory = np.empty(len(results) * size)
-        self._results = len(results)
+    def __init__(
+        self, program: Program, results: Sequence[str], size: int, tables: Tables = ()
+    ) -> None:
+        groups = [results, *(names for names, _ in tables)]
+        self._place = _compiled_program(_source(program, groups), len(tables))
+        self._memory, self._results = np.empty(len(results) * size), len(results)
+        self._tables = [table for _, table in tables]
 
     @staticmethod
-    def crank(alphas: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def crank(alphas: FloatArray) -> Crank:
         """As `NumpyKernel.crank`."""
         cos, sin = np.empty((2, alphas.size))
         _compiled_crank()(alphas, cos, sin)
         return cos, sin
 
     def run(
-        self, constants: FloatArray, legs: slice, crank: tuple[FloatArray, FloatArray]
+        self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
     ) -> tuple[list[FloatArray], bool]:
         """As `NumpyKernel.run`, with one crank for all legs."""
         shape = self._results, legs.stop - legs.start, crank[0].size
         rows = self._memory[: prod(shape)].reshape(shape)
-        missing = self._place(constants, legs.start, *crank, rows)
+        missing = self._place(constants, legs.start, *crank, first, rows, *self._tables)
         return [*rows], bool(missing)
 
 
@@ -189,46 +210,53 @@ def _crank(alphas: FloatArray, cos: FloatArray, sin: FloatArray) -> None:
         sin[j] = sine(alpha)
 
 
-def _source(program: Program, results: Sequence[str]) -> str:
+def _source(program: Program, groups: Sequence[Sequence[str]]) -> str:
     """Return the source of the function; it contains only indices and operators."""
     constants = [f'k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
     steps = ['cos = own_cosines[j]', 'sin = own_sines[j]']
     for name, operator, one, other in program.operations:
         value = f'{one} {operator} {other}' if other else f'{operator}({one})'
         steps.append(f'{name} = {value}')
-    count = len(results)
+    results = [*chain(*groups)]
     # Separate rows let the compiler vectorise the loop. It cannot tell many of them apart, but the
     # parts of a strip, whose distances it knows.
-    in_strips = count > MAX_ROWS
+    in_strips = len(results) > MAX_ROWS
     for n, name in enumerate(results):
         target = f'strip[{n * STRIP_SIZE} + j]' if in_strips else f'row{n}[j]'
         steps.append(f'{target} = {name}')
     steps.append(f'missing += isnan({results[0]})')
-    lines = ['def place(constants, start, cosines, sines, rows):', '    missing = 0']
-    lines += [f'    strip = empty({count * STRIP_SIZE})'] * in_strips
-    lines += ['    for i in range(rows.shape[1]):', *(f'        {line}' for line in constants)]
+    tables = [f'table{n}' for n in range(len(groups))]
+    lines = [f'def place(constants, start, cosines, sines, column, {", ".join(tables)}):']
+    lines += ['    missing = 0', *[f'    strip = empty({len(results) * STRIP_SIZE})'] * in_strips]
+    lines += ['    for i in range(table0.shape[1]):', *(f'        {line}' for line in constants)]
     if in_strips:
         lines.append(f'        for first in range(0, cosines.shape[0], {STRIP_SIZE}):')
     else:
-        lines += [f'        row{n} = rows[{n}, i]' for n in range(count)]
+        lines += [f'        row{n} = table0[{n}, i]' for n in range(len(results))]
         lines.append('        for first in (0,):')
     part = f'[first : first + {STRIP_SIZE}]' if in_strips else ''
     lines += [f'            own_{name} = {name}{part}' for name in ('cosines', 'sines')]
     lines += ['            for j in range(own_cosines.shape[0]):']
     lines += [f'                {line}' for line in steps]
-    if in_strips:
-        lines += [f'            for n in range({count}):', '                row = rows[n, i]']
+    places = [('i', 'first'), *[('start + i', 'column + first')] * (len(groups) - 1)]
+    done = 0
+    for table, (leg, at), names in zip(tables, places, groups, strict=True) if in_strips else ():
+        lines += [f'            for n in range({len(names)}):']
+        lines += [f'                row = {table}[n, {leg}, {at} : {at} + {STRIP_SIZE}]']
+        lines += [f'                own = strip[{STRIP_SIZE} * ({done} + n) :]']
         lines += ['                for j in range(own_cosines.shape[0]):']
-        lines += [f'                    row[first + j] = strip[{STRIP_SIZE} * n + j]']
+        lines += ['                    row[j] = own[j]']
+        done += len(names)
     return '\n'.join([*lines, '    return missing']) + '\n'
 
 
 @cache
-def _compiled_program(text: str) -> Any:
+def _compiled_program(text: str, tables: int) -> Any:
     path = _source_file(text)
     names: dict[str, Any] = {'sqrt': sqrt, 'isnan': isnan, 'empty': np.empty, '__name__': __name__}
     exec(compile(text, path or '<klann_ros kernel>', 'exec'), names)  # noqa: S102 - our own source
-    return _compile(names['place'], PLACE_SIGNATURE, cached=bool(path))
+    signature = PLACE_SIGNATURE + f', {TABLE}' * tables + ')'
+    return _compile(names['place'], signature, cached=bool(path))
 
 
 def _source_file(text: str) -> str:

@@ -100,7 +100,7 @@ class PathTerms:
     def __init__(
         self, structure: Structure, pivots: Sequence[Any], bars: Sequence[Any], signs: FloatArray
     ) -> None:
-        self._structure, self._pivots, self._bars, self.signs = structure, pivots, bars, signs
+        self._structure, self._pivots, self.bars, self.signs = structure, pivots, bars, signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
         self._derivatives: dict[Dimension, list[Any]] = {}
 
@@ -115,7 +115,7 @@ class PathTerms:
     def derivative(self, dimension: Dimension, bars: Sequence[int]) -> Any:
         """Return the derivative of a sum of bars by a dimension."""
         if dimension not in self._derivatives:
-            found = bar_derivatives(self._structure, self._bars, dimension)
+            found = bar_derivatives(self._structure, self.bars, dimension)
             self._derivatives[dimension] = found
         return sum(self._derivatives[dimension][bar] for bar in bars)
 
@@ -137,7 +137,7 @@ class PathTerms:
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:
-            self._rows[path] = path_terms(self._structure, path, self._pivots, self._bars)
+            self._rows[path] = path_terms(self._structure, path, self._pivots, self.bars)
         return self._rows[path]
 
 
@@ -278,29 +278,50 @@ class _Compiler:
         return tuple(item for item in path.bars if self._structure.bars[item[0]][0] == j)
 
     def _vector(self, path: Path, j: int) -> tuple[Pair, str]:
-        """Return the vector of a body in a path, and its sign; a dyad's link if it is the same."""
-        own = self._bars(path, j)
+        """Return the vector of a body in a path up to the sign of its first bar, and this sign."""
+        first = ''
+        x: Number = None
+        y: Number = None
+        for bar, times in self._bars(path, j):
+            (u, v), sign = self._bar(bar)
+            own = '-+'[(sign == '+') == (times > 0)]
+            first = first or own
+            for _ in range(abs(times)):
+                x, y = (self._add(*pair, '-+'[own == first]) for pair in ((x, u), (y, v)))
+        return (x or self._zero, y or self._zero), first
+
+    def _bar(self, bar: int) -> tuple[Pair, str]:
+        """Return the vector of a bar up to a sign, and this sign."""
+        j = self._structure.bars[bar][0]
+        if j:
+            k, side = self._sides[j]
+            link = self._bars(self._loop(k), j)
+            if {*link} <= {(bar, 1), (bar, -1)}:
+                return self._links[2 * k + side], '+-'[link[0][1] < 0]
+        is_straight = bar in self._structure.straight
+        return self._fixed_vector(lambda n: n.bars[bar], j, bar, real=is_straight), '+'
+
+    def _fixed_vector(self, w: Constant, j: int, key: Hashable, *, real: bool) -> Pair:
+        """Return the vector w u_j, which is fixed to a body."""
         if j == 0:
-            real = {bar for bar, _ in own} <= self._structure.straight
-            return self._rotated(lambda n: n.body(path, 0), own, real=real), '+'
+            return self._rotated(w, key, real=real)
         k, side = self._sides[j]
-        link = self._bars(self._loop(k), j)
-        if own == link:
-            return self._links[2 * k + side], '+'
-        if own == tuple((bar, -times) for bar, times in link):
-            return self._links[2 * k + side], '-'
 
         def ratio(n: PathTerms) -> Any:
-            return n.body(path, j) / n.links(k)[side]
+            return w(n) / n.links(k)[side]
 
-        factor = self._part(ratio, 0, own), self._part(ratio, 1, own)
-        return self._product(self._links[2 * k + side], factor), '+'
+        link = {bar for bar, _ in self._bars(self._loop(k), j)}
+        is_real = real and link <= self._structure.straight
+        factor = self._part(ratio, 0, key), None if is_real else self._part(ratio, 1, key)
+        return self._product(self._links[2 * k + side], factor)
 
     def _loop(self, k: int) -> Path:
         return self._paths.loops[self._paths.rows[k][0]]
 
     def _crank(self, path: Path) -> Components:
-        return self._vector(path, 0)[0] if self._bars(path, 0) else (None, None)
+        own = self._bars(path, 0)
+        real = {bar for bar, _ in own} <= self._structure.straight
+        return self._rotated(lambda n: n.body(path, 0), own, real=real) if own else (None, None)
 
     def _rotated(self, w: Constant, key: Hashable, *, real: bool) -> Pair:
         """Return w u_0 of a constant and the crank."""
@@ -350,16 +371,16 @@ class _Compiler:
             if g_a is None and g_b is None:
                 continue
             inverse = self._apply('/', self._one, self._determinant(k))
+            g_a, g_b = self._times(g_a, inverse), self._times(g_b, inverse)
             m_x, m_y = (
-                self._times(self._add(self._times(g_b, v), self._times(g_a, w), '-'), inverse)
+                self._add(self._times(g_b, v), self._times(g_a, w), '-')
                 for v, w in zip(*self._links[slice(2 * k, 2 * k + 2)], strict=True)
             )
             arms = [*arms, (loop, (m_x, m_y))]
             for j in self._bodies(loop):
                 if j not in {0, a, b}:
-                    (x, y), sign = self._vector(loop, j)
-                    rate = self._add(self._times(m_y, x), self._times(m_x, y), '-')
-                    rates[j] = self._add(rates.get(j), rate, sign)
+                    vector, sign = self._vector(loop, j)
+                    rates[j] = self._add(rates.get(j), self._cross(vector, (m_x, m_y), sign))
         for dimension in self._structure.dimensions:
             found = self._derivative(arms, dimension) or self._zero
             yield self._one if found == ONE else found
@@ -378,9 +399,19 @@ class _Compiler:
         total: Number = None
         for times, bars in moved.items():
             if any(times):
-                (m_x, m_y), (x, y) = self._weight(arms, times), self._moved(dimension, bars)
-                total = self._add(total, self._add(self._times(m_x, x), self._times(m_y, y)))
+                m = self._weight(arms, times)
+                vector, sign, is_bend = self._moved(dimension, bars)
+                if is_bend:
+                    total = self._add(total, self._cross(vector, m, sign))
+                else:
+                    x, y = (self._times(*pair) for pair in zip(m, vector, strict=True))
+                    total = self._add(total, self._add(x, y), sign)
         return total
+
+    def _cross(self, one: Components, other: Components, sign: str) -> Number:
+        """Return the cross product of two vectors, of the other with the one for '-'."""
+        (x, y), (u, v) = (one, other) if sign == '+' else (other, one)
+        return self._add(self._times(x, v), self._times(y, u), '-')
 
     def _weight(self, arms: Sequence[tuple[Path, Components]], times: Sequence[int]) -> Components:
         """Return the sum of the arms' m, each so often."""
@@ -391,21 +422,25 @@ class _Compiler:
                 x, y = (self._add(v, w, '+-'[count < 0]) for v, w in zip((x, y), m, strict=True))
         return x, y
 
-    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Pair:
-        """Return the derivative of a body's bars by a dimension, in the plane."""
-        key = dimension, *bars
-        j, own = self._structure.bars[bars[0]][0], {*bars}
-        k, side = self._sides.get(j, (0, 0))
-        link = {bar for bar, _ in self._bars(self._loop(k), j)} if j else set()
-        real = dimension.kind == 'length' and own | link <= self._structure.straight
-        if j == 0:
-            return self._rotated(lambda n: n.derivative(dimension, bars), key, real=real)
+    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> tuple[Pair, str, bool]:
+        """
+        Return the derivative of a body's bars by a dimension, up to a sign, and this sign.
 
-        def ratio(n: PathTerms) -> Any:
-            return n.derivative(dimension, bars) / n.links(k)[side]
-
-        factor = self._part(ratio, 0, key), None if real else self._part(ratio, 1, key)
-        return self._product(self._links[2 * k + side], factor)
+        Of a bend it is i times the vector that is returned with True.
+        """
+        body, bar = self._structure.bars[bars[0]]
+        is_straight = bars[0] in self._structure.straight
+        if bars == [dimension.place] and bar.brace is None and not is_straight:
+            vector, sign = self._bar(bars[0])
+            if dimension.kind == 'bend':
+                return vector, '-+'[(sign == '+') == (dimension.sense > 0)], True
+            scale = self._constant(lambda n: 1.0 / np.abs(n.bars[bars[0]]), ('scale', *bars))
+            x, y = (self._apply('*', each, scale) for each in vector)
+            return (x, y), sign, False
+        moved = self._fixed_vector(
+            lambda n: n.derivative(dimension, bars), body, (dimension, *bars), real=is_straight
+        )
+        return moved, '+', False
 
     def _determinant(self, k: int) -> str:
         """Return D of a dyad."""
