@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+import resource
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -169,3 +170,19 @@ def test_no_folder_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith('export: --ros2-control ')
     assert [path.name for path in tmp_path.iterdir()] == ['link']
+
+
+def test_a_full_disk_leaves_no_part_of_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # As a full disk does, this lets a file grow no further: the URDF is larger than the MJCF.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, limit[1]))
+    try:
+        file = str(ROOT / 'config' / 'walker8_two_motors.yaml')
+        assert main([file, '--ros2-control', str(tmp_path / 'control')]) == 3
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    reason = f'--ros2-control {tmp_path}/control cannot be written: File too large'
+    assert capsys.readouterr().err == f'export: {reason}\n'
+    assert [*tmp_path.iterdir()] == []

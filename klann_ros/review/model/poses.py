@@ -1,7 +1,7 @@
 """Recorded poses against the solved ones, and the figures of a leg."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, nan
 from typing import NamedTuple
@@ -29,26 +29,9 @@ import numpy as np
 from .recording import LegRecording
 from .times import median, pairs
 
-# Poses solved at once, which bounds the memory.
-_BLOCK_SIZE = 65536
+# Poses solved at once, and poses of a leg whose solution is kept, which bounds the memory.
+_BLOCK_SIZE, _MAX_KEPT = 65536, 500_000
 _LARGEST = np.finfo(np.float64).max
-
-
-@dataclass(frozen=True, eq=False)
-class PoseErrors:
-    """Errors of recorded poses against the solved ones."""
-
-    # Shape (n,): largest difference of the angles from the solved ones, modulo a turn [rad], or of
-    # a distance in the linkage's size; NaN for an unreachable crank angle, infinite for an angle
-    # that is not finite.
-    angle_errors: FloatArray
-    # Shape (n,): norm of f at the recorded pose [m]; infinite where an angle is not finite.
-    residuals: FloatArray
-    # Shape (m,): distance of H from the foot of its pose [m]; NaN without a unique finite pose,
-    # infinite where H is not finite.
-    foot_errors: FloatArray
-    # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
-    transmission_angles: FloatArray
 
 
 class SolvedBlock(NamedTuple):
@@ -69,6 +52,25 @@ class SolvedBlock(NamedTuple):
         """Return the error of each angle but the crank's, modulo a turn [rad]."""
         apart: FloatArray = np.abs(differences(leg, self.recorded[:, 1:], self.solved[:, 1:]))
         return apart
+
+
+@dataclass(frozen=True, eq=False)
+class PoseErrors:
+    """Errors of recorded poses against the solved ones."""
+
+    # Shape (n,): largest difference of the angles from the solved ones, modulo a turn [rad], or of
+    # a distance in the linkage's size; NaN for an unreachable crank angle, infinite for an angle
+    # that is not finite.
+    angle_errors: FloatArray
+    # Shape (n,): norm of f at the recorded pose [m]; infinite where an angle is not finite.
+    residuals: FloatArray
+    # Shape (m,): distance of H from the foot of its pose [m]; NaN without a unique finite pose,
+    # infinite where H is not finite.
+    foot_errors: FloatArray
+    # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
+    transmission_angles: FloatArray
+    # The solved poses, unless they are too many to be kept.
+    solved: tuple[SolvedBlock, ...] = ()
 
 
 def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
@@ -95,6 +97,7 @@ def pose_errors(
     recording: LegRecording, leg: AnyLeg, progress: Callable[[float], object] = lambda _: None
 ) -> PoseErrors:
     """Return the errors of a leg's poses; `progress` gets the finished share."""
+    kept: list[SolvedBlock] = []
     count = len(recording.poses)
     errors = PoseErrors(
         np.empty(count),
@@ -112,8 +115,10 @@ def pose_errors(
         recorded = recording.feet.values[block.of_feet]
         own = feet(leg, angles, u)[block.of_poses]
         errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
+        if count <= _MAX_KEPT:
+            kept.append(block)
         progress(rows.stop / count)
-    return errors
+    return replace(errors, solved=tuple(kept))
 
 
 def _foot_errors(recorded: FloatArray, own: FloatArray) -> FloatArray:

@@ -1,16 +1,15 @@
 """Write the findings of a review, and the right answer of every pose, beside the messages."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import struct
 
-from klann_ros.kinematics import AnyLeg
 from klann_ros.kinematics.arrays import AnyArray, ByteArray
 from klann_ros.log.definitions import definition
 from klann_ros.log.errors import LogError
 from klann_ros.log.extension import extend, TopicMessages
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import ANNOTATION, Topic
-from klann_ros.review.model.poses import solve_blocks
+from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review
 from klann_ros.sanitize.cdr import (
@@ -70,7 +69,10 @@ def _annotate(review: Review, output: str) -> None:
             place = f'{evaluated.namespace}/{evaluated.name}'.rstrip('/')
             states = topic(f'{evaluated.namespace}/joint_states', _JOINT_STATE)
             feet = topic(f'{place}/point_h', _POINT)
-            messages += _answers(evaluated, solver.leg, states, feet)
+            blocks = leg.errors.solved if leg.errors is not None else ()
+            messages += _answers(
+                evaluated, blocks or solve_blocks(evaluated, solver.leg), states, feet
+            )
     extend(path, output, [part for part in messages if len(part.times)])
 
 
@@ -96,7 +98,7 @@ def _diagnostics(finding: Finding, time: int) -> bytes:
 
 
 def _answers(
-    recording: LegRecording, leg: AnyLeg, states: Topic, feet: Topic
+    recording: LegRecording, blocks: Iterable[SolvedBlock], states: Topic, feet: Topic
 ) -> Iterator[TopicMessages]:
     """Yield the solved angles and feet of all poses with a reachable crank angle."""
     poses = recording.poses
@@ -105,7 +107,7 @@ def _answers(
     prefix = f'{recording.name}/' if recording.name else ''
     foot = PointTemplate(f'{prefix}{_FRAME}')
     zeros = state.fill(0, 0, [0.0] * len(joints)), foot.fill(0, 0, 0.0, 0.0)
-    for block in solve_blocks(recording, leg):
+    for block in blocks:
         found = np.flatnonzero(np.isfinite(block.solved).all(axis=1))
         times, stamps = poses.times[block.rows][found], poses.stamps[block.rows][found]
         stamp = HEADER_SIZE, _bytes(np.column_stack(np.divmod(stamps, 10**9)), '<u4')

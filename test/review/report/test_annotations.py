@@ -1,6 +1,8 @@
 """An annotated run has every message of the log byte for byte, and the truth beside it."""
 
 from pathlib import Path
+import subprocess
+import sys
 from typing import Any
 
 from findings import checks
@@ -8,6 +10,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log import open_log
 from klann_ros.log.recovery import recover
 from klann_ros.review.command import main
+from klann_ros.review.model import poses
 from klann_ros.review.reviewing import review_run
 from mcap.reader import make_reader, NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
@@ -164,6 +167,27 @@ def test_existing_files_and_the_input_are_refused_as_output(
     with pytest.raises(SystemExit):
         main([str(faulty), str(copy), '--annotate', str(tmp_path / 'two')])
     assert '--annotate takes one run' in capsys.readouterr().err
+
+
+def test_poses_that_are_not_kept_are_solved_again(
+    faulty: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = annotated(faulty, tmp_path / 'kept').parent
+    monkeypatch.setattr(poses, '_MAX_KEPT', 399)
+    assert messages(annotated(faulty, tmp_path / 'again').parent) == messages(kept)
+
+
+def test_a_full_disk_leaves_no_half_copy(faulty: Path, tmp_path: Path) -> None:
+    (file,) = faulty.glob('*.mcap')
+    # As a full disk does, these let a file grow no further: before and after the run's bytes.
+    for limit in (file.stat().st_size // 2, file.stat().st_size + 500):
+        code = f'import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit}))\n'
+        code += 'import sys; from klann_ros.review.command import main; sys.exit(main())'
+        arguments = [sys.executable, '-c', code, faulty, '--annotate', tmp_path / 'copy']
+        done = subprocess.run(arguments, capture_output=True, check=False, text=True)
+        reason = f'--annotate {tmp_path}/copy cannot be written: File too large'
+        assert (done.returncode, done.stderr) == (3, f'review: {reason}\n')
+        assert not (tmp_path / 'copy').exists()
 
 
 def test_many_runs_have_a_folder_of_annotated_copies(
