@@ -63,6 +63,7 @@ LAB_PARTS = Parts(
         _STATIC_FILES / 'decimal_field.js',
         _STATIC_FILES / 'numbers.js',
         _STATIC_FILES / 'newton.js',
+        _STATIC_FILES / 'path_drawing.js',
         _STATIC_FILES / 'lab.js',
     ),
 )

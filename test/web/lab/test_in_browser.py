@@ -7,6 +7,8 @@ import re
 from typing import Any
 
 from browser import find
+from klann_ros.design import wish_from_file
+from klann_ros.design.command import main as design
 from klann_ros.kinematics import (
     KlannGeometry,
     KlannLeg,
@@ -30,6 +32,7 @@ HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
 # As SEM 104 prints them [deg].
 PRINTED = ['10.5138 67.0074 36.7323 45.7048', '10.6570 67.3283 34.4691 45.7564']
 PRINTED += ['10.6570 67.3283 34.4634 45.7220']
+METRES_A_PIXEL = '1 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.plane.scale)'
 # What each joint is at, in metres of the leg's plane.
 PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
     node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
@@ -81,7 +84,7 @@ def lab(shared: Opened) -> Opened:
     """Return the page as it is at first: to open it takes longer than most tests."""
     shared.page.evaluate("speak('en'); crank.isTurning = false; lab.choose('klann')")
     shared.page.evaluate('newton.drawn = 0; newton.run(); document.activeElement.blur()')
-    shared.page.evaluate('lab.clearHistory(); scrollTo(0, 0)')
+    shared.page.evaluate('lab.clearHistory(); pathPanel.take([]); scrollTo(0, 0)')
     return shared
 
 
@@ -133,14 +136,18 @@ def test_a_dragged_joint_changes_the_lengths_that_meet_there(lab: Opened) -> Non
     # Everything else stayed where it was, but for the rounding.
     places = lab.page.evaluate(PLACES)
     expected = KlannLeg().solve(np.pi / 3).points
-    pixel = lab.page.evaluate('1 / (scene.pixelsPerUnit() * scene.drawing.plane.scale)')
+    pixel = lab.page.evaluate(
+        '1 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.plane.scale)'
+    )
     assert np.abs(np.array(places['G']) - expected[6]).max() < 2.0 * pixel
     assert np.abs(np.array(places['C']) - expected[2]).max() > 0.01
     assert lab.page.locator('#number-1').input_value() == f'{1000 * after[1]:.8g}'
 
 
 def test_a_drag_gives_numbers_as_coarse_as_a_pixel(lab: Opened) -> None:
-    pixel = lab.page.evaluate('1000 / (scene.pixelsPerUnit() * scene.drawing.plane.scale)')
+    pixel = lab.page.evaluate(
+        '1000 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.plane.scale)'
+    )
     step = lab.page.evaluate(f'roundStep({pixel})')
     assert pixel / 2.5 <= step <= pixel
     lab.drag('E', 12.3, 9.7)
@@ -587,3 +594,69 @@ def test_axe_finds_no_barrier(visit) -> None:
             for one in found['violations']
         ]
         assert reported == [], scheme
+
+
+def draw(lab: Opened, corners: list[tuple[float, float]]) -> None:
+    """Draw a path with the pointer, by parts of the panel's width and height."""
+    panel = lab.page.locator('#path')
+    panel.scroll_into_view_if_needed()
+    box = panel.bounding_box()
+    places = [(box['x'] + u * box['width'], box['y'] + v * box['height']) for u, v in corners]
+    lab.page.mouse.move(*places[0])
+    lab.page.mouse.down()
+    for place in places[1:]:
+        lab.page.mouse.move(*place, steps=4)
+    lab.page.mouse.up()
+
+
+def test_a_drawn_path_is_saved_as_a_wish_that_design_fulfils(
+    lab: Opened, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    draw(lab, [(0.3, 0.6), (0.7, 0.6), (0.6, 0.4), (0.4, 0.4)])
+    assert lab.page.locator('#path .recorded-path').get_attribute('d').count('L') == 47
+    wish = parse(saved_by(lab, '#save-wish', tmp_path))
+    assert wish['linkage'] == 'klann'
+    points = np.array(wish['path']['points'])
+    assert len(points) == 48
+    # As wide as it was drawn, at even steps.
+    scale = lab.page.evaluate('pathPanel.drawing.plane.width / pathPanel.drawing.plane.scale')
+    assert np.ptp(points[:, 0]) == pytest.approx(0.4e3 * scale, rel=0.02)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert np.ptp(np.sort(steps)[6:]) < 0.2 * steps.mean()
+    out = tmp_path / 'out'
+    arguments = ['--jobs', '1', '--evaluations', '600', '-o', str(out)]
+    assert design([str(tmp_path / 'wish.yaml'), *arguments]) == 0
+    assert 'path_error' in capsys.readouterr().out
+
+
+def test_a_path_is_written_with_the_keyboard_and_in_portuguese(
+    lab: Opened, tmp_path: Path
+) -> None:
+    lab.page.locator('#save-wish').click()
+    assert 'there is no path' in lab.text('#refusal')
+    lab.page.locator('[data-language=pt]').click()
+    lab.page.locator('#path-points').fill('0 0\n50,5 0\n50,5 20')
+    lab.page.locator('#path-structure').select_option('new')
+    lab.page.locator('#path-turn').click()
+    wish = parse(saved_by(lab, '#save-wish', tmp_path))
+    assert wish['path']['points'] == [[0, 0], [50.5, 0], [50.5, 20]]
+    assert wish['grow'] == {'dyads': 1}
+    assert not wish['path']['turn']
+    lab.page.locator('#path-points').fill('0 0\n50.5 0')
+    assert 'use a vírgula decimal' in lab.text('#refusal')
+    lab.page.locator('[data-language=en]').click()
+    lab.page.locator('#path-turn').click()
+    lab.page.locator('#path-structure').select_option('own')
+    lab.page.locator('#path-clear').click()
+    assert lab.page.locator('#path-points').input_value() == ''
+
+
+def test_the_wish_for_a_changed_linkage_names_the_file_that_is_saved(
+    lab: Opened, tmp_path: Path
+) -> None:
+    lab.drag('C', 12, -20)
+    lab.page.locator('#name').fill('My leg')
+    lab.page.locator('#path-points').fill('0 0\n50 0\n50 20')
+    assert parse(saved_by(lab, '#save-wish', tmp_path))['linkage'] == 'my_leg.yaml'
+    saved_by(lab, '#save-linkage', tmp_path)
+    assert wish_from_file(tmp_path / 'wish.yaml').spaces[0].linkage.name == 'My leg'

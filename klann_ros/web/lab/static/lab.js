@@ -8,6 +8,7 @@ const chart = new TurnChart(byId('chart'), lab);
 const assemblies = new AssembliesPanel(byId('assemblies'), lab, scene);
 const numbers = new NumbersPanel(byId('numbers'), lab);
 const newton = new NewtonPanel(lab, scene);
+const pathPanel = new PathPanel(byId('path'), lab);
 const crank = { isTurning: false };
 
 // The crank.
@@ -169,21 +170,32 @@ function textToSave(asParameters) {
   return text;
 }
 
-function save(asParameters) {
+/** Return the name of the linkage's file, without its ending. */
+function fileStem() {
+  const stem = byId('name')
+    .value.toLowerCase()
+    .replace(/[^a-z0-9]+/g, '_')
+    .replace(/^_+|_+$/g, '');
+  return (stem || 'linkage').slice(0, 60);
+}
+
+/** Save a text under a name, or say why there is none. */
+function save(textOf, name) {
   lab.attempt(() => {
-    const text = textToSave(asParameters);
     const link = made('a');
-    link.href = URL.createObjectURL(new Blob([text], { type: 'text/yaml' }));
-    const stem = byId('name')
-      .value.toLowerCase()
-      .replace(/[^a-z0-9]+/g, '_')
-      .replace(/^_+|_+$/g, '');
-    link.download = `${(stem || 'linkage').slice(0, 60)}${asParameters ? '_parameters' : ''}.yaml`;
+    link.href = URL.createObjectURL(new Blob([textOf()], { type: 'text/yaml' }));
+    link.download = `${name}.yaml`;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     lab.refusal = null;
     lab.tell('pose');
   });
+}
+
+/** Return the wish for the drawn path: of a shipped linkage as it is, or of the saved file. */
+function wishText() {
+  const isShipped = Object.hasOwn(lab.shipped, lab.source) && lab.linkage === lab.read.linkage;
+  return pathPanel.wish(isShipped ? lab.source : `${fileStem()}.yaml`);
 }
 
 function showText() {
@@ -227,6 +239,7 @@ function speak(now) {
   if (lab.turn) chart.draw();
   assemblies.soon();
   scene.nameGrips();
+  pathPanel.write();
   showCrank();
 }
 
@@ -254,8 +267,9 @@ function listen() {
     scene.showOthers([]);
     assemblies.show();
   });
-  on('save-linkage', 'click', () => save(false));
-  on('save-parameters', 'click', () => save(true));
+  on('save-linkage', 'click', () => save(() => textToSave(false), fileStem()));
+  on('save-parameters', 'click', () => save(() => textToSave(true), `${fileStem()}_parameters`));
+  on('save-wish', 'click', () => save(wishText, 'wish'));
   on('load-text', 'click', () => loadText(byId('text').value, ''));
   on('name', 'input', () => {
     lab.begin();

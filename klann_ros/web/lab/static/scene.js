@@ -6,6 +6,23 @@ const GRIP = 17;
 const LEAST_GRIP = 13;
 const SMALL_STEP = 0.002;
 
+/** Return the pixels of a unit of a drawing, which is as large as fits. */
+function pixelsPerUnit(svg, { plane }) {
+  const { width, height } = svg.getBoundingClientRect();
+  return Math.min(width / plane.width, height / plane.height);
+}
+
+/** Return where a pointer is in a drawing [m]. */
+function pointerMetres(svg, drawing, event) {
+  const box = svg.getBoundingClientRect();
+  const { width, height } = drawing.plane;
+  // The drawing is in the middle.
+  const scale = pixelsPerUnit(svg, drawing);
+  const x = (event.clientX - box.left - (box.width - scale * width) / 2) / scale;
+  const y = (event.clientY - box.top - (box.height - scale * height) / 2) / scale;
+  return drawing.metresAt([x, y]);
+}
+
 class Scene {
   constructor(svg, lab) {
     this.svg = svg;
@@ -116,12 +133,12 @@ class Scene {
     event.preventDefault();
     grip.focus({ preventScroll: true });
     grip.setPointerCapture(event.pointerId);
-    const begin = this.metresOf(event);
+    const begin = pointerMetres(this.svg, this.drawing, event);
     const at = this.pointAt(i);
-    const step = roundStep(1 / (this.pixelsPerUnit() * this.drawing.plane.scale));
+    const step = roundStep(1 / (pixelsPerUnit(this.svg, this.drawing) * this.drawing.plane.scale));
     this.lab.begin();
     const move = (moved) => {
-      const [x, y] = C.sub(this.metresOf(moved), begin);
+      const [x, y] = C.sub(pointerMetres(this.svg, this.drawing, moved), begin);
       // An undo meanwhile has ended the edit.
       this.lab.begin();
       this.lab.isDragged = true;
@@ -147,23 +164,6 @@ class Scene {
     this.lab.begin();
     const target = C.add(this.pointAt(i), C.times(step * (event.shiftKey ? 10 : 1), way));
     this.lab.drag(i, target, step);
-  }
-
-  /** Return the pixels of a unit of the drawing, which is as large as fits. */
-  pixelsPerUnit() {
-    const { width, height } = this.svg.getBoundingClientRect();
-    const { plane } = this.drawing;
-    return Math.min(width / plane.width, height / plane.height);
-  }
-
-  metresOf(event) {
-    const box = this.svg.getBoundingClientRect();
-    const { width, height } = this.drawing.plane;
-    // The drawing is in the middle.
-    const scale = this.pixelsPerUnit();
-    const x = (event.clientX - box.left - (box.width - scale * width) / 2) / scale;
-    const y = (event.clientY - box.top - (box.height - scale * height) / 2) / scale;
-    return this.drawing.metresAt([x, y]);
   }
 
   pointAt(i) {
