@@ -8,48 +8,32 @@ from statistics import median
 
 from klann_ros.kinematics.angles import TURN
 
-# Angles beyond this are no crank's [rad].
-MAX_ANGLE = 1e6
-# A crank may be off by this beyond what its greatest rate would have turned it [rad], ...
-POSITION_MARGIN = 0.1
-# ... and the time between two messages is never taken as less [s]: stamps and transport jitter.
-MIN_DT = 0.02
-# Rates beyond this multiple of the crank's greatest rate are rejected.
-MAX_RATE_RATIO = 10.0
+# Angles beyond this are no crank's [rad]; rates beyond this multiple of its greatest rate neither.
+MAX_ANGLE, MAX_RATE_RATIO = 1e6, 10.0
+# A crank may be off by this beyond what its greatest rate would have turned it [rad], and the time
+# between two messages is never taken as less [s]: stamps and transport jitter.
+POSITION_MARGIN, MIN_DT = 0.1, 0.02
 # Consecutive readings that confirm a position offset.
 CONFIRMATIONS = 5
-# Gate of reported offsets, in standard deviations of the encoder's noise, ...
-NOISE_GATE = 6.0
-# ... of which the least is assumed to be this [rad].
-MIN_NOISE = 0.002
-# Readings from which the noise is learned before any offset is judged; its averaging window.
-NOISE_READINGS = 50
-# Rates between readings whose median predicts the next one.
-RATE_READINGS = 5
-# The prediction is that far behind a crank that accelerates [rad/s^2], ...
-MAX_ACCELERATION = 30.0
-# ... so that readings further apart predict nothing [s].
-MAX_INTERVAL = 0.5
+# Gate of reported offsets, in standard deviations of the encoder's noise, of which the least is
+# assumed to be this [rad]. It is learned from so many readings before any offset is judged.
+NOISE_GATE, MIN_NOISE, NOISE_READINGS = 6.0, 0.002, 50
+# Rates between readings whose median predicts the next one; the prediction is that far behind a
+# crank that accelerates [rad/s^2], and readings further apart predict nothing [s].
+RATE_READINGS, MAX_ACCELERATION, MAX_INTERVAL = 5, 30.0, 0.5
+# Time after a pause during which messages are compared with those before it, the delay of one that
+# is current, and the growth of the usual age of messages from one to the next [s].
+DRAIN_TIME, FRESH_DELAY, AGE_STEP = 1.0, 0.05, 0.05
 # Returns the time of a clock that never stands still [s].
 SteadyClock = Callable[[], float]
-# Time after a pause during which messages are compared with those before it [s].
-DRAIN_TIME = 1.0
-# A message that waited for less is current [s].
-FRESH_DELAY = 0.05
-# The usual age of messages grows by no more than this from one to the next [s].
-AGE_STEP = 0.05
 
 
 class Watchdog:
     """
     The time since the last message of an input.
 
-    Parameters
-    ----------
-    steady : callable, optional
-        Returns the time of a clock that always runs [s]; needed where the control clock may stand
-        still, as simulated time does.
-
+    It runs on the steady clock as well, where there is one: the control clock may stand still, as
+    simulated time does.
     """
 
     def __init__(self, steady: SteadyClock | None = None) -> None:
@@ -84,8 +68,7 @@ class Backlog:
     """
 
     def __init__(self) -> None:
-        self._usual_age = inf
-        self._end = -inf
+        self._usual_age, self._end = inf, -inf
 
     def pause(self, now: float) -> None:
         """Expect delayed messages: the process was paused until now [s]."""
@@ -109,12 +92,6 @@ class OffsetDetector:
 
     The rate is the median of the last rates between readings, so that a step does not explain
     itself. A step counts if it is still there after `CONFIRMATIONS` readings; a glitch is not.
-
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the readings about their prediction [rad].
-
     """
 
     def __init__(self) -> None:
@@ -123,7 +100,7 @@ class OffsetDetector:
 
     @property
     def noise(self) -> float:
-        """Return the standard deviation of the prediction [rad]."""
+        """Return the standard deviation of the readings about their prediction [rad]."""
         return max(MIN_NOISE, sqrt(self._variance))
 
     def restart(self) -> None:
@@ -137,11 +114,12 @@ class OffsetDetector:
         """Take an angle [rad] at its time [s]; return the offset [rad] accepted with it, or 0."""
         dt, step = at - self._at, position - self._position
         # NaN compares with nothing.
-        if not 0.0 < dt < MAX_INTERVAL:
+        is_next = 0.0 < dt < MAX_INTERVAL
+        if not is_next:
             self.restart()
         self._position, self._at = position, at
-        if not 0.0 < dt < MAX_INTERVAL or len(self._rates) < RATE_READINGS:
-            if 0.0 < dt < MAX_INTERVAL:
+        if len(self._rates) < RATE_READINGS:
+            if is_next:
                 self._rates.append(step / dt)
             return 0.0
         predicted = median(self._rates) * dt
@@ -160,64 +138,40 @@ class OffsetDetector:
         if len(self._steps) < CONFIRMATIONS:
             return 0.0
         # What follows a step confirms it; its own excess is acceleration.
-        is_confirmed, offset = abs(sum(self._steps)) > tolerance, self._offset
-        self._steps.clear()
-        self._offset = 0.0
-        return offset if is_confirmed else 0.0
+        offset = self._offset if abs(sum(self._steps)) > tolerance else 0.0
+        self._steps, self._offset = [], 0.0
+        return offset
 
     def _learn_noise(self, innovation: float, limit: float) -> None:
         self._count += 1
-        share = 1.0 / min(self._count, NOISE_READINGS)
-        square = innovation**2
         if self._count > NOISE_READINGS:
             # A step is not noise, though it may be the first sign of more noise.
-            square = min(square, limit**2)
-        self._variance += share * (square - self._variance)
+            innovation = min(abs(innovation), limit)
+        self._variance += (innovation**2 - self._variance) / min(self._count, NOISE_READINGS)
 
 
 @dataclass
 class CrankFeedback:
-    """
-    The state of a crank by its encoder.
-
-    Parameters
-    ----------
-    joint : str
-        Its name.
-    max_rate : float
-        Its greatest rate [rad/s].
-    steady : callable, optional
-        Returns the time of a clock that always runs [s]; see `Watchdog`.
-
-    Attributes
-    ----------
-    position : float
-        The last accepted angle, without the encoder's whole turns [rad]; NaN before the first.
-    velocity : float
-        The rate in the message, or else from angle to angle [rad/s].
-    at, received : float
-        Time of the last accepted reading, and of its arrival by the control clock [s].
-    delay : float
-        Time for which that reading waited while the process was paused [s]; 0 if it is current.
-    rejected, jumps, offsets : int
-        Readings that were no angles; implausible steps; accepted position offsets.
-    last_offset, offset_sum : float
-        The last accepted offset, and the sum of all [rad].
-
-    """
+    """The state of a crank of a joint, with a greatest rate [rad/s], by its encoder."""
 
     joint: str
     max_rate: float
     steady: InitVar[SteadyClock | None] = None
+    # The last accepted angle, without the encoder's whole turns [rad]; NaN before the first. And
+    # the rate in the message, or else from angle to angle [rad/s].
     position: float = nan
     velocity: float = 0.0
+    # Time of that reading, of its arrival by the control clock, and for which it waited while the
+    # process was paused [s].
     at: float = nan
     received: float = nan
     delay: float = 0.0
+    # Readings that were no angles; implausible steps, and those accepted; position offsets.
     rejected: int = 0
     jumps: int = 0
     accepted_jumps: int = 0
     offsets: int = 0
+    # The last accepted offset, and the sum of all [rad].
     last_offset: float = 0.0
     offset_sum: float = 0.0
     backlog: Backlog = field(default_factory=Backlog, repr=False)
@@ -248,53 +202,52 @@ class CrankFeedback:
         age: float | None = None,
     ) -> bool:
         """
-        Take a reading; return whether a position offset was accepted with it.
+        Take angle [rad] and rate [rad/s]; return whether a position offset was accepted with them.
 
-        Parameters
-        ----------
-        position : float
-            The encoder's angle [rad].
-        velocity : float or None
-            The rate in the message [rad/s].
-        now : float
-            Time of its arrival by the control clock [s].
-        at : float, optional
-            Its own time, by any clock [s].
-        age : float, optional
-            Its age by the clocks of publisher and receiver, which may differ [s].
-
+        They arrive at `now` by the control clock; `at` is their own time by any clock, and `age`
+        that by the clocks of publisher and receiver, which may differ [s].
         """
         if not (isfinite(position) and abs(position) <= MAX_ANGLE):
             self.rejected += 1
             return False
         delay = self.backlog.delay(age, now)
-        times = now, now if at is None else at, delay
-        if not self.is_known:
-            self._accept(position, velocity, times)
-            return False
-        # An encoder that restarts after a turn has not moved the crank.
-        unwrapped = position + self._turns
-        whole = round((unwrapped - self.position) / TURN) * TURN
-        step = unwrapped - whole - self.position
-        # While a queue is drained, readings arrive faster than they were sent.
-        elapsed = max(now - self.received, self.delay - delay, MIN_DT)
-        possible = 1.5 * self.max_rate * elapsed + POSITION_MARGIN
-        if abs(unwrapped - self.position) <= possible:
-            whole, step = 0.0, unwrapped - self.position
-        if abs(step) > possible and not self._is_confirmed(position, possible):
-            return False
+        at = now if at is None else at
         offset = 0.0
-        self._outliers.clear()
-        self._turns -= whole
-        if abs(step) > possible:
-            turned = self.velocity * (times[1] - self.at)
-            offset = step - turned if abs(turned) < possible else step
-            # No rate follows from a jump.
-            self.at = nan
-            self.accepted_jumps += 1
-            self.detector.restart()
-        self._accept(position + self._turns, velocity, times)
-        return self._add_offset(offset or self.detector.read(self.position, self.at))
+        if self.is_known:
+            # An encoder that restarts after a turn has not moved the crank.
+            unwrapped = position + self._turns
+            whole = round((unwrapped - self.position) / TURN) * TURN
+            # While a queue is drained, readings arrive faster than they were sent.
+            elapsed = max(now - self.received, self.delay - delay, MIN_DT)
+            possible = 1.5 * self.max_rate * elapsed + POSITION_MARGIN
+            if abs(unwrapped - self.position) <= possible:
+                whole = 0.0
+            step = unwrapped - whole - self.position
+            if abs(step) > possible and not self._is_confirmed(position, possible):
+                return False
+            self._outliers.clear()
+            self._turns -= whole
+            if abs(step) > possible:
+                turned = self.velocity * (at - self.at)
+                offset = step - turned if abs(turned) < possible else step
+                # No rate follows from a jump.
+                self.at = nan
+                self.accepted_jumps += 1
+                self.detector.restart()
+        first, position = not self.is_known, position + self._turns
+        # NaN compares with nothing.
+        if velocity is not None and abs(velocity) <= MAX_RATE_RATIO * self.max_rate:
+            self.velocity = velocity
+        elif at > self.at:
+            self.velocity = (position - self.position) / (at - self.at)
+        self.position, self.at, self.received, self.delay = position, at, now, delay
+        self.watchdog.feed(now, delay)
+        offset = offset or (0.0 if first else self.detector.read(position, at))
+        if offset:
+            self.offsets += 1
+            self.last_offset = offset
+            self.offset_sum += offset
+        return bool(offset)
 
     def _is_confirmed(self, position: float, possible: float) -> bool:
         """Hold an implausible angle back; return whether enough readings confirm it."""
@@ -304,23 +257,3 @@ class CrankFeedback:
             self.jumps += 1
         self._outliers.append(position)
         return len(self._outliers) >= CONFIRMATIONS
-
-    def _add_offset(self, offset: float) -> bool:
-        if not offset:
-            return False
-        self.offsets += 1
-        self.last_offset = offset
-        self.offset_sum += offset
-        return True
-
-    def _accept(
-        self, position: float, velocity: float | None, times: tuple[float, float, float]
-    ) -> None:
-        now, at, delay = times
-        # NaN compares with nothing.
-        if velocity is not None and abs(velocity) <= MAX_RATE_RATIO * self.max_rate:
-            self.velocity = velocity
-        elif at > self.at:
-            self.velocity = (position - self.position) / (at - self.at)
-        self.position, self.at, self.received, self.delay = position, at, now, delay
-        self.watchdog.feed(now, delay)
