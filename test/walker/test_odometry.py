@@ -233,3 +233,30 @@ def test_a_returning_imu_turns_by_its_orientation(two_motors: Feet) -> None:
         odometry.imu(ImuReading(yaw, 0.2, at))
         pose = odometry.update((0.0, 0.0), (0.0, 0.0))
     assert pose.yaw == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_gyro_bias_learned_at_standstill_turns_no_walk(two_motors: Feet) -> None:
+    odometry, bias = Odometry(two_motors), 0.004
+    for k in range(800):
+        angle = max(0.0, 0.01 * (k - 300))
+        odometry.imu(ImuReading(None, bias, 0.01 * k))
+        at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+    assert odometry.gyro_bias == pytest.approx(bias, rel=0.1)
+    assert abs(at.yaw) < 0.2 * bias * 5.0
+
+
+@pytest.mark.parametrize(
+    ('acceleration', 'slope', 'facet'),
+    [(2.0, 0.0, (1, 2, 3)), (-2.0, 0.0, (0, 1, 2)), (0.0, 2.0, (0, 1, 2)), (0.0, -2.0, (1, 2, 3))],
+)
+def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
+    two_motors: Feet, acceleration: float, slope: float, facet: tuple[int, int, int]
+) -> None:
+    # A seesaw: forwards it leans back, and downhill forwards.
+    odometry = Odometry(two_motors)
+    odometry._push, odometry._height = 0j, 0.3
+    odometry._acceleration, odometry._slope = acceleration + 0j, slope + 0j
+    feet = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
+    rest = odometry._support(feet, (0.0, 0.0, 0.0))
+    assert rest is not None
+    assert rest.facet == facet
