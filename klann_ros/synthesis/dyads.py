@@ -21,17 +21,15 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
-from numpy.polynomial import polynomial
+from numpy.polynomial import Polynomial
 
 # Roots this far from the unit circle are not real rotations; nearer ones are refined.
 CIRCLE_TOLERANCE = 1e-3
-# A refined dyad fits all positions within this part of the task's size.
-FIT_TOLERANCE = 1e-9
+# A refined dyad fits all positions within this part of the task's size; dyads closer are one.
+FIT_TOLERANCE, DISTINCT = 1e-9, 1e-5
 MAX_REFINEMENTS = 20
-# Dyads closer than this part of the task's size are one.
-DISTINCT = 1e-5
 
 
 class PlanePose(NamedTuple):
@@ -100,9 +98,8 @@ def dyad_of_rotations(
     system = np.column_stack([bars - 1.0, rotors - 1.0])
     if abs(np.linalg.det(system)) <= tolerance:
         raise GeometryError(f'the rotations {[*map(float, rotations)]} rad determine no dyad')
-    w, z = np.linalg.solve(system, shifts)
-    pin = poses[0].p - complex(z)
-    return BurmesterPair(pin - complex(w), pin)
+    w, z = map(complex, np.linalg.solve(system, shifts))
+    return BurmesterPair(poses[0].p - z - w, poses[0].p - z)
 
 
 def dyad_of_pin(poses: Sequence[PlanePose], pin: complex) -> BurmesterPair:
@@ -112,8 +109,7 @@ def dyad_of_pin(poses: Sequence[PlanePose], pin: complex) -> BurmesterPair:
     The fixed pivot is the centre of the circle through the three places of the pin. Raises a
     GeometryError where they are on one line or coincide.
     """
-    first, second, third = pins(poses[:3], pin)
-    return BurmesterPair(_circle_centre(first, second, third), pin)
+    return BurmesterPair(_circle_centre(*pins(poses[:3], pin)), pin)
 
 
 def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
@@ -123,7 +119,7 @@ def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
     Raises a GeometryError where the pivot's three places in the moving plane are on one line.
     """
     (p, angle), *_ = poses
-    inverted = [p + (pivot - q) * np.exp(1j * (angle - each)) for q, each in poses[:3]]
+    inverted = [p + (pivot - q) * cmath.rect(1.0, angle - each) for q, each in poses[:3]]
     return BurmesterPair(pivot, _circle_centre(*inverted))
 
 
@@ -147,17 +143,10 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Burmes
         In the order of beta_2; empty where no bar fits.
 
     """
-    rotors, shifts = _relative(poses)
-    d_1, d_2, d_3, d_4 = _compatibility(rotors, shifts, (0, 1, 2))
-    found = []
-    for beta in np.arange(0.5, count) * 2.0 * np.pi / count:
-        known = d_1 + d_2 * np.exp(1j * beta)
-        for third in _triangle(known, d_3, d_4):
-            bars = np.exp(1j * beta), third
-            dyad = _solve(poses, bars)
-            if dyad is not None and _fits(poses, dyad):
-                found.append(dyad)
-    return found
+    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses))
+    turns = np.exp(1j * np.arange(0.5, count) * 2.0 * np.pi / count).tolist()
+    bars = ((x, y) for x in turns for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)))
+    return [dyad for x, y in bars if (dyad := _solve(poses, x, y)) and _fits(poses, dyad)]
 
 
 def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
@@ -180,24 +169,20 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
 
     """
     rotors, shifts = _relative(poses)
-    rows = (0, 1, 2), (0, 1, 3)
+    rows = [0, 1, 2], [0, 1, 3]
     (a_1, b_1, c_1), (a_2, b_2, c_2) = (
-        _in_third_bar(_compatibility(rotors, shifts, each)) for each in rows
+        _in_third_bar(*_compatibility(rotors[each], shifts[each])) for each in rows
     )
-    over = polynomial.polysub(polynomial.polymul(a_2, c_1), polynomial.polymul(a_1, c_2))
-    under = polynomial.polysub(polynomial.polymul(b_1, c_2), polynomial.polymul(b_2, c_1))
-    other = polynomial.polysub(polynomial.polymul(a_1, b_2), polynomial.polymul(a_2, b_1))
-    whole = polynomial.polysub(polynomial.polymul(over, other), polynomial.polymul(under, under))
+    over, under, other = a_2 * c_1 - a_1 * c_2, b_1 * c_2 - b_2 * c_1, a_1 * b_2 - a_2 * b_1
+    whole = over * other - under * under
     found: list[BurmesterPair] = []
-    for root in polynomial.polyroots(polynomial.polytrim(whole, 1e-14 * np.abs(whole).max())):
+    for root in whole.trim(1e-14 * np.abs(whole.coef).max()).roots():
         if abs(root) == 0.0 or abs(abs(root) - 1.0) > CIRCLE_TOLERANCE:
             continue
         x = root / abs(root)
-        bottom = polynomial.polyval(x, under)
-        if abs(bottom) <= 1e-12 * np.abs(under).sum():
+        if abs(under(x)) <= 1e-12 * np.abs(under.coef).sum():
             continue
-        third = polynomial.polyval(x, over) / bottom
-        start = _solve(poses, (complex(x), complex(third / abs(third))))
+        start = _solve(poses, complex(x), complex(over(x) / under(x)))
         dyad = start and _refine(poses, start)
         if dyad and _fits(poses, dyad) and not _is_among(dyad, found, _size(poses)):
             found.append(dyad)
@@ -207,90 +192,71 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
 def _relative(poses: Sequence[PlanePose]) -> tuple[ComplexArray, ComplexArray]:
     """Return e^(i alpha_j) and delta_j of the poses after the first one."""
     (p, angle), *others = poses
-    rotors = np.array([np.exp(1j * (each - angle)) for _, each in others])
+    rotors = np.array([cmath.rect(1.0, each - angle) for _, each in others])
     return rotors, np.array([q - p for q, _ in others])
 
 
 def _compatibility(
-    rotors: ComplexArray, shifts: ComplexArray, rows: tuple[int, int, int]
+    rotors: ComplexArray, shifts: ComplexArray
 ) -> tuple[complex, complex, complex, complex]:
     """Return D1 to D4 of D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0."""
-    (r_2, r_3, r_4), (s_2, s_3, s_4) = rotors[[*rows]] - 1.0, shifts[[*rows]]
-    d_2, d_3, d_4 = r_3 * s_4 - r_4 * s_3, r_4 * s_2 - r_2 * s_4, r_2 * s_3 - r_3 * s_2
+    d_2, d_3, d_4 = np.cross(rotors - 1.0, shifts).tolist()
     return -d_2 - d_3 - d_4, d_2, d_3, d_4
 
 
 def _in_third_bar(
-    minors: tuple[complex, complex, complex, complex],
-) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    d_1: complex, d_2: complex, d_3: complex, d_4: complex
+) -> tuple[Polynomial, Polynomial, Polynomial]:
     """
     Return the polynomials a, b, c in x = e^(i b2) of a + b y + c / y = 0, y = e^(i b3).
 
     The equation is x (|D1 + D2 x + D3 y|^2 - |D4|^2) = 0 on the unit circle.
     """
-    d_1, d_2, d_3, d_4 = minors
     middle = abs(d_1) ** 2 + abs(d_2) ** 2 + abs(d_3) ** 2 - abs(d_4) ** 2
-    a = np.array([d_1 * d_2.conjugate(), middle, d_1.conjugate() * d_2])
-    b = d_3 * np.array([d_2.conjugate(), d_1.conjugate()])
-    c = d_3.conjugate() * np.array([0.0, d_1, d_2])
-    return a, b, c
+    a = Polynomial([d_1 * d_2.conjugate(), middle, d_1.conjugate() * d_2])
+    b = Polynomial([d_3 * d_2.conjugate(), d_3 * d_1.conjugate()])
+    return a, b, Polynomial([0.0, d_3.conjugate() * d_1, d_3.conjugate() * d_2])
 
 
-def _triangle(known: complex, side: complex, last: complex) -> Iterable[complex]:
-    """Yield the unit numbers y with |known + side y| = |last|, at most two."""
+def _triangle(known: complex, side: complex, last: float) -> Iterable[complex]:
+    """Yield the unit numbers y with |known + side y| = last, at most two."""
     product = known.conjugate() * side
-    along = (abs(last) ** 2 - abs(known) ** 2 - abs(side) ** 2) / 2.0
+    along = (last**2 - abs(known) ** 2 - abs(side) ** 2) / 2.0
     square = abs(product) ** 2 - along**2
-    if square < 0.0 or product == 0.0:
-        return
-    for sign in (1.0, -1.0):
-        y = complex(along, sign * square**0.5) / product
-        yield y / abs(y)
+    if square >= 0.0 and product != 0.0:
+        yield from (complex(along, root) / product for root in (square**0.5, -(square**0.5)))
 
 
-def _solve(poses: Sequence[PlanePose], bars: tuple[complex, complex]) -> BurmesterPair | None:
-    """Return the dyad whose bar turns by e^(i b2), e^(i b3); None for a singular system."""
+def _solve(poses: Sequence[PlanePose], x: complex, y: complex) -> BurmesterPair | None:
+    """Return the dyad whose bar turns by the angles of x and y; None for a singular system."""
     try:
-        return dyad_of_rotations(poses[:3], np.angle(bars).tolist())
+        return dyad_of_rotations(poses[:3], (cmath.phase(x), cmath.phase(y)))
     except GeometryError:
         return None
 
 
-def _residuals(poses: Sequence[PlanePose], dyad: BurmesterPair) -> FloatArray:
-    """Return |W_j - M|^2 - |W_1 - M|^2 of the poses after the first one [m^2]."""
-    squares = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot) ** 2
-    residuals: FloatArray = squares[1:] - squares[0]
-    return residuals
-
-
 def _fits(poses: Sequence[PlanePose], dyad: BurmesterPair) -> bool:
     """Return whether a dyad fits all poses and is a bar of the task's size."""
-    places = np.array(pins(poses, dyad.pin))
-    lengths = np.abs(places - dyad.pivot)
-    size = _size(poses)
-    span = float(np.ptp(lengths))
-    length = float(lengths[0])
-    return span <= FIT_TOLERANCE * (size + length) and length > 1e-9 * size
+    lengths, size = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot), _size(poses)
+    span = FIT_TOLERANCE * (size + lengths[0])
+    return bool(np.ptp(lengths) <= span and lengths[0] > 1e-9 * size)
 
 
 def _size(poses: Sequence[PlanePose]) -> float:
-    return float(max(abs(p - poses[0].p) for p, _ in poses))
+    return max(abs(p - poses[0].p) for p, _ in poses)
 
 
 def _refine(poses: Sequence[PlanePose], dyad: BurmesterPair) -> BurmesterPair:
-    """Return a dyad of five positions after Newton's iteration on its four equations."""
+    """Return a dyad of five positions after Newton's iteration on |W_j - M|^2 = |W_1 - M|^2."""
     rotors, _ = _relative(poses)
     for _ in range(MAX_REFINEMENTS):
-        arms = np.array(pins(poses, dyad.pin)) - dyad.pivot
+        first, *arms = np.array(pins(poses, dyad.pin)) - dyad.pivot
+        squares, others = np.abs(arms) ** 2 - abs(first) ** 2, np.conj(arms)
         # Derivatives by pin (turned with the plane) and by pivot, real and imaginary.
-        turned = arms[1:].conjugate() * rotors
-        by_pin = turned - arms[0].conjugate()
-        by_pivot = arms[0].conjugate() - arms[1:].conjugate()
-        jacobian = 2.0 * np.column_stack(
-            [by_pin.real, -by_pin.imag, by_pivot.real, -by_pivot.imag]
-        )
+        by_pin, by_pivot = others * rotors - first.conjugate(), first.conjugate() - others
+        columns = [by_pin.real, -by_pin.imag, by_pivot.real, -by_pivot.imag]
         try:
-            x = np.linalg.solve(jacobian, -_residuals(poses, dyad))
+            x = np.linalg.solve(2.0 * np.column_stack(columns), -squares)
         except np.linalg.LinAlgError:
             break
         dyad = BurmesterPair(dyad.pivot + complex(x[2], x[3]), dyad.pin + complex(x[0], x[1]))

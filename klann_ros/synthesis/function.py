@@ -13,6 +13,7 @@ Hartenberg, Denavit: Kinematic Synthesis of Linkages (1964), chapters 5 and 10.
 
 """
 
+import cmath
 from collections.abc import Callable, Sequence
 from math import acos, atan2, hypot, pi
 from typing import NamedTuple
@@ -24,9 +25,8 @@ import numpy as np
 from .dyads import burmester_points, PlanePose
 from .placed import PlacedFourBar, Position
 
-# Start angles that each number of precision points needs: crank's, rocker's; in words.
-STARTS = {3: (True, True), 4: (True, False), 5: (False, False)}
-NEEDED = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
+# Start angles that each number of precision points needs.
+STARTS = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
 
 
 class FunctionTask(NamedTuple):
@@ -86,15 +86,13 @@ def function_task(
 
     """
     start, end = domain
-    first, last = function(start), function(end)
     x = precision_points(start, end, count)
-    y = np.array([function(each) for each in x.tolist()])
+    first, last, *y = (function(each) for each in (start, end, *x.tolist()))
     if not np.isfinite([*y, first, last]).all() or first == last or start == end:
         msg = f'y({start:g}) = {first:g} and y({end:g}) = {last:g}: must be finite and different'
         raise ValueError(msg)
-    return FunctionTask(
-        x, y, travels[0] * (x - start) / (end - start), travels[1] * (y - first) / (last - first)
-    )
+    along, up = (x - start) / (end - start), (np.array(y) - first) / (last - first)
+    return FunctionTask(x, np.array(y), travels[0] * along, travels[1] * up)
 
 
 def function_generators(
@@ -129,13 +127,17 @@ def function_generators(
     phi, psi = np.asarray(inputs, dtype=float), np.asarray(outputs, dtype=float)
     if phi.shape != psi.shape or phi.ndim != 1 or len(phi) not in STARTS:
         raise ValueError(f'{phi.size} and {psi.size} rotations: 3 to 5 of each are needed')
-    if (input_start is not None, output_start is not None) != STARTS[len(phi)]:
-        raise ValueError(f'{len(phi)} precision points need {NEEDED[len(phi)]}')
+    if (input_start is None, output_start is None) != (len(phi) == 5, len(phi) > 3):
+        raise ValueError(f'{len(phi)} precision points need {STARTS[len(phi)]}')
     if len(phi) == 5:
-        return _of_five(phi, psi, ground)
-    phi = phi + (input_start or 0.0)
-    starts = [output_start] if output_start is not None else _output_starts(phi, psi)
-    found = (_of_angles(phi, psi + start, ground) for start in starts)
+        return _of_five(phi - phi[0], psi - psi[0], ground)
+    theta2 = phi + (input_start or 0.0)
+    starts = [output_start] if output_start is not None else _output_starts(theta2, psi)
+    found = []
+    for theta4 in (psi + start for start in starts):
+        k_1, k_2, _ = freudenstein(theta2, theta4).tolist()
+        if k_1 and k_2:
+            found.append(_placed(theta2, theta4, ground / k_1, ground / k_2, ground))
     return [linkage for linkage in found if linkage]
 
 
@@ -146,22 +148,12 @@ def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:
     return solution
 
 
-def _of_angles(theta2: FloatArray, theta4: FloatArray, ground: float) -> PlacedFourBar | None:
-    """Return the four-bar of Freudenstein's equation; None if it has no real lengths."""
-    k_1, k_2, _ = freudenstein(theta2, theta4).tolist()
-    if k_1 == 0.0 or k_2 == 0.0:
-        return None
-    crank, rocker = ground / k_1, ground / k_2
-    return _placed(theta2, theta4, crank, rocker, ground)
-
-
 def _placed(
     theta2: FloatArray, theta4: FloatArray, crank: complex, rocker: complex, ground: float
 ) -> PlacedFourBar | None:
-    """Return the four-bar whose crank and rocker have these vectors at the angle 0."""
-    a = crank * np.exp(1j * theta2)
-    b = ground + rocker * np.exp(1j * theta4)
-    places = tuple(Position(complex(p), complex(q), complex(p)) for p, q in zip(a, b, strict=True))
+    """Return the four-bar whose crank and rocker have these vectors at the angle 0, if any."""
+    a, b = crank * np.exp(1j * theta2), ground + rocker * np.exp(1j * theta4)
+    places = tuple(map(Position, a.tolist(), b.tolist(), a.tolist()))
     try:
         return PlacedFourBar(0j, complex(ground), *places[0], places)
     except GeometryError:
@@ -174,10 +166,10 @@ def _output_starts(theta2: FloatArray, psi: FloatArray) -> list[float]:
 
     The determinant of the four equations is a quadratic form in the start's cosine and sine.
     """
-    fixed = [-np.cos(theta2), np.ones_like(theta2)]
 
     def det(first: FloatArray, last: FloatArray) -> float:
-        return float(np.linalg.det(np.column_stack([first, *fixed, last])))
+        columns = [first, -np.cos(theta2), np.ones_like(theta2), last]
+        return float(np.linalg.det(np.column_stack(columns)))
 
     c, s = np.cos(psi), np.sin(psi)
     c_4, s_4 = np.cos(theta2 - psi), np.sin(theta2 - psi)
@@ -197,14 +189,12 @@ def _of_five(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFour
     the two fixed pivots is the ground itself.
     """
     poses = [
-        PlanePose(ground * (1.0 - complex(np.exp(-1j * out))), turn - out)
-        for turn, out in zip(phi - phi[0], psi - psi[0], strict=True)
+        PlanePose(ground * (1.0 - cmath.rect(1.0, -out)), turn - out)
+        for turn, out in zip(phi.tolist(), psi.tolist(), strict=True)
     ]
-    found = []
-    for dyad in burmester_points(poses):
-        if abs(dyad.pin) <= 1e-6 * ground and abs(dyad.pivot - ground) <= 1e-6 * ground:
-            continue
-        linkage = _placed(phi - phi[0], psi - psi[0], dyad.pin, dyad.pivot - ground, ground)
-        if linkage:
-            found.append(linkage)
-    return found
+    found = [
+        _placed(phi, psi, dyad.pin, dyad.pivot - ground, ground)
+        for dyad in burmester_points(poses)
+        if max(abs(dyad.pin), abs(dyad.pivot - ground)) > 1e-6 * ground
+    ]
+    return [linkage for linkage in found if linkage]

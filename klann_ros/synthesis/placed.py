@@ -1,5 +1,6 @@
 """A four-bar placed in the plane, the positions of its task, and their defects."""
 
+import cmath
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -93,10 +94,9 @@ class PlacedFourBar:
         _ = self.geometry
         size = sum(self.geometry.lengths)
         for k, (a, b, p) in enumerate(self.positions, 1):
-            bars = abs(a - self.o2), abs(b - a), abs(b - self.o4)
-            misfit = max(map(_difference, bars, self.geometry.lengths[1:]))
+            bars = np.abs([a - self.o2, b - a, b - self.o4]) - self.geometry.lengths[1:]
             carried = a + self.coupler_vector * (b - a)
-            if max(misfit, abs(carried - p)) > FIT_TOLERANCE * (size + abs(p - a)):
+            if np.abs([*bars, carried - p]).max() > FIT_TOLERANCE * (size + abs(p - a)):
                 raise GeometryError(f'position {k} does not fit the lengths of the four-bar')
 
     @cached_property
@@ -120,13 +120,14 @@ class PlacedFourBar:
     @property
     def thetas(self) -> list[float]:
         """Return the crank angles of the positions, from the ground, in (-pi, pi] [rad]."""
-        return [self._theta2(position) for position in self.positions]
+        ground = self.o4 - self.o2
+        return [cmath.phase((a - self.o2) / ground) for a, _, _ in self.positions]
 
     @property
     def swept_angles(self) -> list[float]:
         """Return the crank rotations from the first position, in (-pi, pi] [rad]."""
-        thetas = self.thetas
-        return [wrap(theta - thetas[0]) for theta in thetas]
+        first, *_ = thetas = self.thetas
+        return [wrap(theta - first) for theta in thetas]
 
     def at(self, theta2: float) -> Position:
         """
@@ -149,8 +150,15 @@ class PlacedFourBar:
         angle never becomes 0 or pi. One of class II has a single circuit. Crank angles between
         two positions have to lie in one reachable arc, met in order by one sense of rotation.
         """
-        modes = {self._mode(position) for position in self.positions}
-        circuits = {self._circuit(position) for position in self.positions}
+        lengths = self.geometry.lengths
+        # A sine of that size squared is rounding of the lengths.
+        rounding = FIT_TOLERANCE * max(lengths) ** 2
+        at_b = [(b - a, b - self.o4) for a, b, _ in self.positions]
+        at_o2 = [(self.o4 - self.o2, a - self.o2) for a, _, _ in self.positions]
+        # B is between coupler and rocker, O2 between ground and crank.
+        joint = at_b if np.argmin(lengths) in (0, 1) else at_o2
+        modes = {_turn_sense(*each, rounding) for each in at_b}
+        circuits = {self.grashof.class_ == 'I' and _turn_sense(*each, 0.0) for each in joint}
         return Defects(len(modes) > 1, len(circuits) > 1, not self._is_in_order())
 
     @property
@@ -175,18 +183,15 @@ class PlacedFourBar:
         v = self.coupler_vector
         pivot = self.o2 + v * (self.o4 - self.o2)
 
-        def first(position: Position) -> Position:
-            pin = self.o2 + position.p - position.a
-            return Position(pin, pin + v * (position.a - self.o2), position.p)
-
-        def second(position: Position) -> Position:
-            pin = self.o4 + position.p - position.b
-            return Position(pivot + (1.0 - v) * (position.a - self.o2), pin, position.p)
-
         here = Position(self.a, self.b, self.p)
+        at_o2, at_o4 = [], []
+        for a, b, p in (here, *self.positions):
+            first, last = self.o2 + p - a, self.o4 + p - b
+            at_o2.append(Position(first, first + v * (a - self.o2), p))
+            at_o4.append(Position(pivot + (1.0 - v) * (a - self.o2), last, p))
         return (
-            PlacedFourBar(self.o2, pivot, *first(here), tuple(map(first, self.positions))),
-            PlacedFourBar(pivot, self.o4, *second(here), tuple(map(second, self.positions))),
+            PlacedFourBar(self.o2, pivot, *at_o2[0], tuple(at_o2[1:])),
+            PlacedFourBar(pivot, self.o4, *at_o4[0], tuple(at_o4[1:])),
         )
 
     def instant_centres(self, position: Position | None = None) -> dict[str, complex]:
@@ -198,37 +203,9 @@ class PlacedFourBar:
         ground and coupler. A centre at infinity is complex(inf, inf).
         """
         a, b, _ = position or Position(self.a, self.b, self.p)
-        return {
-            'I12': self.o2,
-            'I13': _intersection(self.o2, a, self.o4, b),
-            'I14': self.o4,
-            'I23': a,
-            'I24': _intersection(self.o2, self.o4, a, b),
-            'I34': b,
-        }
-
-    def _theta2(self, position: Position) -> float:
-        return float(np.angle((position.a - self.o2) / (self.o4 - self.o2)))
-
-    def _mode(self, position: Position) -> int:
-        a, b, _ = position
-        return _turn_sense(b - a, b - self.o4, self._rounding)
-
-    def _circuit(self, position: Position) -> int:
-        """Return the sign that tells the circuit; 0 where all positions are on one."""
-        if self.grashof.class_ != 'I':
-            return 0
-        a, b, _ = position
-        shortest = int(np.argmin(self.geometry.lengths))
-        # B is between coupler and rocker, O2 between ground and crank.
-        if shortest in (0, 1):
-            return _turn_sense(b - a, b - self.o4, 0.0)
-        return _turn_sense(self.o4 - self.o2, a - self.o2, 0.0)
-
-    @property
-    def _rounding(self) -> float:
-        # A sine of that size squared is rounding of the lengths.
-        return FIT_TOLERANCE * max(self.geometry.lengths) ** 2
+        known = {'I12': self.o2, 'I14': self.o4, 'I23': a, 'I34': b}
+        i_13 = _intersection(self.o2, a, self.o4, b)
+        return {**known, 'I13': i_13, 'I24': _intersection(self.o2, self.o4, a, b)}
 
     def _is_in_order(self) -> bool:
         near, far = crank_limits(self.geometry.lengths)
@@ -246,10 +223,6 @@ class PlacedFourBar:
             return False
         steps = [b - a for a, b in pairwise(along)]
         return all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)
-
-
-def _difference(a: float, b: float) -> float:
-    return abs(a - b)
 
 
 def _turn_sense(first: complex, second: complex, tolerance: float) -> int:

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from itertools import permutations
 from math import cos, isfinite, pi, sin, sqrt
 
-from klann_ros.kinematics import FourBarGeometry, GeometryError
-from klann_ros.kinematics.four_bar.mobility import Grashof, rocker_limits
+from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
 import numpy as np
 
 from .dyads import (
@@ -62,19 +61,16 @@ def motion_generators(
     if len(poses) == 3:
         if (pivots is None) == (pins_at_start is None):
             raise ValueError('three poses need either both fixed pivots or both pins')
-        dyads = (
-            [dyad_of_pivot(poses, pivot) for pivot in pivots]
-            if pivots is not None
-            else [dyad_of_pin(poses, pin) for pin in pins_at_start or ()]
-        )
+        dyads = [dyad_of_pivot(poses, pivot) for pivot in pivots or ()]
+        dyads += [dyad_of_pin(poses, pin) for pin in pins_at_start or ()]
     elif len(poses) == 4:
         dyads = burmester_curve(poses, count)
     elif len(poses) == 5:
         dyads = burmester_points(poses)
     else:
         raise ValueError(f'{len(poses)} poses: 3 to 5 are needed')
-    pairs = permutations(dyads, 2) if len(poses) > 3 else [(dyads[0], dyads[1])]
-    return [linkage for pair in pairs if (linkage := _couple(poses, *pair))]
+    pairs = permutations(dyads, 2) if len(poses) > 3 else [dyads]
+    return [linkage for one, other in pairs if (linkage := _couple(poses, one, other))]
 
 
 def path_generator(
@@ -105,11 +101,9 @@ def path_generator(
     """
     if len(points) != 3:
         raise ValueError(f'{len(points)} points: 3 are needed')
-    poses = [
-        PlanePose(p, angle) for p, angle in zip(points, (0.0, *coupler_rotations), strict=True)
-    ]
-    dyads = [dyad_of_rotations(poses, turns) for turns in (crank_rotations, rocker_rotations)]
-    linkage = _couple(poses, dyads[0], dyads[1])
+    poses = [*map(PlanePose, points, (0.0, *coupler_rotations))]
+    crank, rocker = (dyad_of_rotations(poses, x) for x in (crank_rotations, rocker_rotations))
+    linkage = _couple(poses, crank, rocker)
     if linkage is None:
         raise GeometryError('the two dyads make no four-bar: pivots or pins coincide')
     return linkage
@@ -162,15 +156,16 @@ def quick_returns(
     alpha, chord = pi * (time_ratio - 1.0) / (time_ratio + 1.0), 2.0 * rocker * sin(swing / 2.0)
     most = chord / sqrt(2.0 * (1.0 + cos(alpha)))
     cranks = [crank] if crank else (np.arange(1, CRANK_SAMPLES) * most / CRANK_SAMPLES).tolist()
-    found = [
-        geometry
-        for each in cranks
-        if each <= most
-        for geometry in _of_crank(each, alpha, chord, rocker, swing)
-        if _has_limits(geometry, time_ratio, swing)
-    ]
-    found.sort(key=_least_transmission_sine, reverse=True)
-    return found[:2] if crank else found[:1]
+    found = []
+    for geometry in (x for each in cranks for x in _of_crank(each, alpha, chord, rocker, swing)):
+        bar = FourBar(*geometry.lengths)
+        if bar.grashof.motion == 'crank-rocker':
+            limits, extremes = bar.rocker_limits, bar.transmission_extremes
+            away = abs(limits.time_ratio / time_ratio - 1.0), abs(limits.swing - swing)
+            if max(away) <= 1e-9:
+                found.append((min(sin(extremes.least), sin(extremes.greatest)), geometry))
+    best = sorted(found, key=lambda each: -each[0])[: 2 if crank else 1]
+    return [geometry for _, geometry in best]
 
 
 def central_crank_rocker(swing: float, rocker: float, coupler: float) -> FourBarGeometry:
@@ -219,9 +214,9 @@ def _of_crank(
 ) -> list[FourBarGeometry]:
     """Return the four-bars with a crank, for O2 on either side of the chord."""
     square = (chord**2 / 2.0 - crank**2 * (1.0 + cos(alpha))) / (1.0 - cos(alpha))
-    coupler = sqrt(max(square, 0.0))
-    if coupler <= crank:
+    if square <= crank**2:
         return []
+    coupler = sqrt(square)
     # O4 at 0, the chord upright; O2 at distances L3 + L2 and L3 - L2 from its ends.
     half, across = chord / 2.0, rocker * cos(swing / 2.0)
     y = ((coupler + crank) ** 2 - (coupler - crank) ** 2) / (4.0 * half)
@@ -229,24 +224,3 @@ def _of_crank(
     grounds = [abs(complex(across + side, y)) for side in (x, -x)]
     # A crank-rocker's crank is its shortest link, so that the others are positive.
     return [FourBarGeometry(g, crank, coupler, rocker) for g in grounds if g > crank]
-
-
-def _has_limits(geometry: FourBarGeometry, time_ratio: float, swing: float) -> bool:
-    grashof = Grashof(geometry.lengths)
-    if grashof.motion != 'crank-rocker':
-        return False
-    limits = rocker_limits(geometry, grashof.motion)
-    return bool(
-        abs(limits.time_ratio - time_ratio) <= 1e-9 * time_ratio
-        and abs(limits.swing - swing) <= 1e-9
-    )
-
-
-def _least_transmission_sine(geometry: FourBarGeometry) -> float:
-    """Return the sine of the worst transmission angle; it is extreme at theta2 = 0 and pi."""
-    ground, crank, coupler, rocker = geometry.lengths
-    cosines = (
-        (coupler**2 + rocker**2 - (ground + turn * crank) ** 2) / (2.0 * coupler * rocker)
-        for turn in (1.0, -1.0)
-    )
-    return min(1.0 - min(cosine**2, 1.0) for cosine in cosines)
