@@ -7,14 +7,19 @@ A. G. Erdman, G. N. Sandor, Mechanism Design; R. L. Norton, Design of Machinery.
 
 """
 
-from math import cos, radians, sin, sqrt
+from cmath import phase
+from math import cos, degrees, radians, sin, sqrt, tan
 
 from klann_ros.kinematics import FourBar, GeometryError
 from klann_ros.synthesis import (
+    BurmesterPair,
     dyad_of_pin,
     dyad_of_rotations,
+    dyads_of_rotation,
     freudenstein,
+    function_generators,
     function_task,
+    pins,
     place,
     PlanePose,
     precision_points,
@@ -40,27 +45,59 @@ def _key_function(givens: Givens) -> Givens:
     return {**found, 'L_3': sqrt(square)}
 
 
+def _key_four_points(givens: Givens) -> Givens:
+    inputs, outputs = (
+        [0.0, *(radians(givens[f'{name}_{k}']) for k in (2, 3, 4))] for name in ('phi', 'psi')
+    )
+    start, ground = radians(givens['theta_2_0']), givens['L_1']
+    found = {}
+    for linkage in function_generators(inputs, outputs, input_start=start, ground=ground):
+        _, l_2, l_3, l_4 = linkage.geometry.lengths
+        angle = degrees(phase(linkage.b - ground))
+        found[tan(radians(angle))] = {'theta_4_0': angle, 'L_2': l_2, 'L_3': l_3, 'L_4': l_4}
+    if len(found) < 2:
+        raise GeometryError('no two linkages fit these four points')
+    return found[max(found)]
+
+
+def _poses(givens: Givens, count: int) -> list[PlanePose]:
+    """Return the poses of the givens, the first one at P_1 = 0."""
+    others = range(2, count + 1)
+    return [
+        PlanePose(0j, 0.0),
+        *(PlanePose(_point(givens, f'P{k}'), radians(givens[f'psi_{k}'])) for k in others),
+    ]
+
+
+def _point(givens: Givens, name: str) -> complex:
+    return complex(givens[f'x_{name}'], givens[f'y_{name}'])
+
+
+def _bar(pair: BurmesterPair, pin: str = 'A', pivot: str = 'O2', bar: str = 'L_2') -> Givens:
+    found = {f'x_{pin}': pair.pin.real, f'y_{pin}': pair.pin.imag}
+    found |= {f'x_{pivot}': pair.pivot.real, f'y_{pivot}': pair.pivot.imag}
+    return {**found, bar: abs(pair.pin - pair.pivot)}
+
+
 def _key_poses(givens: Givens) -> Givens:
-    poses = [PlanePose(complex(givens['x_P1'], givens['y_P1']), 0.0)]
-    for k in (2, 3):
-        at = complex(givens[f'x_P{k}'], givens[f'y_P{k}'])
-        poses.append(PlanePose(at, radians(givens[f'psi_{k}'])))
-    found: dict[str, float] = {}
-    for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
-        pair = dyad_of_pin(poses, complex(givens[f'x_{pin}'], givens[f'y_{pin}']))
-        found |= {f'x_{pivot}': pair.pivot.real, f'y_{pivot}': pair.pivot.imag}
-        found[bar] = abs(pair.pin - pair.pivot)
-    return found
+    poses, places = _poses(givens, 3), (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4'))
+    crank, rocker = (_bar(dyad_of_pin(poses, _point(givens, each[0])), *each) for each in places)
+    return {**crank, **rocker}
 
 
 def _key_path(givens: Givens) -> Givens:
-    poses = [PlanePose(0j, 0.0)]
-    for k in (2, 3):
-        at = complex(givens[f'x_P{k}'], givens[f'y_P{k}'])
-        poses.append(PlanePose(at, radians(givens[f'psi_{k}'])))
-    pair = dyad_of_rotations(poses, [radians(givens[f'beta_{k}']) for k in (2, 3)])
-    found = {'L_2': abs(pair.pin - pair.pivot), 'x_A': pair.pin.real, 'y_A': pair.pin.imag}
-    return {**found, 'x_O2': pair.pivot.real, 'y_O2': pair.pivot.imag}
+    rotations = [radians(givens[f'beta_{k}']) for k in (2, 3)]
+    return _bar(dyad_of_rotations(_poses(givens, 3), rotations))
+
+
+def _key_four_poses(givens: Givens) -> Givens:
+    poses = _poses(givens, 4)
+    dyads = dyads_of_rotation(poses, radians(givens['beta_2']))
+    if len(dyads) < 2:
+        raise GeometryError('no two bars turn by this angle')
+    pair = dyads[1]
+    first, _, third, _ = (place - pair.pivot for place in pins(poses, pair.pin))
+    return {**_bar(pair), 'beta_3': degrees(phase(third / first))}
 
 
 def _key_cognates(givens: Givens) -> Givens:
@@ -114,7 +151,9 @@ def _undrawn(_: Givens) -> tuple[None, float]:
 
 KEYS: KeysAndLegs = {
     'function-generation': (_key_function, _undrawn),
+    'function-four-points': (_key_four_points, _undrawn),
     'three-poses': (_key_poses, _undrawn),
+    'four-poses': (_key_four_poses, _undrawn),
     'timed-path': (_key_path, _undrawn),
     'cognates': (_key_cognates, four_bar_leg),
     'instant-centres': (_key_centres, four_bar_leg),

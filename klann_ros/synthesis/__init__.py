@@ -5,7 +5,8 @@ Synthesis of four-bars: from a task to all linkages that fulfil it, each with it
 Functions               `function_task`, `precision_points`, `function_generators`,
                         `freudenstein`
 Poses of the coupler    `motion_generators`; dyads: `burmester_curve`, `burmester_points`,
-                        `dyad_of_pin`, `dyad_of_pivot`, `dyad_of_rotations`
+                        `dyad_of_pin`, `dyad_of_pivot`, `dyad_of_rotations`,
+                        `dyads_of_rotation`
 Paths                   `path_generator`; `PlacedFourBar.cognates`
 Limits                  `quick_returns`, `central_crank_rocker`, `toggle_couplers`
 Results                 `PlacedFourBar`: `defects`, `grashof`, `instant_centres`
@@ -19,6 +20,7 @@ from .dyads import (
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
+    dyads_of_rotation,
     pins,
     PlanePose,
 )
@@ -51,6 +53,7 @@ __all__ = [
     'dyad_of_pin',
     'dyad_of_pivot',
     'dyad_of_rotations',
+    'dyads_of_rotation',
     'freudenstein',
     'function_generators',
     'function_task',

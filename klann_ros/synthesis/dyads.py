@@ -123,12 +123,30 @@ def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
     return BurmesterPair(pivot, _circle_centre(*inverted))
 
 
+def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[BurmesterPair]:
+    """
+    Return the dyads of four positions whose bar turns by a given angle to the second one.
+
+    The compatibility equation D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0 is a triangle with
+    at most two solutions: D3 e^(i b3) is to the left of D1 + D2 e^(i b2), then to its right.
+
+    Parameters
+    ----------
+    poses : sequence of PlanePose
+        Four poses.
+    rotation : float
+        beta_2 [rad].
+
+    """
+    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses))
+    x = cmath.rect(1.0, rotation)
+    found = (_solve(poses, x, y) for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)))
+    return [dyad for dyad in found if dyad and _fits(poses, dyad)]
+
+
 def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
     """
     Return dyads of four positions: samples of the centre-point and circle-point curves.
-
-    For each beta_2 the compatibility equation D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0
-    is a triangle with at most two solutions.
 
     Parameters
     ----------
@@ -143,10 +161,8 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Burmes
         In the order of beta_2; empty where no bar fits.
 
     """
-    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses))
-    turns = np.exp(1j * np.arange(0.5, count) * 2.0 * np.pi / count).tolist()
-    bars = ((x, y) for x in turns for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)))
-    return [dyad for x, y in bars if (dyad := _solve(poses, x, y)) and _fits(poses, dyad)]
+    rotations = (np.arange(0.5, count) * 2.0 * np.pi / count).tolist()
+    return [dyad for rotation in rotations for dyad in dyads_of_rotation(poses, rotation)]
 
 
 def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:

@@ -18,7 +18,8 @@ mechanical-advantage       differences of the rocker's angle
 slider-crank               the height of the pin over the rod; extremes of the slide
 quick-return               direction of the pin from O; extremes of the arm's angle
 function-generation        roots of Chebyshev's polynomial; coupler's length at each point
-three-poses, timed-path    lengths and closure of the bars in each pose
+function-four-points       coupler's length at each point
+three-poses, four-poses    lengths of the bars in each pose; likewise timed-path
 cognates                   each cognate closes at points of the path of the given four-bar
 instant-centres            points without velocity, and with equal velocities, by differences
 toggle                     crank pin, B and O4 in one line
@@ -437,6 +438,16 @@ def three_poses(g: Givens, a: Givens) -> list[Real]:
     return found
 
 
+def four_points(g: Givens, a: Givens) -> list[Real]:
+    rotations = [(Real(0), Real(0)), *((g[f'phi_{k}'], g[f'psi_{k}']) for k in (2, 3, 4))]
+    found = []
+    for phi, psi in rotations:
+        crank = a['L_2'] * turned(radians(g['theta_2_0'] + phi))
+        rocker = g['L_1'] + a['L_4'] * turned(radians(a['theta_4_0'] + psi))
+        found.append(abs(rocker - crank) / a['L_3'] - 1)
+    return found
+
+
 def timed_path(g: Givens, a: Givens) -> list[Real]:
     pivot, pin = (a[f'x_{name}'] + 1j * a[f'y_{name}'] for name in ('O2', 'A'))
     found = [abs(pin - pivot) / a['L_2'] - 1]
@@ -445,6 +456,22 @@ def timed_path(g: Givens, a: Givens) -> list[Real]:
         place = pivot + (pin - pivot) * crank - pin * coupler
         found.append(abs(place - g[f'x_P{k}'] - 1j * g[f'y_P{k}']) / a['L_2'])
     return found
+
+
+def four_poses(g: Givens, a: Givens) -> list[Real]:
+    pivot, pin = (a[f'x_{name}'] + 1j * a[f'y_{name}'] for name in ('O2', 'A'))
+    arms = [pin - pivot]
+    for k in (2, 3, 4):
+        place = g[f'x_P{k}'] + 1j * g[f'y_P{k}'] + pin * turned(radians(g[f'psi_{k}']))
+        arms.append(place - pivot)
+    turns = (degrees(arms[1] / arms[0]) - g['beta_2'], degrees(arms[2] / arms[0]) - a['beta_3'])
+    # The triangle that is asked for, of both.
+    two, three, four = (turned(radians(g[f'psi_{k}'])) - 1 for k in (2, 3, 4))
+    p, q, r = (g[f'x_P{k}'] + 1j * g[f'y_P{k}'] for k in (2, 3, 4))
+    sides = [three * r - four * q, four * p - two * r, two * q - three * p]
+    known = sides[0] * arms[1] / arms[0] - sum(sides)
+    assert cross(-known, sides[1] * arms[2] / arms[0]) > 0
+    return [*(abs(arm) / a['L_2'] - 1 for arm in arms), *turns]
 
 
 def cognates(g: Givens, a: Givens) -> list[Real]:
@@ -491,6 +518,8 @@ def quick_return_design(g: Givens, a: Givens) -> list[Real]:
 DESIGNS: dict[str, Callable[[Givens, Givens], list[Real]]] = {
     'function-generation': function_generator,
     'three-poses': three_poses,
+    'function-four-points': four_points,
+    'four-poses': four_poses,
     'timed-path': timed_path,
     'cognates': cognates,
     'quick-return-design': quick_return_design,

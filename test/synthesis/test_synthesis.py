@@ -13,6 +13,7 @@ from klann_ros.synthesis import (
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
+    dyads_of_rotation,
     function_generators,
     function_task,
     motion_generators,
@@ -70,6 +71,9 @@ def test_dyads_of_four_poses_are_bars_of_one_length(
     for dyad in burmester_curve(poses, 36):
         bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
         assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
+    linkage, (first, second, *_) = task
+    found = dyads_of_rotation(poses, second - first)
+    assert any(abs(d.pivot - linkage.o2) + abs(d.pin - linkage.a) < 1e-6 for d in found)
 
 
 @given(task=tasks(3))
