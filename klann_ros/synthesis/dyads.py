@@ -23,7 +23,7 @@ from typing import NamedTuple
 from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import Polynomial, polyval
 
 # Roots this far from the unit circle are not real rotations; nearer ones are refined.
 CIRCLE_TOLERANCE = 1e-3
@@ -192,13 +192,14 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     over, under, other = a_2 * c_1 - a_1 * c_2, b_1 * c_2 - b_2 * c_1, a_1 * b_2 - a_2 * b_1
     whole = over * other - under * under
     found: list[BurmesterPair] = []
-    for root in whole.trim(1e-14 * np.abs(whole.coef).max()).roots():
+    for root in map(complex, whole.trim(1e-14 * np.abs(whole.coef).max()).roots()):
         if abs(root) == 0.0 or abs(abs(root) - 1.0) > CIRCLE_TOLERANCE:
             continue
         x = root / abs(root)
-        if abs(under(x)) <= 1e-12 * np.abs(under.coef).sum():
+        top, bottom = (complex(polyval(x, each.coef)) for each in (over, under))
+        if abs(bottom) <= 1e-12 * np.abs(under.coef).sum():
             continue
-        start = _solve(poses, complex(x), complex(over(x) / under(x)))
+        start = _solve(poses, x, top / bottom)
         dyad = start and _refine(poses, start)
         if dyad and _fits(poses, dyad) and not _is_among(dyad, found, _size(poses)):
             found.append(dyad)

@@ -121,7 +121,7 @@ def function_generators(
     Raises
     ------
     ValueError
-        Not 3 to 5 pairs, or not the start angles that so many pairs need.
+        Not 3 to 5 pairs, or not the start angles that this number of pairs needs.
 
     """
     phi, psi = np.asarray(inputs, dtype=float), np.asarray(outputs, dtype=float)
