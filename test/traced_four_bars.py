@@ -1,10 +1,9 @@
 """Random tasks of four-bars, and their motion traced step by step: the oracle of synthesis."""
 
-from collections.abc import Iterator
 import math
 from math import pi
 
-from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, UnreachableError
+from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 from klann_ros.kinematics.linkage.reach import crank_limits
 from klann_ros.synthesis import place, PlacedFourBar
 import numpy as np
@@ -44,45 +43,47 @@ def with_positions(
     return PlacedFourBar(linkage.o2, linkage.o4, *positions[0], tuple(positions))
 
 
-def trace(linkage: PlacedFourBar, sense: float) -> Iterator[tuple[float, float]]:
-    """Yield crank angles and rocker angles of a motion until the crank stops, or a turn."""
-    start = linkage.thetas[0]
-    for k in range(TRACE):
-        theta = start + sense * 2.0 * pi * k / TRACE
-        try:
-            yield theta, float(np.angle(linkage.at(theta).b - linkage.o4))
-        except UnreachableError:
-            return
+def rockers(linkage: PlacedFourBar, thetas: np.ndarray) -> np.ndarray:
+    """Return the rocker's directions at crank angles, where two circles meet; else NaN [rad]."""
+    ground, crank, coupler, rocker = linkage.geometry.lengths
+    axis = (linkage.o4 - linkage.o2) / ground
+    arms = crank * np.exp(1j * thetas) - ground
+    reach = np.abs(arms)
+    along = (reach**2 + rocker**2 - coupler**2) / (2.0 * reach)
+    with np.errstate(invalid='ignore'):
+        across = np.sqrt(rocker**2 - along**2)
+    turns: np.ndarray = np.angle(axis * arms * (along - 1j * linkage.geometry.assembly * across))
+    return turns
 
 
 def is_traced(linkage: PlacedFourBar) -> bool:
-    """Return whether a trace meets all positions in their order."""
-    wanted = [
-        (p, float(np.angle(q.b - linkage.o4)))
-        for p, q in zip(linkage.thetas, linkage.positions, strict=True)
-    ]
+    """Return whether a motion by small steps of the crank meets all positions in their order."""
+    wanted = [float(np.angle(position.b - linkage.o4)) for position in linkage.positions]
     for sense in (1.0, -1.0):
-        met = 0
-        for theta, rocker in trace(linkage, sense):
-            if met < len(wanted):
-                away = abs(math.remainder(theta - wanted[met][0], 2 * pi))
-                same_rocker = abs(math.remainder(rocker - wanted[met][1], 2 * pi)) < 0.05
-                met += away <= pi / TRACE * 1.001 and same_rocker
-        if met == len(wanted):
+        angles = linkage.thetas[0] + sense * 2.0 * pi * np.arange(TRACE) / TRACE
+        found = rockers(linkage, angles)
+        # The crank stops where the bars do not reach.
+        met, end = 0, np.argmax(np.isnan(found)) if np.isnan(found).any() else TRACE
+        for theta, rocker in zip(linkage.thetas, wanted, strict=True):
+            near = remainder(angles - theta) <= pi / TRACE * 1.001
+            near &= remainder(found - rocker) < 0.05
+            steps = np.flatnonzero(near[met:end])
+            if not len(steps):
+                break
+            met += int(steps[0]) + 1
+        else:
             return True
     return False
 
 
+def remainder(angles: np.ndarray) -> np.ndarray:
+    """Return how far angles are from whole turns [rad]."""
+    gaps: np.ndarray = np.abs((angles + pi) % (2.0 * pi) - pi)
+    return gaps
+
+
 def is_joined(linkage: PlacedFourBar, start: float, end: float) -> bool:
     """Return whether the crank goes from one angle to another, either way round."""
-    bar = FourBar(*linkage.geometry.lengths, linkage.geometry.assembly)
-
-    def closes(theta: float) -> bool:
-        try:
-            bar.closed_form(theta)
-        except UnreachableError:
-            return False
-        return True
-
     ways = (end - start, end - start - math.copysign(2.0 * pi, end - start))
-    return any(all(closes(start + way * k / 240) for k in range(241)) for way in ways)
+    parts = np.linspace(0.0, 1.0, 241)
+    return any(not np.isnan(rockers(linkage, start + way * parts)).any() for way in ways)
