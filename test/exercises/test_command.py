@@ -136,6 +136,51 @@ def test_answers_that_cannot_be_read_are_refused_in_one_line(
     assert error.count('\n') == 1
 
 
+def test_hostile_answers_are_marked_and_never_reach_the_terminal_or_a_formula(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile = [
+        '=1+1',
+        '@SUM(A1)',
+        '\x1b[31m7',
+        '9' * 300,
+        'nan',
+        'inf',
+        '1e400',
+        '1;2',
+        '\u202e12',
+    ]
+    path, marks = tmp_path / 'answers.csv', tmp_path / 'marks.csv'
+    with path.open('w', encoding='utf-8', newline='') as file:
+        rows = [(f's{k}', 'toggle', 'Z', answer) for k, answer in enumerate(hostile)]
+        csv.writer(file).writerows([('student', 'kind', 'question', 'answer'), *rows])
+    assert main(['mark', str(path), '--csv', str(marks)]) == 0
+    shown = capsys.readouterr().out
+    assert '\x1b' not in shown
+    assert '\u202e' not in shown
+    assert max(map(len, shown.splitlines())) < 150
+    found = list(csv.DictReader(marks.read_text('utf-8-sig').splitlines()))
+    first = [row for row in found if row['question'] == 'Z']
+    assert [row['points'] for row in first] == ['0'] * len(hostile)
+    assert not any(row['answer'].startswith(('=', '@')) for row in first)
+
+
+@pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'cp1252'])
+@pytest.mark.parametrize('delimiter', [';', '\t', ','])
+def test_answers_with_decimal_commas_are_read_from_any_spreadsheet(
+    tmp_path: Path, encoding: str, delimiter: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = make_variant(KINDS['toggle'], '0011').answers
+    path = tmp_path / 'answers.csv'
+    with path.open('w', encoding=encoding, newline='') as file:
+        writer = csv.writer(file, delimiter=delimiter)
+        writer.writerow(['Student', 'Kind', 'Question', 'Answer', 'Observação'])
+        for name, value in key.items():
+            writer.writerow(['0011', 'toggle', name, f'{value:.2f} mm'.replace('.', ','), ''])
+    assert main(['mark', str(path)]) == 0
+    assert 'toggle  3 of 3' in capsys.readouterr().out
+
+
 def test_an_unknown_kind_is_refused(
     students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
