@@ -126,8 +126,8 @@ class PlacedFourBar:
     @property
     def swept_angles(self) -> list[float]:
         """Return the crank rotations from the first position, in (-pi, pi] [rad]."""
-        first, *_ = thetas = self.thetas
-        return [wrap(theta - first) for theta in thetas]
+        thetas = self.thetas
+        return [wrap(theta - thetas[0]) for theta in thetas]
 
     def at(self, theta2: float) -> Position:
         """

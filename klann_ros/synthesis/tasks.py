@@ -101,7 +101,8 @@ def path_generator(
     """
     if len(points) != 3:
         raise ValueError(f'{len(points)} points: 3 are needed')
-    poses = [*map(PlanePose, points, (0.0, *coupler_rotations))]
+    angles = (0.0, *coupler_rotations)
+    poses = [PlanePose(p, angle) for p, angle in zip(points, angles, strict=True)]
     crank, rocker = (dyad_of_rotations(poses, x) for x in (crank_rotations, rocker_rotations))
     linkage = _couple(poses, crank, rocker)
     if linkage is None:

@@ -213,6 +213,12 @@ def test_toggle_couplers_make_the_crank_angle_a_dead_point(theta: float) -> None
         assert any(isclose(abs(p.angle), theta, abs_tol=1e-6) for p in points)
 
 
+def test_a_four_bar_without_a_task_has_no_positions() -> None:
+    linkage = place(FourBarGeometry(4, 1, 3, 3), 1.0, 1.0, 1.0)
+    assert (linkage.thetas, linkage.swept_angles) == ([], [])
+    assert linkage.cognates()[0].positions == ()
+
+
 def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
     expected = [1.5 - 3**0.5 / 4, 1.5, 1.5 + 3**0.5 / 4]
     assert np.allclose(precision_points(1.0, 2.0, 3), expected, rtol=0, atol=1e-15)
@@ -229,6 +235,8 @@ def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
         (lambda: dyad_of_pin([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
         (lambda: dyad_of_pivot([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
         (lambda: place(FourBarGeometry(4, 1, 3, 3), 0.0).at(math.nan), 'finite'),
+        (lambda: path_generator([0j, 1j], [1.0], [1.0], [1.0]), '2 points: 3 are needed'),
+        (lambda: path_generator([0j, 1j, 1], [1.0, 2.0], [1.0], [1.0, 2.0]), 'shorter'),
     ],
 )
 def test_an_invalid_task_is_refused_in_one_line(call, text: str) -> None:
