@@ -3,17 +3,14 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import degrees, isfinite, radians
+from math import isfinite, nan
 import re
 from typing import NamedTuple
 import unicodedata
 
-from .calculation import Answer, slip_of
+from .calculation import Answer, data, slip_of
 from .variant import difference, Question, texts, Variant
 
-# Points of an answer with a named slip, and of one that follows from the same slip before.
-SLIP_CREDIT = {'rounding': 0.8, 'units': 0.8, 'short': 0.7}
-DEFAULT_CREDIT, CARRIED_CREDIT = 0.5, 0.8
 RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
 # A wrong answer this near (in units of the last digit) was rounded on the way.
 ROUNDING_REACH = 30.0
@@ -24,17 +21,6 @@ NUMBER = re.compile(
 )
 SUPERSCRIPT = re.compile('10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)')
 EXPONENTS = str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-')
-# Units as students write them, and factors to the unit asked for.
-SPELLINGS = {'º': 'deg', '°': 'deg', 'graus': 'deg', 'grau': 'deg', 'degrees': 'deg', 'nm': 'n m'}
-FACTORS: dict[str, dict[str, float]] = {
-    'deg': {'deg': 1.0, 'rad': degrees(1.0)},
-    'mm': {'mm': 1.0, 'cm': 10.0, 'm': 1e3},
-    'mm/s': {'mm/s': 1.0, 'cm/s': 10.0, 'm/s': 1e3},
-    'mm/s²': {'mm/s²': 1.0, 'mm/s2': 1.0, 'cm/s²': 10.0, 'm/s²': 1e3, 'm/s2': 1e3},
-    'rad/s': {'rad/s': 1.0, 'deg/s': radians(1.0), '1/s': 1.0},
-    'rad/s²': {'rad/s²': 1.0, 'rad/s2': 1.0, 'deg/s²': radians(1.0), 'deg/s2': radians(1.0)},
-    'N·m': {'n m': 1.0, 'n·m': 1.0, 'n.m': 1.0, 'n mm': 1e-3, 'n·mm': 1e-3, 'n.mm': 1e-3},
-}
 
 
 class Mark(NamedTuple):
@@ -69,6 +55,12 @@ class Mark(NamedTuple):
         return f'{found}; {words["marks"]["carried"][language]}' if self.carried else str(found)
 
 
+def credit_of(slip: str) -> float:
+    """Return the points of an answer with a named slip."""
+    credit: dict[str, float] = data()['marking']['credit']
+    return credit.get(slip, credit['other'])
+
+
 def read_answer(text: str, question: Question) -> Answer | None:
     """
     Return an answer as a number in the unit asked for, or a word; None where it is neither.
@@ -87,15 +79,18 @@ def read_answer(text: str, question: Question) -> Answer | None:
     number, exponent, unit = found.groups()
     factor = _factor(unit, question.unit)
     try:
-        value = float(f'{_decimal(number)}e{exponent or 0}') * (factor or 0.0)
+        value = float(f'{_decimal(number)}e{exponent or 0}') * factor
     except ValueError:
         return None
-    return value if factor is not None and isfinite(value) else None
+    return value if isfinite(value) else None
 
 
-def _factor(unit: str, asked: str) -> float | None:
-    unit = ' '.join(SPELLINGS.get(unit, unit).replace('°', 'deg').replace('º', 'deg').split())
-    return 1.0 if not unit else FACTORS.get(asked, {}).get(unit)
+def _factor(unit: str, asked: str) -> float:
+    table = data()['marking']
+    unit = ' '.join(
+        table['spellings'].get(unit, unit).replace('°', 'deg').replace('º', 'deg').split()
+    )
+    return float(table['factors'].get(asked, {}).get(unit, nan)) if unit else 1.0
 
 
 def _decimal(number: str) -> str:
@@ -166,8 +161,8 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
         else:
             slip = _slip(variant, question, value, fitting[question.name], weights)
             carried = slip != WRONG and any(each.slip == slip for each in marks)
-            points = 0.0 if slip == WRONG else SLIP_CREDIT.get(slip, DEFAULT_CREDIT)
-            points = max(points, CARRIED_CREDIT) if carried else points
+            points = 0.0 if slip == WRONG else credit_of(slip)
+            points = max(points, credit_of('carried')) if carried else points
             marks.append(Mark(question.name, text, points, slip, carried))
     return marks
 

@@ -11,9 +11,9 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from klann_ros.web.markup import element, joined, Markup
 
-from .calculation import slip_of, TURN_DEG
+from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS
-from .marking import DEFAULT_CREDIT, FACTORS, mark, SLIP_CREDIT
+from .marking import credit_of, mark
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, UNIT_SIGNS
 from .variant import known, make_variant, Question, reason, texts, Variant
 
@@ -105,7 +105,8 @@ def _part(element_: Element, question: Question, answers: Sequence[Alternative])
         return
     units = SubElement(element_, 'units')
     # Moodle strips spaces from an answer; a multiplier is the number of units in the first one.
-    spellings = {sign: 1.0, **FACTORS.get(question.unit, {})}
+    factors = data()['marking']['factors']
+    spellings = {sign: 1.0, **factors.get(question.unit, {})}
     names = {name.replace(' ', '').replace('n', 'N'): each for name, each in spellings.items()}
     for name, factor in names.items():
         unit = SubElement(units, 'unit')
@@ -134,7 +135,7 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
         near = variant.tolerance(question, value)
         number = f'{value:.{decimals(near) + 2}f}'
         if len(found) < MAX_ALTERNATIVES and number not in {each.value for each in found}:
-            credit = 100.0 * SLIP_CREDIT.get(slip_of(mistake), DEFAULT_CREDIT)
+            credit = 100.0 * credit_of(slip_of(mistake))
             found.append(
                 Alternative(f'{credit:.0f}', number, f'{near:g}', reason(mistake, language))
             )
