@@ -1,6 +1,6 @@
 """The lab's solver in node: its scripts with a driver behind them, JSON in, JSON out."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 import json
 from pathlib import Path
 import shutil
@@ -18,8 +18,8 @@ NODE = shutil.which('node')
 TEXTS = {name: text(Path(str(SHIPPED / f'{name}.yaml'))) for name in shipped_linkages()}
 
 
-def in_node(script: str, given: Any) -> Any:
-    """Return what a script behind the solver's makes of `given`: what its `answer` returns."""
+def in_node(script: str, given: Any, files: Iterable[Path] = SOLVER) -> Any:
+    """Return what a script behind others makes of `given`: what its `answer` returns."""
     driver = (
         "\nimport { readFileSync } from 'node:fs';\n"
         f"const given = JSON.parse(readFileSync(0, 'utf8'));\n{script}\n"
@@ -27,7 +27,7 @@ def in_node(script: str, given: Any) -> Any:
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'solver.mjs')
-        path.write_text('\n'.join(map(text, SOLVER)) + driver, encoding='utf-8')
+        path.write_text('\n'.join(map(text, files)) + driver, encoding='utf-8')
         done = subprocess.run(
             [str(NODE), str(path)],
             input=json.dumps(given),

@@ -168,14 +168,21 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
 
 
 def _fitting(variant: Variant, question: Question, answer: Answer | None) -> dict[str, float]:
-    """Return the mistakes that give an answer, and their distances from it."""
-    found = {}
+    """
+    Return the mistakes that give an answer, and their distances from it.
+
+    A distance is in thousandths of the last digit: noise must not decide between equal ones.
+    """
+    found: dict[str, float] = {}
     for mistake, wrong in variant.mistaken.items():
         value = wrong.get(question.name)
         if value is None or answer is None or not variant.is_near(question, answer, value):
             continue
-        words = isinstance(value, str) or isinstance(answer, str)
-        found[mistake] = 0.0 if words else difference(question, float(answer), float(value))
+        if isinstance(value, str) or isinstance(answer, str) or question.unit == 'count':
+            found[mistake] = 0.0
+        else:
+            gap = difference(question, answer, value) / variant.tolerance(question, value)
+            found[mistake] = round(1e3 * gap)
     return found
 
 

@@ -14,7 +14,7 @@ from klann_ros.web.markup import element, joined, Markup
 from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS
 from .marking import credit_of, mark
-from .sheet import answer_text, asked, decimals, picture, problem, question_markup, UNIT_SIGNS
+from .sheet import answer_text, asked, decimals, picture, problem, question_markup, unit_sign
 from .variant import known, make_variant, Question, reason, texts, Variant
 
 Files = dict[str, bytes]
@@ -61,7 +61,7 @@ def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) ->
         for question in variant.kind.questions:
             words, digits = question_markup(question, language), asked(variant, question, language)
             answers = _alternatives(variant, question, language)
-            cells = Markup(_cloze(answers)), UNIT_SIGNS.get(question.unit, question.unit), digits
+            cells = Markup(_cloze(answers)), unit_sign(question.unit), digits
             rows.append(element('tr', element('th', words), *(element('td', x) for x in cells)))
             text = joined([content, element('p', words, f' ({digits})')])
             title = f'{name} {variant.student} {question.name}'
@@ -100,7 +100,7 @@ def _part(element_: Element, question: Question, answers: Sequence[Alternative])
         if not question.choices:
             SubElement(answer, 'tolerance').text = each.tolerance
         _text(answer, 'feedback', escape(each.reason), format='html')
-    sign = UNIT_SIGNS.get(question.unit, question.unit)
+    sign = unit_sign(question.unit)
     if not sign:
         return
     units = SubElement(element_, 'units')
@@ -171,7 +171,7 @@ def prairielearn(variants: Sequence[Variant], _names: Sequence[str], language: s
                 'pl-string-input',
                 answers_name=question.name,
                 label=str(question_markup(question, language)),
-                suffix=UNIT_SIGNS.get(question.unit, question.unit),
+                suffix=unit_sign(question.unit),
             ),
             asked(variants[0], question, language),
         )
@@ -270,7 +270,7 @@ def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
     ]
     for question in kind.questions:
         head = question_markup(question, language)
-        unit = UNIT_SIGNS.get(question.unit, question.unit)
+        unit = unit_sign(question.unit)
         cells += [
             ('markdown', f'**{head}** {unit} ({asked(variant, question, language)})'),
             ('code', f'{question.name} = ...\ngrader.check({question.name!r})'),

@@ -12,29 +12,10 @@ from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import Parts
 import numpy as np
 
-from .calculation import Answer
+from .calculation import Answer, data
 from .variant import label, Question, texts, unit_of, Variant
 
 SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
-GREEK = {
-    'alpha': 'α',
-    'beta': 'β',
-    'gamma': 'γ',
-    'delta': 'δ',
-    'epsilon': 'ε',
-    'theta': 'θ',
-    'mu': 'μ',
-    'phi': 'φ',
-    'psi': 'ψ',
-    'omega': 'ω',
-    'Phi': 'Φ',
-    'dtheta': 'Δθ',
-    'angle': '∠',
-}
-# Quantities that have words in place of a symbol, and symbols of their own.
-WORDS_ONLY = {'grashof', 'motion', 'iterations', 'stride', 'lift', 'swing', 'stroke'}
-SPECIAL = {'s_l': 's + l', 'p_q': 'p + q', 'h_x': 'dx_H/dα', 'h_y': 'dy_H/dα'}
-UNIT_SIGNS = {'deg': '°', '1': '', 'count': '', 'choice': ''}
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 # Rows of a column of givens; digits of intermediate results.
@@ -124,7 +105,7 @@ def _answers(variant: Variant, language: str, *, solved: bool) -> Markup:
         cells = [
             element('th', question_markup(question, language)),
             element('td', shown, class_='answer'),
-            element('td', UNIT_SIGNS.get(question.unit, question.unit)),
+            element('td', unit_sign(question.unit)),
             element('td', asked(variant, question, language), class_='note'),
         ]
         rows.append(element('tr', *cells))
@@ -152,7 +133,7 @@ def _steps(variant: Variant, language: str) -> Iterable[Markup]:
 def question_markup(question: Question, language: str) -> Markup:
     """Return a question's symbol and words."""
     words = rich(label(question, language))
-    if question.name in WORDS_ONLY:
+    if question.name in data()['notation']['words'].split():
         return words
     return joined([symbol(question.name), *([Markup(', '), words] if words else [])])
 
@@ -183,16 +164,22 @@ def localised(number: str, language: str) -> str:
 def with_unit(value: float | str, unit: str, language: str) -> str:
     """Return a number with its unit."""
     number = localised(value if isinstance(value, str) else f'{value:.6g}', language)
-    sign = UNIT_SIGNS.get(unit, unit)
+    sign = unit_sign(unit)
     return f'{number}{sign}' if sign in ('', '°') else f'{number} {sign}'
+
+
+def unit_sign(unit: str) -> str:
+    """Return a unit as it is printed."""
+    return str(data()['notation']['units'].get(unit, unit))
 
 
 def symbol(name: str) -> Markup:
     """Return the symbol of a quantity, such as 'theta_2', with its subscript."""
-    if name in SPECIAL:
-        return rich(SPECIAL[name])
+    notation = data()['notation']
+    if name in notation['symbols']:
+        return rich(notation['symbols'][name])
     base, *subs = name.split('_')
-    parts = [GREEK.get(part, part) for part in (base, *subs)]
+    parts = [notation['greek'].get(part, part) for part in (base, *subs)]
     if base == 'angle':
         return Markup(''.join(parts))
     sub = element('sub', ','.join(parts[1:])) if subs else Markup('')

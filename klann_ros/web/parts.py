@@ -18,6 +18,11 @@ SHARED = Path(__file__).resolve().parent / 'static'
 FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'cards'))
 """The styles that every page begins with."""
 
+COMMENT_LINES = re.compile(r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', re.DOTALL | re.MULTILINE)
+STRINGS = re.compile(r"""('(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*")""")
+# Blanks around operators, in sums, and after colons and keywords. `a :hover` is not `a:hover`.
+BLANKS = re.compile(r' ?([=<>?,{}&|*]) ?|(?<=[\w)\]]) ([+-]) (?=[\w(\[])|(?<=:) |(?<=\bif) (?=\()')
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -29,7 +34,7 @@ class Parts:
     styles, scripts : sequence of pathlib.Path
         In this order: each uses what stands before it.
     is_compact : bool
-        Leave out the scripts' comments and indentation.
+        Leave out comments and needless blanks, and join each sort of files.
 
     """
 
@@ -48,22 +53,26 @@ class Parts:
 
     def style_elements(self) -> Markup:
         """Return all styles."""
-        return joined(element('style', Markup(text(path))) for path in self.styles)
+        return joined(element('style', Markup(style)) for style in self._files(self.styles))
 
     def script_elements(self) -> Markup:
         """Return all scripts."""
-        return joined(element('script', Markup(script)) for script in self._scripts())
+        return joined(element('script', Markup(script)) for script in self._files(self.scripts))
 
-    def _scripts(self) -> list[str]:
-        scripts = map(text, self.scripts)
-        return [_compact(script) for script in scripts] if self.is_compact else list(scripts)
+    def _files(self, paths: Iterable[Path]) -> list[str]:
+        contents = [*map(text, paths)]
+        return ['\n'.join(map(compact, contents))] if self.is_compact else contents
 
-    def policy(self) -> Markup:
-        """Return what the page may do: run these very scripts, and load nothing from anywhere."""
+    def policy(self, scripts: Iterable[str] = (), styles: Iterable[str] = ()) -> Markup:
+        """
+        Return what the page may do: run these very scripts, and load nothing from anywhere.
+
+        Scripts and styles that the page adds to itself later are named as well.
+        """
         rules = (
             "default-src 'none'",
-            f'script-src {_hashes(self._scripts())}',
-            f'style-src {_hashes(map(text, self.styles))}',
+            f'script-src {_hashes([*self._files(self.scripts), *scripts])}',
+            f'style-src {_hashes([*self._files(self.styles), *styles])}',
             "base-uri 'none'",
             "form-action 'none'",
         )
@@ -94,12 +103,21 @@ def as_script(data: object) -> Markup:
     return Markup(written.replace('<', '\\u003c'))
 
 
-def _compact(script: str) -> str:
-    """Return a script without indentation, and comments that have lines of their own."""
-    code = re.sub(
-        r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', '', script, flags=re.DOTALL | re.MULTILINE
-    )
-    return re.sub(r'^\s+', '', code, flags=re.MULTILINE)
+def compact(content: str) -> str:
+    """Return a file without comments that have lines of their own, needless blanks and lines."""
+    code = re.sub(r'^\s+', '', COMMENT_LINES.sub('', content), flags=re.MULTILINE)
+    lines = re.sub(r',\n(?=[)\]}])', '\n', code).splitlines(keepends=True)
+    return ''.join(map(_tight, lines))
+
+
+def _tight(line: str) -> str:
+    """Return a line without blanks around operators; one with a template or a regex as it is."""
+    if line[-2:-1] in set('{([,;') and '//' not in line:
+        line = line[:-1]
+    if '`' in line or re.search(r'/[^ ]', line):
+        return line
+    parts = STRINGS.split(line)
+    return ''.join(part if k % 2 else BLANKS.sub(r'\1\2', part) for k, part in enumerate(parts))
 
 
 def _hashes(contents: Iterable[str]) -> str:

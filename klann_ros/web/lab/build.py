@@ -1,11 +1,16 @@
 """The lab as one HTML file that opens offline; `python -m klann_ros.web.lab.build` writes it."""
 
+from base64 import b64encode
+import json
 from pathlib import Path
+import re
 from string import Template
+import zlib
 
 from klann_ros.kinematics.linkage.file import SHIPPED, shipped_linkages
-from klann_ros.web.markup import element
-from klann_ros.web.parts import as_script, FRAME, Parts, SHARED, text
+from klann_ros.sanitize.yaml_text import parse_file
+from klann_ros.web.markup import element, Markup
+from klann_ros.web.parts import as_script, compact, FRAME, Parts, SHARED, text
 
 _FOLDER = Path(__file__).resolve().parent
 _STATIC_FILES = _FOLDER / 'static'
@@ -14,6 +19,8 @@ FILE = _FOLDER / 'lab.html'
 """The page as it is installed; it is under version control, so that no build step makes it."""
 
 _JS_YAML = SHARED / 'js_yaml'
+
+EXERCISES = _FOLDER.parents[1] / 'exercises' / 'exercises.yaml'
 
 SOLVER = (
     _JS_YAML / 'js-yaml.min.js',
@@ -40,6 +47,7 @@ SOLVER = (
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
+COMMENT = re.compile(r'^ *#.*\n', re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
     styles=(
@@ -64,21 +72,50 @@ LAB_PARTS = Parts(
         _STATIC_FILES / 'numbers.js',
         _STATIC_FILES / 'newton.js',
         _STATIC_FILES / 'path_drawing.js',
+        _STATIC_FILES / 'open_practice.js',
         _STATIC_FILES / 'lab.js',
     ),
 )
 
 
+PRACTICE = tuple(
+    _STATIC_FILES / 'practice' / f'{name}.js'
+    for name in (
+        'expression',
+        'calculation',
+        'exercise',
+        'marking',
+        'notation',
+        'figure',
+        'practice',
+    )
+)
+"""The practice mode; all but the last three files need no browser."""
+
+
 def lab_page() -> str:
     """Return the page."""
-    shipped = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
-    return Template(text(_STATIC_FILES / 'lab.html')).substitute(
-        policy=LAB_PARTS.policy(),
+    # The names of the exercises' scripts are their own.
+    late = ''.join(compact(text(path)) for path in PRACTICE)
+    script = f"(() => {{'use strict';{late}}})();"
+    style = compact(text(_STATIC_FILES / 'practice.css'))
+    practice = {'data': parse_file(EXERCISES), 'script': script, 'style': style}
+    files = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
+    shipped = {name: COMMENT.sub('', file) for name, file in files.items()}
+    template = re.sub(r'^ +', '', text(_STATIC_FILES / 'lab.html'), flags=re.MULTILINE)
+    return Template(template).substitute(
+        policy=LAB_PARTS.policy([script], [style]),
         licence=text(_JS_YAML / 'LICENSE').strip(),
         styles=LAB_PARTS.style_elements(),
         data=element('script', as_script(shipped), id='data', type='application/json'),
+        packed=element('script', Markup(_deflated(practice)), id='packed', type='text/plain'),
         scripts=LAB_PARTS.script_elements(),
     )
+
+
+def _deflated(content: object) -> str:
+    written = json.dumps(content, ensure_ascii=False, separators=(',', ':'))
+    return b64encode(zlib.compress(written.encode(), 9)).decode('ascii')
 
 
 if __name__ == '__main__':

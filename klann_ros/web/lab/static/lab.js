@@ -86,6 +86,7 @@ function writeLinkSoon() {
 }
 
 function writeLink() {
+  if (isPractising()) return;
   let fragment = '';
   try {
     fragment = linkOf(lab);
@@ -120,6 +121,11 @@ async function copyLink() {
 
 /** Open the state of an address's fragment. */
 function readLink(fragment) {
+  if (fragment.startsWith('#practice')) {
+    openPractice(fragment);
+    return;
+  }
+  if (isPractising()) closePractice();
   if (!fragment) return;
   crank.isTurning = false;
   lab.attempt(() => openLink(lab, fragment));
@@ -241,6 +247,7 @@ function speak(now) {
   scene.nameGrips();
   pathPanel.write();
   showCrank();
+  if (isPractising()) lab.practice.build();
 }
 
 function listen() {
@@ -259,6 +266,7 @@ function listen() {
   on('undo', 'click', () => step(() => lab.undo()));
   on('redo', 'click', () => step(() => lab.redo()));
   on('copy-link', 'click', copyLink);
+  on('practise', 'click', () => openPractice('#practice='));
   // Not location.hash: the state before may have been written into it meanwhile.
   window.addEventListener('hashchange', (event) => readLink(new URL(event.newURL).hash));
   on('fit', 'click', () => scene.fit());
@@ -281,7 +289,7 @@ function listen() {
     button.addEventListener('click', () => speak(button.dataset.language));
   document.addEventListener('keydown', (event) => {
     const isOwn = event.target.closest('input, select, textarea, button, summary, .grip');
-    if (event.key !== ' ' || isOwn || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (isPractising() || event.key !== ' ' || isOwn || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     toggle();
   });
@@ -289,7 +297,7 @@ function listen() {
     const key = event.key.toLowerCase();
     if (!(event.ctrlKey || event.metaKey) || event.altKey || !'zy'.includes(key)) return;
     // Where text is written, the browser has a history of its own.
-    if (event.target.closest('#name, #text')) return;
+    if (isPractising() || event.target.closest('#name, #text')) return;
     event.preventDefault();
     step(() => (key === 'y' || event.shiftKey ? lab.redo() : lab.undo()));
   });

@@ -5,6 +5,8 @@
  *   #linkage=klann&numbers=120,350,...&crank=60&guess=15,60,45,60    a shipped linkage [mm, deg]
  *   #file=...&crank=60                                               the text of a file
  *
+ *   #practice=newton&seed=12345&lang=pt                               an exercise, open_practice.js
+ *
  * `assembly` has the signs of changed dyads, `start` the pose of changed coupled loops, `name` a
  * changed name. A new part is a line of LINK_PARTS, and what linkOf and openLink do with it.
  */
@@ -120,7 +122,7 @@ function openLink(lab, fragment) {
 }
 
 /** Return the parts of a fragment by their names. */
-function linkParts(fragment) {
+function linkParts(fragment, known = LINK_PARTS) {
   refuseUnless(
     fragment.length <= MAX_LINK_LENGTH,
     `the link has ${fragment.length} characters, more than ${MAX_LINK_LENGTH}`,
@@ -135,9 +137,9 @@ function linkParts(fragment) {
     } catch {
       // Not UTF-8: refused below.
     }
-    const isGood = Object.hasOwn(LINK_PARTS, key) && !(key in parts) && text !== null;
+    const isGood = Object.hasOwn(known, key) && !(key in parts) && text !== null;
     refuseUnless(
-      isGood && LINK_PARTS[key].test(text),
+      isGood && known[key].test(text),
       `the link cannot be read at ${printable(part, 40)}`,
       `o link não pode ser lido em ${printable(part, 40)}`,
     );

@@ -1,0 +1,227 @@
+"""The practice mode: the exercises, keys, steps and marks of Python, in node and in the page."""
+
+from collections.abc import Callable, Iterator
+import re
+from typing import Any
+
+from browser import find
+from klann_ros.exercises import KINDS, make_variant, mark, Variant
+from klann_ros.exercises.calculation import data
+from klann_ros.exercises.marking import read_answer
+from klann_ros.exercises.sheet import answer_text
+from klann_ros.web.lab.build import FILE, PRACTICE
+from lab_solver import in_node, NODE
+from opened_page import OpenedPage
+import pytest
+
+needs_node = pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
+STUDENTS = ['1', '12345', '00770', 'a-7.b_c']
+# Of a number's size, or of 1 where it is smaller.
+NEAR = 1e-12
+ANSWERS = """
+function answer({ data, cases }) {
+  return cases.map(({ kind, student, answers }) => {
+    const exercise = new Exercise(data, kind, student);
+    return {
+      givens: exercise.givens,
+      answers: exercise.answers,
+      tolerances: exercise.kind.questions.map((each) => exercise.tolerance(each)),
+      steps: exercise.worked.steps,
+      marks: answers.map((each) => markAnswers(exercise, each)),
+    };
+  });
+}
+"""
+HOSTILE = {
+    'seed=-1': 'the student number -1 is refused',
+    'seed=1e99': 'the student number 1e99 is refused',
+    'seed=': 'the student number  is refused',
+    'seed=%3Cscript%3Ealert(1)%3C/script%3E': 'number <script>alert(1)</script> is refused',
+    'seed=' + '9' * 65: 'the student number 9999',
+    'seed=' + '9' * 20_000: 'more than 20000',
+    'seed=1&seed=2': 'cannot be read at seed=2',
+    'seed=%ff': 'cannot be read at seed=%ff',
+    'seed=1&lang=xx': 'cannot be read at lang=xx',
+    'seed=1&linkage=klann': 'cannot be read at linkage=klann',
+    'seed=%e2%80%ae1': 'the student number \\u{202e}1 is refused',
+}
+
+
+def in_browser(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = in_node(ANSWERS, {'data': data(), 'cases': cases}, PRACTICE[:4])
+    return found
+
+
+def assert_near(found: Any, right: Any) -> None:
+    if isinstance(right, str):
+        assert found == right
+    else:
+        assert found == right or abs(found - right) <= NEAR * max(1.0, abs(right))
+
+
+@needs_node
+@pytest.mark.parametrize('name', KINDS)
+def test_a_student_gets_the_numbers_of_the_sheet(name: str) -> None:
+    variants = [make_variant(KINDS[name], student) for student in STUDENTS]
+    cases = [{'kind': name, 'student': student, 'answers': []} for student in STUDENTS]
+    for variant, found in zip(variants, in_browser(cases), strict=True):
+        assert found['givens'] == variant.givens
+        for question, tolerance in zip(variant.kind.questions, found['tolerances'], strict=True):
+            assert_near(found['answers'][question.name], variant.answers[question.name])
+            assert tolerance == variant.tolerance(question)
+        for mine, step in zip(found['steps'], variant.steps, strict=True):
+            assert (mine['symbol'], mine['unit'], mine['formula']) == (step[0], step[2], step[3])
+            assert_near(mine['value'], step.value)
+
+
+def wrong_answers(variant: Variant) -> list[dict[str, str]]:
+    """Return the answers of students with one slip each, and as they may be written."""
+    right = {name: written(value) for name, value in variant.answers.items()}
+    found = [right, {}, dict.fromkeys(right, 'x'), dict.fromkeys(right, '7')]
+    found.append({name: f' {text.replace(".", ",")} ' for name, text in right.items()})
+    for mistake, wrong in variant.mistaken.items():
+        # Iterates that lead nowhere amplify the last bit of a number.
+        if variant.kind.name.endswith('newton') and re.match('f:|phi|transp|sign|sine', mistake):
+            continue
+        found.append(right | {name: written(value) for name, value in wrong.items()})
+    return found
+
+
+def written(value: float | str) -> str:
+    return value if isinstance(value, str) else f'{value:.6g}'
+
+
+@needs_node
+@pytest.mark.parametrize('name', [name for name in KINDS if name != 'foot-path'])
+def test_slips_and_points_are_those_of_the_marking(name: str) -> None:
+    variant = make_variant(KINDS[name], '31')
+    answers = wrong_answers(variant)
+    (found,) = in_browser([{'kind': name, 'student': '31', 'answers': answers}])
+    for given, marks in zip(answers, found['marks'], strict=True):
+        right = mark(variant, given)
+        assert [
+            (each['question'], each['points'], each['slip'], each['isCarried']) for each in marks
+        ] == [(each.question, each.points, each.slip, each.carried) for each in right], given
+
+
+FORMS = [
+    *('72.14', '72,14', ' +72,14 ° ', '\N{MINUS SIGN}12,5º', '72,14 graus', '1.25908 rad'),
+    *('7.214e1', '7,214 x 10^1', '7.214·10¹', '1.234,5', '1,234.5', '.5', '2e-3', '5e400'),
+    *('', 'nan', 'inf', '12 mm', '1,2,3', '12..5', 'x', '1' * 65, '1.23.456,7', '12,34.5'),
+]
+
+
+@needs_node
+def test_an_answer_is_read_as_python_reads_it() -> None:
+    script = """function answer({ data, texts, question }) {
+      return texts.map((text) => readAnswer(data, text, question));
+    }"""
+    question = KINDS['four-bar-position'].questions[1]
+    given = {'data': data(), 'texts': FORMS, 'question': question._asdict()}
+    expected = [read_answer(text, question) for text in FORMS]
+    for text, mine, right in zip(
+        FORMS, in_node(script, given, PRACTICE[:4]), expected, strict=True
+    ):
+        assert mine == (None if right is None else pytest.approx(right, rel=1e-15)), text
+
+
+if find() is None:
+    pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
+
+
+class Practice(OpenedPage):
+    """The practice mode in the browser."""
+
+    def __init__(self, page: Any, fragment: str) -> None:
+        super().__init__(page, FILE.as_uri() + fragment)
+        self.until("!document.querySelector('#practice').hidden || Boolean(lab.refusal)")
+
+    def marks(self) -> list[str]:
+        found: list[str] = self.page.locator('.practice-mark').all_text_contents()
+        return found
+
+
+@pytest.fixture
+def visit(browser: Any) -> Iterator[Callable[..., Practice]]:
+    contexts = []
+
+    def open_page(fragment: str, **options: Any) -> Practice:
+        contexts.append(browser.new_context(**options))
+        return Practice(contexts[-1].new_page(), fragment)
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@pytest.mark.parametrize('language', ['en', 'pt'])
+def test_every_exercise_is_shown_on_a_telephone(visit: Any, language: str) -> None:
+    options = {'viewport': {'width': 360, 'height': 640}, 'has_touch': True, 'is_mobile': True}
+    opened = visit(f'#practice=newton&seed=1&lang={language}', **options)
+    for name, kind in KINDS.items():
+        opened.page.evaluate('name => lab.practice.go(name, "1")', name)
+        assert opened.page.locator('.practice-row').count() == len(kind.questions)
+        assert opened.page.url.endswith(f'#practice={name}&seed=1&lang={language}')
+        opened.page.evaluate('lab.practice.solve()')
+        assert opened.page.evaluate('document.documentElement.scrollWidth') <= 360, name
+    assert opened.complaints == []
+    assert opened.requests == [opened.requests[0]]
+
+
+def test_it_is_worked_through_by_the_keyboard_alone(visit: Any) -> None:
+    opened = visit('#practice=limits&seed=9&lang=pt')
+    variant = make_variant(KINDS['limits'], '9')
+    keyboard = opened.page.keyboard
+    opened.page.locator('#practice-theta_2_S').focus()
+    for question in variant.kind.questions[:-1]:
+        keyboard.type(answer_text(variant, question, variant.answers[question.name], 'pt'))
+        keyboard.press('Tab')
+    keyboard.type('0,5')
+    keyboard.press('Enter')
+    assert opened.marks()[:5] == ['✓ certo'] * 5
+    assert opened.marks()[5].startswith('✗')
+    assert opened.page.locator('.practice-points').text_content().startswith('5 de 6 pontos')
+    # The first field that is wrong has the focus.
+    assert opened.page.evaluate('document.activeElement.id') == 'practice-Q'
+
+
+def test_a_step_is_shown_in_the_drawing(visit: Any) -> None:
+    opened = visit('#practice=velocity&seed=5&lang=en')
+    shown = opened.page.locator('.shown-line')
+    opened.page.locator('#practice-omega_beta').focus()
+    assert 'A46 46' in shown.get_attribute('d')
+    opened.page.get_by_text('Show the solution').click()
+    opened.page.locator('.practice-steps button').last.focus()
+    # The velocity of H: a ring around the point, and an arrow with two sides.
+    assert shown.get_attribute('d').count('l') == 2
+    assert 'Key: ' in opened.page.locator('.practice-key').first.text_content()
+
+
+def test_what_was_typed_outlives_the_language_and_the_lab_comes_back(visit: Any) -> None:
+    opened = visit('#practice=toggle&seed=5&lang=en')
+    opened.page.locator('#practice-Z').fill('123.4')
+    opened.page.get_by_text('Português').click()
+    assert opened.page.locator('#practice-Z').input_value() == '123.4'
+    assert opened.page.locator('#practice h2').text_content() == 'Projeto de ponto morto'
+    opened.page.get_by_text('Voltar ao laboratório').click()
+    assert opened.page.locator('#scene').is_visible()
+    assert '#' not in opened.page.url
+    opened.page.locator('#practise').click()
+    opened.until("!document.querySelector('#practice').hidden")
+    assert not opened.page.locator('#scene').is_visible()
+
+
+@pytest.mark.parametrize('hostile', HOSTILE)
+def test_a_hostile_link_is_one_clear_line(visit: Any, hostile: str) -> None:
+    opened = visit(f'#practice=newton&{hostile}', locale='en-US')
+    line = opened.page.locator('#refusal').text_content()
+    assert HOSTILE[hostile] in line
+    assert len(line) < 200
+    assert not opened.page.locator('#practice').is_visible()
+    assert opened.complaints == []
+
+
+def test_an_unknown_exercise_is_refused(visit: Any) -> None:
+    opened = visit('#practice=<b>jump&seed=1&lang=pt')
+    line = opened.page.locator('#refusal').text_content()
+    assert 'nenhum exercício se chama <b>jump' in line
