@@ -1,8 +1,6 @@
 """Settings of all tests, and which of them share a worker."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
 import gc
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,9 @@ settings.register_profile(
 )
 settings.load_profile('untimed')
 
-# Tests of real processes on real DDS: they wait more than they compute, so two lines of them run
-# side by side, in domains of their own; each is run one by one, so that none starves the others.
+# Tests of real processes on real DDS: they wait more than they compute, so three of them run side
+# by side, in domains of their own, and no more while others compute, so that none starves.
+LINES = 3
 ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
 # What a browser does for nobody.
 FLAGS = [
@@ -50,23 +49,19 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduler(LoadScopeScheduling):
-        """A file is a scope; those of real processes are two lines."""
+        """A file is a scope; some workers take those of real processes first, some last."""
 
-        @cached_property
-        def lines(self) -> dict[str, str]:
-            """Two lines with as many tests each, whole files one after the other."""
-            files = Counter(name.split('::')[0] for name in self.collection)
-            lengths, lines = [0, 0], {}
-            for file, count in files.most_common():
-                if any(part in file for part in ONE_BY_ONE):
-                    line = lengths.index(min(lengths))
-                    lengths[line] += count
-                    lines[file] = f'line {line}'
-            return lines
+        def _assign_work_unit(self, node: Any) -> None:
+            first = int(node.gateway.id.removeprefix('gw')) < LINES
+            for scope in self.workqueue:
+                if any(part in scope for part in ONE_BY_ONE) == first:
+                    self.workqueue.move_to_end(scope, last=False)
+                    break
+            super()._assign_work_unit(node)
 
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.split('::', maxsplit=1)[0]
-            return TOGETHER if file.startswith(TOGETHER) else self.lines.get(file, file)
+            return TOGETHER if file.startswith(TOGETHER) else file
 
     return Scheduler(config, log)
 

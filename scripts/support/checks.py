@@ -15,7 +15,7 @@ from source import ROOT
 NAMES = ('ruff', 'format', 'ament_flake8', 'mypy', 'ament_pep257', 'docs', 'colcon', 'pytest')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Computing tests run beside tests that wait for processes; see test/conftest.py.
-WORKERS = ('-n', '4')
+WORKERS = ('-n', '6')
 # A hanging check is ended, so that CI shows its output.
 TIMEOUT = 840.0
 
