@@ -25,7 +25,7 @@ from nav_msgs.msg import Odometry
 import rclpy
 from sensor_msgs.msg import JointState
 from support.aims import exit_code, is_met, SMOKE
-from support.node_under_test import cpu_of
+from support.node_under_test import cpu_of, end
 
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 GIVEN = ('--ros-args', '--params-file', str(WALKER))
@@ -132,8 +132,7 @@ def cost(command: list[str], seconds: float) -> Cost:
         probe.take()
     finally:
         for each in (walker, sim):
-            each.terminate()
-            each.wait()
+            end(each)
         rclpy.shutdown()
     of_sim, of_walker = (
         (b - a) / (end - begin) for (a, begin), (b, end) in zip(before, after, strict=True)

@@ -29,6 +29,7 @@ SOLVER = [
     'import sys; from klann_ros.executables import solver_node; sys.exit(solver_node())',
 ]
 WARM_UP = REST / 4.0
+STOP_TIME = 5.0
 OUTPUTS = ((JointState, 'joint_states'), (PointStamped, 'point_h'))
 
 
@@ -47,6 +48,17 @@ def cpu_of(process: int) -> float:
     """Return the time that all threads of a process have run [s]."""
     threads = Path(f'/proc/{process}/task').iterdir()
     return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Stop a process by a signal; kill it if it goes on."""
+    process.terminate()
+    try:
+        process.wait(STOP_TIME)
+    except subprocess.TimeoutExpired:
+        # rclpy.spin of a relay now and then sleeps through the signal.
+        process.kill()
+        process.wait()
 
 
 class NodeUnderTest:
@@ -110,8 +122,7 @@ class NodeUnderTest:
 
     def stop(self) -> None:
         """End it."""
-        self.process.terminate()
-        self.process.wait()
+        end(self.process)
         self._node.destroy_node()
         self._context.try_shutdown()
 
