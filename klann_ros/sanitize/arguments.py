@@ -22,15 +22,7 @@ NOT_READ, NOT_WRITTEN = 2, 3
 
 
 def path(text: str) -> str:
-    """
-    Return a path from the command line; an empty one is an unset variable, not this folder.
-
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        It is empty, or longer than a path can be.
-
-    """
+    """Return a path from the command line; an empty or too long one is an ArgumentTypeError."""
     if not text:
         raise argparse.ArgumentTypeError('it is empty; is a variable not set?')
     try:
@@ -81,13 +73,7 @@ class ArgumentParser(argparse.ArgumentParser):
     """
     A parser with `--version` and completion by argcomplete, whose refusals are one line.
 
-    Parameters
-    ----------
-    prog : str
-        The executable's name.
-    description, epilog : str
-        What stands above and below the options in `--help`; their line breaks are kept.
-
+    Line breaks of description and epilog are kept.
     """
 
     _is_completed = False
@@ -115,18 +101,10 @@ class ArgumentParser(argparse.ArgumentParser):
         argv: Sequence[str] | None = None,
     ) -> int:
         """
-        Run a command with the parsed arguments.
+        Run a command with the parsed arguments; return its exit code.
 
-        Parameters
-        ----------
-        command : callable
-            Gets the arguments, and returns the exit code.
-        errors : mapping of type to int
-            Exit code of each error, the first match counts; such an error is printed in one line.
-            An OutputError is one of them, a UsageError ends as a refused argument.
-        argv : sequence of str, optional
-            The arguments; those of the process by default.
-
+        `errors` are printed in one line; their exit codes are by type, the first match counts. An
+        OutputError is one of them, a UsageError ends as a refused argument.
         """
         options = self.parse_args(argv)
         codes: dict[Any, int] = {OutputError: NOT_WRITTEN, **errors}

@@ -18,38 +18,17 @@ CDR_HEADER = b'\0\1\0\0'
 
 class CdrCursor:
     """
-    A position in a message, which each read advances.
+    A position in a message with its encapsulation header, which each read advances.
 
-    Every read raises a ValueError if the message ends too early.
-
-    Parameters
-    ----------
-    data : bytes
-        The message, with its encapsulation header.
-    at : int
-        The start [bytes].
-
-    Attributes
-    ----------
-    order : str
-        The byte order, in struct's notation.
-    at : int
-        The position [bytes].
-    structure : list of slice
-        The ranges of lengths and texts, which define the message's layout [bytes].
-
-    Raises
-    ------
-    ValueError
-        The message is not CDR.
-
+    A ValueError refuses a message that is not CDR, or ends too early.
     """
 
     def __init__(self, data: bytes, at: int = HEADER_SIZE) -> None:
         if data[:2] not in ORDERS:
             raise ValueError(f'{data[:2]!r} is not how a message begins')
-        self.order = ORDERS[data[:2]]
-        self.at = at
+        # The byte order in struct's notation, and the position [bytes].
+        self.order, self.at = ORDERS[data[:2]], at
+        # The ranges of lengths and texts, which define the message's layout [bytes].
         self.structure: list[slice] = []
         self._data = data
         self.skip(0)
@@ -151,11 +130,11 @@ class TwistTemplate(PointTemplate):
 
 
 def append_string(head: bytes, text: str) -> bytes:
-    """Append a string to what stands before it."""
+    """Append a string to the head of a message."""
     encoded = text.encode() + b'\0'
     return aligned(head, 4) + struct.pack('<I', len(encoded)) + encoded
 
 
 def aligned(head: bytes, size: int) -> bytes:
-    """Fill up to where a number of a size begins; the stamp stands before, and fills 8 bytes."""
+    """Pad to the alignment of a number of a size; the 8 bytes of the stamp come before."""
     return head + bytes(-len(head) % size)

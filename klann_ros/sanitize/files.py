@@ -28,13 +28,7 @@ def open_regular(path: AnyPath) -> BinaryIO:
     """
     Open a regular file for reading; never block on a pipe or read an endless device.
 
-    Raises
-    ------
-    NotRegularFileError
-        It is not a regular file; `strerror` names its kind.
-    OSError
-        It cannot be opened.
-
+    A NotRegularFileError names the kind of another file in `strerror`.
     """
     # Opening a device may have an effect, so its kind is checked first; and again when it is
     # open, since it may have been replaced.
@@ -58,15 +52,9 @@ def is_regular_file(path: AnyPath) -> bool:
 
 def is_within(path: AnyPath, folder: AnyPath) -> bool:
     """
-    Return whether a path is a folder (or a file), or leads into it, links included.
+    Return whether a path, which need not exist, is a folder (or a file), or leads into it.
 
-    Parameters
-    ----------
-    path
-        The path, which need not exist.
-    folder
-        A folder, whose own files may have hard links elsewhere; or a file.
-
+    Links are followed; the folder's own files may have hard links elsewhere.
     """
     try:
         known, place = Path(folder).stat(), Path(os.path.realpath(path))
@@ -103,17 +91,7 @@ def is_hollow(file: BinaryIO, start: int, end: int) -> bool:
 
 
 def read_regular(path: AnyPath, max_size: int) -> str:
-    """
-    Return the text of a regular file of at most `max_size` bytes.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is longer, is not UTF-8, or the path is invalid.
-
-    """
+    """Return the text of a regular file; a ValueError beyond `max_size` bytes, or if not UTF-8."""
     with open_regular(path) as file:
         data = file.read(max_size + 1)
     if len(data) > max_size:

@@ -76,9 +76,7 @@ class Output:
         try:
             yield
         except (OSError, ValueError, OutputError) as error:
-            reason = getattr(error, 'strerror', None) or error
-            what = f'{self.option} {printable(self.path)} cannot be written'
-            raise OutputError(f'{what}: {printable(reason)}') from error
+            raise _cannot_write(self.option, self.path, error) from error
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
@@ -110,24 +108,10 @@ def outputs(
     refuse_yaml: bool = False,
 ) -> list[Output]:
     """
-    Return the output files, after a check that all can be written.
+    Return the output files of options, such as 'json' for --json, that can all be written.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        The arguments.
-    names : iterable of str
-        Names of the options for outputs, such as 'json' for --json.
-    inputs : iterable of str or None
-        The files and folders that are read.
-    refuse_yaml : bool
-        Whether .yaml and .yml are refused: a robot file may name others.
-
-    Raises
-    ------
-    OutputError
-        An output is an input, or cannot be written, or two of them are one file.
-
+    An OutputError says that an output is an input, or cannot be written, or that two of them are
+    one file. `refuse_yaml` refuses .yaml and .yml: a robot file may name others.
     """
     given = {f'--{name}': getattr(options, name) for name in names}
     found = [Output(option, path) for option, path in given.items() if path is not None]
@@ -145,12 +129,13 @@ def outputs(
 
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
     """Raise an OutputError if a folder is there already, or would be in an input."""
-    what = f'{option} {printable(path)} cannot be written'
     if os.path.lexists(path):
-        raise OutputError(f'{what}: it exists already, not overwriting; choose a new name')
+        reason = 'it exists already, not overwriting; choose a new name'
+        raise _cannot_write(option, path, reason)
     for given in filter(None, inputs):
         if is_within(path, given):
-            raise OutputError(f'{what}: it is inside {printable(given)}, which is only read')
+            reason = f'it is inside {printable(given)}, which is only read'
+            raise _cannot_write(option, path, reason)
 
 
 def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
@@ -169,9 +154,7 @@ def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
             shutil.rmtree(beside, ignore_errors=True)
             raise
     except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        what = f'{option} {printable(path)} cannot be written'
-        raise OutputError(f'{what}: {printable(reason)}') from error
+        raise _cannot_write(option, path, error) from error
 
 
 def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
@@ -184,6 +167,11 @@ def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
             errors += error.args
     if errors:
         raise OutputError(*errors)
+
+
+def _cannot_write(option: str, path: str, error: object) -> OutputError:
+    reason = getattr(error, 'strerror', None) or error
+    return OutputError(f'{option} {printable(path)} cannot be written: {printable(reason)}')
 
 
 def _place(path: str) -> Path:

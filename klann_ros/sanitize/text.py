@@ -15,16 +15,8 @@ def printable(text: object, max_length: int = MAX_NAME_LENGTH) -> str:
     Return an untrusted text as one line without terminal control.
 
     Control characters (C0, C1, ESC), line and paragraph separators, bidi marks and other invisible
-    characters are escaped as in Python, such as ``\x1b`` and ``\u202e``. A longer text is cut,
-    and its length is appended.
-
-    Parameters
-    ----------
-    text
-        A text, or an object with one, such as a path or an error.
-    max_length
-        Maximum length of the result without escapes [characters].
-
+    characters are escaped as in Python, such as ``\x1b`` and ``\u202e``. A text longer than
+    `max_length` characters is cut, and its length is appended.
     """
     whole = str(text)
     shown = whole[:max_length]

@@ -51,14 +51,10 @@ class YamlError(ValueError):
 
 def parse(text: str) -> Any:
     """
-    Return the content of a user's YAML text.
+    Return the content of a user's YAML text; a YamlError for an invalid one.
 
-    Raises
-    ------
-    YamlError
-        It is invalid, or has a refused feature: anchors and aliases, duplicate keys, numbers that
-        are not finite, more than a million characters or twenty levels.
-
+    Anchors and aliases, duplicate keys, numbers that are not finite, and more than MAX_FILE_SIZE
+    characters or MAX_DEPTH levels are refused.
     """
     if len(text) > MAX_FILE_SIZE:
         raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
@@ -99,15 +95,7 @@ def content_of_file(
 
 
 def load(text: str) -> Any:
-    """
-    Return the data of another tool's YAML text.
-
-    Raises
-    ------
-    ValueError
-        It is not YAML, or unfolds to too many nodes.
-
-    """
+    """Return the data of another tool's YAML text; a ValueError if invalid, or far too large."""
     if len(text) > MAX_LOG_TEXT:
         raise ValueError(f'it is longer than {MAX_LOG_TEXT} bytes')
     try:
@@ -140,20 +128,16 @@ class _PlainLoader(yaml.SafeLoader):
     In YAML 1.1 1:30 is 90, and a long such number takes time quadratic in its length.
     """
 
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> Any:
+        return node.value if ':' in node.value else super().construct_yaml_int(node)
 
-def _not_sexagesimal(construct: Callable[[Any, yaml.ScalarNode], Any]) -> Callable[..., Any]:
-    def number(loader: _PlainLoader, node: yaml.ScalarNode) -> Any:
-        value = loader.construct_scalar(node)
-        return value if ':' in str(value) else construct(loader, node)
-
-    return number
+    def construct_yaml_float(self, node: yaml.ScalarNode) -> Any:
+        return node.value if ':' in node.value else super().construct_yaml_float(node)
 
 
 for _kind in ('int', 'float'):
-    _PlainLoader.add_constructor(
-        f'tag:yaml.org,2002:{_kind}',
-        _not_sexagesimal(getattr(yaml.SafeLoader, f'construct_yaml_{_kind}')),
-    )
+    _construct = getattr(_PlainLoader, f'construct_yaml_{_kind}')
+    _PlainLoader.add_constructor(f'tag:yaml.org,2002:{_kind}', _construct)
 
 
 class _UserLoader(_PlainLoader):
@@ -178,8 +162,7 @@ class _UserLoader(_PlainLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
-        scalars = (key for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        for key in scalars:
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
                 problem = f'{key.value} is there twice'
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)

@@ -9,10 +9,11 @@ from klann_ros.log.write.recording import RecordingState
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
+    diagnostic_array,
     diagnostic_status,
     flush,
 )
-from klann_ros.nodes.parameters import Declaration
+from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.sanitize.text import counted, verb
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -36,6 +37,7 @@ TOPICS = (
     '/clock',
     '/diagnostics',
 )
+_DAY = 86400.0
 RECORDER_PARAMETERS = (
     Declaration(
         'output',
@@ -54,12 +56,12 @@ RECORDER_PARAMETERS = (
         'a larger file is finished, and the next one begun [bytes]; 0: no limit',
         limits=(0, 2**62),
     ),
-    Declaration(
+    number(
         'max_file_duration',
         0.0,
         'a longer file is finished, and the next one begun [s]; 0: no limit',
-        limits=(0.0, 1e9),
-        any_number=True,
+        0.0,
+        1e9,
     ),
     Declaration(
         'min_free_space',
@@ -71,21 +73,17 @@ RECORDER_PARAMETERS = (
         'judge', False, 'check messages against the limits of a review, and report findings'
     ),
     Declaration('judge_limits', '', 'file of other limits, as for review --limits'),
-    Declaration(
+    number(
         'pre_trigger',
         0.0,
         'write nothing until a finding, or a call of ~/trigger; then also the messages of this '
         'time before it, as a run in the folder output [s]; 0: write all. Above 0 judge is true '
         'unless it is set',
-        limits=(0.0, 86400.0),
-        any_number=True,
+        0.0,
+        _DAY,
     ),
-    Declaration(
-        'post_trigger',
-        10.0,
-        'and the messages of this time after the last cause [s]',
-        limits=(0.0, 86400.0),
-        any_number=True,
+    number(
+        'post_trigger', 10.0, 'and the messages of this time after the last cause [s]', 0.0, _DAY
     ),
     Declaration(
         'pre_trigger_bytes',
@@ -127,14 +125,11 @@ class RecordingDiagnostics:
 
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""
-        array = DiagnosticArray()
-        array.header.stamp = self._node.get_clock().now().to_msg()
         level, message = _level_and_message(state, state.lost - self._lost)
-        array.status = [
-            diagnostic_status(self._node, 'recording', level, message, _values(state).items()),
-            *(status() for status in self._statuses),
-        ]
-        data = serialize_message(array)
+        values = _values(state).items()
+        own = diagnostic_status(self._node, 'recording', level, message, values)
+        others = (status() for status in self._statuses)
+        data = serialize_message(diagnostic_array(self._node, [own, *others]))
         self._published.append(data)
         self._publisher.publish(data)
         self._lost = state.lost

@@ -30,6 +30,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from .interface import RECORDER_PARAMETERS, RecordingDiagnostics, SERVICES
+from .recorded_topic import MessageSink
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
@@ -62,7 +63,8 @@ class RecorderNode(ProcessNode):
         self._recording: Recording
         if has_trigger:
             self._recording = self._events = _open_events(values, logger)
-            self._start_events(self._events)
+            create_steady_timer(self, _EVENT_PERIOD, self._events.tick)
+            create_trigger(self, 'trigger', self._trigger)
         else:
             self._recording = _open_run(values, logger, finish)
         self._pauses = self._recording.pauses
@@ -70,9 +72,7 @@ class RecorderNode(ProcessNode):
         self._watch = TopicWatch(
             self,
             ['*'] if values['all_topics'] else self._full_names(values['topics']),
-            put=self._put(),
-            counters=self._recording.counters,
-            pauses=self._pauses,
+            sink=MessageSink(self._put(), self._recording.counters, self._pauses),
             solvers=self._solvers,
             diagnostics=self._diagnostics,
             on_stall=self._on_stall,
@@ -150,10 +150,6 @@ class RecorderNode(ProcessNode):
         for finding in findings:
             self._recording.add_finding(finding)
         self._diagnostics.report(self._recording.state())
-
-    def _start_events(self, events: EventSession) -> None:
-        create_steady_timer(self, _EVENT_PERIOD, events.tick)
-        create_trigger(self, 'trigger', self._trigger)
 
     def _trigger(self) -> tuple[bool, str]:
         self._watch.take_queued()

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
@@ -27,6 +27,14 @@ _LATCHED_HISTORY = 2000
 _MAX_SUBSCRIPTION_LAG = 16_384
 
 
+class MessageSink(NamedTuple):
+    """The recording's side: it takes every message, counts it, and may skip it in a pause."""
+
+    put: Callable[[Message], None]
+    counters: DropCounters
+    pauses: Pauses
+
+
 class RecordedTopic:
     """
     Subscribe to a topic with the QoS of its publishers, and pass on the raw messages.
@@ -35,10 +43,9 @@ class RecordedTopic:
     one would miss latched messages, a stronger one would not match. A message that two of them
     receive is recorded once.
 
-    `put` takes every message, `counters` count it, `pauses` may skip it. `on_change` receives the
-    topic's name when publishers appear or leave. `is_own` recognizes messages of the recorder's
-    own publisher, which is not among the publishers. An UnknownMessageTypeError or
-    UnknownTypeError for a type that is not installed.
+    `on_change` receives the topic's name when publishers appear or leave. `is_own` recognizes
+    messages of the recorder's own publisher, which is not among the publishers. An
+    UnknownMessageTypeError or UnknownTypeError for a type that is not installed.
     """
 
     def __init__(
@@ -48,16 +55,14 @@ class RecordedTopic:
         name: str,
         publishers: Sequence[TopicEndpointInfo],
         *,
-        put: Callable[[Message], None],
-        counters: DropCounters,
-        pauses: Pauses,
+        sink: MessageSink,
         on_change: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
         self.name, self.type = name, publishers[0].topic_type
         self._class, self._definition = message_class(self.type), definition(self.type)
-        self._node, self._group, self._put, self._pauses = node, group, put, pauses
-        self._counters, self._on_change, self._is_own = counters[name], on_change, is_own
+        self._node, self._group, self._put, self._pauses = node, group, sink.put, sink.pauses
+        self._counters, self._on_change, self._is_own = sink.counters[name], on_change, is_own
         self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
         self._publishers: dict[tuple[Any, Any], int] = {}
         self._departed: dict[tuple[Any, Any], int] = {}

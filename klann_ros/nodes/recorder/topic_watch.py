@@ -9,10 +9,7 @@ import time
 from time import monotonic, time_ns
 
 from klann_ros.log.errors import LogError
-from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause
-from klann_ros.log.write.drop_counters import DropCounters
-from klann_ros.log.write.recording import Pauses
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
 from klann_ros.nodes.raw_executor import RawCallbackGroup
@@ -21,7 +18,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .interface import RecordingDiagnostics
-from .recorded_topic import RecordedTopic
+from .recorded_topic import MessageSink, RecordedTopic
 from .solver_watch import SolverWatch
 
 # Period of discovery, and that of pending requests without changes [s].
@@ -69,9 +66,8 @@ class TopicWatch:
     """
     Subscribe to topics as they appear, by full names with the wildcard *.
 
-    `put`, `counters` and `pauses` are those of each topic, `solvers` receives the publishers of
-    joint states, and `on_stall` each stall of this process. `diagnostics`, the node's own
-    publisher, is not recorded.
+    `sink` receives the messages, `solvers` the publishers of joint states, and `on_stall` each
+    stall of this process. `diagnostics`, the node's own publisher, is not recorded.
     """
 
     def __init__(
@@ -79,9 +75,7 @@ class TopicWatch:
         node: Node,
         patterns: Sequence[str],
         *,
-        put: Callable[[Message], None],
-        counters: DropCounters,
-        pauses: Pauses,
+        sink: MessageSink,
         solvers: SolverWatch,
         diagnostics: RecordingDiagnostics,
         on_stall: Callable[[Pause], None],
@@ -90,8 +84,7 @@ class TopicWatch:
         self._heartbeat = Heartbeat()
         self._topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
-        self._put, self._counters = put, counters
-        self._pauses, self._diagnostics = pauses, diagnostics
+        self._sink, self._diagnostics = sink, diagnostics
         self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
         self._warnings: set[str] = set()
@@ -202,9 +195,7 @@ class TopicWatch:
                 self._group,
                 name,
                 publishers,
-                put=self._put,
-                counters=self._counters,
-                pauses=self._pauses,
+                sink=self._sink,
                 on_change=self._on_change,
                 is_own=own.has_published if name == own.topic else None,
             )

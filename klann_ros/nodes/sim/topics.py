@@ -17,7 +17,7 @@ from klann_ros.nodes.endpoints import (
 )
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.raw_executor import Info
-from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.sanitize.text import printable
 from klann_ros.twin import Imu, Sensors, Truth, Twin
 from nav_msgs.msg import Odometry
@@ -40,7 +40,7 @@ class CrankCommands:
     def __init__(self, node: Node, twin: Twin, timeout: float) -> None:
         self._node, self._twin, self._timeout = node, twin, timeout
         self._counts: Counter[str] = Counter()
-        self._readers = {joint: JointReader(joint) for joint in twin.joints}
+        self._reader = JointsReader(twin.joints)
         # Arrival of the last command of each joint [s].
         self._last: dict[str, float] = {}
         self.topic = node.resolve_topic_name('crank_command')
@@ -85,20 +85,13 @@ class CrankCommands:
 
     def _velocities(self, data: bytes) -> dict[str, float]:
         """Return the commanded velocities; a ValueError for an invalid message."""
-        velocities, errors = {}, []
-        for joint, reader in self._readers.items():
-            try:
-                velocity = reader.read(data).velocity
-            except ValueError as error:
-                errors.append(error)
-                continue
+        velocities = {}
+        for joint, (_, velocity, *_) in self._reader.read(data).items():
             if velocity is None:
                 raise ValueError('it has no velocities, and positions move no motor')
             if not isfinite(velocity):
                 raise ValueError(f'velocity of {printable(joint)} is {velocity}')
             velocities[joint] = velocity
-        if not velocities:
-            raise errors[0]
         return velocities
 
 

@@ -11,7 +11,7 @@ Bytes behind the end of a message are ignored, as by rclpy: `serialize_message()
 The templates of the answers are in :mod:`klann_ros.sanitize.cdr`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import struct
 from typing import NamedTuple
 
@@ -57,6 +57,25 @@ class JointReader:
         if self._layout is None or not self._layout.fits(data):
             self._layout = _layout(data, self._name)
         return self._layout.joint(data)
+
+
+class JointsReader:
+    """Read several joints of successive sensor_msgs/JointState messages."""
+
+    def __init__(self, joints: Iterable[str]) -> None:
+        self._readers = {joint: JointReader(joint) for joint in joints}
+
+    def read(self, data: bytes) -> dict[str, JointReading]:
+        """Return the joints that are in a message; a ValueError without any, or if malformed."""
+        found, problem = {}, ValueError()
+        for joint, reader in self._readers.items():
+            try:
+                found[joint] = reader.read(data)
+            except ValueError as error:  # noqa: PERF203, RUF100 - of each joint
+                problem = error
+        if not found:
+            raise problem
+        return found
 
 
 class _Layout(NamedTuple):

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .cdr import JointReader, read_float64
+from .cdr import JointsReader, read_float64
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
@@ -57,7 +57,7 @@ class CrankInputs:
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject
-        self._readers = {joint: JointReader(joint) for joint in joints}
+        self._reader = JointsReader(joints)
         self._last_stamp = (0, 0)
         self._angles = _Source(node, Float64, 'crank_angle', self._on_crank_angle)
         self._states = _Source(node, JointState, 'crank_state', self._on_crank_state)
@@ -102,20 +102,17 @@ class CrankInputs:
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
         self._states.count(info)
-        cranks, problem, stamp = {}, '', (0, 0)
-        for joint, reader in self._readers.items():
-            try:
-                position, velocity, *at = reader.read(data)
-            except ValueError as error:
-                problem = str(error)
-                continue
+        try:
+            readings = self._reader.read(data)
+        except ValueError as error:
+            self._reject(BadMessageError(f'crank_state: {error} (parameter crank_joint)'))
+            return
+        cranks, stamp = {}, (0, 0)
+        for joint, (position, velocity, sec, nanosec) in readings.items():
             known = velocity is not None and isfinite(velocity)
             cranks[joint] = CrankInput(position, velocity if known else None)
-            stamp = at[0], at[1]
-        if cranks:
-            self._answer(cranks, stamp, info)
-        else:
-            self._reject(BadMessageError(f'crank_state: {problem} (parameter crank_joint)'))
+            stamp = sec, nanosec
+        self._answer(cranks, stamp, info)
 
     def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):
@@ -188,11 +185,10 @@ class _Source:
         Simultaneous publishers alternate, and each numbers its own messages; a silent one, such as
         a node that yields to a driver, does not. One alternation is a change of drivers.
         """
-        had, alternations = self._had_message, self._alternations
+        most = self.publishers if self._alternations >= _MIN_ALTERNATIONS else 1
+        active = min(self.publishers, most) if self._had_message else 0
         self._had_message, self._alternations = False, 0
-        if not had:
-            return 0
-        return self.publishers if alternations >= _MIN_ALTERNATIONS else min(self.publishers, 1)
+        return active
 
     def _on_matched(self, status: Any) -> None:
         self.loss.publishers_changed()

@@ -10,6 +10,7 @@ from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_trigger,
+    diagnostic_array,
     diagnostic_status,
     QOS_USAGE,
 )
@@ -207,7 +208,7 @@ class SolverDiagnostics:
         lost = self._inputs.lost
         input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())
         period = (now - self._last_report).nanoseconds / 1e9
-        array = DiagnosticArray()
+        statuses = []
         for i, leg in enumerate(self._legs):
             if leg.statistics.inputs:
                 # To the accuracy of a period, far less than STALE_AFTER.
@@ -217,10 +218,9 @@ class SolverDiagnostics:
             text = '; '.join(filter(None, (message, self._missing_arcs[i])))
             values = _values(leg, self._inputs, period).items()
             name = leg.name or 'leg'
-            array.status.append(diagnostic_status(self._node, name, level, text, values))
+            statuses.append(diagnostic_status(self._node, name, level, text, values))
             leg.statistics.begin_report()
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(array)
+        self._publisher.publish(diagnostic_array(self._node, statuses))
         self._lost_reported, self._last_report = lost, now
 
     def _level_and_message(

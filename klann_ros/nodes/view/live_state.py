@@ -84,22 +84,20 @@ class LiveState(PageState):
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
-        self._drives = None
-        if not read_only:
-            self._drives = Drives(
-                node,
-                self._calls.put,
-                self._update_drive_states,
-                self._crank_angle,
-                self._subscriptions.rate_of,
-            )
+        self._read_only = read_only
+        self._drives = Drives(
+            node,
+            self._calls.put,
+            self._update_drive_states,
+            self._crank_angle,
+            self._subscriptions.rate_of,
+        )
         self._began = monotonic()
         self._timer = create_steady_timer(node, _FIRST_PERIOD, self._update)
 
     def close(self) -> None:
         """Stop all drives."""
-        if self._drives is not None:
-            self._drives.close()
+        self._drives.close()
 
     def poses(self) -> str:
         """Return the newest poses by leg: age [s], stamp [s], coordinates."""
@@ -120,17 +118,15 @@ class LiveState(PageState):
 
     def keep_alive(self, page: int) -> None:
         """Note that a page is connected."""
-        if self._drives is not None:
-            self._drives.keep_alive(page)
+        self._drives.keep_alive(page)
 
     def disconnected(self, page: int) -> None:
         """Stop the drives of a closed page."""
-        if self._drives is not None:
-            self._drives.disconnected(page)
+        self._drives.disconnected(page)
 
     def command(self, page: int, command: Command, answer: Answer) -> None:
         """Carry out a command of a page that may drive."""
-        if self._drives is None:
+        if self._read_only:
             answer(False, 'this page may only view')
         elif command.command == 'set':
             self._set(command, answer)
@@ -266,7 +262,7 @@ class LiveState(PageState):
         return _described_solvers(tuple(texts))
 
     def _update_drives(self, topics: Names) -> None:
-        if self._drives is None:
+        if self._read_only:
             return
         self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}
         solvers = {shown.solver for shown in self._shown}
@@ -281,8 +277,7 @@ class LiveState(PageState):
         self._update_drive_states()
 
     def _update_drive_states(self) -> None:
-        if self._drives is not None:
-            self.set_part('drives', self._drives.state())
+        self.set_part('drives', self._drives.state())
 
     def _offer(self, kind: str, *topics: str) -> Offer:
         publishers = [n for topic in topics for n in self._graph.names_of_publishers(topic)]

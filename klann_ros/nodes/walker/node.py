@@ -19,7 +19,7 @@ from klann_ros.nodes.endpoints import (
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
@@ -91,7 +91,7 @@ class WalkerNode(Node):
 
     def _connect(self, values: dict[str, Any]) -> None:
         walker, joints = self._walker, self._walker.feet.joints
-        self._readers = {joint: JointReader(joint) for joint in joints}
+        self._reader = JointsReader(joints)
         self._imu = ImuReader()
         velocities = values['command_type'] == 'velocities'
         self._commands = CrankOutput(self, joints, velocities=velocities)
@@ -174,18 +174,14 @@ class WalkerNode(Node):
             self._warn(problem)
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
-        readings, problem, stamp = {}, '', (0, 0)
-        for joint, reader in self._readers.items():
-            try:
-                position, velocity, *at = reader.read(data)
-            except ValueError as error:
-                problem = str(error)
-                continue
-            readings[joint] = position, velocity
-            stamp = at[0], at[1]
-        if not readings:
-            self._warn(f'crank_state is rejected: {problem}')
+        try:
+            found = self._reader.read(data)
+        except ValueError as error:
+            self._warn(f'crank_state is rejected: {error}')
             return
+        readings = {joint: (each.position, each.velocity) for joint, each in found.items()}
+        *_, last = found.values()
+        stamp = last.sec, last.nanosec
         when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else info['source_timestamp'] / 1e9
         now = self._now()
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
