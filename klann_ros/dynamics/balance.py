@@ -68,76 +68,59 @@ def reactions(
         right[:, 3 * j] -= given.real
         right[:, 3 * j + 1] -= given.imag
         right[:, 3 * j + 2] -= cross(arm, given)
-    return _System(moving, [c for c, _, _ in centres]).solve(right)
+    pinned = [
+        (point, first, j) for point, (first, *others) in structure.owners.items() for j in others
+    ]
+    sliding = sorted(structure.line_of)
+    columns = _columns(moving, [centre for centre, _, _ in centres], pinned, sliding)
+    matrix = np.stack(columns, axis=2)
+    singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right).any(axis=1))
+    matrix[singular] = np.eye(3 * n)
+    right = np.where(singular[:, None], np.nan, right)
+    torque, *found = np.linalg.solve(matrix, right[..., None])[..., 0].T
+    pairs = list(zip(found[::2], found[1::2], strict=True))
+    names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
+    pins: dict[tuple[str, str], ComplexArray] = {}
+    for (point, first, j), (x, y) in zip(pinned, pairs, strict=False):
+        pins[point, names[j]] = x + 1j * y
+        own = point, names[first]
+        pins[own] = pins.get(own, 0.0) - pins[point, names[j]]
+    on_lines = pairs[len(pinned) :]
+    return Reactions(torque, pins, {names[j]: on for j, on in zip(sliding, on_lines, strict=True)})
 
 
-class _System:
-    """The linear equations, a column for each component of a reaction."""
+def _columns(
+    moving: BodyMotion,
+    centres: Sequence[ComplexArray],
+    pinned: Sequence[tuple[str, int, int]],
+    sliding: Sequence[int],
+) -> list[FloatArray]:
+    """Return the equations' columns: the torque's, and two for each pin and each line."""
+    structure = moving.linkage.structure
+    zero = np.zeros(moving.alphas.size, dtype=np.complex128)
+    torque = np.zeros((zero.size, 3 * len(centres)))
+    torque[:, 2] = 1.0
+    columns = [torque]
 
-    def __init__(self, moving: BodyMotion, centres: Sequence[ComplexArray]) -> None:
-        structure = moving.linkage.structure
-        self._moving, self._centres = moving, centres
-        self._pins = [
-            (point, first, j)
-            for point, (first, *others) in structure.owners.items()
-            for j in others
-        ]
-        self._slides = sorted(structure.line_of)
-
-    def solve(self, right: FloatArray) -> Reactions:
-        """Return the reactions for right-hand sides, shape (k, 3 n)."""
-        structure = self._moving.linkage.structure
-        count, size = right.shape
-        columns = self._columns(count)
-        matrix = np.stack(columns, axis=2)
-        singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right).any(axis=1))
-        matrix[singular] = np.eye(size)
-        right = np.where(singular[:, None], np.nan, right)
-        found = np.linalg.solve(matrix, right[..., None])[..., 0].T
-        names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
-        pins: dict[tuple[str, str], ComplexArray] = {}
-        for k, (point, first, j) in enumerate(self._pins):
-            force = found[1 + 2 * k] + 1j * found[2 + 2 * k]
-            pins[point, names[j]] = force
-            own = point, names[first]
-            pins[own] = pins.get(own, 0.0) - force
-        start = 1 + 2 * len(self._pins)
-        lines = {
-            names[j]: (found[start + 2 * k], found[start + 1 + 2 * k])
-            for k, j in enumerate(self._slides)
-        }
-        return Reactions(found[0], pins, lines)
-
-    def _columns(self, count: int) -> list[FloatArray]:
-        size = 3 * len(self._centres)
-        zero = np.zeros(count, dtype=np.complex128)
-        columns = [np.zeros((count, size))]
-        columns[0][:, 2] = 1.0
-        for point, first, j in self._pins:
-            at = self._moving.point(point)[0]
-            for direction in (1.0 + 0j, 1j):
-                column = np.zeros((count, size))
-                self._add(column, j, at, zero + direction)
-                self._add(column, first, at, zero - direction)
-                columns.append(column)
-        structure = self._moving.linkage.structure
-        for j in self._slides:
-            at = self._moving.point(structure.bodies[j].points[0])[0]
-            along = self._moving.linkage.line(self._moving.u, j) + zero
-            on = structure.along[j]
-            normal, moment = np.zeros((count, size)), np.zeros((count, size))
-            self._add(normal, j, at, 1j * along)
-            moment[:, 3 * j + 2] = 1.0
-            if on is not None and on != FIXED:
-                self._add(normal, on, at, -1j * along)
-                moment[:, 3 * on + 2] = -1.0
-            columns += [normal, moment]
-        return columns
-
-    def _add(self, column: FloatArray, j: int, at: ComplexArray, force: ComplexArray) -> None:
+    def add(column: FloatArray, j: int, at: ComplexArray, force: ComplexArray) -> None:
         """Add a force on a body at a place."""
-        if j == FIXED:
-            return
-        column[:, 3 * j] += force.real
-        column[:, 3 * j + 1] += force.imag
-        column[:, 3 * j + 2] += cross(at - self._centres[j], force)
+        if j != FIXED:
+            column[:, 3 * j] += force.real
+            column[:, 3 * j + 1] += force.imag
+            column[:, 3 * j + 2] += cross(at - centres[j], force)
+
+    for point, first, j in pinned:
+        at = moving.point(point)[0]
+        for direction in (1.0 + 0j, 1j):
+            columns.append(np.zeros_like(torque))
+            add(columns[-1], j, at, zero + direction)
+            add(columns[-1], first, at, zero - direction)
+    for j in sliding:
+        at = moving.point(structure.bodies[j].points[0])[0]
+        normal = 1j * moving.linkage.line(moving.u, j) + zero
+        columns += [np.zeros_like(torque), np.zeros_like(torque)]
+        for body, sign in ((j, 1.0), (structure.along[j], -1.0)):
+            if body is not None and body != FIXED:
+                add(columns[-2], body, at, sign * normal)
+                columns[-1][:, 3 * body + 2] = sign
+    return columns

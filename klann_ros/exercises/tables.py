@@ -8,7 +8,7 @@ import re
 from typing import BinaryIO, NamedTuple
 
 from klann_ros.sanitize.files import open_regular
-from klann_ros.sanitize.text import listed, printable
+from klann_ros.sanitize.text import FORMULA_STARTS, listed, printable
 
 from .marking import mark, Marked
 from .variant import ExerciseError, Kind, known, make_variant
@@ -20,8 +20,6 @@ ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
 # A long student number as a spreadsheet writes it.
 SCIENTIFIC = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+')
-# A spreadsheet takes a cell with this start for a formula.
-FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
 
 
 class Student(NamedTuple):

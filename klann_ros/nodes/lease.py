@@ -41,7 +41,8 @@ class LeaseListener:
     """
     The publisher's side: the driver of a topic (full name), and confirmations of yielding.
 
-    `on_change` receives the driver's name when it takes the topic, and '' when it leaves.
+    `on_change` receives the driver's name when it takes the topic, and '' when it leaves. A topic
+    without a lease never has a driver.
     """
 
     def __init__(self, node: Node, topic: str, on_change: Callable[[str], object]) -> None:
@@ -51,8 +52,12 @@ class LeaseListener:
         self._own = node.get_fully_qualified_name()
         self._key = ''
         self._announced_at = 0.0
-        self._confirmations = node.create_publisher(KeyValue, f'{topic}/yielded', _QOS)
-        node.create_subscription(KeyValue, f'{topic}/lease', self._on_lease, _QOS)
+        # The topic whose lease counts, '' for none.
+        self.topic = leased_topic(topic)
+        if not self.topic:
+            return
+        self._confirmations = node.create_publisher(KeyValue, f'{self.topic}/yielded', _QOS)
+        node.create_subscription(KeyValue, f'{self.topic}/lease', self._on_lease, _QOS)
         self._expiry = create_steady_timer(node, HEARTBEAT, self._check)
         self._expiry.cancel()
 

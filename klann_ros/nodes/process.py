@@ -103,28 +103,11 @@ def run(
     batch_period: float = 0.0,
 ) -> int:
     """
-    Run a node until a signal stops it, or it requests its end.
+    Run the node of an executable until a signal stops it, or it requests its end.
 
-    Parameters
-    ----------
-    name : str
-        The executable's name, for messages.
-    make_node : callable
-        Makes the node from the function that ends the process.
-    argv : sequence of str
-        The command line, program name first.
-    stop : StopSignals
-        The process's signals.
-    raw : bool
-        Whether a RawMessageExecutor runs it: for nodes driven by messages, not timers.
-    batch_period : float
-        Batching delay of that executor after its queues are drained [s].
-
-    Returns
-    -------
-    int
-        The exit code: 0 after a signal, 1 for a node that cannot start, else the node's own.
-
+    `argv` begins with the program's name. `raw` runs the node by a RawMessageExecutor, for nodes
+    driven by messages, with its `batch_period` [s]. The exit code is 0 after a signal, 1 for a
+    node that cannot start, else the node's own.
     """
     # Made before the node, so that a signal during start-up is an orderly end as well.
     finished = Future()
@@ -205,22 +188,16 @@ def spin_on(spin: Callable[[], None], node: Node) -> None:
     rclpy itself raises for messages of any sender: a parameter of an unknown type, a clock before
     1970. No message may end a node that turns a leg or records a run.
     """
-    while not _has_ended(spin, node):
-        pass
-
-
-def _has_ended(spin: Callable[[], None], node: Node) -> bool:
-    try:
-        spin()
-    except ExternalShutdownException:
-        raise
-    except Exception as error:
-        node.get_logger().error(
-            f'a callback failed, and the node goes on: {error_and_place(error)}',
-            throttle_duration_sec=LOG_PERIOD,
-        )
-        return False
-    return True
+    while True:
+        try:
+            spin()
+        except ExternalShutdownException:  # noqa: PERF203, RUF100 - it seldom fails
+            raise
+        except Exception as error:
+            text = f'a callback failed, and the node goes on: {error_and_place(error)}'
+            node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
+        else:
+            return
 
 
 def error_and_place(error: Exception) -> str:
@@ -319,19 +296,15 @@ def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
             yield f'{printable(file)} has nothing for {full_name}; it is for {sections}'
 
 
-def _names(content: Any) -> Iterator[str]:
-    """Yield the names of the parameters of all nodes in a parameter file."""
+def _names(content: Any, prefix: str | None = None) -> Iterator[str]:
+    """Yield the names of all nodes' parameters in a file; `prefix`: within a node's section."""
     for key, value in content.items() if isinstance(content, dict) else ():
-        yield from _flat(value, '') if key == 'ros__parameters' else _names(value)
-
-
-def _flat(content: Any, prefix: str) -> Iterator[str]:
-    for key, value in content.items() if isinstance(content, dict) else ():
-        name = f'{prefix}{key}'
-        if isinstance(value, dict):
-            yield from _flat(value, f'{name}.')
+        if prefix is None:
+            yield from _names(value, '' if key == 'ros__parameters' else None)
+        elif isinstance(value, dict):
+            yield from _names(value, f'{prefix}{key}.')
         else:
-            yield name
+            yield f'{prefix}{key}'
 
 
 class _OtherNodes:

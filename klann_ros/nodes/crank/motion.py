@@ -95,15 +95,14 @@ _DEFAULT = CrankMotion()
 OUTPUTS = ('crank_angle', 'crank_state')
 MOTION = (
     Declaration('mode', _DEFAULT.mode, 'how the crank moves', choices=MODES),
-    Declaration(
-        'speed', _DEFAULT.speed, 'rate of constant and sweep [rad/s]', constraint='finite'
-    ),
-    Declaration('start', _DEFAULT.start, 'crank angle at the start [rad]', constraint='finite'),
-    Declaration(
-        'amplitude', _DEFAULT.amplitude, 'size of sine, sweep and step [rad]', constraint='finite'
-    ),
-    Declaration(
-        'frequency', _DEFAULT.frequency, 'of sine and step [Hz]', constraint='finite, > 0'
+    *(
+        Declaration(name, getattr(_DEFAULT, name), text, constraint=constraint)
+        for name, text, constraint in (
+            ('speed', 'rate of constant and sweep [rad/s]', 'finite'),
+            ('start', 'crank angle at the start [rad]', 'finite'),
+            ('amplitude', 'size of sine, sweep and step [rad]', 'finite'),
+            ('frequency', 'of sine and step [Hz]', 'finite, > 0'),
+        )
     ),
 )
 CRANK_PARAMETERS = (

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
-from klann_ros.nodes.lease import leased_topic, LeaseListener
+from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.sanitize.arguments import ArgumentParser
@@ -64,10 +64,7 @@ class CrankNode(Node):
         self._is_bounded = values['mode'] != 'constant'
         self._driver_angle: float | None = None
         self._driver_input: Subscription | None = None
-        self._topic = leased_topic(self._publisher.topic_name)
-        self._lease: LeaseListener | None = None
-        if self._topic:
-            self._lease = LeaseListener(self, self._topic, self._on_lease)
+        self._lease = LeaseListener(self, self._publisher.topic_name, self._on_lease)
         self._waiting = self.create_timer(0.02, self._wait, clock=self._steady)
         self.get_logger().info(f'ready: {self._summary(values)}')
 
@@ -107,7 +104,7 @@ class CrankNode(Node):
         """Begin once there are enough subscribers."""
         now = self._steady.now()
         has_too_few = self._publisher.get_subscription_count() < self._min_subscribers
-        if has_too_few or self._is_driven:
+        if has_too_few or self._lease.holder:
             self._begin = None
         elif self._begin is None:
             self._begin = now + Duration(seconds=DISCOVERY_TIME)
@@ -120,7 +117,7 @@ class CrankNode(Node):
 
     def _tick(self) -> None:
         """Publish the due angles: a late timer catches up, so that no angle is skipped."""
-        if self._is_driven:
+        if self._lease.holder:
             return
         late = self._elapsed() - self._n / self._rate
         if late > _MAX_CATCH_UP:
@@ -136,17 +133,12 @@ class CrankNode(Node):
             flush([self._publisher])
             self._finish()
 
-    @property
-    def _is_driven(self) -> bool:
-        return self._lease is not None and bool(self._lease.holder)
-
     def _on_lease(self, driver: str) -> None:
         """Yield to a driver, or resume at its last angle."""
         if driver:
-            self.get_logger().info(f'yields to {driver}, which drives {self._topic}')
-            self._driver_input = self.create_subscription(
-                Float64, self._topic, self._on_driver_angle, 1
-            )
+            topic = self._lease.topic
+            self.get_logger().info(f'yields to {driver}, which drives {topic}')
+            self._driver_input = self.create_subscription(Float64, topic, self._on_driver_angle, 1)
             return
         if self._driver_input is not None:
             self.destroy_subscription(self._driver_input)

@@ -10,7 +10,7 @@ from typing import Any
 from klann_ros.log.play.transport import PlaybackError, RATES, Transport
 from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.nodes.endpoints import create_trigger
-from klann_ros.nodes.parameters import Declaration, on_change
+from klann_ros.nodes.parameters import Declaration, number, on_change
 from klann_ros.sanitize.arguments import path
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -43,31 +43,30 @@ _MAX_KEYS = 20
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a player; names of topics become full names."""
+    (slowest, fastest), (rarest, densest) = RATES, _CLOCK_RATES
+    rate = _number(lambda n: slowest <= n <= fastest, f'within {slowest:g} .. {fastest:g}')
+    clock = _number(lambda n: rarest <= n <= densest, f'within {rarest:g} .. {densest:g}')
+    not_negative = _number(lambda n: 0.0 <= n < inf, 'a number >= 0')
+    positive = _number(lambda n: 0.0 < n <= inf, 'a number > 0')
     add = parser.add_argument
     add('log', metavar='LOG', type=path, help=LOG_HELP)
-    add('--rate', type=_within(*RATES), default=1.0, metavar='R', help='2 is twice as fast')
+    add('--rate', type=rate, default=1.0, metavar='R', help='2 is twice as fast')
     add('--loop', action='store_true', help='play again and again')
-    add('--start-offset', type=_not_negative, default=0.0, metavar='S', help='leave out S seconds')
-    add('--duration', type=_positive, default=inf, metavar='S', help='play S seconds of the log')
+    add('--start-offset', type=not_negative, default=0.0, metavar='S', help='leave out S seconds')
+    add('--duration', type=positive, default=inf, metavar='S', help='play S seconds of the log')
     add(
         '--delay',
-        type=_not_negative,
+        type=not_negative,
         default=0.5,
         metavar='S',
         help='wait S seconds first, so that subscribers find the publishers (default: 0.5)',
     )
     add('--topics', nargs='+', type=_full, metavar='T', help='play these topics only')
-    add(
-        '--remap',
-        nargs='+',
-        type=_renaming,
-        default=[],
-        metavar='OLD:=NEW',
-        help='publish OLD as NEW',
-    )
+    remap = {'nargs': '+', 'type': _renaming, 'default': [], 'metavar': 'OLD:=NEW'}
+    add('--remap', **remap, help='publish OLD as NEW')
     add(
         '--clock',
-        type=_within(*_CLOCK_RATES),
+        type=clock,
         metavar='HZ',
         help="publish the log's time on /clock, so often a second; a recorded /clock is left out",
     )
@@ -75,29 +74,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add('--disable-keyboard-controls', action='store_true', help='leave the terminal alone')
 
 
-def _positive(text: str) -> float:
-    return _checked(text, lambda number: 0.0 < number <= inf, 'a number > 0')
+def _number(allows: Callable[[float], bool], allowed: str) -> Callable[[str], float]:
+    """Return the type of an option for a number."""
 
+    def parse(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = nan  # which fails every comparison
+        if not allows(number):
+            raise argparse.ArgumentTypeError(f'{text} is refused: it must be {allowed}')
+        return number
 
-def _not_negative(text: str) -> float:
-    return _checked(text, lambda number: 0.0 <= number < inf, 'a number >= 0')
-
-
-def _within(least: float, most: float) -> Callable[[str], float]:
-    def number(text: str) -> float:
-        return _checked(text, lambda n: least <= n <= most, f'within {least:g} .. {most:g}')
-
-    return number
-
-
-def _checked(text: str, allows: Callable[[float], bool], what: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = nan  # which fails every comparison
-    if not allows(number):
-        raise argparse.ArgumentTypeError(f'{text} is refused: it must be {what}')
-    return number
+    return parse
 
 
 def _renaming(text: str) -> tuple[str, str]:
@@ -114,22 +103,15 @@ def _full(name: str) -> str:
 def declarations(rate: float, position: float, length: float) -> tuple[Declaration, Declaration]:
     """Return the parameters, with their values at start, of a log of a length [s]."""
     return (
-        Declaration(
-            'rate',
-            rate,
-            'how fast the log is played; 2 is twice as fast',
-            limits=RATES,
-            read_only=False,
-            any_number=True,
-        ),
-        Declaration(
+        number('rate', rate, '2 plays the log twice as fast', *RATES, read_only=False),
+        number(
             'position',
             position,
             'set it to jump; after a jump, a pause or a step it is the present position, from the '
             'start of the log [s]',
-            limits=(0.0, max(position, length)),
+            0.0,
+            max(position, length),
             read_only=False,
-            any_number=True,
         ),
     )
 

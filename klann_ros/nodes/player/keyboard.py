@@ -12,7 +12,7 @@ from threading import Lock, Thread
 from typing import Any
 
 ESCAPE = 0x1B
-KEYS = {
+_KEY_SEQUENCES = {
     b' ': 'space',
     # Terminals send the first, or in their application mode the second.
     **dict.fromkeys((b'\x1b[A', b'\x1bOA'), 'up'),
@@ -40,9 +40,9 @@ class KeyParser:
             # An escape always begins a sequence.
             self._sequence = bytes([byte]) if byte == ESCAPE else self._sequence + bytes([byte])
             if not self._is_incomplete():
-                keys += [KEYS[self._sequence]] if self._sequence in KEYS else []
+                keys.append(_KEY_SEQUENCES.get(self._sequence, ''))
                 self._sequence = b''
-        return keys
+        return [key for key in keys if key]
 
     def discard(self) -> None:
         """Discard an incomplete sequence, such as the key Escape."""

@@ -106,11 +106,9 @@ class PlayerNode(ProcessNode):
             paused=options.start_paused,
         )
         controls = PlayerControls(self, self._playback.transport, parameters)
-        leased = set(map(leased_topic, self._topics.published_names)) - {''}
-        self._leases = [
+        leased = {*map(leased_topic, self._topics.published_names)} - {''}
+        for topic in sorted(leased):
             LeaseListener(self, topic, partial(controls.on_lease, topic))
-            for topic in sorted(leased)
-        ]
         self.get_logger().info(self._summary(options))
         self._warn(options)
         create_steady_timer(self, _REPORT_PERIOD, self._report)

@@ -15,7 +15,7 @@ from klann_ros.nodes.endpoints import (
     node_of,
     subscribe_raw,
 )
-from klann_ros.nodes.lease import leased_topic, LeaseListener
+from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.sanitize.text import printable
@@ -174,9 +174,7 @@ class DemoCommandPublisher:
         self._since = inf
         self._cranks = node.resolve_topic_name('crank_command')
         self._publisher: Any = create_publisher(node, TwistStamped, 'cmd_vel')
-        self._lease: LeaseListener | None = None
-        if leased_topic(self._publisher.topic_name):
-            self._lease = LeaseListener(node, self._publisher.topic_name, self._on_lease)
+        self._lease = LeaseListener(node, self._publisher.topic_name, self._on_lease)
         # Without a stamp it is as old as its arrival.
         self._command = TwistStamped()
         self._command.twist.linear.x = linear
@@ -189,7 +187,7 @@ class DemoCommandPublisher:
         # The robot's time starts again at a reset.
         self._since = min(self._since, self._now())
         has_stood = self._now() >= self._since + _STANDSTILL
-        if has_stood and not (self._lease and self._lease.holder) and not self._has_others():
+        if has_stood and not self._lease.holder and not self._has_others():
             self._publisher.publish(self._command)
 
     def _has_others(self) -> bool:
@@ -197,11 +195,9 @@ class DemoCommandPublisher:
         topic = self._publisher.topic_name
         if self._node.count_publishers(topic) == 1:
             return False
+        publishers = {*map(node_of, self._node.get_publishers_info_by_topic(topic))}
         # A driver that was killed is known to the middleware for 20 s more.
-        gone = self._lease.last_holder if self._lease else ''
-        own = self._node.get_fully_qualified_name()
-        publishers = self._node.get_publishers_info_by_topic(topic)
-        return bool({*map(node_of, publishers)} - {own, gone})
+        return bool(publishers - {self._node.get_fully_qualified_name(), self._lease.last_holder})
 
     def _on_lease(self, driver: str) -> None:
         text = f'yields to {driver}, which drives it' if driver else 'resumes: the driver has left'

@@ -170,7 +170,7 @@ class Drives:
         with self._lock:
             for driven in self._drives.values():
                 if driven.stops:
-                    self._publish_walk(driven, 0.0, 0.0)
+                    self._publish_walk(driven)
                 driven.lease.release()
 
     def offer(self, offers: list[Offer]) -> None:
@@ -315,7 +315,7 @@ class Drives:
         if drive.owner is None:
             if driven.stops:
                 driven.stops -= 1
-                self._publish_walk(driven, 0.0, 0.0)
+                self._publish_walk(driven)
                 if not driven.stops:
                     self._put(lambda: self._destroy_publisher(driven))
         elif driven.taking is None and isinstance(drive, WalkDrive):
@@ -342,7 +342,7 @@ class Drives:
             self._put(self._on_change)
         return reason
 
-    def _publish_walk(self, driven: _Driven, forward: float, turn: float) -> None:
+    def _publish_walk(self, driven: _Driven, forward: float = 0.0, turn: float = 0.0) -> None:
         message = TwistStamped()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.header.frame_id = 'base_link'

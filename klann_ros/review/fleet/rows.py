@@ -17,7 +17,7 @@ from klann_ros.log.errors import LogError
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.text import counted, printable, printable_line
+from klann_ros.sanitize.text import counted, FORMULA_STARTS, printable, printable_line
 from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN_NUMBER
 from klann_ros.web.parts import FRAME, Parts, SHARED
 
@@ -134,8 +134,8 @@ def _of_legs(
     return chosen(known) if known else None
 
 
-# Spreadsheets compute cells with these first characters; a quote keeps them text.
-_FORMULA = ('=', '+', '-', '@', "'")
+# Texts that a quote marks: formulas, and those with a quote of their own.
+_QUOTED_STARTS = (*FORMULA_STARTS, "'")
 # Largest table that is read [bytes]: of a million runs.
 _MAX_TABLE_SIZE = 10**10
 
@@ -193,7 +193,7 @@ def _cell(name: str, value: Any) -> str:
         return ''
     if name not in TEXTS:
         return repr(value)
-    return f"'{value}" if value.startswith(_FORMULA) else str(value)
+    return f"'{value}" if value.startswith(_QUOTED_STARTS) else str(value)
 
 
 def _csv_rows(data: bytes) -> list[dict[str, Any]]:

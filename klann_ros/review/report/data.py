@@ -20,7 +20,7 @@ from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.sanitize.outputs import finite, OutputError
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import FORMULA_STARTS, printable
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +87,6 @@ def _crank_angles(leg: ReviewedLeg) -> dict[str, int | None]:
 # Rows formatted at once.
 _BLOCK = 16384
 _NS = 10**9
-_FORMULA = ('=', '+', '-', '@')
 
 
 class NoPandasError(ImportError):
@@ -207,7 +206,7 @@ def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
 def _cell(text: str) -> str:
     """Return a name for a spreadsheet: on one line, and never a formula."""
     shown = printable(text)
-    return f"'{shown}" if shown.startswith(_FORMULA) else shown
+    return f"'{shown}" if shown.startswith(FORMULA_STARTS) else shown
 
 
 def _seconds(times: IntArray) -> list[str]:
