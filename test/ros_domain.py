@@ -15,11 +15,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fork_server import ForkedProcess, PACKAGE, server
 from klann_ros.nodes.parameters import prepare_sets
 from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 # Timeout, which only a busy machine comes near [s].
@@ -238,6 +239,15 @@ class Probe:
         self.node.destroy_client(client)
         return future.result()
 
+    def set(self, node: str, values: Mapping[str, Any], *, atomically: bool = False) -> Any:
+        """Set parameters of a node, each or all of them; return the (last) result."""
+        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
+        kind, service = SetParameters, f'{node}/set_parameters'
+        if atomically:
+            kind, service = SetParametersAtomically, f'{service}_atomically'
+        answer = self.call(kind, service, kind.Request(parameters=parameters))
+        return answer.result if atomically else answer.results[-1]
+
     def close(self) -> None:
         """Leave the domain."""
         self._executor.shutdown()
@@ -294,11 +304,10 @@ class Domain:
         self._processes: list[Process] = []
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
-        """Start an executable with parameters."""
-        given = [f'{key}:={value}' for key, value in parameters.items()]
-        ros = ['--ros-args', *(part for text in given for part in ('-p', text))]
-        command = [*arguments, *(ros if given else [])]
-        return self.start_by([], name, *command)
+        """Start an executable with parameters; arguments may end with some for ROS."""
+        given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
+        ros = ['--ros-args'] if given and '--ros-args' not in arguments else []
+        return self.start_by([], name, *arguments, *ros, *given)
 
     def solver(self, *arguments: str, namespace: str = '', **parameters: object) -> Process:
         """Start a solver with reliable inputs, which loses none on a busy machine."""

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 import json
+from pathlib import Path
 import struct
 from typing import Any
 
@@ -15,9 +16,11 @@ from klann_ros.live.protocol import MAX_MESSAGE_SIZE
 from klann_ros.live.server import LiveServer, MAX_UNREAD, ServerError
 from multidict import CIMultiDict
 import pytest
+import yaml
 
 TAKE = {'id': 1, 'command': 'take', 'target': 'crank:/crank_angle'}
 PATIENCE = 20.0
+REQUESTS = yaml.safe_load(Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'))
 Socket = aiohttp.ClientWebSocketResponse
 
 
@@ -73,30 +76,10 @@ async def is_served(session: aiohttp.ClientSession, served: Served) -> None:
         assert len(served.state.commands) == before + 1
 
 
-HANDSHAKES: dict[str, dict[str, str | None]] = {
-    'foreign origin': {'Origin': 'http://evil.example'},
-    'null origin': {'Origin': 'null'},
-    'no origin': {'Origin': None},
-    'origin of another port': {'Origin': 'http://127.0.0.1:1'},
-    'origin that begins like ours': {'Origin': 'http://127.0.0.1.evil.example'},
-    'origin by another of our names': {'Origin': 'http://localhost'},
-    'https': {'Origin': 'https://127.0.0.1'},
-    'foreign host': {'Host': 'evil.example', 'Origin': 'http://evil.example'},
-    'rebound host': {
-        'Host': 'rebind.evil.example:PORT',
-        'Origin': 'http://rebind.evil.example:PORT',
-    },
-    'host without port': {'Host': '127.0.0.1', 'Origin': 'http://127.0.0.1'},
-    'host that is none': {'Host': '::::', 'Origin': 'http://::::'},
-    'another site': {'Sec_Fetch_Site': 'cross-site'},
-    'same site': {'Sec_Fetch_Site': 'same-site'},
-}
-
-
-@pytest.mark.parametrize('name', HANDSHAKES)
+@pytest.mark.parametrize('name', REQUESTS['handshakes'])
 def test_a_hostile_handshake_is_refused(served: Served, name: str) -> None:
     port = str(served.guard.port)
-    given = {k: v and v.replace('PORT', port) for k, v in HANDSHAKES[name].items()}
+    given = {k: v and v.replace('PORT', port) for k, v in REQUESTS['handshakes'][name].items()}
 
     async def attack(session: aiohttp.ClientSession) -> None:
         with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
@@ -160,27 +143,11 @@ def test_without_the_session_token_a_page_is_read_only(served: Served, token: st
     run(attack)
 
 
-MESSAGES: dict[str, str] = {
-    'broken JSON': '{',
-    'no mapping': '[]',
-    'a number': '1',
+MESSAGES = {
+    **REQUESTS['messages'],
     'deep': '[' * 2000,
-    'nothing known': '{"id": 1, "command": "shutdown", "target": ""}',
-    'too much': '{"id": 1, "command": "take", "target": "", "and": 1}',
-    'too little': '{"id": 1, "command": "turn", "target": ""}',
-    'do is a list': '{"id": 1, "command": ["take"], "target": ""}',
-    'NaN': '{"id": 1, "command": "turn", "target": "", "value": NaN}',
-    'infinity': '{"id": 1, "command": "turn", "target": "", "value": 1e999}',
-    'huge': '{"id": 1, "command": "turn", "target": "", "value": 1e300}',
     'a long integer': '{"id": 1, "command": "turn", "target": "", "value": ' + '9' * 3000 + '}',
-    'a text as number': '{"id": 1, "command": "turn", "target": "", "value": "1"}',
-    'true as number': '{"id": 1, "command": "turn", "target": "", "value": true}',
-    'an id below 0': '{"id": -1, "command": "take", "target": ""}',
     'a long name': '{"id": 1, "command": "take", "target": "' + 'x' * 1000 + '"}',
-    'no values': '{"id": 1, "command": "set", "target": "", "values": {}}',
-    'values of texts': '{"id": 1, "command": "set", "target": "", "values": {"l_ab": "x"}}',
-    'three signs': '{"id": 1, "command": "set", "target": "", "values": {"assembly": [1, 1, 1]}}',
-    'an ack that is none': '{"ack": "1"}',
 }
 
 
@@ -273,24 +240,7 @@ def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> 
     run(attack)
 
 
-@pytest.mark.parametrize(
-    'path',
-    [
-        '/static/../guard.py',
-        '/static/..%2fguard.py',
-        '/static/%2e%2e/guard.py',
-        '/static/%2fetc%2fpasswd',
-        '/static/live.css%00',
-        '/static/',
-        '/runs/..',
-        '/runs/..%2fsecret.txt',
-        '/runs/%2e%2e%2fsecret.txt',
-        '/runs/good%2f..%2f..%2fsecret.txt',
-        '/runs/%2fetc%2fpasswd',
-        '/runs/link.mcap',
-        '/runs/nothing',
-    ],
-)
+@pytest.mark.parametrize('path', REQUESTS['paths'])
 def test_path_traversal_is_refused(served: Served, path: str) -> None:
     async def attack(session: aiohttp.ClientSession) -> None:
         reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)

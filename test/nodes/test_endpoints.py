@@ -9,37 +9,10 @@ from klann_ros.log.definitions import default_prefixes, INDEX
 from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
 import pytest
 from std_msgs.msg import Float64
+import yaml
 
-HOSTILE = (
-    'this/msg/X',
-    'antigravity/msg/X',
-    'idlelib.idle/msg/X',
-    'idlelib/idle/X',
-    '/msg/X',
-    'std_msgs/msg/',
-    'std_msgs/msg/__doc__',
-    'std_msgs/msg/_float64',
-    'std_msgs/msg/Float64\n',
-    'std_msgs/msg/Float64\0',
-    ' std_msgs/msg/Float64',
-    'std_msgs//Float64',
-    'std_msgs/Float64',
-    'std_msgs/srv/Float64',
-    'std_srvs/srv/Trigger',
-    'std_srvs/msg/Trigger',
-    'std_msgs/msg/Float64/msg/Float64',
-    'std_msgs.msg/msg/Float64',
-    '../../x/msg/Y',
-    './std_msgs/msg/Float64',
-    'std\u200b_msgs/msg/Float64',
-    'std_msgs/msg/\uff26loat64',
-    '\u0455td_msgs/msg/Float64',
-    'std_msgs/msg/Float6\u0664',
-    'std_msgs/msg/Float64\x1b[2J',
-    '__main__/msg/X',
-    'x' * 100_000 + '/msg/X',
-    '',
-)
+NAMES_FILE = Path(__file__).with_name('hostile_names.yaml')
+HOSTILE = [*yaml.safe_load(NAMES_FILE.read_text('utf-8'))['types'], 'x' * 100_000 + '/msg/X']
 LETTERS = st.text('abcXYZ0_./\n\0\u202e', max_size=6)
 NAMES = st.one_of(
     st.text(),

@@ -14,7 +14,6 @@ from klann_ros.nodes import raw_executor
 from klann_ros.nodes.process import error_and_place, spin_on
 from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
-from rcl_interfaces.srv import SetParameters
 from rclpy import executors
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock as RosClock, ClockType
@@ -218,10 +217,7 @@ def test_all_else_is_served_in_one_thread_with_and_without_load(ros: Domain, pla
             ticks, lean_ticks = run.echo.ticks, run.echo.lean_ticks
             for k in range(10):
                 assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
-                parameter = Parameter('value', value=float(k)).to_parameter_msg()
-                request = SetParameters.Request(parameters=[parameter])
-                answer = ros.probe.call(SetParameters, 'echo/set_parameters', request)
-                assert answer.results[0].successful
+                assert ros.probe.set('echo', {'value': float(k)}).successful
                 typed.publish(Float64(data=float(k)))
             ros.probe.until(lambda: run.echo.ticks > ticks and run.echo.lean_ticks > lean_ticks)
             ros.probe.until(lambda: len(run.echo.typed) == 10)

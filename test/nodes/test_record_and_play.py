@@ -17,9 +17,7 @@ from klann_ros.nodes.solver.node import SolverNode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
-from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from recordings import numbers
 from ros_domain import Domain, open_domain, Process, RecorderReports
 from rosbags.highlevel import AnyReader
@@ -232,9 +230,9 @@ def test_changes_of_a_leg_and_a_new_solver_are_in_the_run(ros: Domain, tmp_path:
     solver = ros.start('solver_node', legs='[left, right]')
     ros.probe.until(lambda: len(solver_lengths(folder, right)) == 1)
     # The present value is no change.
-    set_length(ros, 0.43, right)
+    assert ros.probe.set('solver_node', {right: 0.43}).successful
     ros.probe.spin(0.5)
-    set_length(ros, 0.5, right)
+    assert ros.probe.set('solver_node', {right: 0.5}).successful
     ros.probe.until(lambda: len(solver_lengths(folder, right)) == 2)
     assert solver.stop() == 0
     ros.start('solver_node', **{'legs': '[left, right]', right: 0.6})
@@ -259,14 +257,6 @@ def test_a_lost_answer_of_a_solver_is_requested_again(ros: Domain, tmp_path: Pat
     assert solver_lengths(folder) == [0.43]
     executor.shutdown()
     solver.destroy_node()
-
-
-def set_length(ros: Domain, length: float, name: str = 'l_gh') -> None:
-    """Set a length of the solver."""
-    parameter = Parameter(name, value=length).to_parameter_msg()
-    request = SetParameters.Request(parameters=[parameter])
-    response = ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
-    assert response.results[0].successful
 
 
 def solver_lengths(folder: Path, name: str = 'l_gh') -> list[float]:

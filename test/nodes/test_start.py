@@ -12,61 +12,21 @@ from klann_ros.nodes.recorder.node import main as recorder_main
 from klann_ros.nodes.solver.node import main as solver_main
 import pytest
 from ros_domain import Domain
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
 # Parameters of every node of rclpy, and one that users do not set.
 OF_ALL = {'use_sim_time', 'start_type_description_service', LINKAGE_PARAMETER}
-TURNED = 'turned by /crank_angle and /crank_state (joint crank)'
+WORDS = {
+    'CONFIG': str(ROOT / 'config'),
+    'JANSEN': str(JANSEN),
+    'TURNED': 'turned by /crank_angle and /crank_state (joint crank)',
+}
+LINES = yaml.safe_load(Path(__file__).with_name('start_lines.yaml').read_text('utf-8'))
 
 
-@pytest.mark.parametrize(
-    ('name', 'arguments', 'line'),
-    [
-        ('solver_node', [], f'Klann leg sem104, {TURNED}'),
-        (
-            'solver_node',
-            ['--params-file', str(ROOT / 'config' / 'patent.yaml')],
-            f'Klann leg patent, {TURNED}',
-        ),
-        ('solver_node', ['-p', 'l_ab:=0.121'], f'Klann leg of its own lengths, {TURNED}'),
-        ('solver_node', ['-p', f'linkage:={JANSEN}'], f'linkage Jansen leg ({JANSEN}), {TURNED}'),
-        (
-            'solver_node',
-            ['--params-file', str(ROOT / 'config' / 'walker4.yaml')],
-            (
-                '4 legs (front_left, front_right, rear_left, rear_right), each a Klann leg '
-                f'sem104, {TURNED}'
-            ),
-        ),
-        (
-            'solver_node',
-            ['-p', 'legs:=[a, b]', '-p', 'b.l_gh:=0.44', '-p', 'b.crank_joint:=axle'],
-            (
-                '2 legs: a a Klann leg sem104, b a Klann leg of its own lengths, turned by '
-                '/crank_angle and /crank_state (joints crank, axle)'
-            ),
-        ),
-        (
-            'solver_node',
-            ['-r', '__ns:=/left', '-r', 'crank_angle:=motor'],
-            'Klann leg sem104, turned by /left/motor and /left/crank_state (joint crank)',
-        ),
-        (
-            'crank_node',
-            ['-p', 'revolutions:=3', '-p', 'min_subscribers:=2'],
-            (
-                'constant (6.28319 rad/s), 3 revolutions, 100 messages a second on /crank_angle, '
-                'as soon as 2 subscribe'
-            ),
-        ),
-        (
-            'crank_node',
-            ['-p', 'mode:=sine', '-p', 'output:=crank_state', '-p', 'rate:=50.0'],
-            'sine (0.523599 rad at 0.5 Hz), endless, 50 messages a second on /crank_state',
-        ),
-    ],
-)
+@pytest.mark.parametrize(('name', 'arguments', 'line'), LINES)
 def test_a_node_logs_its_task_in_one_line(
     create: Callable[..., Any],
     capfd: pytest.CaptureFixture[str],
@@ -74,6 +34,8 @@ def test_a_node_logs_its_task_in_one_line(
     arguments: list[str],
     line: str,
 ) -> None:
+    for word, text in WORDS.items():
+        *arguments, line = (each.replace(word, text) for each in [*arguments, line])
     create(name, *arguments)
     lines = [text.partition(']: ')[2] for text in capfd.readouterr().err.splitlines()]
     assert lines == [f'ready: {line}']

@@ -19,40 +19,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from strangers import Stranger
+import yaml
 
 GOOD = 'std_msgs/msg/Float64'
-MARKER = 'marker_msgs/msg/X'
-TYPES = (
-    'this/msg/X',
-    'antigravity/msg/X',
-    'idlelib.idle/msg/X',
-    MARKER,
-    '/msg/X',
-    'std_msgs/msg/__doc__',
-    'std_msgs/msg/_float64',
-    'std_msgs/msg/Float64\n',
-    '../../x/msg/Y',
-    'std_msgs/srv/Float64',
-    'std_srvs/srv/Trigger',
-    'std_msgs/msg/\uff26loat64',
-    'a\x1b[2J\u202e/msg/X',
-    '',
-)
-TOPICS = (
-    '/{x}',
-    '/{node}',
-    '/a//b',
-    '//number',
-    '',
-    '/1a',
-    '/a b',
-    '~',
-    '/number\0',
-    '/a\n[ERROR] forged',
-    '/\x1b[2J\x9b31m',
-    '/\u202e\u2028',
-    '/' + 'x' * 10_000,
-)
+NAMES = yaml.safe_load(Path(__file__).with_name('hostile_names.yaml').read_text('utf-8'))
+TYPES, TOPICS = NAMES['sent types'], [*NAMES['topics'], '/' + 'x' * 10_000]
 COUNT = 40
 
 

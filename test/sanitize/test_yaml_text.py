@@ -72,6 +72,7 @@ def test_nested_aliases_count_as_often_as_they_are_referenced() -> None:
         ('a: .nan', 'must be a finite number'),
         ('a: 1\na: 2\n', 'is there twice'),
         ('a: &a [*a]', 'anchor'),
+        (f'a: {"[" * 25}{"]" * 25}', 'more than 20 levels'),
         ('\x00', ''),
     ],
 )

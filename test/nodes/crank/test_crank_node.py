@@ -21,8 +21,8 @@ def test_every_mode_publishes_its_angles_and_ends(ros: Domain) -> None:
     cranks = {}
     for mode, given in MODES.items():
         values = {'mode': mode, 'rate': 200.0, 'revolutions': 1, 'min_subscribers': 1, **given}
-        words = [word for key, value in values.items() for word in ('-p', f'{key}:={value}')]
-        cranks[mode] = ros.start('crank_node', '--ros-args', '-r', f'__ns:=/{mode}', *words)
+        inside = ('--ros-args', '-r', f'__ns:=/{mode}')
+        cranks[mode] = ros.start('crank_node', *inside, **values)
     for mode, given in MODES.items():
         motion = CrankMotion(mode=mode, **given)  # type: ignore[arg-type]
         count = round(motion.period * 200.0) + 1

@@ -256,12 +256,12 @@ def test_the_terminal_is_as_it_was_after_the_log(terminal: Open) -> None:
 @pytest.mark.parametrize('end', ['raise ValueError', 'sys.exit(1)', 'pass', 'os._exit(close())'])
 def test_the_terminal_is_as_it_was_after_any_end_of_python(job: Open, end: str) -> None:
     code = f"""
-import os, sys, threading
+import contextlib, os, sys, threading
 from klann_ros.nodes.player.keyboard import Keyboard
 keyboard, pressed = Keyboard(), threading.Event()
 keyboard.start(lambda key: pressed.set(), lambda: None)
 def close():
-    with keyboard:
+    with contextlib.closing(keyboard):
         return 1
 pressed.wait()
 {end}

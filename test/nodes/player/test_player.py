@@ -9,8 +9,7 @@ from bags import COUNT, LENGTH, PERIOD, START, write_bag, write_split_bag
 from domain import own_domain
 from mcap.writer import CompressionType
 import pytest
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import Domain, open_domain, Process
 from rosgraph_msgs.msg import Clock
@@ -38,9 +37,7 @@ class Controlled:
         return self.ros.probe.call(Trigger, f'player_node/{name}', Trigger.Request())
 
     def change(self, name: str, value: object) -> Any:
-        parameter = Parameter(name, value=value).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
-        return self.ros.probe.call(SetParameters, 'player_node/set_parameters', request).results[0]
+        return self.ros.probe.set('player_node', {name: value})
 
     @property
     def position(self) -> float:

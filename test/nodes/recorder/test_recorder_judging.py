@@ -18,8 +18,6 @@ from klann_ros.log.run_parameters import (
 from klann_ros.nodes.recorder import topic_watch
 from klann_ros.review.reviewing import review_run
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import Domain, open_domain, Process
 from std_msgs.msg import Float64, String
@@ -123,9 +121,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
 
 
 def longer(stage: Stage) -> None:
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=0.44)
-    request = SetParameters.Request(parameters=[Parameter(name='l_gh', value=value)])
-    stage.ros.probe.call(SetParameters, 'solver_node/set_parameters', request)
+    stage.ros.probe.set('solver_node', {'l_gh': 0.44})
 
 
 def stall(stage: Stage) -> None:

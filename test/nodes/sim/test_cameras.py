@@ -12,20 +12,17 @@ from sensor_msgs.msg import JointState
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 BUILT = CONFIG / 'sem104_built.yaml'
+SEM104 = ['--ros-args', '--params-file', str(CONFIG / 'sem104.yaml')]
 
 
 def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path: Path) -> None:
     probe = ros.probe
     states: list[JointState] = probe.listen(JointState, 'crank_state')
     feet: list[PointStamped] = probe.listen(PointStamped, 'camera/h')
-    file = ['--params-file', str(CONFIG / 'sem104.yaml')]
     given = {'built': BUILT, 'cameras': True, 'camera_outliers': 0.02, 'seed': 5, 'rate': 200.0}
-    words = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
-    ros.start_by([], 'sim_node', '--ros-args', *file, *words)
-    run = tmp_path / 'run'
-    options = ['-p', f'output:={run}', '-p', 'all_topics:=true']
-    reports = RecorderReports(probe)
-    recorder = ros.start_by([], 'recorder_node', '--ros-args', *options)
+    ros.start('sim_node', *SEM104, **given)
+    run, reports = tmp_path / 'run', RecorderReports(probe)
+    recorder = ros.start('recorder_node', output=run, all_topics=True)
     # A late discovery would leave a part of the turn only.
     reports.until_received(dict.fromkeys(('/crank_state', '/camera/g', '/camera/h'), 1))
     commands = probe.publisher(JointState, 'crank_command')
@@ -56,8 +53,7 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     ],
 )
 def test_an_invalid_built_leg_is_refused_in_one_line(ros: Domain, built: str, reason: str) -> None:
-    file = ['--params-file', str(CONFIG / 'sem104.yaml')]
-    process = ros.start_by([], 'sim_node', '--ros-args', *file, '-p', f'built:={built}')
+    process = ros.start('sim_node', *SEM104, built=built)
     assert process.wait() == 1
     assert reason in process.errors
     assert process.errors.count('\n') == 1

@@ -21,9 +21,8 @@ BOTH = ['left_crank', 'right_crank']
 
 
 def started(ros: Domain, file: str = '', **given: object) -> Process:
-    parameters = [word for name, value in given.items() for word in ('-p', f'{name}:={value}')]
-    files = ['--params-file', str(CONFIG / file)] if file else []
-    return ros.start_by([], 'sim_node', '--ros-args', *files, *parameters)
+    files = ['--ros-args', '--params-file', str(CONFIG / file)] if file else []
+    return ros.start('sim_node', *files, **given)
 
 
 class Robot:

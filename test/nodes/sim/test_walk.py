@@ -23,11 +23,9 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     recorded = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
     given = ('--ros-args', '--params-file', WALKER)
-    sim = ros.start_by([], 'sim_node', *given, '-p', 'use_clock:=true', '-p', 'linear:=0.15')
+    sim = ros.start('sim_node', *given, use_clock=True, linear=0.15)
     # Simulated time: however slow the machine is, they see the same.
-    walker = ros.start_by(
-        [], 'walker_node', *given, '-p', 'use_sim_time:=true', '-p', 'use_imu:=true'
-    )
+    walker = ros.start('walker_node', *given, use_sim_time=True, use_imu=True)
     ros.probe.until(lambda: bool(odometry) and truths[-1].pose.pose.position.x > 0.15)
     told = {truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths}
     both = [

@@ -11,7 +11,6 @@ from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.robot import robot_from_file
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import Domain
@@ -127,17 +126,10 @@ def test_a_legs_length_is_changed_by_its_own_parameter(ros: Domain) -> None:
     ros.solve(legs='[left, right]')
     crank = ros.probe.publisher(Float64, 'crank_angle')
     ros.probe.await_publishers('joint_states')
-
-    def change(name: str, value: float) -> Any:
-        parameters = [Parameter(name, value=value).to_parameter_msg()]
-        request = SetParametersAtomically.Request(parameters=parameters)
-        service = 'solver_node/set_parameters_atomically'
-        return ros.probe.call(SetParametersAtomically, service, request).result
-
-    refused = change('l_ef', 0.28)
+    refused = ros.probe.set('solver_node', {'l_ef': 0.28}, atomically=True)
     assert not refused.successful
     assert refused.reason == 'l_ef: each leg has its own, which can be changed: left.l_ef'
-    assert change('right.l_ef', 0.28).successful
+    assert ros.probe.set('solver_node', {'right.l_ef': 0.28}, atomically=True).successful
     crank.publish(Float64(data=1.0))
     ros.probe.until(lambda: poses)
     left, right = KlannLeg(), KlannLeg(KlannGeometry(l_ef=0.28))

@@ -14,8 +14,6 @@ from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
 from klann_ros.review.command import main as review
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -104,8 +102,7 @@ def test_its_diagnostics_have_an_angle_for_each_dyad(ros: Domain) -> None:
 def test_it_has_no_lengths_to_change(ros: Domain) -> None:
     file = LINKAGES / 'jansen.yaml'
     ros.solve(linkage=file)
-    request = SetParameters.Request(parameters=[Parameter('l_gh', value=0.5).to_parameter_msg()])
-    (result,) = ros.probe.call(SetParameters, 'solver_node/set_parameters', request).results
+    result = ros.probe.set('solver_node', {'l_gh': 0.5})
     assert not result.successful
     assert result.reason == f'l_gh cannot be changed: the leg is the linkage in {file}'
 

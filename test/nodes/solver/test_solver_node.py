@@ -11,8 +11,7 @@ from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
 import numpy as np
 import pytest
-from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import DescribeParameters
 from ros_domain import Domain, Probe
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -303,21 +302,12 @@ def test_a_best_effort_crank_is_received(ros: Domain) -> None:
     ros.probe.until(is_heard)
 
 
-def set_atomically(talk: Conversation, values: dict[str, Any]) -> Any:
-    parameters = [
-        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-    ]
-    request = SetParametersAtomically.Request(parameters=parameters)
-    service = 'solver_node/set_parameters_atomically'
-    return talk.probe.call(SetParametersAtomically, service, request).result
-
-
 def test_the_leg_changes_while_it_runs(ros: Domain) -> None:
     talk = Conversation(ros)
     talk.turn(1.0)
     talk.answers(1)
     patent = KlannGeometry.patent()
-    assert set_atomically(talk, patent.as_dict()).successful
+    assert talk.probe.set('solver_node', patent.as_dict(), atomically=True).successful
     talk.turn(1.0)
     assert_right(talk.answers(2)[1:], patent)
 
@@ -332,7 +322,7 @@ def test_an_invalid_leg_is_refused_while_it_runs(ros: Domain) -> None:
         ({'assembly': [1, 0]}, 'two signs'),
         ({'tolerance': 1.0}, 'read-only'),
     ]:
-        result = set_atomically(talk, change)
+        result = talk.probe.set('solver_node', change, atomically=True)
         assert not result.successful
         assert reason in result.reason
     talk.turn(1.0)

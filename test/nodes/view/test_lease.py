@@ -158,9 +158,8 @@ def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) 
     }
     ros.probe.node.create_publisher(JointState, 'crank_command', 10)
     ros.start('player_node', str(run), '--loop')
-    given = ('use_clock:=true', 'real_time_factor:=4.0', 'linear:=0.1')
-    options = [word for value in given for word in ('-p', value)]
-    ros.start_by([], 'sim_node', '--ros-args', '--params-file', WALKER, *options)
+    given = {'use_clock': True, 'real_time_factor': 4.0, 'linear': 0.1}
+    ros.start('sim_node', '--ros-args', '--params-file', WALKER, **given)
     for topic, messages in heard.items():
         yields(ros, topic, messages)
 

@@ -90,7 +90,7 @@ def test_an_empty_orientation_is_ignored() -> None:
     assert ImuReader().read(serialize_message(imu)).orientation is None
 
 
-@pytest.mark.parametrize('rate', [float('nan'), float('inf'), -1e300])
+@pytest.mark.parametrize('rate', [float('nan'), float('inf'), -100.5])
 def test_an_imu_that_turns_at_no_rate_is_refused(rate: float) -> None:
     imu = Imu()
     imu.angular_velocity.x = rate

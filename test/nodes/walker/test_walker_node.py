@@ -14,14 +14,13 @@ from klann_ros.robot import robot_of
 from klann_ros.walker import Feet, Steering, Twist2D
 from nav_msgs.msg import Odometry
 import pytest
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from ros_domain import Domain, open_domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
+TWO_MOTORS = str(CONFIG / 'walker6_two_motors.yaml')
 JOINTS = ['left_crank', 'right_crank']
 
 
@@ -99,9 +98,8 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
 
 @pytest.fixture(scope='module')
 def walker(ros: Domain) -> Process:
-    file = str(CONFIG / 'walker6_two_motors.yaml')
-    more = ['-p', 'use_imu:=true', '-p', 'diagnostics_period:=0.1', '-p', 'publish_tf:=false']
-    return ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+    given = {'use_imu': True, 'diagnostics_period': 0.1, 'publish_tf': False}
+    return ros.start('walker_node', '--ros-args', '--params-file', TWO_MOTORS, **given)
 
 
 @pytest.fixture(scope='module')
@@ -201,7 +199,7 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     probe.until(lambda: not ends or not any(motors.commands[-1].velocity))
     if not ends:
         motors.until_steady()
-    steering = Steering(Feet(robot_of(str(CONFIG / 'walker6_two_motors.yaml'))))
+    steering = Steering(Feet(robot_of(TWO_MOTORS)))
     wanted = steering.rates(Twist2D(*twist)) if any(twist) else (0.0, 0.0)
     for command in motors.commands[sent:]:
         if twist[1]:
@@ -236,25 +234,23 @@ def test_limits_and_gains_change_while_it_walks(
 ) -> None:
     assert walker.popen.poll() is None
 
-    def set_to(name: str, **value: object) -> str:
-        parameter = Parameter(name=name, value=ParameterValue(**value))
-        request = SetParameters.Request(parameters=[parameter])
-        (result,) = ros.probe.call(SetParameters, 'walker_node/set_parameters', request).results
+    def set_to(name: str, value: object) -> str:
+        result = ros.probe.set('walker_node', {name: value})
         assert result.successful == (not result.reason)
         return str(result.reason)
 
     motors.twist = (0.15, 0.0)
     motors.until_steady()
-    assert set_to('max_linear', type=3, double_value=0.08) == ''
+    assert set_to('max_linear', 0.08) == ''
     ros.probe.until(lambda: motors.value('limits_hit') == 'max_linear')
     ros.probe.until(lambda: motors.value('linear') == '0.0800')
-    assert 'within 0 .. 100' in set_to('max_linear', type=3, double_value=nan)
-    assert 'must be a number' in set_to('max_linear', type=4, string_value='fast')
+    assert 'within 0 .. 100' in set_to('max_linear', nan)
+    assert 'must be a number' in set_to('max_linear', 'fast')
     # YAML, and so ros2 param, takes this for a text.
-    assert set_to('max_linear', type=4, string_value='3e-1') == ''
+    assert set_to('max_linear', '3e-1') == ''
     motors.until_steady()
-    assert 'read-only' in set_to('rate', type=3, double_value=50.0)
-    assert set_to('rate', type=2, integer_value=100) == ''
+    assert 'read-only' in set_to('rate', 50.0)
+    assert set_to('rate', 100) == ''
     motors.twist = None
 
 
@@ -264,9 +260,8 @@ def test_an_interrupt_ends_it(walker: Process) -> None:
 
 
 def test_a_simulation_that_stands_still_stops_it(ros: Domain) -> None:
-    file = str(CONFIG / 'walker6_two_motors.yaml')
-    more = ['-p', 'use_sim_time:=true', '-p', 'diagnostics_period:=0.1', '-r', '__ns:=/still']
-    node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+    words = ['--ros-args', '--params-file', TWO_MOTORS, '-r', '__ns:=/still']
+    node = ros.start('walker_node', *words, use_sim_time=True, diagnostics_period=0.1)
     probe = ros.probe
     commands = probe.listen(JointState, '/still/crank_command')
     state = probe.publisher(JointState, '/still/crank_state')
@@ -291,8 +286,8 @@ def test_a_simulation_that_stands_still_stops_it(ros: Domain) -> None:
 
 def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: Domain) -> None:
     file = str(CONFIG / 'walker6.yaml')
-    more = ['-p', 'stamped_cmd_vel:=false', '-p', 'command_type:=velocities', '-r', '__ns:=/one']
-    node = ros.start('walker_node', '--ros-args', '--params-file', file, *more)
+    words = ['--ros-args', '--params-file', file, '-r', '__ns:=/one']
+    node = ros.start('walker_node', *words, stamped_cmd_vel=False, command_type='velocities')
     probe = ros.probe
     rates = probe.listen(Float64MultiArray, '/one/crank_command')
     state = probe.publisher(JointState, '/one/crank_state')
@@ -337,11 +332,11 @@ def test_an_invalid_walker_is_refused_in_one_line(
 
 
 def test_a_walker_without_a_file_is_the_one_that_the_solver_describes(ros: Domain) -> None:
-    file = str(CONFIG / 'walker6_two_motors.yaml')
-    ros.start('solver_node', '--ros-args', '--params-file', file)
+    file = ['--ros-args', '--params-file', TWO_MOTORS]
+    ros.start('solver_node', *file)
     described = ros.start('walker_node')
     ros.probe.until(lambda: 'ready: ' in described.errors)
-    given = ros.start('walker_node', '--ros-args', '--params-file', file, '-r', '__ns:=/given')
+    given = ros.start('walker_node', *file, '-r', '__ns:=/given')
     ros.probe.until(lambda: 'ready: ' in given.errors)
     of_file, of_topic = (
         process.errors.partition('ready: ')[2].partition(';')[0] for process in (given, described)
