@@ -56,25 +56,16 @@ class File:
     text: str
 
 
-def _kind(path: Path) -> str:
-    return 'text/css' if path.suffix == '.css' else 'text/javascript'
-
-
 # Only these files are served; no path is built from a request.
-FILES = {path.name: File(_kind(path), text(path)) for path in (*_STYLES, *_SCRIPTS)}
+FILES = {
+    **{path.name: File('text/css', text(path)) for path in _STYLES},
+    **{path.name: File('text/javascript', text(path)) for path in _SCRIPTS},
+}
 
 
 def _styles() -> Markup:
     return joined(
         element('link', rel='stylesheet', href=f'/static/{path.name}') for path in _STYLES
-    )
-
-
-def _page() -> str:
-    scripts = (element('script', src=f'/static/{path.name}', defer=True) for path in _SCRIPTS)
-    licence = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
-    return Template(text(_STATIC_FILES / 'live.html')).substitute(
-        styles=_styles(), scripts=joined([licence, *scripts])
     )
 
 
@@ -93,10 +84,11 @@ def list_page(runs: Sequence[ListedRun], token: str) -> str:
         element(
             'li',
             link(run.name, run),
-            element('span', f' {_moment(run.time)} ', class_='quiet'),
+            element('span', f' {time:%Y-%m-%d %H:%M:%S} UTC ', class_='quiet'),
             link('calibrate', run, '/calibrate'),
         )
         for run in runs
+        for time in [datetime.fromtimestamp(run.time / 1e9, timezone.utc)]
     ]
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
     return _small('Runs', element('ul', *items) if items else element('p', NO_RUNS), back)
@@ -106,8 +98,8 @@ def _small(title: str, *content: Markup) -> str:
     return html_page(title, _styles(), element('main', element('h1', title), *content))
 
 
-def _moment(time: int) -> str:
-    return f'{datetime.fromtimestamp(time / 1e9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC'
-
-
-HTML = _page()
+_LICENCE = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
+_LOADED = (element('script', src=f'/static/{path.name}', defer=True) for path in _SCRIPTS)
+HTML = Template(text(_STATIC_FILES / 'live.html')).substitute(
+    styles=_styles(), scripts=joined([_LICENCE, *_LOADED])
+)

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 import logging
 from threading import Event, Thread
@@ -72,7 +73,8 @@ class LiveServer:
         self._clients: set[web.WebSocketResponse] = set()
         self._refusal: Exception | None = None
         self._listening = Event()
-        self._thread = Thread(target=self._run, name='server', daemon=True)
+        run = partial(asyncio.run, self._serve())
+        self._thread = Thread(target=run, name='server', daemon=True)
         self._thread.start()
         self._listening.wait()
         if self._refusal is not None:
@@ -84,9 +86,6 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(5.0 * _CLOSE_TIMEOUT)
         self._log.close()
-
-    def _run(self) -> None:
-        asyncio.run(self._serve())
 
     async def _serve(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()

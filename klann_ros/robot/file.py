@@ -40,6 +40,10 @@ _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
 _BODY = ('body_mass', 'body_size', 'body_centre')
 
 
+# A linkage's text is parsed once for all legs of a walker.
+_parsed_linkage = lru_cache(maxsize=16)(linkage_from_text)
+
+
 class RobotFileError(ValueError):
     """A file without a valid robot; the text says why."""
 
@@ -200,12 +204,6 @@ def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, 
         msg = f'none of {", ".join(_GEOMETRY)} is in it'
         raise TypeError(msg)
     return KlannGeometry(**numbers).linkage, '', ''
-
-
-@lru_cache(maxsize=16)
-def _parsed_linkage(text: str, name: str) -> Linkage:
-    """Return the linkage of a text, parsed once for all legs of a walker."""
-    return linkage_from_text(text, name)
 
 
 def _masses(own: Mapping[str, Any], linkage: Linkage, text: str, file: str) -> Masses | None:

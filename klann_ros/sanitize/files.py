@@ -1,5 +1,6 @@
 """Safe access to files that a user or a log names: regular files only, of limited size."""
 
+from contextlib import suppress
 import errno
 import os
 from pathlib import Path
@@ -44,10 +45,9 @@ def open_regular(path: AnyPath) -> BinaryIO:
 
 def is_regular_file(path: AnyPath) -> bool:
     """Return whether there is a regular file at a path."""
-    try:
+    with suppress(OSError, ValueError):
         return stat.S_ISREG(Path(path).stat().st_mode)
-    except (OSError, ValueError):
-        return False
+    return False
 
 
 def is_within(path: AnyPath, folder: AnyPath) -> bool:
@@ -56,16 +56,13 @@ def is_within(path: AnyPath, folder: AnyPath) -> bool:
 
     Links are followed; the folder's own files may have hard links elsewhere.
     """
-    try:
+    with suppress(OSError, ValueError):
         known, place = Path(folder).stat(), Path(os.path.realpath(path))
         if any(_is(parent, known) for parent in (place, *place.parents)):
             return True
-        there = place.stat()
-        return stat.S_ISREG(there.st_mode) and any(
-            _is(file, there) for file in Path(folder).iterdir()
-        )
-    except (OSError, ValueError):
-        return False
+        there, files = place.stat(), Path(folder).iterdir()
+        return stat.S_ISREG(there.st_mode) and any(_is(file, there) for file in files)
+    return False
 
 
 def next_data(file: BinaryIO, offset: int) -> int:
@@ -119,10 +116,9 @@ def _seek(file: BinaryIO, offset: int, whence: int | None, otherwise: int) -> in
 
 
 def _is(path: Path, known: os.stat_result) -> bool:
-    try:
+    with suppress(OSError):
         return os.path.samestat(path.stat(), known)
-    except OSError:
-        return False
+    return False
 
 
 def _check(status: os.stat_result, path: AnyPath) -> None:

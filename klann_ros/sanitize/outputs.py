@@ -204,20 +204,15 @@ def _is_special(path: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
 
 
-def _is_open_as(path: str, descriptor: int) -> bool:
-    try:
-        return os.path.samestat(Path(path).stat(), os.fstat(descriptor))
-    except OSError:
-        return False
-
-
 def _check_old(path: str) -> None:
     """Refuse to replace a log, or a file that this process has open as stdout or stderr."""
     with suppress(PermissionError), open_regular(path) as file:
         if file.read(max(map(len, LOG_MAGICS))).startswith(LOG_MAGICS):
             raise OutputError('it is a log, and no log is overwritten')
-    if any(_is_open_as(path, descriptor) for descriptor in (1, 2)):
-        raise OutputError('the report itself goes there')
+    for descriptor in (1, 2):
+        with suppress(OSError):
+            if os.path.samestat(Path(path).stat(), os.fstat(descriptor)):
+                raise OutputError('the report itself goes there')
     if not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 

@@ -211,7 +211,8 @@ class LegModel:
                 contype='0', conaffinity='0', mass='0', group='1',
             )  # fmt: skip
         for point in body.points:
-            if point not in structure.pivots and self._has_site(point, j):
+            # On the first body in the tree that has it.
+            if point not in structure.pivots and point not in self._sites:
                 self._site(element, section, point, self._points[point] - origin)
         return element
 
@@ -236,11 +237,6 @@ class LegModel:
         SubElement(
             element, 'site', name=self._sites[point], pos=at(place), size=number(self._radius)
         )
-
-    def _has_site(self, point: str, j: int) -> bool:
-        """Return whether a body is the first in the tree that has a point."""
-        bodies = self.leg.linkage.structure.bodies
-        return j == next(h.body for h in self._tree if point in bodies[h.body].points)
 
     def _joint(
         self, element: Element, section: Section, tree_body: TreeBody, rotor: float

@@ -1,8 +1,9 @@
-"""No request of others is accepted, and none stops the page of whoever started the server."""
+"""No request of others is accepted, and none stops the page of the server's user."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from inspect import signature
 import json
 from pathlib import Path
 import struct
@@ -21,15 +22,26 @@ import yaml
 TAKE = {'id': 1, 'command': 'take', 'target': 'crank:/crank_angle'}
 PATIENCE = 20.0
 REQUESTS = yaml.safe_load(Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'))
-Socket = aiohttp.ClientWebSocketResponse
+Session, Socket = aiohttp.ClientSession, aiohttp.ClientWebSocketResponse
 
 
-def run(test: Callable[[aiohttp.ClientSession], Awaitable[None]]) -> None:
-    async def alone() -> None:
-        async with aiohttp.ClientSession() as session:
-            await asyncio.wait_for(test(session), PATIENCE)
+def attacking(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """Run a test with a session in an event loop of its own, up to a timeout."""
 
-    run_alone(alone())
+    own = signature(test)
+    fixtures = [each for name, each in own.parameters.items() if name != 'session']
+
+    def run(**given: Any) -> None:
+        async def alone() -> None:
+            async with aiohttp.ClientSession() as session:
+                own_session = {'session': session} if len(fixtures) < len(own.parameters) else {}
+                await asyncio.wait_for(test(**given, **own_session), PATIENCE)
+
+        run_alone(alone())
+
+    run.__name__ = test.__name__
+    run.__signature__ = own.replace(parameters=fixtures)  # type: ignore[attr-defined]
+    return run
 
 
 def headers(served: Served, **other: str | None) -> dict[str, str]:
@@ -41,7 +53,7 @@ def headers(served: Served, **other: str | None) -> dict[str, str]:
 
 @asynccontextmanager
 async def opened(
-    session: aiohttp.ClientSession, served: Served, token: str | None = None
+    session: Session, served: Served, token: str | None = None
 ) -> AsyncIterator[Socket]:
     """Open the socket as the page does, the right token by default."""
     given = served.guard.token if token is None else token
@@ -53,94 +65,92 @@ async def opened(
 
 async def frame(socket: Socket) -> dict[str, Any]:
     """Return the next frame, and say that it is drawn."""
-    said: dict[str, Any] = json.loads((await socket.receive(PATIENCE)).data)
-    await socket.send_json({'ack': said['n']})
-    return said
+    content: dict[str, Any] = json.loads((await socket.receive(PATIENCE)).data)
+    await socket.send_json({'ack': content['n']})
+    return content
 
 
-async def wanted(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
-    """Want something; return the answer."""
+async def answer_to(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
+    """Send a command; return its answer."""
     await socket.send_json(command)
     while True:
-        said = await frame(socket)
-        for answer in said.get('answers', ()):
+        content = await frame(socket)
+        for answer in content.get('answers', ()):
             if answer['id'] == command['id']:
                 return dict(answer)
 
 
-async def is_served(session: aiohttp.ClientSession, served: Served) -> None:
+async def is_served(session: Session, served: Served) -> None:
     """Find that the honest page still can do all that it could."""
     async with opened(session, served) as socket:
         before = len(served.state.commands)
-        assert (await wanted(socket, TAKE))['done']
+        assert (await answer_to(socket, TAKE))['done']
         assert len(served.state.commands) == before + 1
 
 
 @pytest.mark.parametrize('name', REQUESTS['handshakes'])
-def test_a_hostile_handshake_is_refused(served: Served, name: str) -> None:
+@attacking
+async def test_a_hostile_handshake_is_refused(served: Served, name: str, session: Session) -> None:
     port = str(served.guard.port)
     given = {k: v and v.replace('PORT', port) for k, v in REQUESTS['handshakes'][name].items()}
 
-    async def attack(session: aiohttp.ClientSession) -> None:
-        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-            await session.ws_connect(
-                f'http://{served.place}/socket?token={served.guard.token}',
-                headers=headers(served, **given),
-            )
-        assert caught.value.status == 403
-
-    run(attack)
+    with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+        await session.ws_connect(
+            f'http://{served.place}/socket?token={served.guard.token}',
+            headers=headers(served, **given),
+        )
+    assert caught.value.status == 403
 
 
 @pytest.mark.parametrize(
     'twice', [('Origin', 'http://evil.example'), ('Sec-Fetch-Site', 'cross-site')]
 )
-def test_duplicate_headers_are_refused(served: Served, twice: tuple[str, str]) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        own = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
-        own.add(*twice)
-        url = f'http://{served.place}/socket?token={served.guard.token}'
-        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-            await session.ws_connect(url, headers=own)
-        assert caught.value.status == 403
+@attacking
+async def test_duplicate_headers_are_refused(
+    served: Served, twice: tuple[str, str], session: Session
+) -> None:
+    own = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
+    own.add(*twice)
+    url = f'http://{served.place}/socket?token={served.guard.token}'
+    with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+        await session.ws_connect(url, headers=own)
+    assert caught.value.status == 403
 
-    run(attack)
 
-
-def test_no_more_pages_are_served_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+@attacking
+async def test_no_more_pages_are_served_than_the_limit(
+    monkeypatch: pytest.MonkeyPatch, session: Session
+) -> None:
     monkeypatch.setattr('klann_ros.live.server.MAX_CLIENTS', 2)
     server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState())
     served = Served(FakeState(), server)
 
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as first, opened(session, served):
-            with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-                await session.ws_connect(f'http://{served.place}/socket', headers=headers(served))
-            assert caught.value.status == 503
-            await frame(first)
-
-    run(attack)
+    async with opened(session, served) as first, opened(session, served):
+        with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
+            await session.ws_connect(f'http://{served.place}/socket', headers=headers(served))
+        assert caught.value.status == 503
+        await frame(first)
     server.close()
 
 
 @pytest.mark.parametrize('token', ['', 'wrong', 'A' * 32, '%00', '%ff', 'ö', 'x' * 5000])
-def test_without_the_session_token_a_page_is_read_only(served: Served, token: str) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served, token) as socket:
-            before = list(served.state.commands)
-            you = (await frame(socket))['client']
-            assert not you['may_drive']
-            assert not you['runs']
-            for number, do in enumerate(('take', 'release'), start=1):
-                answer = await wanted(socket, {**TAKE, 'id': number, 'command': do})
-                assert answer == {
-                    'id': number,
-                    'done': False,
-                    'message': 'this page may only view',
-                }
-            assert served.state.commands == before
-
-    run(attack)
+@attacking
+async def test_without_the_session_token_a_page_is_read_only(
+    served: Served, token: str, session: Session
+) -> None:
+    async with opened(session, served, token) as socket:
+        before = list(served.state.commands)
+        you = (await frame(socket))['client']
+        assert not you['may_drive']
+        assert not you['runs']
+        for number, do in enumerate(('take', 'release'), start=1):
+            answer = await answer_to(socket, {**TAKE, 'id': number, 'command': do})
+            assert answer == {
+                'id': number,
+                'done': False,
+                'message': 'this page may only view',
+            }
+        assert served.state.commands == before
 
 
 MESSAGES = {
@@ -152,203 +162,190 @@ MESSAGES = {
 
 
 @pytest.mark.parametrize('name', MESSAGES)
-def test_an_invalid_message_closes_only_its_socket(served: Served, name: str) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as honest, opened(session, served) as socket:
-            await frame(honest)
-            before = list(served.state.commands)
-            await socket.send_str(MESSAGES[name])
-            while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
-                pass
-            assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
-            assert served.state.commands == before
-            assert (await wanted(honest, TAKE))['done']
-
-    run(attack)
-
-
-def test_binary_frames_are_refused(served: Served) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as socket:
-            await socket.send_bytes(b'{}')
-            while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
-                pass
-            assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
-
-    run(attack)
+@attacking
+async def test_an_invalid_message_closes_only_its_socket(
+    served: Served, name: str, session: Session
+) -> None:
+    async with opened(session, served) as honest, opened(session, served) as socket:
+        await frame(honest)
+        before = list(served.state.commands)
+        await socket.send_str(MESSAGES[name])
+        while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
+            pass
+        assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
+        assert served.state.commands == before
+        assert (await answer_to(honest, TAKE))['done']
 
 
-def test_a_frame_of_ten_megabytes_is_not_taken(served: Served) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as honest, opened(session, served) as socket:
-            await frame(honest)
-            with pytest.raises((ConnectionError, aiohttp.ClientError)):
-                for _ in range(100):
-                    await socket.send_str('x' * 10_000_000)
-            assert (await wanted(honest, TAKE))['done']
-
-    run(attack)
+@attacking
+async def test_binary_frames_are_refused(served: Served, session: Session) -> None:
+    async with opened(session, served) as socket:
+        await socket.send_bytes(b'{}')
+        while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
+            pass
+        assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
 
 
-def test_a_page_may_send_more_than_a_frame_in_whole_messages(served: Served) -> None:
-    async def look(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as socket:
-            for _ in range(4 * MAX_UNREAD // MAX_MESSAGE_SIZE):
-                await socket.send_str('{}'.ljust(MAX_MESSAGE_SIZE // 2))
-            assert (await wanted(socket, TAKE))['done']
-
-    run(look)
-
-
-def test_a_frame_that_never_ends_is_cut_off(served: Served) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as honest:
-            await frame(honest)
-            reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
-            writer.write(
-                (
-                    f'GET /socket HTTP/1.1\r\nHost: {served.place}\r\n'
-                    f'Origin: http://{served.place}\r\n'
-                    'Upgrade: websocket\r\nConnection: Upgrade\r\n'
-                    'Sec-WebSocket-Version: 13\r\n'
-                    'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
-                ).encode()
-            )
-            await reader.readuntil(b'\r\n\r\n')
-            # A text of 2^40 bytes, masked.
-            writer.write(b'\x81\xff' + struct.pack('!Q', 2**40) + b'\0\0\0\0')
-            with pytest.raises(ConnectionError):
-                for _ in range(10_000):
-                    writer.write(b'x' * 10_000)
-                    await writer.drain()
-            assert (await wanted(honest, TAKE))['done']
-
-    run(attack)
+@attacking
+async def test_a_frame_of_ten_megabytes_is_not_taken(served: Served, session: Session) -> None:
+    async with opened(session, served) as honest, opened(session, served) as socket:
+        await frame(honest)
+        with pytest.raises((ConnectionError, aiohttp.ClientError)):
+            for _ in range(100):
+                await socket.send_str('x' * 10_000_000)
+        assert (await answer_to(honest, TAKE))['done']
 
 
-def test_ten_thousand_messages_at_once_end_their_socket_only(served: Served) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as honest, opened(session, served) as socket:
-            await frame(honest)
-            served.state.commands.clear()
-            with pytest.raises((ConnectionError, aiohttp.ClientError)):
-                for number in range(1_000_000):
-                    await socket.send_json({**TAKE, 'id': number})
-            assert (await wanted(honest, {**TAKE, 'id': 7}))['done']
-            assert len(served.state.commands) < 10_000
+@attacking
+async def test_a_page_may_send_more_than_a_frame_in_whole_messages(
+    served: Served, session: Session
+) -> None:
+    async with opened(session, served) as socket:
+        for _ in range(4 * MAX_UNREAD // MAX_MESSAGE_SIZE):
+            await socket.send_str('{}'.ljust(MAX_MESSAGE_SIZE // 2))
+        assert (await answer_to(socket, TAKE))['done']
 
-    run(attack)
+
+@attacking
+async def test_a_frame_that_never_ends_is_cut_off(served: Served, session: Session) -> None:
+    async with opened(session, served) as honest:
+        await frame(honest)
+        reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
+        writer.write(
+            (
+                f'GET /socket HTTP/1.1\r\nHost: {served.place}\r\n'
+                f'Origin: http://{served.place}\r\n'
+                'Upgrade: websocket\r\nConnection: Upgrade\r\n'
+                'Sec-WebSocket-Version: 13\r\n'
+                'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n'
+            ).encode()
+        )
+        await reader.readuntil(b'\r\n\r\n')
+        # A text of 2^40 bytes, masked.
+        writer.write(b'\x81\xff' + struct.pack('!Q', 2**40) + b'\0\0\0\0')
+        with pytest.raises(ConnectionError):
+            for _ in range(10_000):
+                writer.write(b'x' * 10_000)
+                await writer.drain()
+        assert (await answer_to(honest, TAKE))['done']
+
+
+@attacking
+async def test_ten_thousand_messages_at_once_end_their_socket_only(
+    served: Served, session: Session
+) -> None:
+    async with opened(session, served) as honest, opened(session, served) as socket:
+        await frame(honest)
+        served.state.commands.clear()
+        with pytest.raises((ConnectionError, aiohttp.ClientError)):
+            for number in range(1_000_000):
+                await socket.send_json({**TAKE, 'id': number})
+        assert (await answer_to(honest, {**TAKE, 'id': 7}))['done']
+        assert len(served.state.commands) < 10_000
 
 
 @pytest.mark.parametrize('path', REQUESTS['paths'])
-def test_path_traversal_is_refused(served: Served, path: str) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
-        request = f'GET {path}?token={served.guard.token} HTTP/1.1\r\nHost: {served.place}\r\n'
-        writer.write(f'{request}Connection: close\r\n\r\n'.encode())
-        answer = await reader.read()
-        assert answer.split()[1] in {b'404', b'403', b'400'}
-        assert b'nobody reads this' not in answer
-        await is_served(session, served)
-
-    run(attack)
+@attacking
+async def test_path_traversal_is_refused(served: Served, path: str, session: Session) -> None:
+    reader, writer = await asyncio.open_connection('127.0.0.1', served.guard.port)
+    request = f'GET {path}?token={served.guard.token} HTTP/1.1\r\nHost: {served.place}\r\n'
+    writer.write(f'{request}Connection: close\r\n\r\n'.encode())
+    answer = await reader.read()
+    assert answer.split()[1] in {b'404', b'403', b'400'}
+    assert b'nobody reads this' not in answer
+    await is_served(session, served)
 
 
 @pytest.mark.parametrize('method', ['POST', 'PUT', 'DELETE', 'OPTIONS', 'TRACE', 'PATCH'])
-def test_nothing_is_changed_by_a_request(served: Served, method: str) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        for path in ('/', '/socket', '/runs/good', '/static/live.js'):
-            url = f'http://{served.place}{path}?token={served.guard.token}'
-            async with session.request(method, url, headers=headers(served)) as answer:
-                assert answer.status in {403, 405}
-                assert 'Access-Control-Allow-Origin' not in answer.headers
-
-    run(attack)
-
-
-def test_every_answer_has_the_policy_and_no_page_may_hold_it(served: Served) -> None:
-    async def look(session: aiohttp.ClientSession) -> None:
-        for path in ('/', '/static/live.js', '/nowhere', '/socket'):
-            async with session.get(f'http://{served.place}{path}') as answer:
-                policy = answer.headers['Content-Security-Policy']
-                assert "default-src 'none'" in policy
-                assert 'unsafe' not in policy
-                assert "frame-ancestors 'none'" in policy
-                assert answer.headers['X-Content-Type-Options'] == 'nosniff'
-                assert answer.headers['Cross-Origin-Resource-Policy'] == 'same-origin'
-                assert answer.headers['Cache-Control'] == 'no-store'
-        async with session.get(f'http://{served.place}/') as answer:
-            text = await answer.text()
-            assert served.guard.token not in text
-            assert '<script>' not in text
-            assert ' style=' not in text
-
-    run(look)
+@attacking
+async def test_nothing_is_changed_by_a_request(
+    served: Served, method: str, session: Session
+) -> None:
+    for path in ('/', '/socket', '/runs/good', '/static/live.js'):
+        url = f'http://{served.place}{path}?token={served.guard.token}'
+        async with session.request(method, url, headers=headers(served)) as answer:
+            assert answer.status in {403, 405}
+            assert 'Access-Control-Allow-Origin' not in answer.headers
 
 
-def test_runs_require_the_session_token(served: Served) -> None:
-    async def look(session: aiohttp.ClientSession) -> None:
-        for path in ('/runs', '/runs/good'):
-            async with session.get(f'http://{served.place}{path}') as answer:
-                assert answer.status == 403
-        url = f'http://{served.place}/runs?token={served.guard.token}'
-        async with session.get(url, headers={'Sec-Fetch-Site': 'cross-site'}) as answer:
+@attacking
+async def test_every_answer_has_the_policy_and_no_page_may_hold_it(
+    served: Served, session: Session
+) -> None:
+    for path in ('/', '/static/live.js', '/nowhere', '/socket'):
+        async with session.get(f'http://{served.place}{path}') as answer:
+            policy = answer.headers['Content-Security-Policy']
+            assert "default-src 'none'" in policy
+            assert 'unsafe' not in policy
+            assert "frame-ancestors 'none'" in policy
+            assert answer.headers['X-Content-Type-Options'] == 'nosniff'
+            assert answer.headers['Cross-Origin-Resource-Policy'] == 'same-origin'
+            assert answer.headers['Cache-Control'] == 'no-store'
+    async with session.get(f'http://{served.place}/') as answer:
+        text = await answer.text()
+        assert served.guard.token not in text
+        assert '<script>' not in text
+        assert ' style=' not in text
+
+
+@attacking
+async def test_runs_require_the_session_token(served: Served, session: Session) -> None:
+    for path in ('/runs', '/runs/good'):
+        async with session.get(f'http://{served.place}{path}') as answer:
             assert answer.status == 403
-        async with session.get(url) as answer:
-            text = await answer.text()
-            assert '>good</a>' in text
-            assert 'link' not in text.replace('<link', '')
-            assert '<img' not in text
-
-    run(look)
-
-
-def test_a_page_that_reads_nothing_costs_nothing(served: Served) -> None:
-    async def look(session: aiohttp.ClientSession) -> None:
-        state = served.state
-        state.padding = 'x' * 50_000
-        async with opened(session, served) as honest, opened(session, served) as stalled:
-            seen = []
-            for _ in range(60):
-                seen.append((await frame(honest))['poses']['version'])
-                state.changed()
-                await asyncio.sleep(0.006)
-            first = json.loads((await stalled.receive(PATIENCE)).data)
-            await stalled.send_json({'ack': first['n']})
-            second = json.loads((await stalled.receive(PATIENCE)).data)
-            # What came in between was not kept for it; it gets the current state.
-            assert (first['n'], second['n']) == (1, 2)
-            assert second['poses']['version'] >= seen[-1]
-            assert len(set(seen)) > 50
-        state.padding = ''
-
-    run(look)
+    url = f'http://{served.place}/runs?token={served.guard.token}'
+    async with session.get(url, headers={'Sec-Fetch-Site': 'cross-site'}) as answer:
+        assert answer.status == 403
+    async with session.get(url) as answer:
+        text = await answer.text()
+        assert '>good</a>' in text
+        assert 'link' not in text.replace('<link', '')
+        assert '<img' not in text
 
 
-def test_a_frame_that_was_not_sent_is_not_drawn(served: Served) -> None:
-    async def attack(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as socket:
-            first = json.loads((await socket.receive(PATIENCE)).data)
-            for number in (0, first['n'] + 1, 10**6):
-                await socket.send_json({'ack': number})
-            served.state.changed()
-            with pytest.raises(asyncio.TimeoutError):
-                await socket.receive(0.3)
-
-    run(attack)
-
-
-def test_the_state_is_notified_of_disconnected_pages(served: Served) -> None:
-    async def leave(session: aiohttp.ClientSession) -> None:
-        async with opened(session, served) as socket:
-            page = (await frame(socket))['client']['page']
-        while page not in served.state.gone:
-            await asyncio.sleep(0.01)
-
-    run(leave)
+@attacking
+async def test_a_page_that_reads_nothing_costs_nothing(served: Served, session: Session) -> None:
+    state = served.state
+    state.padding = 'x' * 50_000
+    async with opened(session, served) as honest, opened(session, served) as stalled:
+        seen = []
+        for _ in range(60):
+            seen.append((await frame(honest))['poses']['version'])
+            state.changed()
+            await asyncio.sleep(0.006)
+        first = json.loads((await stalled.receive(PATIENCE)).data)
+        await stalled.send_json({'ack': first['n']})
+        second = json.loads((await stalled.receive(PATIENCE)).data)
+        # What came in between was not kept for it; it gets the current state.
+        assert (first['n'], second['n']) == (1, 2)
+        assert second['poses']['version'] >= seen[-1]
+        assert len(set(seen)) > 50
+    state.padding = ''
 
 
-def test_malformed_requests_are_answered_400_and_logged_in_one_line(
+@attacking
+async def test_a_frame_that_was_not_sent_is_not_drawn(served: Served, session: Session) -> None:
+    async with opened(session, served) as socket:
+        first = json.loads((await socket.receive(PATIENCE)).data)
+        for number in (0, first['n'] + 1, 10**6):
+            await socket.send_json({'ack': number})
+        served.state.changed()
+        with pytest.raises(asyncio.TimeoutError):
+            await socket.receive(0.3)
+
+
+@attacking
+async def test_the_state_is_notified_of_disconnected_pages(
+    served: Served, session: Session
+) -> None:
+    async with opened(session, served) as socket:
+        page = (await frame(socket))['client']['page']
+    while page not in served.state.gone:
+        await asyncio.sleep(0.01)
+
+
+@attacking
+async def test_malformed_requests_are_answered_400_and_logged_in_one_line(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     lines: list[str] = []
@@ -364,15 +361,12 @@ def test_malformed_requests_are_answered_400_and_logged_in_one_line(
         'no method': 'G\x01T / HTTP/1.1\r\n',
     }
 
-    async def attack(_: aiohttp.ClientSession) -> None:
-        for name, request in requests.items():
-            for _ in range(20):
-                reader, writer = await asyncio.open_connection('127.0.0.1', port)
-                writer.write(f'{request}\r\n\r\n'.encode('latin-1'))
-                assert (await reader.readline()).split()[1] == b'400', name
-                writer.close()
-
-    run(attack)
+    for name, request in requests.items():
+        for _ in range(20):
+            reader, writer = await asyncio.open_connection('127.0.0.1', port)
+            writer.write(f'{request}\r\n\r\n'.encode('latin-1'))
+            assert (await reader.readline()).split()[1] == b'400', name
+            writer.close()
     server.close()
     # The first, and the rest at the end; more on a machine that takes 5 s for them.
     assert lines

@@ -196,7 +196,7 @@ def test_foreign_parameters_are_ignored(parameters: dict[str, object]) -> None:
 
 
 def test_a_player_lists_the_legs_of_its_run_by_namespace() -> None:
-    """The last lengths hold, and that there were others is said."""
+    """The last lengths hold, and earlier ones are mentioned."""
 
     def parameters_of(node: str, time: int, **lengths: float) -> SolverParameters:
         geometry = {**KlannGeometry.sem104().as_dict(), 'assembly': [1, 1], **lengths}

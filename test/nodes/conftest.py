@@ -29,6 +29,13 @@ def ros(tmp_path: Path) -> Iterator[Domain]:
         yield made
 
 
+@pytest.fixture(scope='module')
+def module_ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
+    """Open a domain for all tests of a module."""
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('module')) as made:
+        yield made
+
+
 @pytest.fixture
 def own_context(ros: Domain) -> Iterator[Callable[[], Node]]:
     """Return what makes nodes that are in a context of their own, as another process's are."""

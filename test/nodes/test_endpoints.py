@@ -1,4 +1,4 @@
-"""A type's name is a module only where ament has it, a topic's is refused before ROS is asked."""
+"""A type's name is a module only where ament has it, a topic's is refused before ROS gets it."""
 
 from pathlib import Path
 import re
@@ -93,7 +93,7 @@ def test_a_package_outside_the_ament_index_is_not_imported(
 
 
 @pytest.mark.parametrize(
-    ('text', 'said'),
+    ('text', 'reason'),
     [
         ('X = 1', 'cannot be used: .* has no attribute'),
         ('from std_srvs.srv import Trigger as X', 'cannot be used: .* might be a service'),
@@ -103,10 +103,10 @@ def test_a_package_outside_the_ament_index_is_not_imported(
     ],
 )
 def test_an_unknown_message_of_an_installed_package_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, reason: str
 ) -> None:
     marker = broken(tmp_path, monkeypatch, text, known=True)
-    with pytest.raises(UnknownMessageTypeError, match=said):
+    with pytest.raises(UnknownMessageTypeError, match=reason):
         message_class(f'half_msgs_{tmp_path.name}/msg/X')
     assert marker.exists()
 

@@ -1,4 +1,4 @@
-"""What anybody on the network may send to any node: it lives, works on, and says little."""
+"""Hostile messages and requests from the network: a node goes on, and logs little."""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +19,7 @@ LONG = '\x1b[2J' + 'x' * 10**6
 
 
 def started(ros: Domain, name: str) -> Process:
-    """Start a node, and return it when it can be asked."""
+    """Start a node, and return it when it answers."""
     start = ros.solver if name == 'solver_node' else partial(ros.start, name)
     process = start(use_sim_time='true')
     ros.probe.until(lambda: 'ready' in process.errors or 'recording to' in process.errors)

@@ -169,7 +169,7 @@ def test_exported_joints_have_the_names_that_a_solver_publishes(
     moving = {name for name, kind in joints if kind != 'fixed' and not name.endswith('_back')}
     assert moving == {*published}
     assert not any('/' in name for name, _ in joints)
-    # A log without the solver's parameters is told apart by these names, too.
+    # A log without the solver's parameters can be attributed by these names, too.
     assert dict(published_legs(published, solved[0].leg.joint_names)) == {'a': '_', 'a_b': '_'}
     assert klann_legs_in_urdf(urdf.read_text()).keys() == {'a', 'a_b'}
 

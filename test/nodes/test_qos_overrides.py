@@ -79,8 +79,8 @@ def test_an_input_that_requests_more_reports_incompatible_publishers(
     ros: Domain, capfd: pytest.CaptureFixture[str]
 ) -> None:
     ros.solve(**override('crank_angle', 'subscription', reliability='reliable'))
-    asked = profile(ros, 'crank_angle', of_subscription=True)
-    assert asked.reliability == ReliabilityPolicy.RELIABLE
+    requested = profile(ros, 'crank_angle', of_subscription=True)
+    assert requested.reliability == ReliabilityPolicy.RELIABLE
     best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     ros.probe.node.create_publisher(Float64, 'crank_angle', best_effort)
     ros.probe.until(lambda: 'incompatible QoS' in capfd.readouterr().err)

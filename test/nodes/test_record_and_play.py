@@ -7,7 +7,6 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
@@ -19,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from recordings import numbers
-from ros_domain import Domain, open_domain, Process, RecorderReports
+from ros_domain import Domain, Process, RecorderReports
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -61,14 +60,12 @@ def by_topic(log: Log) -> dict[str, list[bytes]]:
 
 
 @pytest.fixture(scope='module')
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(module_ros: Domain) -> Path:
     """Return a run that the three nodes made; the tests only read it."""
-    folder = tmp_path_factory.mktemp('recorded')
-    with own_domain() as domain, open_domain(domain, folder) as ros:
-        recorder = record(ros, folder / 'run')
-    said = f'messages of 7 topics are in {folder / "run"}; 0 were lost'
-    assert said in recorder.errors
-    return folder / 'run'
+    folder = module_ros.folder / 'run'
+    recorder = record(module_ros, folder)
+    assert f'messages of 7 topics are in {folder}; 0 were lost' in recorder.errors
+    return folder
 
 
 def test_a_run_opens_in_rosbags_with_all_messages(run: Path) -> None:
@@ -277,15 +274,15 @@ def test_messages_before_discovery_are_reported_and_not_lost(ros: Domain, tmp_pa
     for number in range(5):
         first.publish(Float64(data=float(number)))
     reports.until_received({'/crank_angle': 5})
-    # Who it was that was heard is looked at ten times between two reports.
+    # The publishers are looked at ten times between two reports.
     reports.until_reports(2)
     ros.probe.node.destroy_publisher(first)
     reports.until('/crank_angle publishers left', 1)
     # As long as it stands still it cannot hear of anybody new, and others can.
     recorder.popen.send_signal(signal.SIGSTOP)
-    heard = ros.probe.listen(Float64, 'crank_angle')
+    received = ros.probe.listen(Float64, 'crank_angle')
     second = ros.start('crank_node', rate=1000.0)
-    ros.probe.until(lambda: len(heard) > 100)
+    ros.probe.until(lambda: len(received) > 100)
     recorder.popen.send_signal(signal.SIGCONT)
     reports.until_received({'/crank_angle': 5 + 100})
     reports.until('/crank_angle sent before discovery', 1)

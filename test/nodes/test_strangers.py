@@ -29,7 +29,7 @@ COUNT = 40
 
 @pytest.fixture
 def marker(tmp_path: Path) -> Path:
-    """Return what is there as soon as somebody imports a module of the working folder."""
+    """Return a file that any import of a module of the working folder makes."""
     package = tmp_path / 'marker_msgs'
     package.mkdir()
     code = f'open({str(tmp_path / "marker")!r}, "w")\n'
@@ -45,10 +45,10 @@ def bag(tmp_path: Path) -> Path:
     with path.open('wb') as file:
         writer = Writer(file)
         writer.start('ros2')
-        wanted = [('/number', GOOD)]
-        wanted += [(f'/typed_{n}', kind) for n, kind in enumerate(TYPES)]
-        wanted += [(name, GOOD) for name in TOPICS]
-        for n, (name, kind) in enumerate(wanted):
+        names = [('/number', GOOD)]
+        names += [(f'/typed_{n}', kind) for n, kind in enumerate(TYPES)]
+        names += [(name, GOOD) for name in TOPICS]
+        for n, (name, kind) in enumerate(names):
             schema = writer.register_schema(kind, 'ros2msg', definition(GOOD).encode())
             channel = writer.register_channel(name, 'cdr', schema)
             for k in range(1 if n else COUNT):
@@ -87,13 +87,13 @@ def test_an_untrusted_log_plays_its_intact_part_and_executes_nothing(
 
 
 def test_every_topic_that_ros_refuses_is_named_once(ros: Domain, bag: Path) -> None:
-    wanted = [name for name in TOPICS if name and '\0' not in name]
-    process = ros.start('player_node', str(bag), '--delay', '0', '--topics', *wanted)
+    names = [name for name in TOPICS if name and '\0' not in name]
+    process = ros.start('player_node', str(bag), '--delay', '0', '--topics', *names)
     assert process.wait() == 0
     lines = printed(process)
     warnings = [line for line in lines if 'is not played: topic ' in line]
-    # '~' is asked for as '/~'.
-    assert len(warnings) == len(wanted) - 1
+    # '~' is read as '/~'.
+    assert len(warnings) == len(names) - 1
     assert any(r'/a\n[ERROR] forged is not played: ' in line for line in warnings)
     assert any('/{node} is not played: ' in line for line in warnings)
     assert any('xxx... (10001 characters) is not played: ' in line for line in warnings)
@@ -148,7 +148,7 @@ class Liar:
 
     def __init__(self, probe: Probe, name: str, values: list[ParameterValue]) -> None:
         node = probe.add_node(name, start_parameter_services=False)
-        self.asked = 0
+        self.requests = 0
         self._values = values
         node.create_publisher(JointState, '/joint_states', 10)
         node.create_service(ListParameters, f'{name}/list_parameters', self._list)
@@ -159,13 +159,13 @@ class Liar:
         return response
 
     def _get(self, _: object, response: GetParameters.Response) -> GetParameters.Response:
-        self.asked += 1
+        self.requests += 1
         response.values = self._values
         return response
 
 
 def solver_records(run: Path) -> list[dict[str, str]]:
-    """Return what a run, which may still be written, says of solvers."""
+    """Return what a run, which may still be written, has of solvers."""
     try:
         with open_log(run) as log:
             return log.metadata.get(SOLVER_RECORD, [])
@@ -181,7 +181,7 @@ def test_a_recorder_survives_any_solver_answer(ros: Domain, tmp_path: Path) -> N
         Liar(ros.probe, 'no_type', [ParameterValue(type=77)] * (len(GEOMETRY_NAMES) + 1)),
         Liar(ros.probe, 'odd', [odd] * (len(GEOMETRY_NAMES) + 1)),
     ]
-    ros.probe.until(lambda: all(liar.asked for liar in liars))
+    ros.probe.until(lambda: all(liar.requests for liar in liars))
     warning = 'returned invalid parameters: '
     ros.probe.until(lambda: recorder.errors.count(warning) >= 2)
     ros.probe.until(lambda: solver_records(tmp_path / 'run'))

@@ -27,7 +27,7 @@ processes.run(['sh', '-c', {script!r}], {{}}, Path('output'))
 
 @pytest.mark.parametrize('name', ['test', 'demo'])
 @pytest.mark.parametrize(
-    ('script', 'said'),
+    ('script', 'reason'),
     [
         (None, 'no such Python'),
         ('echo "pyenv: python3.12: command not found" >&2; exit 127', 'pyenv: python3.12'),
@@ -35,7 +35,7 @@ processes.run(['sh', '-c', {script!r}], {{}}, Path('output'))
     ],
 )
 def test_an_unfit_python_is_refused_in_one_line(
-    name: str, script: str | None, said: str, tmp_path: Path
+    name: str, script: str | None, reason: str, tmp_path: Path
 ) -> None:
     python = tmp_path / 'python'
     if script:
@@ -51,7 +51,7 @@ def test_an_unfit_python_is_refused_in_one_line(
     assert result.returncode == 1
     assert result.stdout == ''
     assert result.stderr.startswith(f'scripts/{name}: {python}')
-    assert said in result.stderr
+    assert reason in result.stderr
     assert result.stderr.count('\n') == 1
 
 
@@ -77,12 +77,12 @@ def test_a_signal_ends_a_process_and_all_that_it_started(
         stderr=subprocess.PIPE,
         text=True,
     )
-    wanted = script.count('sleep')
+    expected = script.count('sleep')
     deadline = time.monotonic() + 40
     try:
-        while len(sleepers(duration)) < wanted and time.monotonic() < deadline:
+        while len(sleepers(duration)) < expected and time.monotonic() < deadline:
             time.sleep(0.05)
-        assert len(sleepers(duration)) == wanted
+        assert len(sleepers(duration)) == expected
         process.send_signal(number)
         assert 'CommandError: stopped by' in process.communicate(timeout=20)[1]
         # What is killed takes a moment to go.

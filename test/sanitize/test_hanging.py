@@ -13,7 +13,7 @@ from leg_runs import LegRun
 import pytest
 
 SPARSE = 2**40
-# Who reads what has no end comes to an end here.
+# A reader of an endless file is stopped by this [bytes].
 MEMORY = 3 * 2**30
 PATIENCE = 60.0
 KINDS = ('pipe', 'link to a pipe', 'socket', '/dev/zero', 'folder', 'sparse')
@@ -61,17 +61,17 @@ def test_a_special_file_as_log_is_refused_in_one_line(tmp_path, kind: str) -> No
     log = tmp_path / 'log.mcap'
     make(kind, log)
     for tool in ('review', 'recover'):
-        code, said, complaint = called(tool, log)
-        assert (code, said) == (2, '')
-        assert complaint.startswith(f'{tool}: {log} is not a readable log: ')
-        assert complaint.count('\n') == 1
+        code, output, errors = called(tool, log)
+        assert (code, output) == (2, '')
+        assert errors.startswith(f'{tool}: {log} is not a readable log: ')
+        assert errors.count('\n') == 1
 
 
 @pytest.mark.parametrize('tool', ['review', 'recover', 'player_node'])
 def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
-    code, said, complaint = called(tool, '')
-    assert (code, said) == (2, '')
-    *_, line = complaint.splitlines()
+    code, output, errors = called(tool, '')
+    assert (code, output) == (2, '')
+    *_, line = errors.splitlines()
     assert line == f'{tool}: error: argument LOG: it is empty; is a variable not set?'
 
 
@@ -80,9 +80,9 @@ def test_a_special_file_as_second_log_is_refused_in_one_line(
     run: Path, tmp_path, kind: str
 ) -> None:
     make(kind, tmp_path / 'log.mcap')
-    code, _, complaint = called('review', run, tmp_path / 'log.mcap')
+    code, _, errors = called('review', run, tmp_path / 'log.mcap')
     assert code == 2
-    assert complaint.count('\n') == 1
+    assert errors.count('\n') == 1
 
 
 @pytest.mark.parametrize('named', [True, False])
@@ -98,24 +98,24 @@ def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
         metadata.write_text(text.replace('- run_0.mcap', '- run_0.mcap\n  - run_1.mcap'))
     else:
         metadata.unlink()
-    code, said, complaint = called('review', run)
-    assert (code, complaint) == (1, '')
-    assert 'run_1.mcap' in said
-    assert re.search(r'^/joint_states +40 ', said, re.MULTILINE)
-    code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
-    assert (code, complaint) == (3, '')
-    assert 'kept: 80 messages in all' in said
-    assert [line for line in said.splitlines() if line.startswith('lost: ')] != []
-    assert 'run_1.mcap' in said
+    code, output, errors = called('review', run)
+    assert (code, errors) == (1, '')
+    assert 'run_1.mcap' in output
+    assert re.search(r'^/joint_states +40 ', output, re.MULTILINE)
+    code, output, errors = called('recover', run, '-o', tmp_path / 'again')
+    assert (code, errors) == (3, '')
+    assert 'kept: 80 messages in all' in output
+    assert [line for line in output.splitlines() if line.startswith('lost: ')] != []
+    assert 'run_1.mcap' in output
 
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_special_file_as_metadata_is_reported(run: Path, tmp_path, kind: str) -> None:
     make(kind, run / 'metadata.yaml')
-    code, said, complaint = called('recover', run, '-o', tmp_path / 'again')
-    assert (code, complaint) == (0, '')
-    assert 'note: metadata.yaml ' in said
-    assert 'kept: 80 messages in all' in said
+    code, output, errors = called('recover', run, '-o', tmp_path / 'again')
+    assert (code, errors) == (0, '')
+    assert 'note: metadata.yaml ' in output
+    assert 'kept: 80 messages in all' in output
 
 
 @pytest.mark.parametrize('option', ['--limits', '--geometry'])
@@ -125,10 +125,10 @@ def test_a_special_file_of_limits_or_lengths_is_refused_in_one_line(
 ) -> None:
     file = tmp_path / 'file.yaml'
     make(kind, file)
-    code, said, complaint = called('review', run, option, file)
-    assert (code, said) == (2, '')
-    assert complaint.startswith(f'review: {file} ')
-    assert complaint.count('\n') == 1
+    code, output, errors = called('review', run, option, file)
+    assert (code, output) == (2, '')
+    assert errors.startswith(f'review: {file} ')
+    assert errors.count('\n') == 1
 
 
 def record(opcode: int, content: bytes, length: int = 0) -> bytes:
@@ -148,7 +148,7 @@ HOLLOW = {
 
 @pytest.mark.parametrize(('name', 'summary'), [*((name, 0) for name in HOLLOW), ('nothing', 1)])
 def test_a_sparse_log_costs_only_its_data(tmp_path, name: str, summary: int) -> None:
-    """Whatever claims the terabyte that was never written, it is neither read nor asked for."""
+    """A terabyte that was never written is neither read nor allocated."""
     log = tmp_path / 'log.mcap'
     head = MAGIC + record(1, struct.pack('<I4sI', 4, b'ros2', 0))
     with log.open('wb') as file:
@@ -157,9 +157,9 @@ def test_a_sparse_log_costs_only_its_data(tmp_path, name: str, summary: int) -> 
         file.seek(SPARSE)
         # The summary is all of it, and has a CRC.
         file.write(record(2, struct.pack('<QQI', summary * len(head), 0, summary)) + MAGIC)
-    code, said, complaint = called('review', log)
-    assert (code, complaint) == (1, '')
-    assert 'ERROR container: the log is damaged: ' in said
-    code, _, complaint = called('recover', log, '-o', tmp_path / 'again')
+    code, output, errors = called('review', log)
+    assert (code, errors) == (1, '')
+    assert 'ERROR container: the log is damaged: ' in output
+    code, _, errors = called('recover', log, '-o', tmp_path / 'again')
     assert code == 2
-    assert complaint.count('\n') == 1
+    assert errors.count('\n') == 1

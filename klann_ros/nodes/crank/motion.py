@@ -79,16 +79,11 @@ class CrankMotion:
             rate = TURN * self.frequency * self.amplitude * cos(phase)
             return self.start + self.amplitude * sin(phase), rate
         if self.mode == 'sweep':
-            return self._sweep(t)
+            half_turns = (t / self.period) % 1.0 * 2.0
+            way, rate = min(half_turns, 2.0 - half_turns), 2.0 * self.amplitude / self.period
+            return self.start + self.amplitude * way, rate if half_turns < 1.0 else -rate
         # Rounding of t must not postpone a jump.
         return self.start + self.amplitude * floor(self.frequency * t + 1e-9), 0.0
-
-    def _sweep(self, t: float) -> tuple[float, float]:
-        there = (t / self.period) % 1.0 * 2.0
-        rate = 2.0 * self.amplitude / self.period
-        if there < 1.0:
-            return self.start + self.amplitude * there, rate
-        return self.start + self.amplitude * (2.0 - there), -rate
 
 
 _DEFAULT = CrankMotion()

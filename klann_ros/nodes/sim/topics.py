@@ -19,7 +19,7 @@ from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.sanitize.text import printable
-from klann_ros.twin import Imu, Sensors, Truth, Twin
+from klann_ros.twin import Sensors, Twin
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -133,37 +133,28 @@ class RobotOutputs:
             self._clock.publish(Clock(clock=stamp))
         for message in (self._crank, self._imu, self._truth):
             message.header.stamp = stamp
-        self._publish_cranks()
-        self._publish_imu(self._twin.imu())
-        self._publish_truth(self._twin.truth())
-        if self._cameras:
-            for name, (x, y) in self._twin.points().items():
-                message = PointStamped(header=Header(stamp=stamp), point=Point(x=x, y=y))
-                message.header.frame_id = f'{name.rpartition("/")[0]}/leg_plane'.lstrip('/')
-                self._cameras[name].publish(message)
-
-    def _publish_cranks(self) -> None:
-        cranks = self._twin.cranks().values()
+        cranks, imu, truth = self._twin.cranks().values(), self._twin.imu(), self._twin.truth()
         self._crank.position = array('d', [crank.position for crank in cranks])
         self._crank.velocity = array('d', [crank.velocity for crank in cranks])
         # A review compares efforts with the masses of the legs alone; a walker's carry its weight.
         if not self._twin.is_free:
             self._crank.effort = array('d', self._twin.efforts())
         self._cranks.publish(self._crank)
-
-    def _publish_imu(self, imu: Imu) -> None:
         _fill(self._imu.orientation, 'xyzw', imu.orientation)
         _fill(self._imu.angular_velocity, 'xyz', imu.angular_velocity)
         _fill(self._imu.linear_acceleration, 'xyz', imu.linear_acceleration)
         self._imus.publish(self._imu)
-
-    def _publish_truth(self, truth: Truth) -> None:
         pose, twist = self._truth.pose.pose, self._truth.twist.twist
         _fill(pose.position, 'xyz', truth.position)
         _fill(pose.orientation, 'xyzw', truth.orientation)
         _fill(twist.linear, 'xyz', truth.linear)
         _fill(twist.angular, 'xyz', truth.angular)
         self._truths.publish(self._truth)
+        if self._cameras:
+            for name, (x, y) in self._twin.points().items():
+                message = PointStamped(header=Header(stamp=stamp), point=Point(x=x, y=y))
+                message.header.frame_id = f'{name.rpartition("/")[0]}/leg_plane'.lstrip('/')
+                self._cameras[name].publish(message)
 
 
 class DemoCommandPublisher:

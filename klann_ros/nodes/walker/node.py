@@ -121,7 +121,7 @@ class WalkerNode(Node):
         self._driven = 0
         group = RawCallbackGroup()
         create_timer = self.create_timer if self._sim else partial(create_steady_timer, self)
-        self._timer: Any = create_timer(self._period, self._on_timer, group)
+        self._timer: Any = create_timer(self._period, lambda: self._command(self._now()), group)
         self._logged = -EVENT_PERIOD
         create_steady_timer(self, WATCH_PERIOD, self._on_watch, group)
 
@@ -214,9 +214,6 @@ class WalkerNode(Node):
         values = self._walker.values(now).items()
         status = diagnostic_status(self, 'walker', _LEVELS[level], message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
-
-    def _on_timer(self) -> None:
-        self._command(self._now())
 
     def _on_watch(self) -> None:
         is_enough = self._driven * self._period >= DRIVEN_RATIO * WATCH_PERIOD

@@ -1,17 +1,15 @@
 """A replay controlled by services and parameters; real processes, real DDS, real signals."""
 
-from collections.abc import Iterator
 from pathlib import Path
 import signal
 from typing import Any
 
 from bags import COUNT, LENGTH, PERIOD, START, write_bag, write_split_bag
-from domain import own_domain
 from mcap.writer import CompressionType
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_domain import Domain, open_domain, Process
+from ros_domain import Domain, Process
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
@@ -69,9 +67,8 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope='module')
-def one_player(bag: Path) -> Iterator[Controlled]:
-    with own_domain() as domain, open_domain(domain, bag.parent) as ros:
-        yield Controlled(ros, bag)
+def one_player(module_ros: Domain, bag: Path) -> Controlled:
+    return Controlled(module_ros, bag)
 
 
 @pytest.fixture
@@ -145,10 +142,10 @@ def test_a_jump_publishes_the_latched_messages(player: Controlled) -> None:
 
 def test_a_late_subscriber_receives_latched_messages_once(player: Controlled) -> None:
     qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    heard = player.ros.probe.listen(String, 'robot_description', qos)
-    player.ros.probe.until(lambda: heard)
+    received = player.ros.probe.listen(String, 'robot_description', qos)
+    player.ros.probe.until(lambda: received)
     player.ros.probe.spin(0.1)
-    assert [message.data for message in heard] == ['newer']
+    assert [message.data for message in received] == ['newer']
 
 
 @pytest.mark.parametrize(
@@ -179,30 +176,30 @@ def test_a_loop_takes_the_clock_back(player: Controlled) -> None:
 
 
 def started(ros: Domain, bag: Path, *arguments: str, namespace: str = '') -> tuple[Process, Any]:
-    """Start to play a log as soon as somebody listens; return the process and what is heard."""
-    heard = ros.probe.listen(Float64, f'{namespace}/number')
+    """Start to play a log when a subscriber is there; return the process and the messages."""
+    received = ros.probe.listen(Float64, f'{namespace}/number')
     inside = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else []
     process = ros.start(
         'player_node', str(bag), '--delay', '0', '--start-paused', *arguments, *inside
     )
     ros.probe.await_publishers(f'{namespace}/number')
     assert ros.probe.call(Trigger, f'{namespace}/player_node/resume', Trigger.Request()).success
-    return process, heard
+    return process, received
 
 
 def played(ros: Domain, bag: Path, *arguments: str) -> tuple[Process, list[float]]:
     """Play a log to its last number; return the process and the numbers that came."""
-    process, heard = started(ros, bag, *arguments)
+    process, received = started(ros, bag, *arguments)
     assert process.wait() == 0
-    ros.probe.until(lambda: values(heard)[-1:] == [COUNT - 1])
-    return process, values(heard)
+    ros.probe.until(lambda: values(received)[-1:] == [COUNT - 1])
+    return process, values(received)
 
 
 def test_a_split_bag_plays_from_an_offset_and_warns_of_unplayable_topics(
     ros: Domain, bag: Path
 ) -> None:
-    process, heard = played(ros, bag, '--start-offset', '0.31', '--rate', '5')
-    assert heard == list(range(31, COUNT))
+    process, received = played(ros, bag, '--start-offset', '0.31', '--rate', '5')
+    assert received == list(range(31, COUNT))
     assert "/unknown is not played: message type 'nobody_msgs/msg/Has'" in process.errors
     assert '/json is not played: its messages are json, not cdr' in process.errors
     assert '/number is not played as std_msgs/msg/String (cdr): in the same log' in process.errors
@@ -215,41 +212,41 @@ def test_a_damaged_log_plays_its_intact_part_and_reports_the_damage(
     data = bytearray(path.read_bytes())
     data[data.index(b'\0\1\0\0' + bytes(6) + b'\x49\x40') + 4] ^= 1  # the number 50
     path.write_bytes(data)
-    process, heard = played(ros, path, '--rate', '5')
-    assert 50 not in heard
-    assert heard == sorted(heard)
-    assert len(heard) > 80
+    process, received = played(ros, path, '--rate', '5')
+    assert 50 not in received
+    assert received == sorted(received)
+    assert len(received) > 80
     assert 'the CRC of the chunk is' in process.errors
 
 
 def test_a_player_resumed_by_sigcont_causes_no_burst(ros: Domain, bag: Path) -> None:
-    process, heard = started(ros, bag)
-    ros.probe.until(lambda: len(heard) >= 10)
+    process, received = started(ros, bag)
+    ros.probe.until(lambda: len(received) >= 10)
     process.popen.send_signal(signal.SIGSTOP)
     ros.probe.spin(1.0)
     process.popen.send_signal(signal.SIGCONT)
     assert process.wait() == 0
-    ros.probe.until(lambda: len(heard) >= COUNT)
-    assert values(heard) == list(range(COUNT))
+    ros.probe.until(lambda: len(received) >= COUNT)
+    assert values(received) == list(range(COUNT))
     assert 'playback stalled for ' in process.errors
 
 
 def test_two_players_on_one_topic_play_both_and_report_each_other(ros: Domain, bag: Path) -> None:
-    heard = ros.probe.listen(Float64, 'number')
+    received = ros.probe.listen(Float64, 'number')
     options = [str(bag), '--loop', '--rate', '5', '--ros-args', '-r']
     players = [ros.start('player_node', *options, f'__node:={name}') for name in ('one', 'two')]
     ros.probe.until(lambda: ros.probe.node.count_publishers('number') == 2)
-    heard.clear()
-    ros.probe.until(lambda: len(heard) >= 5 * COUNT)
-    assert max(values(heard).count(number) for number in range(COUNT)) >= 5
+    received.clear()
+    ros.probe.until(lambda: len(received) >= 5 * COUNT)
+    assert max(values(received).count(number) for number in range(COUNT)) >= 5
     for player in players:
         assert player.stop(signal.SIGINT) == 0
         assert 'other nodes publish on /clock, /number, /robot_description too' in player.errors
 
 
 def test_two_topics_of_different_types_cannot_become_one(ros: Domain, bag: Path) -> None:
-    process, heard = played(ros, bag, '--remap', 'robot_description:=number', '--rate', '9')
-    assert heard == list(range(COUNT))
+    process, received = played(ros, bag, '--remap', 'robot_description:=number', '--rate', '9')
+    assert received == list(range(COUNT))
     assert '/robot_description is not played: ' in process.errors
     assert 'a message of /number is left out: Failed to publish' in process.errors
 

@@ -1,6 +1,5 @@
 """recorder_node: services, status, ends, and the messages at its start."""
 
-from collections.abc import Iterator
 import json
 from pathlib import Path
 import signal
@@ -8,7 +7,6 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
@@ -16,7 +14,7 @@ from klann_ros.log.run_parameters import recorded_pause, topic_counts
 from klann_ros.review.reviewing import review_run
 import pytest
 from recordings import numbers, TOPIC
-from ros_domain import Domain, open_domain, Process, RecorderReports
+from ros_domain import Domain, Process, RecorderReports
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -65,30 +63,29 @@ def metadata(path: Path) -> dict[str, list[dict[str, str]]]:
 
 
 @pytest.fixture(scope='module')
-def split_and_paused(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """Return what was seen of a recording that was split twice, and paused in between."""
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('recorder')) as ros:
-        recording = Recording(ros)
-        seen: dict[str, Any] = {'folder': recording.folder, 'early split': recording.call('split')}
-        ros.start('solver_node')
-        ros.probe.until(lambda: 'klann_ros.solver' in metadata(recording.folder))
-        recording.publish()
-        seen['first'] = recording.split()
-        recording.publish()
-        recording.until_received()
-        seen['pauses'] = [recording.call('pause') for _ in range(2)]
-        recording.until_value('paused', 'true')
-        recording.publish(70)
-        recording.until_received()
-        seen['resumes'] = [recording.call('resume') for _ in range(2)]
-        recording.publish()
-        seen['second'] = recording.split()
-        recording.publish()
-        recording.until_value(f'{TOPIC} written', 400)
-        seen['status'], seen['values'] = recording.statuses[-1].status[0], recording.values()
-        seen['code'] = recording.process.stop(signal.SIGHUP)
-        seen['errors'] = recording.process.errors
-        yield seen
+def split_and_paused(module_ros: Domain) -> dict[str, Any]:
+    """Return observations of a recording that was split twice, and paused in between."""
+    recording = Recording(module_ros)
+    seen: dict[str, Any] = {'folder': recording.folder, 'early split': recording.call('split')}
+    module_ros.start('solver_node')
+    module_ros.probe.until(lambda: 'klann_ros.solver' in metadata(recording.folder))
+    recording.publish()
+    seen['first'] = recording.split()
+    recording.publish()
+    recording.until_received()
+    seen['pauses'] = [recording.call('pause') for _ in range(2)]
+    recording.until_value('paused', 'true')
+    recording.publish(70)
+    recording.until_received()
+    seen['resumes'] = [recording.call('resume') for _ in range(2)]
+    recording.publish()
+    seen['second'] = recording.split()
+    recording.publish()
+    recording.until_value(f'{TOPIC} written', 400)
+    seen['status'], seen['values'] = recording.statuses[-1].status[0], recording.values()
+    seen['code'] = recording.process.stop(signal.SIGHUP)
+    seen['errors'] = recording.process.errors
+    return seen
 
 
 def test_a_split_answers_with_the_name_of_the_file_that_follows(
@@ -195,7 +192,7 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: Domain) -> None:
     recording.process.popen.send_signal(signal.SIGCONT)
     recording.publish(10)
     recording.ros.probe.until(
-        lambda: any(said.status[0].level == DiagnosticStatus.WARN for said in recording.statuses)
+        lambda: any(array.status[0].level == DiagnosticStatus.WARN for array in recording.statuses)
     )
     recording.until_received()
     assert recording.process.stop() == 0
@@ -216,11 +213,11 @@ def test_losses_of_departed_publishers_are_not_excluded(ros: Domain) -> None:
     left = {f'{TOPIC} lost': '0', f'{TOPIC} publishers left': '3'}
     ros.probe.until(lambda: any(left.items() <= values(status).items() for status in statuses))
     assert recorder.stop() == 0
-    said = f'0 were lost at least; 3 publishers left ({TOPIC}): losses at their end cannot be '
-    assert f'; {said}detected' in recorder.errors
+    losses = f'0 were lost at least; 3 publishers left ({TOPIC}): losses at their end cannot be '
+    assert f'; {losses}detected' in recorder.errors
     review = review_run(ros.folder / 'run')
     (topic,) = review.topics
-    # Who waits for its subscribers is heard from its first message on.
+    # A crank that waits for its subscribers loses no first message.
     assert (topic.lost, topic.early, topic.publishers_left) == (0, 0, 3)
     notes = [finding.text for finding in review.findings if finding.check == 'lost']
     assert notes == [f'3 publishers of {TOPIC} left during the run']

@@ -1,6 +1,5 @@
 """recorder_node while its files are removed or changed: reported, never claimed, exit 1."""
 
-from collections.abc import Iterator
 import os
 from pathlib import Path
 import shutil
@@ -8,13 +7,12 @@ import signal
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import topic_counts
 from klann_ros.review.reviewing import review_run
 import pytest
-from ros_domain import Domain, open_domain, Process
+from ros_domain import Domain, Process
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 import yaml
@@ -81,7 +79,7 @@ def messages_in(path: Path) -> int:
 
 
 def found(run: Path) -> dict[str, Any]:
-    """Return what a reader finds in a run, and what the run says of itself."""
+    """Return the content of a run, and its own records of it."""
     with open_log(run) as log:
         (record,) = log.metadata['klann_ros.loss']
     about = yaml.safe_load((run / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
@@ -103,9 +101,8 @@ class Stage:
 
 
 @pytest.fixture(scope='module')
-def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('faults')) as ros:
-        yield Stage(ros)
+def stage(module_ros: Domain) -> Stage:
+    return Stage(module_ros)
 
 
 @pytest.fixture

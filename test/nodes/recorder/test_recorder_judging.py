@@ -1,12 +1,10 @@
 """recorder_node with judge and pre_trigger: faults are reported, and recorded as events."""
 
-from collections.abc import Iterator
 from pathlib import Path
 import signal
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import (
     FINDING_RECORD,
@@ -19,7 +17,7 @@ from klann_ros.nodes.recorder import topic_watch
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_domain import Domain, open_domain, Process
+from ros_domain import Domain, Process
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
 
@@ -28,7 +26,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Stage:
-    """A crank, a solver, a recorder that waits, and all that it says."""
+    """A crank, a solver, a recorder that waits, and all diagnostics."""
 
     def __init__(self, ros: Domain) -> None:
         self.ros, self.folder = ros, ros.folder / 'runs'
@@ -50,7 +48,7 @@ class Stage:
         self.ros.probe.until(condition)
 
     def judged(self) -> DiagnosticStatus | None:
-        """Return what the judge said last."""
+        """Return the last status of the judge."""
         return self.status('judge')
 
     def status(self, what: str) -> DiagnosticStatus | None:
@@ -58,7 +56,7 @@ class Stage:
         return found[-1] if found else None
 
     def is_reported(self, check: str) -> bool:
-        """Return whether a finding of a kind was ever told."""
+        """Return whether a finding of a kind was ever reported."""
         return any(
             value.key.endswith(' check') and value.value == check
             for array in self.statuses
@@ -99,25 +97,24 @@ class Stage:
 
 
 @pytest.fixture(scope='module')
-def seen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
-    """Let one fault come after another; return what was told and written of each."""
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('judging')) as ros:
-        stage = Stage(ros)
-        seen: dict[str, Any] = {'folder': stage.folder}
-        before, seen['answer'] = stage.trigger()
-        seen['asked'] = [run for run in stage.events() if run not in before]
-        for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
-            count = len(stage.events())
-            fault(stage)
-            stage.until(lambda check=check: stage.is_reported(check))
-            stage.until(lambda count=count: len(stage.events()) > count)
-            if check == 'gap':
-                stage.crank.popen.send_signal(signal.SIGCONT)
-            stage.await_idle()
-            seen[check] = stage.events()[count:]
-        seen['code'] = stage.recorder.stop(signal.SIGINT)
-        seen['errors'] = stage.recorder.errors
-        yield seen
+def seen(module_ros: Domain) -> dict[str, Any]:
+    """Let one fault come after another; return what was reported and written of each."""
+    stage = Stage(module_ros)
+    seen: dict[str, Any] = {'folder': stage.folder}
+    before, seen['answer'] = stage.trigger()
+    seen['triggered'] = [run for run in stage.events() if run not in before]
+    for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
+        count = len(stage.events())
+        fault(stage)
+        stage.until(lambda check=check: stage.is_reported(check))
+        stage.until(lambda count=count: len(stage.events()) > count)
+        if check == 'gap':
+            stage.crank.popen.send_signal(signal.SIGCONT)
+        stage.await_idle()
+        seen[check] = stage.events()[count:]
+    seen['code'] = stage.recorder.stop(signal.SIGINT)
+    seen['errors'] = stage.recorder.errors
+    return seen
 
 
 def longer(stage: Stage) -> None:
@@ -150,9 +147,9 @@ def test_a_triggered_run_is_complete_before_and_after(seen: dict[str, Any]) -> N
     # A machine that stalls may begin one of its own.
     run = Path(seen['answer'].message)
     assert seen['answer'].success
-    assert run in seen['asked']
+    assert run in seen['triggered']
     with open_log(run) as log:
-        # A machine that has much else to do may lose messages meanwhile, which is told as well.
+        # A busy machine may lose messages meanwhile, which is reported as well.
         (trigger, *_) = map(recorded_finding, log.metadata[FINDING_RECORD])
         assert trigger.check == 'trigger'
         counts = topic_counts(log.metadata[LOSS_RECORD][0])
@@ -168,7 +165,7 @@ def test_a_triggered_run_is_complete_before_and_after(seen: dict[str, Any]) -> N
 
 
 def test_latched_messages_and_the_solver_are_in_every_run(seen: dict[str, Any]) -> None:
-    runs = [run for check in ('asked', 'geometry', 'gap', 'rejected') for run in seen[check]]
+    runs = [run for check in ('triggered', 'geometry', 'gap', 'rejected') for run in seen[check]]
     assert len(runs) >= 4
     for run in runs:
         with open_log(run) as log:

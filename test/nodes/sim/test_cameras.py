@@ -35,8 +35,8 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     assert feet[-1].header.frame_id == 'leg_plane'
     assert recorder.stop() == 0
     numbers, built = tmp_path / 'c.json', tmp_path / 'built.yaml'
-    asked = [str(run), '--leg', 'sem104', '--point', 'H=/camera/h', '--point', 'G=/camera/g']
-    assert main([*asked, '--json', str(numbers), '-o', str(built)]) == 0
+    arguments = [str(run), '--leg', 'sem104', '--point', 'H=/camera/h', '--point', 'G=/camera/g']
+    assert main([*arguments, '--json', str(numbers), '-o', str(built)]) == 0
     found, true = json.loads(numbers.read_text()), robot_of(str(BUILT)).legs[0]
     for name, each in found['dimensions'].items():
         assert abs(each['value'] - true.linkage.dimensions[name]) < 5.0 * each['standard_error']

@@ -1,16 +1,14 @@
-"""`sim_node` as a process: what it is asked for, what it tells, and what it does not take."""
+"""`sim_node` as a process: commands, outputs, and refusals."""
 
-from collections.abc import Iterator
 from itertools import pairwise
 import math
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from domain import own_domain
 from nav_msgs.msg import Odometry
 import pytest
-from ros_domain import Domain, open_domain, Process
+from ros_domain import Domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
@@ -26,7 +24,7 @@ def started(ros: Domain, file: str = '', **given: object) -> Process:
 
 
 class Robot:
-    """A simulated walker, and what it has told so far."""
+    """A simulated walker, and its messages so far."""
 
     def __init__(self, ros: Domain) -> None:
         self.probe = ros.probe
@@ -61,18 +59,17 @@ class Robot:
 
         self.probe.until(holds)
 
-    def told(self, key: str) -> str:
+    def value(self, key: str) -> str:
         (status,) = self._reports[-1].status
         return next(value.value for value in status.values if value.key == key)
 
-    def said(self) -> str:
+    def message(self) -> str:
         return self._reports[-1].status[0].message
 
 
 @pytest.fixture(scope='module')
-def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('sim')) as made:
-        yield Robot(made)
+def robot(module_ros: Domain) -> Robot:
+    return Robot(module_ros)
 
 
 def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
@@ -81,7 +78,7 @@ def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
     state, truth, imu = robot.cranks[-1], robot.truths[-1], robot.imus[-1]
     assert list(state.name) == BOTH
     assert list(state.effort) == []
-    # The right motor is as much slower as it is told to be.
+    # The right motor has its speed factor.
     assert state.velocity[1] / state.velocity[0] == pytest.approx(0.9, abs=0.05)
     assert (truth.header.frame_id, truth.child_frame_id) == ('world', 'base_link')
     assert imu.header.frame_id == 'base_link'
@@ -103,10 +100,10 @@ def test_its_stamps_are_its_clock(robot: Robot) -> None:
 
 def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
     robot.driven(lambda: robot.cranks[-1].velocity[0] > 0.9, 1.0, 1.0)
-    held = int(robot.told('held'))
-    robot.probe.until(lambda: int(robot.told('held')) >= held + 2)
+    held = int(robot.value('held'))
+    robot.probe.until(lambda: int(robot.value('held')) >= held + 2)
     robot.probe.until(lambda: abs(robot.cranks[-1].velocity[0]) < 0.1)
-    robot.probe.until(lambda: 'held' in robot.said() or 'keep up' in robot.said())
+    robot.probe.until(lambda: 'held' in robot.message() or 'keep up' in robot.message())
 
 
 @pytest.mark.parametrize(
@@ -123,18 +120,18 @@ def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
 def test_invalid_commands_move_nothing_and_are_counted(
     robot: Robot, names: list[str], velocities: list[float]
 ) -> None:
-    rejected = int(robot.told('rejected'))
+    rejected = int(robot.value('rejected'))
     robot.command(names, velocities)
-    robot.probe.until(lambda: int(robot.told('rejected')) == rejected + 1)
+    robot.probe.until(lambda: int(robot.value('rejected')) == rejected + 1)
     assert robot.process.popen.poll() is None
     assert math.isfinite(robot.cranks[-1].position[0])
 
 
 def test_commands_above_the_limit_are_limited_and_counted(robot: Robot) -> None:
-    limited = int(robot.told('limited'))
+    limited = int(robot.value('limited'))
     robot.command(['left_crank'], [1e300])
     robot.command(['left_crank'], [0.0])
-    robot.probe.until(lambda: int(robot.told('limited')) == limited + 1)
+    robot.probe.until(lambda: int(robot.value('limited')) == limited + 1)
 
 
 def test_a_reset_puts_it_back(robot: Robot) -> None:
@@ -142,7 +139,7 @@ def test_a_reset_puts_it_back(robot: Robot) -> None:
     assert answer.success
     # What was under way still comes first.
     robot.probe.until(lambda: abs(robot.truths[-1].pose.pose.position.x) <= 0.02)
-    robot.probe.until(lambda: int(robot.told('resets')) == 1)
+    robot.probe.until(lambda: int(robot.value('resets')) == 1)
 
 
 def test_ctrl_c_ends_it_silently(robot: Robot) -> None:

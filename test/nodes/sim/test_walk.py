@@ -27,12 +27,14 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     # Simulated time: however slow the machine is, they see the same.
     walker = ros.start('walker_node', *given, use_sim_time=True, use_imu=True)
     ros.probe.until(lambda: bool(odometry) and truths[-1].pose.pose.position.x > 0.15)
-    told = {truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths}
+    truth_of = {
+        truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths
+    }
     both = [
-        (odom.pose.pose.position, told[stamp].pose.pose.position)
+        (odom.pose.pose.position, truth_of[stamp].pose.pose.position)
         for odom in odometry
         for stamp in [odom.header.stamp.sec * 10**9 + odom.header.stamp.nanosec]
-        if stamp in told
+        if stamp in truth_of
     ]
     odom, truth = both[-1]
     assert truth.x > 0.1
@@ -41,16 +43,16 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     # It has stood before it walked.
     used = KeyValue(key='accelerometer', value='used')
     ros.probe.until(lambda: any(used in report.status[0].values for report in reports))
-    # Once somebody else may steer it nobody else does.
+    # While another node may steer, sim_node does not.
     ros.probe.publisher(TwistStamped, 'cmd_vel')
     ros.probe.until(lambda: abs(odometry[-1].twist.twist.linear.x) < 0.01)
     recorded.until_received({'/odom': 100, '/crank_command': 100})
     assert [node.stop() for node in (walker, sim, recorder)] == [0, 0, 0]
-    # Each message that is heard again is one of the run, to the last byte.
+    # Each message played is one of the run, to the last byte.
     kinds = {'/odom': Odometry, '/crank_command': JointState}
     log = open_log(tmp_path / 'run')
     logged = {name: [each.data for each in log.messages([name])] for name in kinds}
-    heard = {
+    received = {
         name: ros.probe.listen(kind, f'/replay{name}', raw=True) for name, kind in kinds.items()
     }
     options = ('--delay', '0', '--start-paused', '--ros-args', '-r', '__ns:=/replay')
@@ -59,7 +61,7 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
         ros.probe.await_publishers(f'/replay{name}')
     resume = '/replay/player_node/resume'
     assert ros.probe.call(Trigger, resume, Trigger.Request()).success
-    ros.probe.until(lambda: all(len(messages) > 50 for messages in heard.values()))
+    ros.probe.until(lambda: all(len(messages) > 50 for messages in received.values()))
     assert player.stop() == 0
-    for name, messages in heard.items():
+    for name, messages in received.items():
         assert set(messages) <= set(logged[name])

@@ -1,4 +1,4 @@
-"""`solver_node` under inputs that nobody means: it lives, and answers the next good one."""
+"""`solver_node` under hostile inputs: it goes on, and answers the next good one."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, TwistStamped
+from geometry_msgs.msg import PointStamped
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.robot import robot_from_file
@@ -15,26 +15,22 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import Domain
 from sensor_msgs.msg import JointState
+from solver_conversation import Conversation
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
 CONFIG = Path(__file__).resolve().parents[3] / 'config'
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
-TWO = {'legs': '[left, right]', 'left.phase': 0.5, 'right.direction': -1, 'right.l_gh': 0.5}
+LEGS = ('left', 'right')
+TWO = {'left.phase': 0.5, 'right.direction': -1, 'right.l_gh': 0.5}
 
 
 def test_each_leg_is_driven_by_its_direction_and_phase(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in ('left', 'right')}
-    ros.solve(**TWO)
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    for topic in ('joint_states', 'left/point_h', 'right/point_h'):
-        ros.probe.await_publishers(topic)
-    crank.publish(Float64(data=1.25))
-    ros.probe.until(lambda: poses and feet['left'] and feet['right'])
-    (pose,) = poses
-    assert list(pose.name) == [f'{leg}/{joint}' for leg in ('left', 'right') for joint in JOINTS]
+    talk = Conversation(ros, legs=LEGS, **TWO)
+    talk.turn(1.25)
+    (pose,) = talk.answers(1)
+    assert list(pose.name) == [f'{leg}/{joint}' for leg in LEGS for joint in JOINTS]
     expected = {
         'left': KlannLeg().closed_form(1.75),
         'right': KlannLeg(KlannGeometry(l_gh=0.5)).closed_form(-1.25),
@@ -42,16 +38,13 @@ def test_each_leg_is_driven_by_its_direction_and_phase(ros: Domain) -> None:
     assert pose.position.tolist() == pytest.approx(
         [*expected['left'].joints, *expected['right'].joints], abs=1e-12
     )
-    for name, (foot,) in feet.items():
-        assert foot.header.frame_id == f'{name}/leg_plane'
-        assert (foot.point.x, foot.point.y) == pytest.approx(expected[name].h, abs=1e-12)
-        assert foot.header.stamp == pose.header.stamp
+    talk.assert_feet({name: pose.h for name, pose in expected.items()})
 
 
 def test_the_legs_are_described_as_a_file_that_every_program_takes(
     ros: Domain, tmp_path: Path
 ) -> None:
-    node = ros.solve(**TWO)
+    node = ros.solve(legs='[left, right]', **TWO)
     late = ros.probe.listen(String, 'leg_description', LATCHED)
     ros.probe.until(lambda: late)
     node.set_parameters([Parameter('left.l_ab', value=0.125)])
@@ -67,15 +60,12 @@ def test_the_legs_are_described_as_a_file_that_every_program_takes(
 
 
 def test_legs_with_cranks_of_their_own_follow_them(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    velocities = ros.probe.listen(TwistStamped, 'right/velocity_h')
-    ros.solve(legs='[left, right]', **{'right.crank_joint': 'other', **DIRECTION})
-    state = ros.probe.publisher(JointState, 'crank_state')
-    ros.probe.await_publishers('joint_states')
-    ros.probe.await_publishers('right/velocity_h')
-    state.publish(JointState(name=['other'], position=[2.0], velocity=[3.0]))
+    given = {'right.crank_joint': 'other', 'right.direction': -1}
+    talk = Conversation(ros, 'crank_state', legs=LEGS, **given)
+    poses, velocities = talk.poses, talk.velocities_of['right']
+    talk.state(name=['other'], position=[2.0], velocity=[3.0])
     ros.probe.until(lambda: poses and velocities)
-    state.publish(JointState(name=['crank', 'other'], position=[1.0, 2.0]))
+    talk.state(name=['crank', 'other'], position=[1.0, 2.0])
     ros.probe.until(lambda: len(poses) == 2)
     assert [name.partition('/')[0] for name in poses[0].name] == ['right'] * 5
     leg = KlannLeg()
@@ -86,35 +76,22 @@ def test_legs_with_cranks_of_their_own_follow_them(ros: Domain) -> None:
     assert len(poses[1].velocity) == 0
 
 
-DIRECTION = {'right.direction': -1}
-
-
 def test_one_unnamed_leg_has_an_encoders_zero_and_sign(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    ros.solve(phase=0.25, direction=-1)
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.await_publishers('joint_states')
-    crank.publish(Float64(data=1.0))
-    ros.probe.until(lambda: poses)
-    assert poses[0].position.tolist() == pytest.approx(
-        KlannLeg().closed_form(-0.75).joints, abs=1e-12
-    )
+    talk = Conversation(ros, phase=0.25, direction=-1)
+    talk.turn(1.0)
+    expected = KlannLeg().closed_form(-0.75).joints
+    assert talk.answers(1)[0].position.tolist() == pytest.approx(expected, abs=1e-12)
 
 
 def test_every_leg_has_its_own_status_and_fails_alone(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    short = {'right.l_bc': 0.33}
-    ros.solve(legs='[left, right]', diagnostics_period=0.3, **short)
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.await_publishers('joint_states')
-    crank.publish(Float64(data=math.radians(165.6)))
+    talk = Conversation(ros, legs=LEGS, **{'right.l_bc': 0.33})
+    talk.turn(math.radians(165.6))
 
     def failed() -> list[Any]:
-        return [r for r in reports if any(s.level == b'\x02' for s in r.status)]
+        return [r for r in talk.reports if any(s.level == b'\x02' for s in r.status)]
 
-    ros.probe.until(lambda: poses and failed())
-    assert [name.partition('/')[0] for name in poses[0].name] == ['left'] * 5
+    ros.probe.until(lambda: talk.poses and failed())
+    assert [name.partition('/')[0] for name in talk.poses[0].name] == ['left'] * 5
     left, right = failed()[0].status
     assert (left.name, right.name) == ('solver_node: left', 'solver_node: right')
     assert left.level != b'\x02'
@@ -122,19 +99,15 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: Domain) -> None:
 
 
 def test_a_legs_length_is_changed_by_its_own_parameter(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    ros.solve(legs='[left, right]')
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.await_publishers('joint_states')
+    talk = Conversation(ros, legs=LEGS)
     refused = ros.probe.set('solver_node', {'l_ef': 0.28}, atomically=True)
     assert not refused.successful
     assert refused.reason == 'l_ef: each leg has its own, which can be changed: left.l_ef'
     assert ros.probe.set('solver_node', {'right.l_ef': 0.28}, atomically=True).successful
-    crank.publish(Float64(data=1.0))
-    ros.probe.until(lambda: poses)
+    talk.turn(1.0)
     left, right = KlannLeg(), KlannLeg(KlannGeometry(l_ef=0.28))
     expected = [*left.closed_form(1.0).joints, *right.closed_form(1.0).joints]
-    assert poses[0].position.tolist() == pytest.approx(expected, abs=1e-12)
+    assert talk.answers(1)[0].position.tolist() == pytest.approx(expected, abs=1e-12)
 
 
 def test_several_sources_are_reported_while_they_send_at_once(ros: Domain) -> None:
@@ -152,8 +125,8 @@ def test_several_sources_are_reported_while_they_send_at_once(ros: Domain) -> No
         return str(reports[-1].status[0].message) if reports else ''
 
     begin = 'the crank is turned by more than one:'
-    said = f'{begin} /crank_angle (1) and /crank_state (1)'
-    ros.probe.until(lambda: reported(angle, state) == said)
+    message = f'{begin} /crank_angle (1) and /crank_state (1)'
+    ros.probe.until(lambda: reported(angle, state) == message)
     ros.probe.until(lambda: reported(angle, silent) == f'{begin} /crank_angle (2)')
     # Beside one that is silent, as a node that yields to a driver.
     ros.probe.until(lambda: reported(angle) == 'solving')
@@ -192,18 +165,13 @@ def test_bars_end_where_the_poses_points_are(ros: Domain, name: str) -> None:
 def test_a_shipped_walkers_feet_are_where_its_legs_put_them(ros: Domain, walker: int) -> None:
     file = CONFIG / f'walker{walker}.yaml'
     legs = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
-    feet = {name: ros.probe.listen(PointStamped, f'{name}/point_h') for name in legs['legs']}
-    ros.solve('--params-file', str(file))
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    for name in feet:
-        ros.probe.await_publishers(f'{name}/point_h')
-    crank.publish(Float64(data=0.75))
-    ros.probe.until(lambda: all(feet.values()))
-    assert len(feet) == walker
-    for name, (foot,) in feet.items():
-        drive = legs[name]
-        expected = KlannLeg().closed_form(drive['direction'] * 0.75 + drive['phase']).h
-        assert (foot.point.x, foot.point.y) == pytest.approx(expected, abs=1e-12)
+    names = legs['legs']
+    assert len(names) == walker
+    talk = Conversation(ros, 'crank_angle', '--params-file', str(file), legs=names)
+    talk.turn(0.75)
+    talk.answers(1)
+    alphas = {name: legs[name]['direction'] * 0.75 + legs[name]['phase'] for name in names}
+    talk.assert_feet({name: KlannLeg().closed_form(alpha).h for name, alpha in alphas.items()})
 
 
 def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: Domain) -> None:

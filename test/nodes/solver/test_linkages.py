@@ -5,8 +5,7 @@ from importlib import resources
 import math
 from pathlib import Path
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, TwistStamped
+from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.kinematics import LinkageLeg, shipped_linkage, shipped_linkages
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
+from solver_conversation import Conversation
 from std_msgs.msg import Float64
 
 LINKAGES = Path(str(resources.files('klann_ros') / 'linkages'))
@@ -24,25 +24,15 @@ ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
 
 @pytest.mark.parametrize('name', ['jansen', 'stephenson', 'quick_return'])
 def test_its_joints_and_its_foot_are_published(ros: Domain, name: str) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    feet = ros.probe.listen(PointStamped, 'point_h')
-    ros.solve(linkage=LINKAGES / f'{name}.yaml')
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.await_publishers('joint_states')
-    ros.probe.await_publishers('point_h')
-    for alpha in ANGLES:
-        crank.publish(Float64(data=alpha))
-    ros.probe.until(lambda: len(poses) == len(feet) == len(ANGLES))
+    talk = Conversation(ros, linkage=LINKAGES / f'{name}.yaml')
+    talk.turn(*ANGLES)
     leg = LinkageLeg(shipped_linkage(name))
-    for alpha, pose, foot in zip(ANGLES, poses, feet, strict=True):
-        expected = leg.closed_form(alpha)
+    for number, pose in enumerate(talk.answers(len(ANGLES))):
+        expected = leg.closed_form(ANGLES[number])
         assert tuple(pose.name) == leg.joint_names
-        assert pose.position[0] == alpha
+        assert pose.position[0] == ANGLES[number]
         assert np.sin(np.subtract(pose.position[1:], expected.x)) == pytest.approx(0, abs=1e-12)
-        assert (foot.point.x, foot.point.y, foot.point.z) == pytest.approx(
-            (*expected.h, 0.0), abs=1e-12
-        )
-        assert foot.header.frame_id == 'leg_plane'
+        talk.assert_feet({'': expected.h}, number)
         assert len(pose.velocity) == 0
 
 
@@ -64,31 +54,23 @@ def test_every_shipped_linkage_is_driven(ros: Domain) -> None:
 
 
 def test_its_velocities_follow_the_cranks(ros: Domain) -> None:
-    poses = ros.probe.listen(JointState, 'joint_states')
-    velocities = ros.probe.listen(TwistStamped, 'velocity_h')
-    ros.solve(linkage=LINKAGES / 'jansen.yaml')
-    crank = ros.probe.publisher(JointState, 'crank_state')
-    ros.probe.await_publishers('joint_states')
-    ros.probe.await_publishers('velocity_h')
-    crank.publish(JointState(name=['crank'], position=[1.0], velocity=[2.0]))
-    ros.probe.until(lambda: poses and velocities)
+    talk = Conversation(ros, 'crank_state', linkage=LINKAGES / 'jansen.yaml')
+    talk.state(name=['crank'], position=[1.0], velocity=[2.0])
+    ros.probe.until(lambda: talk.poses and talk.velocities)
     leg = LinkageLeg(shipped_linkage('jansen'))
     expected = leg.velocity(leg.closed_form(1.0), 2.0)
-    assert poses[0].velocity.tolist() == pytest.approx(expected.joints, abs=1e-12)
-    linear = velocities[0].twist.linear
+    assert talk.poses[0].velocity.tolist() == pytest.approx(expected.joints, abs=1e-12)
+    linear = talk.velocities[0].twist.linear
     assert (linear.x, linear.y) == pytest.approx(expected.h, abs=1e-12)
 
 
 def test_its_diagnostics_have_an_angle_for_each_dyad(ros: Domain) -> None:
-    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.solve(linkage=LINKAGES / 'jansen.yaml', diagnostics_period=0.3)
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.until(lambda: crank.get_subscription_count() > 0)
-    crank.publish(Float64(data=1.0))
+    talk = Conversation(ros, linkage=LINKAGES / 'jansen.yaml')
+    talk.turn(1.0)
 
     def solved() -> list[dict[str, str]]:
-        said = [{v.key: v.value for v in r.status[0].values} for r in reports]
-        return [values for values in said if values['iterations'] != '0']
+        values = [{v.key: v.value for v in r.status[0].values} for r in talk.reports]
+        return [each for each in values if each['iterations'] != '0']
 
     ros.probe.until(solved)
     values = solved()[0]
@@ -130,7 +112,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     text = file.read_text(encoding='utf-8')
     assert solver_parameters(record).parameters[LINKAGE_PARAMETER] == text
     picture = tmp_path / 'leg.png'
-    # How long a busy machine stands still is not what is asked.
+    # Stalls of a busy machine do not count.
     limits = tmp_path / 'limits.yaml'
     limits.write_text('gap_time: 5.0\nlatency: 5.0\n', encoding='utf-8')
     patient = [tmp_path / 'run', '--limits', limits]
@@ -175,18 +157,9 @@ def test_an_unreachable_angle_is_reported_and_leaves_no_trace(ros: Domain, tmp_p
     file = tmp_path / 'four_bar.yaml'
     text = (LINKAGES / 'four_bar.yaml').read_text(encoding='utf-8')
     file.write_text(text.replace('O4: [180, 0]', 'O4: [300, 0]'), encoding='utf-8')
-    poses = ros.probe.listen(JointState, 'joint_states')
-    reports = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.solve(linkage=file, diagnostics_period=0.3)
-    crank = ros.probe.publisher(Float64, 'crank_angle')
-    ros.probe.await_publishers('joint_states')
-    for alpha in (1.0, math.pi, 1.0):
-        crank.publish(Float64(data=alpha))
-    ros.probe.until(lambda: len(poses) == 2)
-
-    def failed() -> list[str]:
-        return [r.status[0].message for r in reports if r.status[0].level == b'\x02']
-
-    ros.probe.until(failed)
-    assert 'dyad 1 does not close, A and O4 are 0.03 m further apart than AB + O4B' in failed()[0]
-    assert 'the crank does not turn fully, it cannot reach' in failed()[0]
+    talk = Conversation(ros, linkage=file)
+    talk.turn(1.0, math.pi, 1.0)
+    message = talk.status(DiagnosticStatus.ERROR).message
+    talk.answers(2)
+    assert 'dyad 1 does not close, A and O4 are 0.03 m further apart than AB + O4B' in message
+    assert 'the crank does not turn fully, it cannot reach' in message

@@ -3,83 +3,23 @@
 from collections.abc import Sequence
 import math
 import time
-from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PointStamped, TwistStamped
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg, UnreachableError
 import numpy as np
 import pytest
 from rcl_interfaces.srv import DescribeParameters
-from ros_domain import Domain, Probe
+from ros_domain import Domain
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from solver_conversation import Conversation
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 ROOT_60 = np.radians([10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574])
 H_60 = (0.7960057379415449, -0.3037627502892032)
-
-
-class Conversation:
-    """A running solver_node, a crank to turn, and its answers."""
-
-    def __init__(
-        self,
-        ros: Domain,
-        topic: str = 'crank_angle',
-        *,
-        as_process: bool = False,
-        **parameters: Any,
-    ) -> None:
-        self.probe: Probe = ros.probe
-        self.poses = self.probe.listen(JointState, 'joint_states')
-        self.feet = self.probe.listen(PointStamped, 'point_h')
-        self.velocities = self.probe.listen(TwistStamped, 'velocity_h')
-        self.reports = self.probe.listen(DiagnosticArray, '/diagnostics')
-        given = {'diagnostics_period': 0.3, **parameters}
-        ros.start('solver_node', **given) if as_process else ros.solve(**given)
-        kind = Float64 if topic == 'crank_angle' else JointState
-        self.crank = self.probe.publisher(kind, topic)
-        for output in ('joint_states', 'point_h', 'velocity_h', '/diagnostics'):
-            self.probe.await_publishers(output)
-
-    def turn(self, *alphas: float) -> None:
-        """Publish crank angles."""
-        for alpha in alphas:
-            self.crank.publish(Float64(data=alpha))
-
-    def state(self, **fields: Any) -> None:
-        """Publish a JointState."""
-        stamp = fields.pop('stamp', Time())
-        message = JointState(**fields)
-        message.header.stamp = stamp
-        self.crank.publish(message)
-
-    def answers(self, count: int) -> list[JointState]:
-        """Wait for so many poses, and see that there are no more."""
-        self.probe.until(lambda: len(self.poses) >= count and len(self.feet) >= count)
-        self.probe.spin(0.2)
-        assert (len(self.poses), len(self.feet)) == (count, count)
-        return self.poses
-
-    def status(self, level: bytes) -> DiagnosticStatus:
-        """Wait for a status of a level that comes after now."""
-        self.reports.clear()
-
-        def found() -> list[DiagnosticStatus]:
-            return [s for report in self.reports for s in report.status if s.level == level]
-
-        self.probe.until(found)
-        return found()[0]
-
-    def counts(self) -> dict[str, str]:
-        """Return the values of the next report."""
-        self.reports.clear()
-        # A report may be on its way that is older than the last answer.
-        self.probe.until(lambda: len(self.reports) >= 2)
-        return {value.key: value.value for value in self.reports[1].status[0].values}
 
 
 def assert_right(poses: Sequence[JointState], geometry: KlannGeometry | None = None) -> None:
@@ -98,15 +38,12 @@ def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: Domain) -> N
     talk = Conversation(ros)
     before = time.time()
     talk.turn(math.radians(60))
-    (pose,), (foot,) = talk.answers(1), talk.feet
+    (pose,) = talk.answers(1)
     assert list(pose.name) == ['alpha', 'gamma', 'beta', 'delta', 'theta']
     assert pose.position[0] == math.radians(60)
     np.testing.assert_allclose(pose.position[1:], ROOT_60, rtol=0, atol=1e-9)
-    assert (foot.point.x, foot.point.y) == pytest.approx(H_60, abs=1e-9)
-    assert foot.point.z == 0
-    assert foot.header.frame_id == 'leg_plane'
+    talk.assert_feet({'': H_60})
     assert list(pose.velocity) == list(pose.effort) == []
-    assert pose.header.stamp == foot.header.stamp
     stamp = pose.header.stamp.sec + pose.header.stamp.nanosec * 1e-9
     assert before - 1 <= stamp <= time.time() + 1
     assert talk.velocities == []
@@ -255,7 +192,7 @@ def test_losses_in_a_flood_are_counted_exactly(ros: Domain) -> None:
     ros.probe.spin(1.0)
     ros.probe.until(one_more_is_answered)
     counts = talk.counts()
-    # What was lost before the first that it heard it cannot know of.
+    # It cannot know of losses before the first message that it received.
     unheard = sent.index(talk.poses[0].position[0])
     assert unheard < before
     assert int(counts['solved']) + int(counts['lost']) == len(sent) + len(alphas) - unheard

@@ -27,7 +27,7 @@ STEP = 0.02
 
 
 class Tab:
-    """A page without a browser: it says that it is there, draws frames, and keeps the drive."""
+    """A page without a browser: it sends keep-alives, draws frames, and keeps the drive."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._socket = socket
@@ -152,7 +152,7 @@ def test_a_publisher_that_cannot_yield_is_named_and_nothing_is_driven(ros: Domai
 
 def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) -> None:
     run = write_run(ros.folder / 'run', [make_messages(200, period=10_000_000)])
-    heard = {
+    received = {
         '/crank_angle': ros.probe.listen(Float64, 'crank_angle'),
         '/cmd_vel': ros.probe.listen(TwistStamped, 'cmd_vel'),
     }
@@ -160,7 +160,7 @@ def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) 
     ros.start('player_node', str(run), '--loop')
     given = {'use_clock': True, 'real_time_factor': 4.0, 'linear': 0.1}
     ros.start('sim_node', '--ros-args', '--params-file', WALKER, **given)
-    for topic, messages in heard.items():
+    for topic, messages in received.items():
         yields(ros, topic, messages)
 
 

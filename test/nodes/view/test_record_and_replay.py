@@ -100,7 +100,7 @@ def run(live: Live) -> Path:
 
 
 def written(card: Machine) -> int:
-    """Return how many messages a recorder has written, as the page says."""
+    """Return how many messages a recorder has written, as the page shows."""
     words = str(card.card.text_content()).split(' messages written')[0]
     return int(words.rpartition(' ')[2].replace(',', ''))
 
@@ -159,6 +159,6 @@ def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
 
 
 def shown_position(card: Machine) -> float:
-    """Return where a player is, as the page says [s]."""
+    """Return where a player is, as the page shows [s]."""
     words = str(card.card.text_content()).partition('last known position ')[2]
     return float(words.split()[0]) if words and words[0].isdigit() else -1.0

@@ -6,7 +6,6 @@ from typing import Any
 
 from browser import find
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from fake_live_state import EVIL
 from geometry_msgs.msg import TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg
@@ -15,7 +14,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rcl_interfaces.srv import GetParameters
-from ros_domain import Domain, open_domain
+from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -28,29 +27,23 @@ NEAR = 1e-6
 
 
 @pytest.fixture(scope='module')
-def ros_of_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('view')) as made:
-        yield made
+def url(module_ros: Domain) -> str:
+    module_ros.start('solver_node')
+    return address(module_ros.start('view_node', '--port', '0'))
 
 
 @pytest.fixture(scope='module')
-def url(ros_of_all: Domain) -> str:
-    ros_of_all.start('solver_node')
-    return address(ros_of_all.start('view_node', '--port', '0'))
-
-
-@pytest.fixture(scope='module')
-def turn(ros_of_all: Domain, url: str) -> Iterator[Callable[[float], None]]:
+def turn(module_ros: Domain, url: str) -> Iterator[Callable[[float], None]]:
     """Return what turns the crank, from elsewhere; a solver and a page are there."""
     assert url
-    publisher = ros_of_all.probe.publisher(Float64, 'crank_angle', subscribers=2)
+    publisher = module_ros.probe.publisher(Float64, 'crank_angle', subscribers=2)
     yield lambda alpha: publisher.publish(Float64(data=alpha))
-    ros_of_all.probe.node.destroy_publisher(publisher)
+    module_ros.probe.node.destroy_publisher(publisher)
 
 
 @pytest.fixture
-def live(ros_of_all: Domain, url: str, browser: Any) -> Iterator[Live]:
-    made = Live(ros_of_all, url, browser)
+def live(module_ros: Domain, url: str, browser: Any) -> Iterator[Live]:
+    made = Live(module_ros, url, browser)
     yield made
     made.page.close()
 
@@ -263,7 +256,7 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
 
 
 def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
-    """Two legs of one solver with mounts, told by a node that is made up."""
+    """Two legs of one solver with mounts, published by a made-up node."""
     node = moving.ros.probe.add_node('made_up_solver')
     geometry = KlannGeometry.sem104().as_dict()
     mounts = {'left': [0.0, 0.2, 0.3], 'right': [0.0, -0.2, 0.3]}
@@ -316,11 +309,11 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         )['points']
         for view in ('side', 'above')
     }
-    wanted = np.array([point for pose in poses for point in pose.points])
+    expected = np.array([point for pose in poses for point in pose.points])
     ys = np.repeat([0.2, -0.2], 8)
-    side = np.column_stack([wanted[:, 0], wanted[:, 1] + 0.3])
+    side = np.column_stack([expected[:, 0], expected[:, 1] + 0.3])
     assert np.abs(np.array(drawn['side']) - side).max() < NEAR
-    assert np.abs(np.array(drawn['above']) - np.column_stack([wanted[:, 0], ys])).max() < NEAR
+    assert np.abs(np.array(drawn['above']) - np.column_stack([expected[:, 0], ys])).max() < NEAR
     assert moving.errors == []
     node.destroy_publisher(publisher)
 
@@ -336,16 +329,16 @@ def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
 
 
 def test_read_only_drives_nothing_and_ends_orderly_with_open_pages(
-    ros_of_all: Domain, browser: Any
+    module_ros: Domain, browser: Any
 ) -> None:
-    process = ros_of_all.start_by(
+    process = module_ros.start_by(
         [], 'view_node', *('--port', '0', '--read-only', '--ros-args', '-r', '__node:=looker')
     )
     url = address(process)
     assert 'token' not in url
     page = browser.new_page()
     page.goto(url)
-    probe = ros_of_all.probe
+    probe = module_ros.probe
     probe.until(lambda: page.locator('#state-title').text_content() != 'Connecting')
     assert page.locator('#take').is_disabled()
     probe.until(lambda: 'looker' in probe.node.get_node_names())
@@ -358,7 +351,7 @@ def test_read_only_drives_nothing_and_ends_orderly_with_open_pages(
     page.close()
 
 
-def test_a_refused_start_is_one_line(ros_of_all: Domain) -> None:
+def test_a_refused_start_is_one_line(module_ros: Domain) -> None:
     with socket.socket() as taken:
         taken.bind(('127.0.0.1', 0))
         taken.listen()
@@ -369,11 +362,11 @@ def test_a_refused_start_is_one_line(ros_of_all: Domain) -> None:
             ('--port', '70000'): (2, 'within 0 .. 65535'),
         }
         started = {
-            arguments: ros_of_all.start_by([], 'view_node', *arguments) for arguments in refusals
+            arguments: module_ros.start_by([], 'view_node', *arguments) for arguments in refusals
         }
-        for arguments, (code, said) in refusals.items():
+        for arguments, (code, reason) in refusals.items():
             process = started[arguments]
             assert process.wait() == code
             last = process.errors.strip().splitlines()[-1]
-            assert said in last
+            assert reason in last
             assert 'Traceback' not in process.errors

@@ -1,12 +1,10 @@
 """walker_node as a process, with motors that the test turns."""
 
-from collections.abc import Iterator
 from math import degrees, nan
 from pathlib import Path
 from signal import SIGCONT, SIGSTOP
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from domain import own_domain
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.walker.node import Beat
@@ -14,7 +12,7 @@ from klann_ros.robot import robot_of
 from klann_ros.walker import Feet, Steering, Twist2D
 from nav_msgs.msg import Odometry
 import pytest
-from ros_domain import Domain, open_domain, Process
+from ros_domain import Domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -25,13 +23,13 @@ JOINTS = ['left_crank', 'right_crank']
 
 
 class Motors:
-    """Two motors on the probe: they turn as they are told, but for their factors."""
+    """Two motors on the probe: they turn as commanded, times their factors."""
 
     def __init__(self, ros: Domain) -> None:
         self.probe = ros.probe
         self.commands = self.probe.listen(JointState, 'crank_command')
         self.odom = self.probe.listen(Odometry, 'odom')
-        self.told = self.probe.listen(DiagnosticArray, '/diagnostics')
+        self.reports = self.probe.listen(DiagnosticArray, '/diagnostics')
         self.state = self.probe.publisher(JointState, 'crank_state')
         self.cmd_vel = self.probe.publisher(TwistStamped, 'cmd_vel')
         self.factors = [1.0, 0.9]
@@ -43,14 +41,14 @@ class Motors:
 
     def _tick(self) -> None:
         self.ticks += 1
-        wanted = list(self.commands[-1].velocity) if self.commands else [0.0, 0.0]
-        rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
+        commanded = list(self.commands[-1].velocity) if self.commands else [0.0, 0.0]
+        rates = [f * v for f, v in zip(self.factors, commanded, strict=True)]
         self.positions = [p + 0.01 * r for p, r in zip(self.positions, rates, strict=True)]
-        heard = [k for k in range(2) if k not in self.silent]
+        reporting = [k for k in range(2) if k not in self.silent]
         message = JointState(
-            name=[JOINTS[k] for k in heard],
-            position=[self.positions[k] for k in heard],
-            velocity=[rates[k] for k in heard],
+            name=[JOINTS[k] for k in reporting],
+            position=[self.positions[k] for k in reporting],
+            velocity=[rates[k] for k in reporting],
         )
         # They turn by ticks, which a busy machine delays.
         message.header.stamp.sec, ticks = divmod(self.ticks, 100)
@@ -67,23 +65,27 @@ class Motors:
 
     @property
     def status(self) -> DiagnosticStatus:
-        found = [s for array in self.told for s in array.status if s.name == 'walker_node: walker']
+        found = [
+            s for array in self.reports for s in array.status if s.name == 'walker_node: walker'
+        ]
         return found[-1]
 
     def value(self, key: str) -> str:
         return str(next(each.value for each in self.status.values if each.key == key))
 
-    def until_said(self, text: str) -> None:
-        self.probe.until(lambda: self.told and text in self.status.message)
+    def until_message(self, text: str) -> None:
+        self.probe.until(lambda: self.reports and text in self.status.message)
 
     def until_steady(self) -> None:
         assert self.twist is not None
-        # What was said before is of another motion.
-        self.told.clear()
+        # Earlier reports are of another motion.
+        self.reports.clear()
         linear = self.twist[0]
         # A loaded machine ends a command now and then, and it starts again.
         near = 0.02 * abs(linear)
-        self.probe.until(lambda: self.told and abs(float(self.value('linear')) - linear) <= near)
+        self.probe.until(
+            lambda: self.reports and abs(float(self.value('linear')) - linear) <= near
+        )
 
     def until_stopped(self) -> None:
         # Diagnostics may be earlier than commands.
@@ -91,9 +93,8 @@ class Motors:
 
 
 @pytest.fixture(scope='module')
-def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('walker')) as made:
-        yield made
+def ros(module_ros: Domain) -> Domain:
+    return module_ros
 
 
 @pytest.fixture(scope='module')
@@ -123,9 +124,9 @@ def test_a_beat_is_kept_in_the_mean_and_never_exceeded(rate: float, least: int, 
 
 def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     # One process, and one story: what each chapter leaves is where the next begins.
-    motors.until_said('standing')
+    motors.until_message('standing')
     motors.twist = (0.15, 0.0)
-    motors.until_said('walking')
+    motors.until_message('walking')
     ros.probe.until(lambda: motors.odom[-1].pose.pose.position.x > 0.3)
     at = motors.odom[-1]
     assert (at.header.frame_id, at.child_frame_id) == ('odom', 'base_link')
@@ -152,22 +153,22 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     ros.probe.until(lambda: motors.value('imu') == 'none')
 
     motors.silent = {1}
-    motors.until_said('no feedback of right_crank')
+    motors.until_message('no feedback of right_crank')
     motors.until_stopped()
     motors.silent = set()
-    motors.until_said('walking')
+    motors.until_message('walking')
 
     motors.factors = [0.0, 1.0]
-    motors.until_said('left_crank does not turn')
+    motors.until_message('left_crank does not turn')
     motors.until_stopped()
     motors.factors = [1.0, 1.0]
     motors.twist = (0.0, 0.0)
-    motors.until_said('standing')
+    motors.until_message('standing')
     motors.twist = (0.1, 5.0)
-    motors.until_said('limited by max_angular')
+    motors.until_message('limited by max_angular')
 
     motors.twist = None
-    motors.until_said('standing: no cmd_vel')
+    motors.until_message('standing: no cmd_vel')
     motors.until_stopped()
 
 
@@ -200,14 +201,14 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     if not ends:
         motors.until_steady()
     steering = Steering(Feet(robot_of(TWO_MOTORS)))
-    wanted = steering.rates(Twist2D(*twist)) if any(twist) else (0.0, 0.0)
+    expected = steering.rates(Twist2D(*twist)) if any(twist) else (0.0, 0.0)
     for command in motors.commands[sent:]:
         if twist[1]:
             # In a curve one side may turn back; both together never do.
             assert sum(command.velocity) * twist[0] >= -0.02
             assert max(map(abs, command.velocity)) <= 3.0
             continue
-        for rate, commanded in zip(command.velocity, wanted, strict=True):
+        for rate, commanded in zip(command.velocity, expected, strict=True):
             # 1 for the commanded rate, 0.4 for a slow motor, 1 to make up an error; phases.
             assert 0.0 <= rate * commanded <= 2.4 * 1.1 * commanded**2
             assert commanded or rate == 0.0
@@ -222,7 +223,7 @@ def test_a_slipped_crank_is_reported_with_its_size(
     motors.until_steady()
     before = float(motors.value('right_crank offset_sum'))
     motors.positions[1] += 0.2
-    motors.until_said('right_crank: position offset of +0.')
+    motors.until_message('right_crank: position offset of +0.')
     size = float(motors.value('right_crank offset_sum')) - before
     assert size == pytest.approx(0.2, abs=0.05)
     ros.probe.until(lambda: 'right_crank: position offset of +0.' in walker.errors)
