@@ -11,28 +11,19 @@ from numpy.typing import ArrayLike
 
 class BodyMotion(NamedTuple):
     """
-    Poses of a linkage at k crank angles, and their derivatives by the crank angle.
+    Poses of n bodies at k crank angles, and their derivatives by the crank angle.
 
     Missing and singular poses are NaN.
-
-    Attributes
-    ----------
-    linkage : Linkage
-        The linkage.
-    alphas : numpy.ndarray, shape (k,)
-        The crank angles [rad].
-    u, u_1, u_2 : numpy.ndarray, shape (n, k)
-        The bodies' vectors, and their derivatives: see `kinematics.linkage.joints`.
-    rotation_1, rotation_2 : numpy.ndarray, shape (n, k)
-        Derivatives of the bodies' rotation, counter-clockwise [rad/rad, rad/rad^2].
-
     """
 
     linkage: Linkage
+    # The crank angles, shape (k,) [rad].
     alphas: FloatArray
+    # The bodies' vectors and their derivatives, shape (n, k): see `kinematics.linkage.joints`.
     u: ComplexArray
     u_1: ComplexArray
     u_2: ComplexArray
+    # Derivatives of the bodies' rotation, counter-clockwise, shape (n, k) [rad/rad, rad/rad^2].
     rotation_1: FloatArray
     rotation_2: FloatArray
 

@@ -10,7 +10,7 @@ _FLOOR, _MOTORS = Floor(), Motors()
 WORLD = (
     Declaration('built', '', 'leg file with the lengths as built and the encoder zero'),
     number('friction', _FLOOR.friction, "Coulomb's, of the feet on the floor", 0.0, 10.0),
-    number('slope', _FLOOR.slope, 'by how much the floor rises along x [rad]', -0.785, 0.785),
+    number('slope', _FLOOR.slope, 'angle by which the floor rises along x [rad]', -0.785, 0.785),
     number('time_step', 0.0, 'of the engine [s]; 0: 1 ms, of a leg 0.2 ms', 0.0, 0.005),
 )
 DRIVES = (
@@ -20,7 +20,7 @@ DRIVES = (
         "factor of the motors' speeds: one for all, or one for each crank joint",
         constraint='one number, or one for each crank joint, finite',
     ),
-    number('motor_bandwidth', _MOTORS.bandwidth, 'of the speed of a motor [rad/s]', 0.1, 1000.0),
+    number('motor_bandwidth', _MOTORS.bandwidth, "of a motor's speed [rad/s]", 0.1, 1000.0),
     number('max_crank_rate', _MOTORS.max_velocity, 'no crank turns faster [rad/s]', 1e-3, 100.0),
     number('command_timeout', 0.5, 'without a younger command a crank is held [s]', 0.01, 60.0),
 )
@@ -40,14 +40,14 @@ READINGS = (
     number('orientation_noise', 0.0, "standard deviation of the IMU's attitude [rad]", 0.0, 3.2),
     number('camera_noise', 1e-4, 'standard deviation of measured points [m]', 0.0, 1.0),
     number('camera_outliers', 0.0, 'share of measured points that are wrong', 0.0, 0.5),
-    Declaration('seed', 0, 'of all noise', limits=(0, 2**31 - 1)),
+    Declaration('seed', 0, 'seed of all noise', limits=(0, 2**31 - 1)),
 )
 OUTPUT = (
     Declaration('cameras', False, 'whether cameras measure moving points, as camera/LEG/POINT'),
     number('linear', 0.0, 'own cmd_vel while no other node sends any [m/s]; 0: none', -1.0, 1.0),
     number('rate', 100.0, 'messages a second of simulated time [Hz]', 1.0, 1000.0),
-    number('real_time_factor', 1.0, "simulated time by the world's", 0.01, 100.0),
-    Declaration('use_clock', False, 'whether /clock is published, and is in the stamps'),
+    number('real_time_factor', 1.0, 'simulated time over wall time', 0.01, 100.0),
+    Declaration('use_clock', False, 'publish /clock, and stamp messages with it'),
     Declaration('world_frame', 'world', 'frame of ground_truth'),
     Declaration('base_frame', 'base_link', 'frame of the body, and of its IMU'),
     number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),

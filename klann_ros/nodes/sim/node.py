@@ -150,10 +150,8 @@ class SimNode(Node):
         if self._twin.state:
             return DiagnosticStatus.ERROR, self._twin.state
         if factor.share < MIN_REAL_TIME_FACTOR:
-            return (
-                DiagnosticStatus.WARN,
-                f'it cannot keep up: {factor.factor:.2f} of real time, {self._factor:g} is wanted',
-            )
+            rates = f'{factor.factor:.2f} of real time, {self._factor:g} is requested'
+            return DiagnosticStatus.WARN, f'it cannot keep up: {rates}'
         silent = self._commands.silent
         if silent:
             held = ', '.join(map(printable, silent))
@@ -172,7 +170,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     parser = ArgumentParser(
         'sim_node',
         'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '
-        'cranks (crank_state), its IMU (imu) and where it really is (ground_truth) out.',
+        'cranks (crank_state), its IMU (imu) and its true pose (ground_truth) out.',
         f'{usage(groups)}\n its legs and masses: those of solver_node, in the same file\n'
         f'{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the robot stands where it began.',

@@ -221,7 +221,7 @@ class Drives:
             driven = self._drives.get(command.target)
             try:
                 if driven is None:
-                    raise DriveError('that cannot be driven any more')  # noqa: TRY301
+                    raise DriveError('that can no longer be driven')  # noqa: TRY301
                 self._do(driven, page, command)
             except DriveError as error:
                 answer(False, str(error))
@@ -330,7 +330,7 @@ class Drives:
         is_uninterrupted = driven.lease.announce()
         owner = driven.drive.owner
         if driven.drive.is_lost(now):
-            return 'the page was not heard of any more'
+            return 'the page timed out'
         if not is_uninterrupted:
             return 'view_node was stopped for a while'
         if owner is None or driven.taking is None:

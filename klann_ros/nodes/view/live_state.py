@@ -146,7 +146,7 @@ class LiveState(PageState):
     def _operate(self, command: Command, answer: Answer) -> None:
         machine = next((m for m in self._machines if m.node == command.target), None)
         if machine is None:
-            answer(False, 'it is not there any more')
+            answer(False, 'that node has gone')
             return
         node, is_player = machine.node, machine.kind == 'player'
 

@@ -35,7 +35,7 @@ CONTROL = (
     Declaration(
         'command_type',
         'joint_state',
-        'what crank_command is: sensor_msgs/JointState, or std_msgs/Float64MultiArray',
+        'type of crank_command: sensor_msgs/JointState, or std_msgs/Float64MultiArray',
         choices=COMMANDS,
     ),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
@@ -53,8 +53,8 @@ CONTROL = (
     _tunable('phase_integral', INTEGRAL, 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
 )
 ODOMETRY = (
-    Declaration('odom_frame', 'odom', 'frame in which it is'),
-    Declaration('base_frame', 'base_link', 'its own frame'),
+    Declaration('odom_frame', 'odom', 'frame of the odometry'),
+    Declaration('base_frame', 'base_link', 'frame of the body'),
     Declaration('publish_tf', True, 'whether odom_frame -> base_frame is sent to /tf'),
     Declaration('use_imu', False, 'whether yaw and attitude are taken from imu'),
     number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
