@@ -239,14 +239,14 @@ class Probe:
         self.node.destroy_client(client)
         return future.result()
 
-    def set(self, node: str, values: Mapping[str, Any], *, atomically: bool = False) -> Any:
+    def set_parameters(self, node: str, values: Mapping[str, Any], *, atomic: bool = False) -> Any:
         """Set parameters of a node, each or all of them; return the (last) result."""
         parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         kind, service = SetParameters, f'{node}/set_parameters'
-        if atomically:
+        if atomic:
             kind, service = SetParametersAtomically, f'{service}_atomically'
         answer = self.call(kind, service, kind.Request(parameters=parameters))
-        return answer.result if atomically else answer.results[-1]
+        return answer.result if atomic else answer.results[-1]
 
     def close(self) -> None:
         """Leave the domain."""

@@ -85,8 +85,9 @@ def reactions(
         pins[point, names[j]] = x + 1j * y
         own = point, names[first]
         pins[own] = pins.get(own, 0.0) - pins[point, names[j]]
-    on_lines = pairs[len(pinned) :]
-    return Reactions(torque, pins, {names[j]: on for j, on in zip(sliding, on_lines, strict=True)})
+    first_line = len(pinned)
+    lines = zip(sliding, pairs[first_line:], strict=True)
+    return Reactions(torque, pins, {names[j]: pair for j, pair in lines})
 
 
 def _columns(

@@ -27,7 +27,6 @@ Session, Socket = aiohttp.ClientSession, aiohttp.ClientWebSocketResponse
 
 def attacking(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     """Run a test with a session in an event loop of its own, up to a timeout."""
-
     own = signature(test)
     fixtures = [each for name, each in own.parameters.items() if name != 'session']
 

@@ -217,7 +217,7 @@ def test_all_else_is_served_in_one_thread_with_and_without_load(ros: Domain, pla
             ticks, lean_ticks = run.echo.ticks, run.echo.lean_ticks
             for k in range(10):
                 assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
-                assert ros.probe.set('echo', {'value': float(k)}).successful
+                assert ros.probe.set_parameters('echo', {'value': float(k)}).successful
                 typed.publish(Float64(data=float(k)))
             ros.probe.until(lambda: run.echo.ticks > ticks and run.echo.lean_ticks > lean_ticks)
             ros.probe.until(lambda: len(run.echo.typed) == 10)

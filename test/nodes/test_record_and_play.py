@@ -227,9 +227,9 @@ def test_changes_of_a_leg_and_a_new_solver_are_in_the_run(ros: Domain, tmp_path:
     solver = ros.start('solver_node', legs='[left, right]')
     ros.probe.until(lambda: len(solver_lengths(folder, right)) == 1)
     # The present value is no change.
-    assert ros.probe.set('solver_node', {right: 0.43}).successful
+    assert ros.probe.set_parameters('solver_node', {right: 0.43}).successful
     ros.probe.spin(0.5)
-    assert ros.probe.set('solver_node', {right: 0.5}).successful
+    assert ros.probe.set_parameters('solver_node', {right: 0.5}).successful
     ros.probe.until(lambda: len(solver_lengths(folder, right)) == 2)
     assert solver.stop() == 0
     ros.start('solver_node', **{'legs': '[left, right]', right: 0.6})

@@ -60,19 +60,19 @@ def test_a_running_node_suggests_the_nearest_parameter(ros: Domain) -> None:
     ros.solve(legs='[left]')
     right, wrong = {'left.l_ab': 0.12}, {'left.l_bla': 0.2}
     reason = "parameter left.l_bla is none of solver_node's; did you mean left.l_bc?"
-    assert ros.probe.set('solver_node', wrong).reason == reason
+    assert ros.probe.set_parameters('solver_node', wrong).reason == reason
     for name in ('', 'z' * 10**6, '\x1b[2Jz'):
-        answer = ros.probe.set('solver_node', {name: 0.2})
+        answer = ros.probe.set_parameters('solver_node', {name: 0.2})
         assert not answer.successful
         assert answer.reason.isprintable()
         assert len(answer.reason) < 2 * MAX_NAME_LENGTH
-    assert not ros.probe.set('solver_node', right | wrong, atomically=True).successful
-    assert ros.probe.set('solver_node', right).successful
+    assert not ros.probe.set_parameters('solver_node', right | wrong, atomic=True).successful
+    assert ros.probe.set_parameters('solver_node', right).successful
 
 
 def test_a_value_of_any_length_is_refused_on_a_short_line(ros: Domain) -> None:
     ros.solve()
-    answer = ros.probe.set('solver_node', {'assembly': [1] * 10**6})
+    answer = ros.probe.set_parameters('solver_node', {'assembly': [1] * 10**6})
     assert answer.reason.endswith('it must be two signs, each +1 or -1')
     assert len(answer.reason) < 300
-    assert not ros.probe.set('solver_node', {'l_ab': None}).successful
+    assert not ros.probe.set_parameters('solver_node', {'l_ab': None}).successful

@@ -62,7 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help='wait S seconds first, so that subscribers find the publishers (default: 0.5)',
     )
     add('--topics', nargs='+', type=_full, metavar='T', help='play these topics only')
-    remap = {'nargs': '+', 'type': _renaming, 'default': [], 'metavar': 'OLD:=NEW'}
+    remap: dict[str, Any] = {'nargs': '+', 'type': _renaming, 'default': [], 'metavar': 'OLD:=NEW'}
     add('--remap', **remap, help='publish OLD as NEW')
     add(
         '--clock',

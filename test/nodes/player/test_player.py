@@ -35,7 +35,7 @@ class Controlled:
         return self.ros.probe.call(Trigger, f'player_node/{name}', Trigger.Request())
 
     def change(self, name: str, value: object) -> Any:
-        return self.ros.probe.set('player_node', {name: value})
+        return self.ros.probe.set_parameters('player_node', {name: value})
 
     @property
     def position(self) -> float:

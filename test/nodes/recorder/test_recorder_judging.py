@@ -118,7 +118,7 @@ def seen(module_ros: Domain) -> dict[str, Any]:
 
 
 def longer(stage: Stage) -> None:
-    stage.ros.probe.set('solver_node', {'l_gh': 0.44})
+    stage.ros.probe.set_parameters('solver_node', {'l_gh': 0.44})
 
 
 def stall(stage: Stage) -> None:

@@ -100,10 +100,10 @@ def test_every_leg_has_its_own_status_and_fails_alone(ros: Domain) -> None:
 
 def test_a_legs_length_is_changed_by_its_own_parameter(ros: Domain) -> None:
     talk = Conversation(ros, legs=LEGS)
-    refused = ros.probe.set('solver_node', {'l_ef': 0.28}, atomically=True)
+    refused = ros.probe.set_parameters('solver_node', {'l_ef': 0.28}, atomic=True)
     assert not refused.successful
     assert refused.reason == 'l_ef: each leg has its own, which can be changed: left.l_ef'
-    assert ros.probe.set('solver_node', {'right.l_ef': 0.28}, atomically=True).successful
+    assert ros.probe.set_parameters('solver_node', {'right.l_ef': 0.28}, atomic=True).successful
     talk.turn(1.0)
     left, right = KlannLeg(), KlannLeg(KlannGeometry(l_ef=0.28))
     expected = [*left.closed_form(1.0).joints, *right.closed_form(1.0).joints]

@@ -84,7 +84,7 @@ def test_its_diagnostics_have_an_angle_for_each_dyad(ros: Domain) -> None:
 def test_it_has_no_lengths_to_change(ros: Domain) -> None:
     file = LINKAGES / 'jansen.yaml'
     ros.solve(linkage=file)
-    result = ros.probe.set('solver_node', {'l_gh': 0.5})
+    result = ros.probe.set_parameters('solver_node', {'l_gh': 0.5})
     assert not result.successful
     assert result.reason == f'l_gh cannot be changed: the leg is the linkage in {file}'
 

@@ -244,7 +244,7 @@ def test_the_leg_changes_while_it_runs(ros: Domain) -> None:
     talk.turn(1.0)
     talk.answers(1)
     patent = KlannGeometry.patent()
-    assert talk.probe.set('solver_node', patent.as_dict(), atomically=True).successful
+    assert talk.probe.set_parameters('solver_node', patent.as_dict(), atomic=True).successful
     talk.turn(1.0)
     assert_right(talk.answers(2)[1:], patent)
 
@@ -259,7 +259,7 @@ def test_an_invalid_leg_is_refused_while_it_runs(ros: Domain) -> None:
         ({'assembly': [1, 0]}, 'two signs'),
         ({'tolerance': 1.0}, 'read-only'),
     ]:
-        result = talk.probe.set('solver_node', change, atomically=True)
+        result = talk.probe.set_parameters('solver_node', change, atomic=True)
         assert not result.successful
         assert reason in result.reason
     talk.turn(1.0)

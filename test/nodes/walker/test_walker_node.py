@@ -236,7 +236,7 @@ def test_limits_and_gains_change_while_it_walks(
     assert walker.popen.poll() is None
 
     def set_to(name: str, value: object) -> str:
-        result = ros.probe.set('walker_node', {name: value})
+        result = ros.probe.set_parameters('walker_node', {name: value})
         assert result.successful == (not result.reason)
         return str(result.reason)
 
