@@ -47,7 +47,7 @@ SOLVER = (
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
-COMMENT = re.compile(r'^ *#.*\n', re.MULTILINE)
+COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
     styles=(
