@@ -18,6 +18,10 @@ import sys
 from .sanitize.units import report_unit_warnings
 from .stop_signals import StopSignals
 
+# The matrices of a linkage are small: threads of BLAS that wait for one another cost a fit five
+# times its CPU on a busy machine. NumPy, imported later, reads this; workers inherit it.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 _INTERRUPTED = 130
 # A tool's exit code if a required package is not installed: nothing could be read.
 _MISSING_PACKAGE = 2
