@@ -61,9 +61,10 @@ def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) ->
         for question in variant.kind.questions:
             words, digits = question_markup(question, language), asked(variant, question, language)
             answers = _alternatives(variant, question, language)
-            cells = Markup(_cloze(answers)), unit_sign(question.unit), digits
+            sign = unit_sign(question.unit)
+            cells = Markup(_cloze(answers)), sign, digits
             rows.append(element('tr', element('th', words), *(element('td', x) for x in cells)))
-            text = joined([content, element('p', words, f' ({digits})')])
+            text = joined([content, element('p', words, f' {sign and f"[{sign}] "}({digits})')])
             title = f'{name} {variant.student} {question.name}'
             _part(_question(parts, title, text, drawing), question, answers)
         text = joined([content, element('table', *rows)])

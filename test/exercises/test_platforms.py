@@ -20,6 +20,7 @@ from klann_ros.exercises import (
     platforms,
     Variant,
 )
+from klann_ros.exercises.sheet import unit_sign
 from klann_ros.exercises.variant import LANGUAGES, reason, texts
 from klann_ros.web import browser
 from moodle_rules import FIELD, imported, MoodleAnswer, MoodleQuestion
@@ -47,6 +48,8 @@ def test_moodle_gives_the_points_and_the_reasons_of_the_marking(name: str, langu
     assert '{' not in cloze.text
     for question, field, part in zip(variant.kind.questions, cloze.parts, parts, strict=True):
         assert part.name == f'{name} 21 {question.name}'
+        sign = unit_sign(question.unit)
+        assert (f'[{sign}]' in part.text) == bool(sign)
         assert field.answers == part.answers
         if question.choices:
             right = texts()['choices'].get(variant.answers[question.name], {}).get(language)
