@@ -8,7 +8,7 @@ A. G. Erdman, G. N. Sandor, Mechanism Design; R. L. Norton, Design of Machinery.
 """
 
 from cmath import phase
-from math import cos, degrees, radians, sin, sqrt, tan
+from math import degrees, radians, sin, sqrt, tan
 
 from klann_ros.kinematics import FourBar, GeometryError
 from klann_ros.synthesis import (
@@ -130,18 +130,14 @@ def _key_toggle(givens: Givens) -> Givens:
 
 
 def _key_return(givens: Givens) -> Givens:
-    ratio, swing = givens['Q'], radians(givens['swing'])
-    found = quick_returns(ratio, swing, givens['L_4'], givens['L_2'])
-    chord = 2.0 * givens['L_4'] * sin(swing / 2.0)
-    height = givens['L_4'] * cos(swing / 2.0)
-    for geometry in found:
-        l_3, l_2 = geometry.coupler, geometry.crank
-        along = 2.0 * l_3 * l_2 / chord
-        across = sqrt((l_3 - l_2) ** 2 - (chord / 2.0 - along) ** 2)
-        if abs(abs(complex(height - across, along)) - geometry.ground) < 1e-9 * l_3:
-            delta = 180.0 * (ratio - 1.0) / (ratio + 1.0)
-            return {'delta': delta, 'C': chord, 'L_3': l_3, 'L_1': geometry.ground}
-    raise GeometryError('no crank-rocker has these limits with O2 on the side of O4')
+    ratio, swing, l_4 = givens['Q'], radians(givens['swing']), givens['L_4']
+    found = quick_returns(ratio, swing, l_4, givens['L_2'])
+    if not found:
+        raise GeometryError('no crank-rocker has these limits')
+    # O2 on the side of O4 is nearer to it.
+    geometry = min(found, key=lambda each: each.ground)
+    angles = {'delta': 180.0 * (ratio - 1.0) / (ratio + 1.0), 'C': 2.0 * l_4 * sin(swing / 2.0)}
+    return {**angles, 'L_3': geometry.coupler, 'L_1': geometry.ground}
 
 
 def _undrawn(_: Givens) -> tuple[None, float]:
