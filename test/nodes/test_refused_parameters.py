@@ -14,7 +14,7 @@ import pytest
 from ros_domain import Domain
 import yaml
 
-REFUSED = yaml.safe_load(Path(__file__).with_name('refused_parameters.yaml').read_text('utf-8'))
+CONFIG = str(Path(__file__).resolve().parents[2] / 'config')
 LINKAGES = {
     'name: [': 'holds no linkage: line 1, column 8: expected the node content',
     'name: x': 'holds no linkage: pivots, crank, foot, bodies are missing',
@@ -22,6 +22,12 @@ LINKAGES = {
         'it cannot be assembled near its start'
     ),
 }
+
+
+def read(name: str) -> dict[str, Any]:
+    """Return the rows of a table, by the names of nodes."""
+    rows: dict[str, Any] = yaml.safe_load(Path(__file__).with_name(name).read_text('utf-8'))
+    return rows
 
 
 def refusal(create: Callable[..., Any], name: str, *parameters: str) -> str:
@@ -37,7 +43,7 @@ def refusal(create: Callable[..., Any], name: str, *parameters: str) -> str:
 
 @pytest.mark.parametrize(
     ('name', 'parameters', 'reason'),
-    [(name, *row) for name, rows in REFUSED.items() for row in rows],
+    [(name, *row) for name, rows in read('refused_parameters.yaml').items() for row in rows],
 )
 def test_a_refused_parameter_is_one_line_with_the_reason(
     create: Callable[..., Any], name: str, parameters: list[str], reason: str
@@ -96,33 +102,20 @@ def test_a_wrong_path_of_a_shipped_linkage_is_answered_with_its_name(
 
 
 @pytest.mark.parametrize(
-    ('name', 'arguments', 'code', 'line'),
-    [
-        ('solver_node', ['-p', 'l_ab:=-1.0'], 1, 'l_ab = -1 m is refused: a length must be > 0'),
-        ('crank_node', ['-p', 'rate:=0.0'], 1, 'rate = 0.0 is refused: it must be within'),
-        ('recorder_node', ['-p', 'compression:=zip'], 1, "compression = 'zip' is refused"),
-        (
-            'solver_node',
-            ['--parms-file'],
-            1,
-            "unknown arguments for ROS ['--parms-file']; it takes -p NAME:=VALUE, ",
-        ),
-        (
-            'solver_node',
-            ['l_ab:=0.1'],
-            1,
-            "unknown arguments for ROS ['l_ab:=0.1']; it takes -p NAME:=VALUE, ",
-        ),
-    ],
+    ('name', 'words', 'reason'),
+    [(name, *row) for name, rows in read('refused_processes.yaml').items() for row in rows],
 )
 def test_a_refused_process_ends_with_one_line(
-    ros: Domain, name: str, arguments: list[str], code: int, line: str
+    ros: Domain, name: str, words: str, reason: str
 ) -> None:
-    node = ros.start(name, '--ros-args', *arguments)
-    assert node.wait() == code
-    assert node.errors.startswith(f'{name}: ')
-    assert line in node.errors
-    assert node.errors.count('\n') == 1
+    arguments = words.replace('CONFIG', CONFIG).split()
+    node = ros.start(name, *(['--ros-args', *arguments] if arguments else []))
+    assert node.wait() == 1
+    (line,) = [line for line in node.errors.splitlines() if not line.startswith('[INFO]')]
+    assert line.startswith(f'{name}: ')
+    assert reason in line
+    # An invalid start leaves no run.
+    assert not (ros.folder / 'run').exists()
 
 
 def test_a_parameter_file_that_is_not_there_is_refused(ros: Domain) -> None:

@@ -173,16 +173,6 @@ def test_a_file_that_has_reached_its_limit_is_followed_by_another(
     assert numbers(recording.folder) == list(range(recording.next))
 
 
-def test_it_does_not_start_below_the_minimum_free_space(ros: Domain) -> None:
-    recorder = ros.start('recorder_node', output=ros.folder / 'run', min_free_space=10**18)
-    assert recorder.wait() == 1
-    assert recorder.errors.startswith('recorder_node: only ')
-    assert '1000000000000.0 MB have to stay free' in recorder.errors
-    assert 'min_free_space' in recorder.errors
-    assert recorder.errors.count('\n') == 1
-    assert not (ros.folder / 'run').exists()
-
-
 def test_a_lost_message_is_a_warning_and_in_the_run(ros: Domain) -> None:
     recording = Recording(ros)
     recording.publish(10)

@@ -42,18 +42,3 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
         assert abs(each['value'] - true.linkage.dimensions[name]) < 5.0 * each['standard_error']
     assert found['phase']['value'] == pytest.approx(true.phase, abs=1e-3)
     assert found['points']['H']['rejected'] > 0
-
-
-@pytest.mark.parametrize(
-    ('built', 'reason'),
-    [
-        ('/nowhere.yaml', 'built: /nowhere.yaml cannot be read'),
-        ('jansen', 'built: '),
-        (str(CONFIG / 'motor_example.yaml'), 'holds no robot'),
-    ],
-)
-def test_an_invalid_built_leg_is_refused_in_one_line(ros: Domain, built: str, reason: str) -> None:
-    process = ros.start('sim_node', *SEM104, built=built)
-    assert process.wait() == 1
-    assert reason in process.errors
-    assert process.errors.count('\n') == 1

@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 import pytest
-from ros_domain import Domain, Process
+from ros_domain import Domain
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
@@ -16,11 +16,6 @@ from std_srvs.srv import Trigger
 ROOT = Path(__file__).resolve().parents[3]
 CONFIG = ROOT / 'config'
 BOTH = ['left_crank', 'right_crank']
-
-
-def started(ros: Domain, file: str = '', **given: object) -> Process:
-    files = ['--ros-args', '--params-file', str(CONFIG / file)] if file else []
-    return ros.start('sim_node', *files, **given)
 
 
 class Robot:
@@ -33,9 +28,9 @@ class Robot:
         self.truths: list[Odometry] = ros.probe.listen(Odometry, 'ground_truth')
         self.clocks: list[Clock] = ros.probe.listen(Clock, '/clock')
         self._reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
-        self.process = started(
-            ros,
-            'walker6_two_motors.yaml',
+        self.process = ros.start(
+            'sim_node',
+            *('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml')),
             use_clock=True,
             motor_speed_factor=[1.0, 0.9],
             diagnostics_period=0.2,
@@ -145,27 +140,3 @@ def test_a_reset_puts_it_back(robot: Robot) -> None:
 def test_ctrl_c_ends_it_silently(robot: Robot) -> None:
     assert robot.process.stop() == 0
     assert 'Traceback' not in robot.process.errors
-
-
-@pytest.mark.parametrize(
-    ('file', 'given', 'reason'),
-    [
-        ('', {}, 'no robot is given'),
-        ('walker6.yaml', {'friction': -1.0}, 'friction = -1.0 is refused'),
-        (
-            'walker6_two_motors.yaml',
-            {'motor_speed_factor': [1.0] * 3},
-            'it must be one number, or 2, one for each joint',
-        ),
-        ('sem104.yaml', {'real_time_factor': 2.0}, '1 without use_clock'),
-        ('', {'l_ab': 0.12}, 'has no masses: bar_density'),
-    ],
-)
-def test_invalid_robots_are_refused_in_one_line(
-    ros: Domain, file: str, given: dict[str, Any], reason: str
-) -> None:
-    process = started(ros, file, **given)
-    assert process.wait() == 1
-    assert process.errors.startswith('sim_node: ')
-    assert reason in process.errors
-    assert process.errors.count('\n') == 1

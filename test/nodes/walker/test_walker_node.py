@@ -307,31 +307,6 @@ def test_rates_alone_on_one_crank_that_refuses_to_turn(ros: Domain) -> None:
     assert node.errors.count('angular.z is refused: it cannot turn') == 1
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'reason'),
-    [
-        ((), 'no robot is given'),
-        (('--params-file', 'sem104.yaml'), 'it has 1 leg, and stands on three'),
-        (
-            ('--params-file', 'walker6.yaml', '-p', 'max_linear:=-1.0'),
-            'max_linear = -1.0 is refused',
-        ),
-        (
-            ('--params-file', 'walker6.yaml', '-p', 'front_left.mount_xyz:=[1.0]'),
-            'the parameters are no robot: front_left.mount_xyz',
-        ),
-    ],
-)
-def test_an_invalid_walker_is_refused_in_one_line(
-    ros: Domain, arguments: tuple[str, ...], reason: str
-) -> None:
-    given = [str(CONFIG / a) if a.endswith('.yaml') else a for a in arguments]
-    node = ros.start('walker_node', '--ros-args', *given)
-    assert node.wait() == 1
-    (line,) = [line for line in node.errors.splitlines() if not line.startswith('[INFO]')]
-    assert reason in line
-
-
 def test_a_walker_without_a_file_is_the_one_that_the_solver_describes(ros: Domain) -> None:
     file = ['--ros-args', '--params-file', TWO_MOTORS]
     ros.start('solver_node', *file)
