@@ -1,5 +1,6 @@
 """The raw message executor over real DDS, with rclpy's plain executor as the oracle."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -41,7 +42,8 @@ class Echo(Node):
         self.group = RawCallbackGroup()
         self.taken: list[tuple[bytes, dict[str, Any]]] = []
         self.threads: set[str] = set()
-        self.ticks = self.ros_ticks = self.lean_ticks = self.lean_ros_ticks = 0
+        # Of timers on the steady clock and on ROS's, in the executor and in the loop.
+        self.ticks: Counter[str] = Counter()
         self.matches = self.calls = self.failures = 0
         self.pause = 0.0
         self.trouble: type[Exception] | None = None
@@ -49,10 +51,11 @@ class Echo(Node):
         self.there = self.listen('there')
         self.typed: list[float] = []
         self.create_subscription(Float64, 'typed', lambda m: self.typed.append(m.data), 2000)
-        self.create_timer(0.02, self._tick, clock=STEADY)
-        self.create_timer(1.0, self._ros_tick)
-        self.lean_timer = self.create_timer(0.02, self._lean_tick, self.group, STEADY)
-        self.create_timer(1.0, self._lean_ros_tick, self.group)
+        self.create_timer(0.02, partial(self._tick, 'steady'), clock=STEADY)
+        self.create_timer(1.0, partial(self._tick, 'ros'))
+        lean_tick = partial(self._tick, 'lean steady')
+        self.lean_timer = self.create_timer(0.02, lean_tick, self.group, STEADY)
+        self.create_timer(1.0, partial(self._tick, 'lean ros'), self.group)
         self.create_service(Trigger, 'echo/call', self._call)
         self.declare_parameter('value', 0.0)
 
@@ -80,19 +83,9 @@ class Echo(Node):
         self.taken.append((data, info))
         self.back.publish(data)
 
-    def _tick(self) -> None:
+    def _tick(self, timer: str) -> None:
         self.threads.add(threading.current_thread().name)
-        self.ticks += 1
-
-    def _ros_tick(self) -> None:
-        self.ros_ticks += 1
-
-    def _lean_tick(self) -> None:
-        self.threads.add(threading.current_thread().name)
-        self.lean_ticks += 1
-
-    def _lean_ros_tick(self) -> None:
-        self.lean_ros_ticks += 1
+        self.ticks[timer] += 1
 
     def _call(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.threads.add(threading.current_thread().name)
@@ -214,12 +207,13 @@ def test_all_else_is_served_in_one_thread_with_and_without_load(ros: Domain, pla
 
         def serve() -> None:
             run.echo.typed.clear()
-            ticks, lean_ticks = run.echo.ticks, run.echo.lean_ticks
+            ticks = run.echo.ticks.copy()
             for k in range(10):
                 assert ros.probe.call(Trigger, 'echo/call', Trigger.Request()).success
                 assert ros.probe.set_parameters('echo', {'value': float(k)}).successful
                 typed.publish(Float64(data=float(k)))
-            ros.probe.until(lambda: run.echo.ticks > ticks and run.echo.lean_ticks > lean_ticks)
+            timers = ('steady', 'lean steady')
+            ros.probe.until(lambda: all(run.echo.ticks[t] > ticks[t] for t in timers))
             ros.probe.until(lambda: len(run.echo.typed) == 10)
             assert run.echo.get_parameter('value').value == 9.0
 
@@ -248,7 +242,7 @@ def test_simulated_time_moves_clock_and_timers(ros: Domain, plain: bool) -> None
                 return bool(run.echo.get_clock().now().nanoseconds == to * 10**9)
 
             ros.probe.until(has_moved)
-        ros.probe.until(lambda: run.echo.ros_ticks >= 2 and run.echo.lean_ros_ticks >= 2)
+        ros.probe.until(lambda: min(run.echo.ticks[t] for t in ('ros', 'lean ros')) >= 2)
 
 
 def test_threads_wake_up_only_for_messages(ros: Domain, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -314,12 +308,12 @@ def test_a_late_subscription_is_served(ros: Domain, where: str) -> None:
 @LOOPS
 def test_a_lean_timer_can_be_cancelled_reset_and_destroyed(ros: Domain, plain: bool) -> None:
     def ticks_within(seconds: float) -> int:
-        before = run.echo.lean_ticks
+        before = run.echo.ticks['lean steady']
         ros.probe.spin(seconds)
-        return run.echo.lean_ticks - before
+        return run.echo.ticks['lean steady'] - before
 
     with running(ros, plain=plain) as run:
-        ros.probe.until(lambda: run.echo.lean_ticks > 0)
+        ros.probe.until(lambda: run.echo.ticks['lean steady'] > 0)
         run.echo.lean_timer.cancel()
         # It may be running just now.
         ros.probe.until(lambda: ticks_within(0.1) == 0)

@@ -35,7 +35,7 @@ from klann_ros.nodes.process import (
     run,
 )
 from klann_ros.sanitize.arguments import ArgumentParser
-from klann_ros.sanitize.text import listed, printable, printable_line, verb
+from klann_ros.sanitize.text import counted, listed, printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
@@ -164,9 +164,8 @@ class PlayerNode(ProcessNode):
     def _summary(self, options: argparse.Namespace) -> str:
         """Return log and options in words."""
         rate, position = (self.get_parameter(name).value for name in ('rate', 'position'))
-        count = len(self._topics.names)
         parts = [
-            f'ready: {printable(options.log)}, {count} topic{"" if count == 1 else "s"}',
+            f'ready: {printable(options.log)}, {counted(len(self._topics.names), "topic")}',
             f'{length(self._log):.3f} s at rate {rate:g}',
             f'from {position:g} s' if position else '',
             'again and again' if options.loop else '',
@@ -239,10 +238,9 @@ class PlayedTopics:
             by_name.setdefault(topic.name, []).append(topic)
         for name, channels in by_name.items():
             self._try(name, channels)
-        more = len(self._warnings) - _MAX_WARNINGS
-        shown = self._warnings[:_MAX_WARNINGS]
+        shown, more = self._warnings[:_MAX_WARNINGS], len(self._warnings) - _MAX_WARNINGS
         if more > 0:
-            shown.append(f'and {more} more {verb(more, "warning", "warnings")} about topics')
+            shown.append(f'and {counted(more, "more warning")} about topics')
         for warning in shown:
             node.get_logger().warning(printable_line(warning))
 
@@ -287,8 +285,15 @@ class PlayedTopics:
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
-        full = self._full_name(self._renamed.get(name, name))
-        kind = _kind(first)
+        namespace = self._node.get_namespace().rstrip('/')
+        full = f'{namespace}/{self._renamed.get(name, name).removeprefix("/")}'
+        reason = name_refusal(full)
+        if first.message_encoding != 'cdr':
+            encoding = printable(first.message_encoding) or 'of no encoding'
+            reason = reason or f'its messages are {encoding}, not cdr'
+        if reason:
+            raise UnplayableTopicError(reason)
+        kind = message_class(first.type)
         alike = []
         for topic in channels:
             if (topic.type, topic.message_encoding) == (first.type, first.message_encoding):
@@ -305,13 +310,6 @@ class PlayedTopics:
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
-    def _full_name(self, name: str) -> str:
-        full = f'{self._node.get_namespace().rstrip("/")}/{name.removeprefix("/")}'
-        reason = name_refusal(full)
-        if reason:
-            raise UnplayableTopicError(reason)
-        return full
-
     def _offered(self, topic: Topic) -> list[Qos]:
         try:
             return self._qos.profiles(topic.qos)
@@ -319,14 +317,6 @@ class PlayedTopics:
             name = printable(topic.name)
             self._warnings.append(f'{name} is played reliable and volatile: {error}')
             return []
-
-
-def _kind(topic: Topic) -> type:
-    if topic.message_encoding != 'cdr':
-        encoding = printable(topic.message_encoding) or 'of no encoding'
-        raise UnplayableTopicError(f'its messages are {encoding}, not cdr')
-    kind: type = message_class(topic.type)
-    return kind
 
 
 def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
