@@ -1,10 +1,10 @@
-"""Positions and function generators have the numbers that textbooks print."""
+"""Positions, velocities and function generators have the numbers that textbooks print."""
 
 import math
 from pathlib import Path
 from typing import Any
 
-from klann_ros.kinematics import FourBar
+from klann_ros.kinematics import FourBar, linkage_from_text, LinkageLeg
 from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.synthesis import freudenstein, function_generators
 import numpy as np
@@ -46,3 +46,54 @@ def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]
     k_1, k_2, k_3 = freudenstein(theta_2, theta_4)
     left = k_1 * np.cos(theta_4) - k_2 * np.cos(theta_2) + k_3
     assert np.allclose(left, np.cos(theta_2 - theta_4), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize('example', PRINTED['velocities'], ids=lambda each: each['source'][:30])
+def test_velocities_are_the_printed_ones(example: dict[str, Any]) -> None:
+    x, y = example['pivot']
+    ground = math.atan2(y, x)
+    bar = FourBar(math.hypot(x, y), *example['bars'])
+    poses = [
+        (each, each.closed_form(example['theta_2'] - ground)) for each in (bar, bar.mirrored())
+    ]
+    each, pose = min(poses, key=lambda pair: abs(pair[1].theta3 + ground - example['theta_3']))
+    moving = each.velocity(pose, example['omega_2'])
+    found = [pose.theta3 + ground, pose.theta4 + ground, moving.theta3, moving.theta4]
+    printed = [example[name] for name in ('theta_3', 'theta_4', 'omega_3', 'omega_4')]
+    assert found == pytest.approx(printed, rel=0, abs=6e-5)
+
+
+ARM = """
+name: Quick return with a horizontal ground
+pivots: {A: [0, 0], C: [-0.3, 0]}
+crank: crank
+foot: F
+bodies:
+  crank: {bars: [{from: A, to: B, length: 0.15}]}
+  arm: {bars: [{from: C, to: F, length: 0.5}]}
+  block: {slides: {along: arm, from: C, to: B}}
+start: {crank: 1.0471975511965976, arm: 0.3335, block: 0.397}
+"""
+
+
+@pytest.mark.parametrize(
+    'example', PRINTED['quick-returns'], ids=lambda each: each['source'][-40:]
+)
+def test_quick_returns_move_as_printed(example: dict[str, Any]) -> None:
+    leg = LinkageLeg(linkage_from_text(ARM, 'arm'))
+    rate = example['speed'] * 2.0 * math.pi / 60.0
+    pose = leg.closed_form(math.radians(example['theta_2']))
+    moving = leg.velocity(pose, rate)
+    changing = leg.acceleration(pose, rate, 0.0)
+    found = {
+        'arm': math.degrees(pose.x[0]),
+        'F': pose.h,
+        'omega': moving.joints[1],
+        # The program gives the velocity of the arm against the block.
+        'slide': -moving.joints[2],
+        'epsilon': changing.joints[1],
+        'v_F': moving.h,
+        'a_F': changing.h,
+    }
+    for name, printed in example['printed'].items():
+        assert np.allclose(found[name], printed, rtol=0, atol=example['tolerance'][name]), name
