@@ -140,7 +140,7 @@ class Reviews:
             stderr=asyncio.subprocess.PIPE,
         )
         try:
-            _, said = await asyncio.wait_for(process.communicate(), REVIEW_TIMEOUT)
+            _, errors = await asyncio.wait_for(process.communicate(), REVIEW_TIMEOUT)
         except asyncio.TimeoutError:
             return f'the {PROGRAMS[program]} took too long'
         finally:
@@ -150,5 +150,5 @@ class Reviews:
                 await process.wait()
         if process.returncode in {0, 1} and file.is_file():
             return 'ready'
-        lines = said.decode(errors='replace').strip().splitlines() or ['no reason was given']
+        lines = errors.decode(errors='replace').strip().splitlines() or ['no reason was given']
         return printable(lines[-1])

@@ -11,7 +11,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import printable, refusal
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import InvalidParameterTypeException, ParameterNotDeclaredException
 from rclpy.node import Node
@@ -92,12 +92,6 @@ def number(
     """Return the declaration of a number within limits; integers and doubles are accepted."""
     limits = least, most
     return Declaration(name, default, text, limits=limits, read_only=read_only, any_number=True)
-
-
-def refusal(name: str, value: Any, requirement: str) -> str:
-    """Return the line about a refused value and its requirement."""
-    shown = printable(repr(value), _MAX_VALUE_LENGTH)
-    return f'{name} = {shown} is refused: it must be {requirement}'
 
 
 def require(condition: bool, name: str, value: Any, requirement: str) -> None:

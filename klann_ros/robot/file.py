@@ -21,7 +21,7 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.sanitize.files import is_regular_file, read_regular
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.text import printable, printable_line, refusal
 from klann_ros.sanitize.units import warn_of_angle
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
 
@@ -158,8 +158,8 @@ def _names(legs: Any) -> Sequence[str]:
     names = [name for name in legs if name != ''] if isinstance(legs, list | tuple) else []
     are_names = all(isinstance(name, str) and _NAME.fullmatch(name) for name in names)
     if not are_names or len(set(names)) < len(names):
-        what = 'names of letters, digits and _, a letter first, each once'
-        raise ValueError(f'legs = {printable(repr(names), 100)} is refused: it must be {what}')
+        allowed = 'names of letters, digits and _, a letter first, each once'
+        raise ValueError(refusal('legs', names, allowed))
     return names or ('',)
 
 
@@ -174,13 +174,12 @@ def _leg(name: str, own: Mapping[str, Any], folders: Sequence[Path], *, weigh: b
     masses = _masses(own, linkage, description, file) if weigh else None
     direction = own.get('direction', 1)
     if direction not in (-1, 1):
-        what = f'{prefix}direction = {printable(repr(direction), 100)}'
-        raise ValueError(f'{what} is refused: it must be +1 or -1')
+        raise ValueError(refusal(f'{prefix}direction', direction, '+1 or -1'))
     xyz = _triple(own, 'mount_xyz', Mount().xyz, prefix)
     rpy = _triple(own, 'mount_rpy', Mount().rpy, prefix)
     if max(map(abs, rpy)) > TURN:
-        what = 'it must be radians, not degrees: within +-2 pi'
-        raise ValueError(f'{prefix}mount_rpy = {list(rpy)} is refused: {what}')
+        allowed = 'radians, not degrees: within +-2 pi'
+        raise ValueError(refusal(f'{prefix}mount_rpy', list(rpy), allowed))
     phase = _number(own, 'phase', 0.0, prefix)
     warn_of_angle(f'{prefix}phase', phase)
     joint = str(own.get('crank_joint') or 'crank')
@@ -241,8 +240,7 @@ def _body(flat: Mapping[str, Any]) -> WalkerBody | None:
 def _number(own: Mapping[str, Any], name: str, otherwise: float, prefix: str = '') -> float:
     value = own.get(name, otherwise)
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        what = f'{prefix}{name} = {printable(repr(value), 100)}'
-        raise ValueError(f'{what} is refused: it must be finite')
+        raise ValueError(refusal(f'{prefix}{name}', value, 'finite'))
     return float(value)
 
 
@@ -254,8 +252,7 @@ def _triple(own: Mapping[str, Any], name: str, otherwise: Triple, prefix: str = 
         or any(isinstance(value, bool) or not isinstance(value, int | float) for value in values)
         or not all(map(isfinite, values))
     ):
-        what = f'{prefix}{name} = {printable(repr(values), 100)}'
-        raise ValueError(f'{what} is refused: it must be three finite numbers')
+        raise ValueError(refusal(f'{prefix}{name}', values, 'three finite numbers'))
     x, y, z = map(float, values)
     return x, y, z
 

@@ -50,6 +50,12 @@ def printable_line(text: object) -> str:
     return printable(' '.join(str(text).split()), MAX_LINE_LENGTH)
 
 
+def refusal(name: str, value: object, requirement: str) -> str:
+    """Return the line about a refused value and its requirement."""
+    shown = printable(repr(value), MAX_NAME_LENGTH // 3)
+    return f'{name} = {shown} is refused: it must be {requirement}'
+
+
 def did_you_mean(name: object, names: Iterable[str]) -> str:
     """
     Return ``; did you mean NAME?`` for the most similar name; empty without a similar one.

@@ -284,9 +284,9 @@ class Names:
     def __init__(self) -> None:
         self._taken = {('body', 'world')}
 
-    def __call__(self, kind: str, wanted: str) -> str:
+    def __call__(self, kind: str, name: str) -> str:
         """Return a name, with `_` appended until it is unique."""
-        name = printable(wanted)
+        name = printable(name)
         while (kind, name) in self._taken:
             name += '_'
         self._taken.add((kind, name))

@@ -6,7 +6,7 @@ from importlib import import_module
 from math import isfinite
 from typing import Any, NamedTuple
 
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import printable, refusal
 
 
 class TwinError(ValueError):
@@ -29,7 +29,7 @@ def engine() -> Any:
 
 def _require(condition: bool, name: str, value: float, rule: str) -> None:
     if not condition:
-        raise TwinError(f'{name} = {value!r} is refused: it must be {rule}')
+        raise TwinError(refusal(name, value, rule))
 
 
 @dataclass(frozen=True)

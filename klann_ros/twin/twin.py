@@ -132,7 +132,7 @@ class Twin:
         """Reset it to its start, at rest, at time 0."""
         self._engine.mj_resetData(self._model, self._data)
         self._random = np.random.default_rng(self._seed)
-        self._wanted = np.zeros(len(self.joints))
+        self._commanded = np.zeros(len(self.joints))
         self._engine.mj_forward(self._model, self._data)
         self._acceleration_sum, self._steps = np.zeros(6), 0
         # The reading before the first step.
@@ -156,7 +156,7 @@ class Twin:
             raise TwinError(f'velocity of {printable(joint)} = {velocity!r} is refused')
         limit = self._motors.max_velocity
         possible = max(-limit, min(limit, float(velocity)))
-        self._wanted[self.joints.index(joint)] = possible
+        self._commanded[self.joints.index(joint)] = possible
         return possible
 
     def step(self, until: float) -> None:
@@ -170,11 +170,11 @@ class Twin:
 
         """
         model, data, move = self._model, self._data, self._engine.mj_step
-        wanted = self._wanted * self._factors
+        commanded = self._commanded * self._factors
         # A step is due within rounding.
         end = until - 1e-6 * self.time_step
         while data.time < end:
-            data.ctrl += self._gain * (wanted - data.ctrl)
+            data.ctrl += self._gain * (commanded - data.ctrl)
             move(model, data)
             if self.is_free:
                 self._acceleration_sum += data.sensordata[self._imu_data]
@@ -326,8 +326,8 @@ class Pace:
     def factor(self, now: float) -> 'RealTimeFactor':
         """Return the real-time factor since the last call."""
         elapsed = max(now - self._since, 1e-9)
-        wanted = elapsed / self._between
-        factor = RealTimeFactor(self._done * self._period / elapsed, self._done / wanted)
+        requested = elapsed / self._between
+        factor = RealTimeFactor(self._done * self._period / elapsed, self._done / requested)
         self._since, self._done = now, 0
         return factor
 

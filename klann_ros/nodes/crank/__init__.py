@@ -1,1 +1,1 @@
-"""`crank_node`: what turns the crank."""
+"""`crank_node`: the driver of the crank."""

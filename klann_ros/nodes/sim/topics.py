@@ -53,7 +53,7 @@ class CrankCommands:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Return the numbers of commands by what became of them, and of expired cranks."""
+        """Return the numbers of commands by their outcome, and of cranks held after a timeout."""
         return {name: self._counts[name] for name in ('commands', 'rejected', 'limited', 'held')}
 
     def expire_commands(self) -> None:

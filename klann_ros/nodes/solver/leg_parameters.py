@@ -45,20 +45,9 @@ _DESCRIPTION_TIMEOUT = 5.0
 
 def declared_robot(node: Node, *, described: bool = False) -> Robot:
     """
-    Declare the given parameters of a robot, read-only, and return the robot.
+    Declare the given parameters of a robot, read-only, and return the robot, or a StartError.
 
-    Parameters
-    ----------
-    node : Node
-        The node with the parameters.
-    described : bool
-        Whether to wait for a solver's leg_description where no robot is given.
-
-    Raises
-    ------
-    StartError
-        They are no robot; the text says why.
-
+    `described`: wait for a solver's leg_description where no robot is given.
     """
     legs = plain(overrides(node)['legs'].value) if 'legs' in overrides(node) else ()
     names = {str(leg) for leg in legs} if isinstance(legs, list) else set()
@@ -68,9 +57,9 @@ def declared_robot(node: Node, *, described: bool = False) -> Robot:
         if name in _OF_ROBOT or (family in names and last in _OF_NAMED_LEG):
             given[name] = plain(parameter.value)
     declare_given(node, given, 'of the robot: see solver_node --help')
-    what = 'the parameters are'
+    source = 'the parameters are'
     if not given and described:
-        given, what = _described_parameters(node), f'{DESCRIPTION_TOPIC} is'
+        given, source = _described_parameters(node), f'{DESCRIPTION_TOPIC} is'
     if not given:
         nor = f', nor by {DESCRIPTION_TOPIC}' * described
         raise StartError(
@@ -80,7 +69,7 @@ def declared_robot(node: Node, *, described: bool = False) -> Robot:
     try:
         return robot_from_parameters(given, folders=parameter_folders())
     except (ValueError, TypeError, OSError) as error:
-        raise StartError(f'{what} no robot: {printable_line(error)}') from error
+        raise StartError(f'{source} no robot: {printable_line(error)}') from error
 
 
 def _described_parameters(node: Node) -> dict[str, Any]:

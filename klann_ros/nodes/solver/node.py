@@ -166,9 +166,9 @@ class ManagedSolverNode(LifecycleNode):
         self._solver.unsubscribe()
         return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
 
-    def _logged(self, what: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
+    def _logged(self, text: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
         if result == TransitionCallbackReturn.SUCCESS:
-            self.get_logger().info(what)
+            self.get_logger().info(text)
         return result
 
 
@@ -294,7 +294,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
 def _help_on_parameters() -> str:
     groups = {
         'the leg, which can be changed while it runs': GEOMETRY,
-        'which legs, and what turns them': [*LEGS, *drive()],
+        'legs and their cranks': [*LEGS, *drive()],
         'solving': SETTINGS,
         'outputs': PUBLISHED,
         'each of several legs, LEG being its name in legs': [*drive('LEG.'), *place('LEG')],

@@ -74,7 +74,7 @@ ODOMETRY = (
             ('advance_error', 'relative error of the advance', 0.0, 10.0),
             ('slip_error', 'error relative to the slip of the feet', 0.0, 10.0),
             ('slip_yaw_error', 'of the yaw at the reach of the feet, likewise', 0.0, 10.0),
-            ('contact_error', 'relative to what the friction law decides', 0.0, 10.0),
+            ('contact_error', 'relative to least squares minus friction law', 0.0, 10.0),
             ('height_error', 'standard deviation of the height [m]', 0.0, 10.0),
             ('tilt_error', 'standard deviation of roll and pitch [rad]', 1e-6, 3.2),
         )
