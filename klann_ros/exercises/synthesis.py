@@ -82,7 +82,8 @@ def _bar(pair: BurmesterPair, pin: str = 'A', pivot: str = 'O2', bar: str = 'L_2
 def _key_poses(givens: Givens) -> Givens:
     poses, places = _poses(givens, 3), (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4'))
     crank, rocker = (_bar(dyad_of_pin(poses, _point(givens, each[0])), *each) for each in places)
-    return {**crank, **rocker}
+    found = {**crank, **rocker}
+    return {name: value for name, value in found.items() if name not in givens}
 
 
 def _key_path(givens: Givens) -> Givens:

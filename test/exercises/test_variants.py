@@ -118,6 +118,7 @@ def test_every_text_exists_in_both_languages(name: str) -> None:
         assert words['kinds'][name][language]['task']
         assert all(words['slips'][slip][language] for slip in words['slips'])
     assert variant.steps
+    assert {*variant.answers} == {question.name for question in variant.kind.questions}
     json.dumps(variant.as_dict(), allow_nan=False)
     assert all(isfinite(step.value) for step in variant.steps)
 
