@@ -17,6 +17,7 @@ from .variant import label, Question, texts, unit_of, Variant
 
 SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
+SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 # Rows of a column of givens; digits of intermediate results.
 GIVEN_ROWS, STEP_DIGITS = 9, 6
@@ -125,7 +126,8 @@ def asked(variant: Variant, question: Question, language: str) -> str:
 
 def _steps(variant: Variant, language: str) -> Iterable[Markup]:
     for step in variant.steps:
-        cells = (rich(step.formula), symbol(step.symbol))
+        formula = SINE.sub(r'\1sen', step.formula) if language == 'pt' else step.formula
+        cells = (rich(formula.replace('asen', 'arcsen')), symbol(step.symbol))
         value = with_unit(_digits(step.value), step.unit, language)
         yield element('tr', *(element('td', cell) for cell in cells), element('td', value))
 

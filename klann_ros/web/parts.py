@@ -19,7 +19,7 @@ FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'ca
 """The styles that every page begins with."""
 
 COMMENT_LINES = re.compile(r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', re.DOTALL | re.MULTILINE)
-STRINGS = re.compile(r"""('(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*")""")
+STRINGS = re.compile(r"""('(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|`(?:\\.|[^`\\])*`)""")
 # Blanks around operators, in sums, and after colons and keywords. `a :hover` is not `a:hover`.
 BLANKS = re.compile(r' ?([=<>?,{}&|*]) ?|(?<=[\w)\]]) ([+-]) (?=[\w(\[])|(?<=:) |(?<=\bif) (?=\()')
 
@@ -111,10 +111,10 @@ def compact(content: str) -> str:
 
 
 def _tight(line: str) -> str:
-    """Return a line without blanks around operators; one with a template or a regex as it is."""
-    if line[-2:-1] in set('{([,;') and '//' not in line:
+    """Return a line without blanks around operators; one with templates or a regex as it is."""
+    if line[-2:-1] in set('{}([,;') and '//' not in line:
         line = line[:-1]
-    if '`' in line or re.search(r'/[^ ]', line):
+    if line.count('`') not in (0, 2) or re.search(r'/[^ ]', line):
         return line
     parts = STRINGS.split(line)
     return ''.join(part if k % 2 else BLANKS.sub(r'\1\2', part) for k, part in enumerate(parts))

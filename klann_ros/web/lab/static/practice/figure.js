@@ -5,7 +5,7 @@
 const CRANK_ANGLES = Array.from({ length: 36 }, (_, n) => (60 + 10 * n) % 360);
 // Radii of angles, and lengths of vectors and of the x direction, in units of the drawing.
 const ARC_RADIUS = 46;
-const VECTOR_LENGTH = 110;
+const VECTOR_LENGTH = 84;
 
 class Figure {
   constructor(svg, exercise, isSolved) {
@@ -15,21 +15,22 @@ class Figure {
     this.marks = new Map();
     this.scope = own ? scopeOf(exercise, own.pose, isSolved) : {};
     this.points = own ? pointsIn(own.points, this.scope) : {};
-    this.names = Object.keys(this.points);
+    // Those of another pose, such as B_S, are drawn by their marks alone.
+    this.names = Object.keys(this.points).filter((name) => !name.includes('_'));
     svg.toggleAttribute('hidden', !this.names.length);
     svg.replaceChildren();
     if (!this.names.length) return;
     for (const [names, mark] of Object.entries(own.marks))
       for (const name of names.split(' ')) this.marks.set(name, mark.split(' '));
-    const at = Object.values(this.points);
-    this.drawing = new Drawing(svg, planeAround(at, { margin: 56 }));
+    const plane = planeAround(Object.values(this.points), { margin: VECTOR_LENGTH });
+    this.drawing = new Drawing(svg, plane);
     this.shown = this.drawing.add('g', 'shown');
     const chains = own.bodies.map((body) => body.split(' ').filter((name) => name in this.points));
     new DrawnLeg(this.drawing, {
-      points: this.names.map((name) => ({ name: name.replace('_', '') })),
+      points: this.names.map((name) => ({ name })),
       pivots: own.pivots.split(' ').map((name) => this.names.indexOf(name)),
       bodies: chains.map((chain) => ({ bars: this.bars(chain), line: null })),
-    }).show(at);
+    }).show(this.names.map((name) => this.points[name]));
     svg.append(this.shown);
   }
 

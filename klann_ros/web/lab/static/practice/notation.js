@@ -3,6 +3,8 @@
 
 const SUBSCRIPT = /_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)/;
 
+const SINES = { sin: 'sen', asin: 'arcsen' };
+
 /** Return a text, whose underscores are subscripts, as nodes. */
 function rich(text) {
   const parts = text.replaceAll(' -', ' −').replaceAll('= -', '= −').split(SUBSCRIPT);
@@ -15,6 +17,11 @@ function symbolOf({ greek, symbols }, name) {
   const [base, ...subs] = name.split('_').map((part) => greek[part] ?? part);
   if (base === '∠') return [base + subs.join('')];
   return [made('i', '', base), ...(subs.length ? [made('sub', '', subs.join())] : [])];
+}
+
+/** Return a formula with the sine of the page's language. */
+function inLanguage(formula) {
+  return language.now === 'pt' ? formula.replace(/\ba?sin\b/g, (name) => SINES[name]) : formula;
 }
 
 /** Return a number in the page's language. */

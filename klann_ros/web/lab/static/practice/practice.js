@@ -211,7 +211,7 @@ class Practice {
       const step = button('', () => this.figure.show(symbol));
       const result = made('b');
       result.append(...symbolOf(notation, symbol), ` = ${withUnit(notation, value, unit)}`);
-      step.append(...rich(formula), made('br'), result);
+      step.append(...rich(inLanguage(formula)), made('br'), result);
       for (const event of ['focus', 'pointerenter'])
         step.addEventListener(event, () => this.figure.show(symbol));
       const item = made('li');
