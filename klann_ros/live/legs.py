@@ -129,10 +129,7 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
     namespace = parent(topic.removeprefix(parent(node)))
     has_changed = any(solver.leg_time for solver in leg_solvers(records, namespace).values())
     return LiveSolver(
-        node,
-        _legs(records, namespace),
-        does='replayed by',
-        note=_CHANGED if has_changed else '',
+        node, _legs(records, namespace), does='replayed by', note=_CHANGED if has_changed else ''
     )
 
 

@@ -134,10 +134,7 @@ def subscribe_raw(
 
 
 def create_steady_timer(
-    node: Node,
-    period: float,
-    callback: Callable[[], object],
-    group: CallbackGroup | None = None,
+    node: Node, period: float, callback: Callable[[], object], group: CallbackGroup | None = None
 ) -> Any:
     """Return a timer [s] on the steady clock, which neither jumps nor stands still."""
     steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -10,13 +10,7 @@ simulation and control all read robots by this package; it is without ROS.
 ('H', 'crank')
 """
 
-from .file import (
-    robot_from_file,
-    robot_from_parameters,
-    robot_of,
-    RobotFileError,
-    solver_section,
-)
+from .file import robot_from_file, robot_from_parameters, robot_of, RobotFileError, solver_section
 from .robot import Mount, Robot, RobotLeg, WalkerBody
 
 __all__ = [

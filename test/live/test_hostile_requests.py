@@ -144,11 +144,7 @@ async def test_without_the_session_token_a_page_is_read_only(
         assert not you['runs']
         for number, do in enumerate(('take', 'release'), start=1):
             answer = await answer_to(socket, {**TAKE, 'id': number, 'command': do})
-            assert answer == {
-                'id': number,
-                'done': False,
-                'message': 'this page may only view',
-            }
+            assert answer == {'id': number, 'done': False, 'message': 'this page may only view'}
         assert served.state.commands == before
 
 

@@ -4,20 +4,10 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.live.clients import recorded, status_text
 from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, CrankDrive, DriveError, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
-from klann_ros.live.legs import (
-    assumed_solver,
-    drawn_shape,
-    positions,
-    replayed_solver,
-    solver_of,
-)
+from klann_ros.live.legs import assumed_solver, drawn_shape, positions, replayed_solver, solver_of
 from klann_ros.live.protocol import BURST, Command, parsed, RATE, RateLimit
 from klann_ros.live.rates import TopicRate
-from klann_ros.log.run_parameters import (
-    replayed_solvers,
-    replayed_solvers_json,
-    SolverParameters,
-)
+from klann_ros.log.run_parameters import replayed_solvers, replayed_solvers_json, SolverParameters
 import numpy as np
 import pytest
 

@@ -355,12 +355,7 @@ def _diagonal(variance: float) -> list[float]:
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    groups = {
-        'the world': WORLD,
-        'motors': DRIVES,
-        'sensors': READINGS,
-        'outputs': OUTPUT,
-    }
+    groups = {'the world': WORLD, 'motors': DRIVES, 'sensors': READINGS, 'outputs': OUTPUT}
     parser = ArgumentParser(
         'sim_node',
         'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '

@@ -76,11 +76,7 @@ def _described_parameters(node: Node) -> dict[str, Any]:
     """Return the parameters in a solver's description (untrusted); none before the timeout."""
     node.get_logger().info(f'waiting for {node.resolve_topic_name(DESCRIPTION_TOPIC)}')
     found, message = wait_for_message(
-        String,
-        node,
-        DESCRIPTION_TOPIC,
-        qos_profile=LATCHED,
-        time_to_wait=_DESCRIPTION_TIMEOUT,
+        String, node, DESCRIPTION_TOPIC, qos_profile=LATCHED, time_to_wait=_DESCRIPTION_TIMEOUT
     )
     try:
         return described_solver(message.data, 0).without_files if found else {}

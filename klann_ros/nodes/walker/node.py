@@ -280,11 +280,7 @@ class Beat:
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
-    groups = {
-        'limits': LIMITS,
-        'control': CONTROL,
-        'odometry': ODOMETRY,
-    }
+    groups = {'limits': LIMITS, 'control': CONTROL, 'odometry': ODOMETRY}
     parser = ArgumentParser(
         'walker_node',
         'Walk: convert cmd_vel to rates of the cranks of a walker (crank_command), whose legs '

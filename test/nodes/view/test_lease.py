@@ -85,9 +85,7 @@ def assert_continuous(angles: list[Float64]) -> None:
     assert max(steps) <= STEP + 1e-9
 
 
-def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(
-    ros: Domain,
-) -> None:
+def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros: Domain) -> None:
     angles: list[Float64] = ros.probe.listen(Float64, 'crank_angle')
     ros.solver()
     crank = ros.start('crank_node', speed=2.0, rate=100.0)
