@@ -67,7 +67,7 @@ setup(
         f'{NAME}.datasheet': ['static/*'],
         f'{NAME}.design': ['schema.json', 'static/*'],
         f'{NAME}.web': ['static/*', 'static/js_yaml/*', 'static/uplot/*'],
-        f'{NAME}.web.lab': ['lab.html', 'static/*'],
+        f'{NAME}.web.lab': ['lab.html', 'static/*', 'static/practice/*'],
         f'{NAME}.review.page': ['static/*'],
     },
     python_requires='>=3.10',
