@@ -14,7 +14,7 @@ import numpy as np
 from support.aims import exit_code, SMOKE
 from traced_four_bars import is_traced, random_task, with_positions
 
-TASKS, RECOVERED = (20, 10) if SMOKE else (10_000, 1000)
+TASKS, RECOVERED = (20, 10) if SMOKE else (10_000, 10_000)
 
 
 def main() -> int:
