@@ -36,6 +36,9 @@ def weighed(name: str) -> Dynamics:
     """Return a shipped linkage of rods with a heavy foot, and a spring from it to the crank."""
     linkage = shipped_linkage(name)
     masses = rods(linkage, 1.5, foot_mass=0.3)
+    for j, body in enumerate(masses.bodies):
+        if not body.mass:  # a slider, which then needs a moment from its line
+            masses = masses.with_mass(j, BodyMass(0.1, 0.01 + 0.02j, 1e-4))
     pin = linkage.structure.crank.points[-1]
     springs = (
         Spring((linkage.structure.foot, pin), 20.0, 0.01),

@@ -1,12 +1,14 @@
-"""Which publishers of joint states have legs on the live page: solvers and foreign players."""
+"""The legs and drives of the live page: solvers, foreign players, walkers."""
 
 import json
 from typing import Any
 
+from geometry_msgs.msg import TwistStamped
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.live.legs import drawn_shape
 from klann_ros.log.run_parameters import leg_description, SolverParameters
 from klann_ros.nodes.endpoints import LATCHED
+from klann_ros.nodes.view.connections import Graph
 from klann_ros.nodes.view.live_state import LiveState
 import pytest
 from ros_domain import Domain
@@ -65,3 +67,12 @@ def test_a_simulation_publishing_only_its_crank_is_not_a_solver(ros: Domain) -> 
     ros.probe.spin(0.5)
     assert only_the_solver()
     state.close()
+
+
+def test_a_walk_is_offered_while_a_node_subscribes_to_cmd_vel(ros: Domain) -> None:
+    graph = Graph(ros.probe.add_node('page'))
+    ros.probe.node.create_publisher(TwistStamped, 'cmd_vel', 10)
+    ros.probe.until(lambda: '/cmd_vel' in dict(graph.topics()))
+    assert graph.walker_topics(graph.topics()) == []
+    ros.probe.listen(TwistStamped, 'cmd_vel')
+    ros.probe.until(lambda: graph.walker_topics(graph.topics()) == ['/cmd_vel'])
