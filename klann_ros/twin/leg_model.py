@@ -28,7 +28,7 @@ MIN_MASS_PART = 1e-4
 POINT_INERTIA_PART, MIN_INERTIA = 1e-9, 1e-12
 # Thickness of drawn bars, as a part of the leg's size.
 BAR_THICKNESS = 0.012
-# Crank angles at which the leg's inertia at the crank is sampled.
+# Samples of a turn for the leg's inertia at the crank.
 INERTIA_SAMPLES = 181
 
 

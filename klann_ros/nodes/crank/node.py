@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 DISCOVERY_TIME = 0.3
 # After a longer stop the motion continues from its last angle, without a burst [s].
 _MAX_CATCH_UP = 0.5
-# Rate at which a bounded motion returns to its bounds after a driver [rad/s].
+# Rate of a bounded motion's return to its bounds after a driver [rad/s].
 _RETURN_RATE = 1.0
 
 
