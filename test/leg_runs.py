@@ -51,8 +51,8 @@ class LegRun:
     # A value in place of all numbers of a message.
     garbled: Mapping[int, float] = field(default_factory=dict)
 
-    def write(self, folder: Path) -> Path:
-        with RunWriter(folder) as run:
+    def write(self, folder: Path, compression: str = 'zstd') -> Path:
+        with RunWriter(folder, compression=compression) as run:
             for time, parameters in self._records():
                 record = SolverParameters('/solver_node', time, dict(parameters))
                 run.add_metadata(SOLVER_RECORD, solver_record(record))

@@ -31,7 +31,9 @@ POSES = _topic('/joint_states', 'sensor_msgs/msg/JointState')
 FEET = _topic('/point_h', 'geometry_msgs/msg/PointStamped')
 
 
-def write_long_run(folder: Path, seconds: float, rate: float, text: str = '') -> None:
+def write_long_run(
+    folder: Path, seconds: float, rate: float, text: str = '', compression: str = 'zstd'
+) -> None:
     """
     Write a run of a duration and a crank message rate.
 
@@ -44,7 +46,7 @@ def write_long_run(folder: Path, seconds: float, rate: float, text: str = '') ->
         geometry = KlannGeometry()
         linkage, values = geometry.linkage, geometry.as_dict()
     record = solver_record(SolverParameters('/solver_node', START, values))
-    with RunWriter(folder) as run:
+    with RunWriter(folder, compression=compression) as run:
         run.add_metadata(SOLVER_RECORD, record)
         for begin in range(0, count, _BLOCK):
             _write_block(run, linkage, np.arange(begin, min(begin + _BLOCK, count)), rate)

@@ -13,6 +13,8 @@ from processes import Command, last_lines, run
 from source import ROOT
 
 NAMES = ('ruff', 'format', 'ament_flake8', 'mypy', 'ament_pep257', 'docs', 'colcon', 'pytest')
+# Run where it is asked for: it fetches 90 MB.
+EXTRA = ('pyodide',)
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 # Computing tests run beside tests that wait for processes; see test/conftest.py.
 WORKERS = ('-n', '6')
@@ -38,7 +40,7 @@ def main(arguments: list[str]) -> int:
         if 'colcon' in names:
             # Without it the tests build the package themselves.
             variables['KLANN_ROS_COLCON_PREFIX'] = f'{work}/install'
-        if 'pytest' in names and (advice := browser.provide(env, work)):
+        if {'pytest', 'pyodide'} & {*names} and (advice := browser.provide(env, work)):
             print(f'{"browser":14}FAILED    {advice}')
             failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
@@ -71,10 +73,10 @@ def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
         description='Run the checks of klann_ros, each in the environment made for them.',
         epilog='What follows -- is for pytest: scripts/test pytest -- -k branch',
     )
-    help_text = f'one or more of {", ".join(NAMES)}; default: all'
+    help_text = f'one or more of {", ".join(NAMES)}; default: all of them; also pyodide'
     parser.add_argument('check', nargs='*', metavar='CHECK', help=help_text)
     chosen = parser.parse_args(arguments[:at]).check
-    if unknown := [name for name in chosen if name not in NAMES]:
+    if unknown := [name for name in chosen if name not in NAMES + EXTRA]:
         parser.error(f'no such check: {", ".join(unknown)}')
     return chosen or list(NAMES), pytest_arguments
 
@@ -92,6 +94,7 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'ament_pep257': [env.python, '-m', 'ament_pep257.main', *FILES],
         'docs': [env.python, 'docs/build.py', work / 'docs'],
         'colcon': colcon,
+        'pyodide': [env.python, 'scripts/support/pyodide.py', work / 'pyodide'],
         'pytest': [*env.tool('pytest'), *WORKERS, *pytest_arguments],
     }
 
@@ -103,7 +106,8 @@ def _passes(name: str, command: Command, variables: dict[str, str], work: Path) 
     said = f'{name:14}{result:10}{time.monotonic() - begin:6.1f} s'
     text = output.read_text(encoding='utf-8', errors='replace')
     # A skipped test proves nothing, so it is listed.
-    skipped = [f'    {line}' for line in text.splitlines() if line.startswith('SKIPPED')]
+    listed = ('SKIPPED', 'MEASURED')
+    skipped = [f'    {line}' for line in text.splitlines() if line.startswith(listed)]
     # In one piece: another check may end at the same time.
     print('\n'.join([said, *(skipped if code == 0 else [text])]) + '\n', end='')
     return code == 0

@@ -14,14 +14,12 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 import os
 from pathlib import Path
-import resource
 from typing import TypeAlias
 import zlib
 
+from klann_ros.log.browser import lz4_frame, resource, zstandard
 from klann_ros.log.errors import REFUSED
 from klann_ros.sanitize.text import printable
-from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped] # lz4 has no types
-import zstandard
 
 Bytes: TypeAlias = bytes | bytearray
 _Decompressor: TypeAlias = Callable[[Bytes, int], Iterator[bytes]]
@@ -189,8 +187,9 @@ def available_memory() -> int:
     found = [2**40, *_group_memory()]
     with suppress(OSError, ValueError, IndexError):
         found.append(int(_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if soft != resource.RLIM_INFINITY:
+    soft = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+    # RLIM_INFINITY is -1.
+    if soft >= 0:
         with suppress(OSError, ValueError):
             pages = int(_text('/proc/self/statm').split()[0])
             found.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))
@@ -238,7 +237,7 @@ def _decompress_zstd(data: Bytes, size: int) -> Iterator[bytes]:
 
 def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
     """Yield pieces of at most a size; input in pieces too, as the library copies the rest."""
-    frame, position = LZ4FrameDecompressor(), 0
+    frame, position = lz4_frame.LZ4FrameDecompressor(), 0
     while not frame.eof:
         given: Bytes = b''
         if frame.needs_input:
@@ -249,11 +248,11 @@ def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
         yield frame.decompress(given, max_length=size)
 
 
-_DECOMPRESSORS: dict[str, _Decompressor | None] = {
-    '': None,
-    'zstd': _decompress_zstd,
-    'lz4': _decompress_lz4,
-}
+_DECOMPRESSORS: dict[str, _Decompressor | None] = {'': None}
+if zstandard:
+    _DECOMPRESSORS['zstd'] = _decompress_zstd
+if lz4_frame:
+    _DECOMPRESSORS['lz4'] = _decompress_lz4
 
 COMPRESSIONS = tuple(name.encode() for name in _DECOMPRESSORS)
 """The names of the known compressions, as bytes."""

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
+from klann_ros.log.browser import zstandard
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.decompression import (
     decompress_message,
@@ -16,7 +17,6 @@ from klann_ros.log.mcap.decompression import (
 from klann_ros.log.records import Message, Topic
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
-import zstandard
 
 from .block import block_of_messages, MessageBlock
 from .storage import Item, Overview, Problems, SalvageReport, Source, Storage, Topics

@@ -7,7 +7,6 @@ that of a killed process is removed when the next one makes its own.
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-import fcntl
 from functools import cache
 import os
 from pathlib import Path
@@ -16,6 +15,7 @@ import tempfile
 import time
 import weakref
 
+from klann_ros.log.browser import fcntl
 from klann_ros.log.errors import AnyPath, NotALogError
 from klann_ros.sanitize.files import is_regular_file
 
@@ -108,7 +108,8 @@ def _lock(folder: Path) -> int | None:
     """Lock a folder until this process ends; None if another process has locked it."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if fcntl:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(descriptor)
         return None
