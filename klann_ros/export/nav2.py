@@ -73,6 +73,7 @@ def nav2_parameters(robot: Robot) -> str:
         'allow_reversing': False,
     }
     sections: dict[str, dict[str, Any]] = {
+        'amcl': {'base_frame_id': 'base_link'},
         'controller_server': {
             **stamped,
             'min_x_velocity_threshold': 0.001,
@@ -94,7 +95,8 @@ def nav2_parameters(robot: Robot) -> str:
         'planner_server': {
             'GridBased': {
                 'plugin': 'nav2_smac_planner::SmacPlannerHybrid',
-                'motion_model_for_search': 'REEDS_SHEPP',
+                # Forward alone, as the controller drives.
+                'motion_model_for_search': 'DUBIN',
                 'minimum_turning_radius': radius,
             }
         },

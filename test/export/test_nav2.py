@@ -33,6 +33,26 @@ def test_the_shipped_file_is_that_of_the_generator() -> None:
     assert '&' not in shipped
 
 
+def types(value: Any) -> Any:
+    """Return the types of all parameters, without the level that ROS puts above them."""
+    if isinstance(value, dict):
+        inside = value.get('ros__parameters', value)
+        return {key: types(each) for key, each in inside.items()}
+    return [*map(types, value)] if isinstance(value, list) else type(value).__name__
+
+
+def test_every_parameter_is_one_of_nav2_with_its_type() -> None:
+    known = (Path(__file__).parent / 'nav2_parameters.yaml').read_text(encoding='utf-8')
+    for name in ('walker6_two_motors', 'walker8_two_motors', 'walker_jansen'):
+        content = yaml.safe_load(nav2_parameters(walker(name)))
+        assert types(content) == yaml.safe_load(known)
+        # Rotating to the heading and reversing exclude each other, and with them such paths.
+        follow = content['controller_server']['ros__parameters']['FollowPath']
+        planner = content['planner_server']['ros__parameters']['GridBased']
+        assert follow['use_rotate_to_heading'] != follow['allow_reversing']
+        assert follow['allow_reversing'] or planner['motion_model_for_search'] == 'DUBIN'
+
+
 def test_a_walker_on_one_crank_is_refused() -> None:
     with pytest.raises(ValueError, match='cannot turn'):
         nav2_parameters(walker('walker6'))

@@ -43,7 +43,7 @@ def leg_solvers(
     own = [record for record in records if parent(record.node) == namespace]
     own = own or [record for record in records if record.node == records[-1].node]
     # The last parameters of each node count; several nodes may have the same leg.
-    last = {record.node: _names(record.parameters.get('legs')) for record in own}
+    last = {record.node: dict.fromkeys(_names(record.parameters.get('legs'))) for record in own}
     return {
         name: _solver([record for record in own if name in last[record.node]], name, reference)
         for name in dict.fromkeys(name for names in last.values() for name in names)
