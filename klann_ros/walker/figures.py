@@ -1,17 +1,14 @@
 """What a walker does over a turn of its cranks, before anything is built."""
 
 from cmath import rect
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from math import inf
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot
 import numpy as np
 
 from .feet import Array, Feet
-from .stance import body_displacement, Point, stance_pose, support
+from .stance import body_displacement, polygon_distance, stance_pose, support
 
 TURN_SAMPLES = 720
 # A walker that rests for less of a turn is unstable.
@@ -163,7 +160,7 @@ def walk_figures(
             loads[k, list(rest.feet)] = rest.loads
             rows[k] = rest.height, rest.roll, rest.pitch, rest.margin
         else:
-            rows[k, 3] = -_outside(points, centre)
+            rows[k, 3] = -polygon_distance(points, centre)
         if last and pose:
             step = body_displacement(last, pose)
             at += step.motion * rect(1.0, yaw + step.yaw / 2.0)
@@ -182,13 +179,3 @@ def walk_figures(
         advance=np.array(path[1:]),
         slid=slid,
     )
-
-
-def _outside(feet: Sequence[Point], centre: Point) -> float:
-    """Return the distance of a centre of mass from the polygon of all feet, from above [m]."""
-    middle, nearest = complex(*centre[:2]), inf
-    for p, q in combinations(feet, 2):
-        edge, away = complex(*q[:2]) - complex(*p[:2]), middle - complex(*p[:2])
-        t = (away * edge.conjugate()).real / (abs(edge) ** 2 or 1.0)
-        nearest = min(nearest, abs(away - max(0.0, min(1.0, t)) * edge))
-    return nearest

@@ -67,6 +67,7 @@ from .stance import (
     MEASURED_YAW,
     minimize_slip,
     MotionPrior,
+    outside_feet,
     Point,
     spring_loads,
     stance_pose,
@@ -101,6 +102,9 @@ SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.2
 # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant as a
 # part of it, as in benchmarks/odometry.py. The pose averages it.
 ROCKING_ERROR = 0.4
+# Time between checks of the support [s], and the distance of the centre of mass from the feet that
+# carry the body, seen from above, beyond which they cannot [m].
+CHECK_PERIOD, MAX_OUTSIDE = 0.1, 0.01
 STATES, ERRORS = 9, 5
 ACCEL_BIAS = slice(7, 9)
 
@@ -207,6 +211,9 @@ class Odometry:
         Of the IMU.
     travelled, slid : float
         Distances that it moved, and that its feet slid [m].
+    support_violation : float
+        The part of the last 10 s in which the measured attitude is that of a body on feet that
+        cannot carry it, as its centre of mass in the file is outside of them.
 
     """
 
@@ -225,6 +232,7 @@ class Odometry:
         self._covariance = np.diag(np.square(deviations))
         self._attitude: tuple[float, float] | None = None
         self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
+        self.support_violation, self._next_check = 0.0, 0.0
         # Of the centre of mass above the ground [m].
         self._height = 0.0
         self._scale, self._innovation_square = 1.0, 0.0
@@ -364,12 +372,15 @@ class Odometry:
     ) -> None:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
-        self.support = rest = self._support(feet, centre)
+        over = self._zero_moment_point(centre)
+        self.support = rest = support(feet, over, self.support and self.support.facet)
         before, self._pose = self._pose, None
         if rest is None:
             self._stop()
             return
         self._update_attitude(rest, taken.attitude if taken else None, dt)
+        if taken and taken.attitude:
+            self._check_support(feet, over, taken.attitude, dt)
         self._pose = pose = stance_pose(feet, rolled, rest, self._attitude, centre)
         if before is None:
             return
@@ -384,19 +395,18 @@ class Odometry:
         self._height = rest.height_of(centre)
         (nx, ny, nz), height = rest.normal, rest.height
         heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
-        over = zero_moment_point(pose.centre, self._height, self._acceleration)
-        loads = spring_loads(pose.flat, heights, over)
+        acts = zero_moment_point(pose.centre, self._height, self._acceleration)
+        loads = spring_loads(pose.flat, heights, acts)
         both = zip(before.flat, pose.flat, loads, strict=True)
         standing = [foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
         self._update(standing, dt)
         self._move(standing, dt)
 
-    def _support(self, feet: Sequence[Point], centre: Point) -> Support | None:
-        """Return the support around the zero-moment point, if the acceleration is measured."""
-        x, y, z = centre
+    def _zero_moment_point(self, centre: Point) -> Point:
+        """Return the centre of mass, shifted by the slope and an acceleration that is measured."""
         acceleration = -self._slope if self._push is None else self._acceleration - self._slope
-        over = zero_moment_point(complex(x, y), self._height, acceleration)
-        return support(feet, (over.real, over.imag, z), self.support and self.support.facet)
+        over = zero_moment_point(complex(*centre[:2]), self._height, acceleration)
+        return over.real, over.imag, centre[2]
 
     def _update_attitude(
         self, rest: Support, measured: tuple[float, float] | None, dt: float
@@ -417,6 +427,18 @@ class Odometry:
         square = abs(away) ** 2 / (2.0 * variance)
         self._tilt_square += dt / SLOPE_TIME * (square - self._tilt_square)
         self._slope += share * (GRAVITY * complex(sin(pitch), -sin(roll)) - self._slope)
+
+    def _check_support(
+        self, feet: Sequence[Point], over: Point, measured: tuple[float, float], dt: float
+    ) -> None:
+        """Learn for which part of the time it lies on feet that cannot carry it."""
+        self._next_check -= dt
+        if self._next_check > 0.0 or self._slope_time < SLOPE_TIME / 4.0:
+            return
+        self._next_check = CHECK_PERIOD
+        level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
+        is_off = outside_feet(feet, over, level) > MAX_OUTSIDE
+        self.support_violation += CHECK_PERIOD / SLOPE_TIME * (is_off - self.support_violation)
 
     def _predict(self, moves: complex, push: complex | None, dt: float) -> None:
         """Predict the velocity; the centre of mass has the velocity `moves` in base_link."""

@@ -49,6 +49,8 @@ STANDING = 0.866
 # Feet up to this height above the plane carry load as well, and a foot sinks by this under the
 # whole weight, as its leg and the floor give way [m].
 TOUCHING, SINK = 1e-6, 5e-4
+# Attitudes that differ by less are of the same feet [rad].
+SAME_ATTITUDE = 0.01
 # Iterations of the loads and of the slip, the relative tolerance of the latter, and the slip of
 # sticking feet by the longest step.
 ITERATIONS, CHANGE, STICK_TOLERANCE = 12, 1e-5, 1e-3
@@ -160,6 +162,35 @@ def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) ->
         return found
     on, shares = zip(*carrying, strict=True)
     return found._replace(feet=on, loads=shares)
+
+
+def outside_feet(feet: Sequence[Point], centre: Point, attitude: tuple[float, float]) -> float:
+    """
+    Return how far a centre of mass is outside of the feet that an attitude shows to carry it [m].
+
+    The body lies on a facet of its feet within `SAME_ATTITUDE` of roll and pitch [rad]; 0 where
+    there is none, as while it tips, or where one can carry it.
+    """
+    nearest = inf
+    for facet in _facets(len(feet)):
+        corners = [feet[i] for i in facet]
+        middle = [sum(values) / 3.0 for values in zip(*corners, strict=True)]
+        rest = _on(feet, middle, facet)
+        if rest and hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) < SAME_ATTITUDE:
+            if _on(feet, centre, facet):
+                return 0.0
+            nearest = min(nearest, polygon_distance(corners, centre))
+    return nearest if nearest < inf else 0.0
+
+
+def polygon_distance(feet: Sequence[Point], centre: Point) -> float:
+    """Return the distance of a point from the polygon of feet around it, from above [m]."""
+    middle, nearest = complex(*centre[:2]), inf
+    for p, q in combinations(feet, 2):
+        edge, away = complex(*q[:2]) - complex(*p[:2]), middle - complex(*p[:2])
+        t = (away * edge.conjugate()).real / (abs(edge) ** 2 or 1.0)
+        nearest = min(nearest, abs(away - max(0.0, min(1.0, t)) * edge))
+    return nearest
 
 
 @cache

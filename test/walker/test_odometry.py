@@ -1,11 +1,23 @@
 """Where a walker is, from the angles of its cranks alone."""
 
-from math import hypot, inf, nan, pi
+from math import atan, hypot, inf, nan, pi
 
-from klann_ros.walker import Feet, ImuReading, Odometry, OdometryEstimate, Steering, Walker
+from klann_ros.walker import (
+    DiagnosticLevel,
+    Feet,
+    ImuReading,
+    Odometry,
+    OdometryEstimate,
+    Steering,
+    Walker,
+)
+from klann_ros.walker.stance import outside_feet, support
 from klann_ros.walker.steering import Twist2D
 import numpy as np
 import pytest
+
+# Two feet in the middle, and one at each end that is higher.
+SEESAW = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
 
 
 def walked(
@@ -252,11 +264,31 @@ def test_a_gyro_bias_learned_at_standstill_turns_no_walk(two_motors: Feet) -> No
 def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
     two_motors: Feet, acceleration: float, slope: float, facet: tuple[int, int, int]
 ) -> None:
-    # A seesaw: forwards it leans back, and downhill forwards.
+    # Forwards it leans back, and downhill forwards.
     odometry = Odometry(two_motors)
     odometry._push, odometry._height = 0j, 0.3
     odometry._acceleration, odometry._slope = acceleration + 0j, slope + 0j
-    feet = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
-    rest = odometry._support(feet, (0.0, 0.0, 0.0))
+    rest = support(SEESAW, odometry._zero_moment_point((0.0, 0.0, 0.0)))
     assert rest is not None
     assert rest.facet == facet
+
+
+@pytest.mark.parametrize(('x', 'away'), [(-0.05, 0.05), (0.0, 0.0), (0.05, 0.0)])
+def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
+    steering: Steering, x: float, away: float
+) -> None:
+    """It leans forwards, where the file has its centre of mass behind the feet in the middle."""
+    leans, centre = (0.0, atan(0.1)), (x, 0.0, -0.3)
+    assert outside_feet(SEESAW, centre, leans) == pytest.approx(away, abs=1e-9)
+    walker = Walker(steering)
+    walker.odometry._slope_time = 10.0
+    walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
+    for _ in range(400):
+        walker.odometry._check_support(SEESAW, centre, leans, 0.01)
+    level, text = walker.verdict(0.0)
+    assert ('check body_centre' in text) == bool(away)
+    assert (level == DiagnosticLevel.WARN) == bool(away)
+    walker.odometry.support_violation, walker.odometry._tilt_square = 0.0, 7.1**2
+    assert 'attitude is not that of a body on its feet' in walker.verdict(0.0)[1]
+    # An attitude of no feet is that of a body that tips.
+    assert outside_feet(SEESAW, centre, (0.3, 0.0)) == 0.0
