@@ -1,0 +1,211 @@
+"""
+The search beside pylinkage's particle swarm and leggedsnake's NSGA-II, on the same problem.
+
+    python benchmarks/optimisers.py [SEEDS] [--smoke]
+
+The foot path of a hidden Jansen leg, each of its 11 lengths within 20 % of the shipped one, is to
+be found within these ranges, at 96 equal steps of the crank. The others have the defaults of their
+guides, the faster of their solvers, and SECONDS of a CPU; the search needs less. All are measured
+by the same rms distance. Neither is a dependency: pip install pylinkage leggedsnake.
+"""
+
+from contextlib import suppress
+from importlib.util import find_spec
+import sys
+import time
+from typing import Any
+
+from klann_ros.design import search, wish_from
+from klann_ros.design.target import Target
+from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+from support.aims import exit_code, SMOKE
+
+SEEDS, SECONDS, EVALUATIONS = (1, 0.5, 600) if SMOKE else (20, 8.0, 2000)
+FRAMES, SPREAD, PARTICLES = 96, 0.2, 100
+JANSEN = shipped_linkage('jansen')
+LENGTHS = [name for name in JANSEN.dimensions if '-' in name]
+OWN = np.array([JANSEN.dimensions[name] for name in LENGTHS])
+ALPHAS = TURN / FRAMES * np.arange(1, FRAMES + 1)
+# More than any budget allows.
+ENDLESS = 10**6
+
+
+class TimeUpError(BaseException):
+    """The budget is spent; no Exception, which leggedsnake takes for a leg that breaks."""
+
+
+class Attempt:
+    """Errors of candidates of another library, until its time is up."""
+
+    def __init__(self, path: FloatArray, seconds: float) -> None:
+        """Begin."""
+        self._path, self._end = path, time.process_time() + seconds
+        self.least, self.lengths, self.count = np.inf, OWN, 0
+
+    def error(self, lengths: Any, h: FloatArray) -> float:
+        """Return the rms distance of a candidate's path, at the same crank angles [m]."""
+        if time.process_time() > self._end:
+            raise TimeUpError
+        self.count += 1
+        rms = float(np.sqrt(((h - self._path) ** 2).sum(axis=1).mean()))
+        if not rms < np.inf:
+            return 1e3
+        if rms < self.least:
+            self.least, self.lengths = rms, np.array(lengths, dtype=np.float64)
+        return rms
+
+
+def hidden(random: np.random.Generator) -> FloatArray:
+    """Return the foot path of a leg that turns, shape (FRAMES, 2)."""
+    while True:
+        factors = random.uniform(1.0 - SPREAD, 1.0 + SPREAD, len(OWN))
+        changes = {name: [value] for name, value in zip(LENGTHS, OWN * factors, strict=True)}
+        found = linkage_poses(Variants(JANSEN, changes), ALPHAS)
+        if not found.reason.any():
+            return np.asarray(found.h[0])
+
+
+def measured(path: FloatArray, h: FloatArray) -> float:
+    """Return the error of a path relative to the size of the hidden one."""
+    target = Target(path @ (1.0, 1j), *[False] * 3, is_timed=True)
+    return float(target.fit(h[None]).error[0]) / target.size
+
+
+def ours(path: FloatArray, seed: int) -> float:
+    """Return the error of the search."""
+    vary = {
+        name: [(1.0 - SPREAD) * own, (1.0 + SPREAD) * own]
+        for name, own in zip(LENGTHS, OWN.tolist(), strict=True)
+    }
+    fixed = {'timing': 'prescribed', 'move': False, 'turn': False, 'scale': False}
+    content = {'linkage': 'jansen', 'vary': vary, 'path': {'points': path.tolist(), **fixed}}
+    found = search(wish_from({**content, 'count': 1}), seed=seed, evaluations=EVALUATIONS)
+    if not found.legs:
+        return 1.0
+    return measured(path, linkage_poses(found.legs[0].linkage, ALPHAS).h)
+
+
+def pylinkage_jansen() -> Any:
+    """Return Jansen's leg in pylinkage; its constraints are in the order of LENGTHS."""
+    from pylinkage.actuators import Crank  # noqa: PLC0415 - no dependency
+    from pylinkage.components import Ground  # noqa: PLC0415
+    from pylinkage.dyads import RRRDyad  # noqa: PLC0415
+    from pylinkage.simulation import Linkage  # noqa: PLC0415
+
+    points: Any = linkage_poses(JANSEN, [0.0], points=True).points
+    at = dict(zip(JANSEN.structure.points, points[0].tolist(), strict=True))
+    own = dict(zip(LENGTHS, OWN.tolist(), strict=True))
+    z, y = (Ground(*at[name], name=name) for name in 'ZY')
+    crank = Crank(z, radius=own['Z-X'], angular_velocity=TURN / FRAMES, name='X')
+    made = {'Z': z, 'Y': y, 'X': crank}
+    for name, one, other in ('WXY', 'VYW', 'UXY', 'TVU', 'SUT'):
+        anchors = [crank.output if parent == 'X' else made[parent] for parent in (one, other)]
+        lengths = [own[f'{parent}-{name}'] for parent in (one, other)]
+        made[name] = RRRDyad(*anchors, *lengths, *at[name], name=name)
+    return Linkage(list(made.values()), name='jansen')
+
+
+def swarm(path: FloatArray, _: int) -> tuple[float, int]:
+    """Return the error of pylinkage's particle swarm, and its number of candidates."""
+    from pylinkage.optimization import particle_swarm_optimization  # noqa: PLC0415
+
+    attempt, linkage = Attempt(path, SECONDS), pylinkage_jansen()
+    start = linkage.get_coords()
+
+    def error(linkage: Any, lengths: Any, *_: Any) -> float:
+        linkage.set_coords(start)
+        linkage.set_constraints(lengths)
+        return attempt.error(lengths, linkage.step_fast(FRAMES)[:, -1])
+
+    low, high = (1.0 - SPREAD) * OWN, (1.0 + SPREAD) * OWN
+    with suppress(TimeUpError):
+        particle_swarm_optimization(
+            error,
+            linkage,
+            n_particles=PARTICLES,
+            iterations=ENDLESS,
+            bounds=(low, high),
+            order_relation=min,
+            verbose=False,
+        )
+    return found_error(path, attempt), attempt.count
+
+
+def nsga(path: FloatArray, seed: int) -> tuple[float, int]:
+    """Return the error of leggedsnake's NSGA-II, and its number of candidates."""
+    from leggedsnake import (  # noqa: PLC0415
+        FitnessResult,
+        nsga_walking_optimization,
+        NsgaWalkingConfig,
+        Walker,
+    )
+
+    attempt = Attempt(path, SECONDS)
+    topology, dimensions = pylinkage_jansen().to_hypergraph()
+
+    class PathFitness:
+        """The path as leggedsnake has its aims: the greater the better."""
+
+        def __call__(self, topology: Any, dimensions: Any, _: Any = None) -> Any:
+            walker = Walker(topology, dimensions)
+            try:
+                h = np.array([pose[-1] for pose in walker.step(FRAMES, skip_unbuildable=True)])
+                h = h.astype(np.float64)
+            except (TypeError, ValueError):
+                h = np.full((FRAMES, 2), np.nan)
+            error = attempt.error(walker.get_constraints(), h)
+            return FitnessResult(score=-error, metrics={}, valid=error < np.inf)
+
+    low, high = (1.0 - SPREAD) * OWN, (1.0 + SPREAD) * OWN
+    config = NsgaWalkingConfig(n_generations=ENDLESS, pop_size=100, seed=seed, verbose=False)
+    with suppress(TimeUpError):
+        nsga_walking_optimization(
+            lambda: Walker(topology, dimensions),
+            [PathFitness()],
+            (low.tolist(), high.tolist()),
+            nsga_config=config,
+        )
+    return found_error(path, attempt), attempt.count
+
+
+def found_error(path: FloatArray, attempt: Attempt) -> float:
+    """Return the error of the best lengths of an attempt, by this package's solver."""
+    changes = {name: [value] for name, value in zip(LENGTHS, attempt.lengths, strict=True)}
+    h = linkage_poses(Variants(JANSEN, changes), ALPHAS).h[0]
+    return measured(path, h) if np.isfinite(h).all() else 1.0
+
+
+def main() -> int:
+    """Print the errors of all; return 0 if ours are at most half of the best of the others'."""
+    every = {'pylinkage': swarm, 'leggedsnake': nsga}
+    others = {name: run for name, run in every.items() if find_spec(name)}
+    if missing := every.keys() - others:
+        print(f'not installed, left out: pip install {" ".join(sorted(missing))}')
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
+    errors: dict[str, list[float]] = {'klann_ros': [], **{name: [] for name in others}}
+    spent = list[float]()
+    for seed in range(seeds):
+        path = hidden(np.random.default_rng(seed))
+        begin = time.process_time()
+        errors['klann_ros'].append(ours(path, seed))
+        spent.append(time.process_time() - begin)
+        line = f'{seed:2}: {100.0 * errors["klann_ros"][-1]:.4f} % in {spent[-1]:.1f} s'
+        for name, run in others.items():
+            error, count = run(path, seed)
+            errors[name].append(error)
+            line += f', {name} {100.0 * error:.4f} % ({count} candidates)'
+        print(line, flush=True)
+    medians = {name: 100.0 * float(np.median(some)) for name, some in errors.items()}
+    print(', '.join(f'{name} {median:.4f} %' for name, median in medians.items()), end=': ')
+    print(f'median errors of {seeds} legs; CPU: {np.median(spent):.1f} s, others {SECONDS:g} s')
+    mine = medians.pop('klann_ros')
+    best = min(medians.values(), default=np.inf)
+    print(f'relative to the best of the others: {mine / best:.3g}, aim 0.5')
+    return exit_code(bool(medians) and mine <= 0.5 * best, float(np.median(spent)) <= SECONDS)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
