@@ -5,10 +5,10 @@ The linkage challenge of MIT 2.155/2.156: six egg-shaped curves, by linkages of 
 
 CURVES.npy and the grader are those of the challenge's public repository, neither of which is
 copied here; the grader reads SUBMISSION.npy. Its score of a curve is the area that the linkages
-dominate up to a distance of 0.75 and a sum of bars of 10; the mean of six counts, of at most 7.5.
-The best public submission found has 4.089, the challenge's own start 1.34. Every structure of few
-dyads is searched by NSGA-II (pymoo) on the bulk solver; the better third of them goes on with
-twice the generations. MINUTES are of one CPU.
+dominate up to a distance of 0.75 and a material of 10, twice the sum of their bars; the mean of
+six counts, of at most 7.5. The best public submission found has 4.089, the challenge's own start
+1.34. Every structure of few dyads is searched by NSGA-II (pymoo) on the bulk solver; the better
+third of them goes on with twice the generations. MINUTES are of one CPU.
 """
 
 from collections.abc import Iterator, Sequence
@@ -51,7 +51,7 @@ class Chain(NamedTuple):
     dyads: tuple[tuple[int, int], ...]
 
     @property
-    def count(self) -> int:
+    def joints(self) -> int:
         """Return the number of joints."""
         return 2 + self.pivots + len(self.dyads)
 
@@ -90,12 +90,12 @@ def _is_whole(chain: Chain) -> bool:
     # A joint bound to two pivots stands still, one bound to the crank's bar is a part of it, and
     # the last one must not be on a circle.
     moves = all(not {*pair} <= fixed and {*pair} != {0, 1} for pair in chain.dyads)
-    return moves and not {*chain.dyads[-1]} & fixed and {*range(1, chain.count - 1)} <= used
+    return moves and not {*chain.dyads[-1]} & fixed and {*range(1, chain.joints - 1)} <= used
 
 
 def _canonical(chain: Chain) -> Any:
     """Return the least of the names of a chain, whose pivots and inner joints may be permuted."""
-    first, last = 2 + chain.pivots, chain.count - 1
+    first, last = 2 + chain.pivots, chain.joints - 1
     names = []
     for pivots in permutations(range(2, first)):
         for inner in permutations(range(first, last)):
@@ -110,7 +110,7 @@ class ChainSearch(Problem):  # type: ignore[misc]  # pymoo has no types
     def __init__(self, chain: Chain, curve: ComplexArray) -> None:
         """Fix the axle at the origin and the second pivot on the x axis."""
         self.chain, self.target = chain, Target(curve, can_scale=False)
-        super().__init__(n_var=2 * chain.count - 3, n_obj=2, n_ieq_constr=1, xl=-REACH, xu=REACH)
+        super().__init__(n_var=2 * chain.joints - 3, n_obj=2, n_ieq_constr=1, xl=-REACH, xu=REACH)
         self.radius = float(np.sqrt((np.abs(curve - curve.mean()) ** 2).mean()))
         self.best: list[tuple[FloatArray, FloatArray]] = []
         self.population: FloatArray | None = None
@@ -123,15 +123,16 @@ class ChainSearch(Problem):  # type: ignore[misc]  # pymoo has no types
             for one, other in self.chain.edges
         ]
         pivots = [f'J{n}' for n in (0, *range(2, 2 + self.chain.pivots))]
-        structure = Structure(tuple(pivots), tuple(bodies), f'J{self.chain.count - 1}')
+        structure = Structure(tuple(pivots), tuple(bodies), f'J{self.chain.joints - 1}')
         ones = [float(d.is_length) for d in structure.dimensions]
         return Linkage(structure, ones, assembly=(1,) * len(self.chain.dyads))
 
-    def joints(self, x: FloatArray) -> ComplexArray:
-        """Return the positions of joints, shape (n, count)."""
+    def positions(self, x: FloatArray) -> ComplexArray:
+        """Return the positions of the joints, shape (n, number of joints)."""
         axle, second = np.zeros((len(x), 2)), np.column_stack([x[:, 2], np.zeros(len(x))])
         every = np.hstack([axle, x[:, :2], second, x[:, 3:]])
-        return every.reshape(len(x), -1, 2) @ np.array([1.0, 1j])
+        z = every.reshape(len(x), -1, 2) @ np.array([1.0, 1j])
+        return np.asarray(z, dtype=np.complex128)
 
     def variants(self, z: ComplexArray) -> Variants:
         """Return the linkages with joints at these positions."""
@@ -149,9 +150,10 @@ class ChainSearch(Problem):  # type: ignore[misc]  # pymoo has no types
         return Variants(self.linkage, changes, assembly=np.array(modes))
 
     def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: Any, **__: Any) -> None:
-        variants = self.variants(self.joints(x))
+        variants = self.variants(self.positions(x))
         turns = whole_turns(variants, TURN_POINTS)
-        material = sum(
+        # The grader counts a bar from each of its ends.
+        material = 2.0 * sum(
             variants.numbers[k]
             for k, d in enumerate(self.linkage.structure.dimensions)
             if d.kind == 'length'
@@ -200,8 +202,8 @@ def area(losses: FloatArray) -> float:
 
 
 def graded(path: ComplexArray, curve: ComplexArray) -> float:
-    """Return the grader's distance of a closed path from a curve."""
-    w, z = (_even(np.append(each, each[0])) for each in (path, curve))
+    """Return the grader's distance of a closed path from a curve, which it does not close."""
+    w, z = _even(np.append(path, path[0])), _even(curve)
     radius = np.sqrt((np.abs(z) ** 2).mean())
     distances = []
     for own in (w, w[::-1]):
@@ -256,7 +258,7 @@ def entries(searches: Sequence[ChainSearch], curve: ComplexArray) -> list[dict[s
         if material >= least:
             continue
         least, one = material, searches[n]
-        z = one.joints(x[None])
+        z = one.positions(x[None])
         h = whole_turns(one.variants(z), TURN_POINTS).h[:, 0]
         fixed = [0, *range(2, 2 + one.chain.pivots)]
         found.append(
@@ -265,7 +267,7 @@ def entries(searches: Sequence[ChainSearch], curve: ComplexArray) -> list[dict[s
                 'edges': np.array(one.chain.edges),
                 'fixed_joints': np.array(fixed),
                 'motor': np.array([0, 1]),
-                'target_joint': one.chain.count - 1,
+                'target_joint': one.chain.joints - 1,
                 'losses': (graded(h[0] + 1j * h[1], curve), material),
             }
         )

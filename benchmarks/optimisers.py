@@ -71,7 +71,8 @@ def hidden(random: np.random.Generator) -> FloatArray:
 
 def measured(path: FloatArray, h: FloatArray) -> float:
     """Return the error of a path relative to the size of the hidden one."""
-    target = Target(path @ (1.0, 1j), *[False] * 3, is_timed=True)
+    points = np.asarray(path @ np.array([1.0, 1j]), dtype=np.complex128)
+    target = Target(points, can_move=False, can_turn=False, can_scale=False, is_timed=True)
     return float(target.fit(h[None]).error[0]) / target.size
 
 
@@ -97,15 +98,16 @@ def pylinkage_jansen() -> Any:
     from pylinkage.simulation import Linkage  # noqa: PLC0415
 
     points: Any = linkage_poses(JANSEN, [0.0], points=True).points
-    at = dict(zip(JANSEN.structure.points, points[0].tolist(), strict=True))
+    at: dict[str, Any] = dict(zip(JANSEN.structure.points, points[0].tolist(), strict=True))
     own = dict(zip(LENGTHS, OWN.tolist(), strict=True))
-    z, y = (Ground(*at[name], name=name) for name in 'ZY')
-    crank = Crank(z, radius=own['Z-X'], angular_velocity=TURN / FRAMES, name='X')
-    made = {'Z': z, 'Y': y, 'X': crank}
+    ground = {name: Ground(at[name][0], at[name][1], name=name) for name in 'ZY'}
+    crank = Crank(ground['Z'], radius=own['Z-X'], angular_velocity=TURN / FRAMES, name='X')
+    made: dict[str, Any] = {**ground, 'X': crank}
     for name, one, other in ('WXY', 'VYW', 'UXY', 'TVU', 'SUT'):
-        anchors = [crank.output if parent == 'X' else made[parent] for parent in (one, other)]
-        lengths = [own[f'{parent}-{name}'] for parent in (one, other)]
-        made[name] = RRRDyad(*anchors, *lengths, *at[name], name=name)
+        p, q = (crank.output if parent == 'X' else made[parent] for parent in (one, other))
+        r_p, r_q = own[f'{one}-{name}'], own[f'{other}-{name}']
+        x, y = at[name]
+        made[name] = RRRDyad(p, q, r_p, r_q, x=x, y=y, name=name)
     return Linkage(list(made.values()), name='jansen')
 
 
@@ -121,14 +123,14 @@ def swarm(path: FloatArray, _: int) -> tuple[float, int]:
         linkage.set_constraints(lengths)
         return attempt.error(linkage.step_fast(FRAMES)[:, -1])
 
-    low, high = (1.0 - SPREAD) * OWN, (1.0 + SPREAD) * OWN
+    bounds = ((1.0 - SPREAD) * OWN).tolist(), ((1.0 + SPREAD) * OWN).tolist()
     with suppress(TimeUpError):
         particle_swarm_optimization(
             error,
             linkage,
             n_particles=PARTICLES,
             iterations=ENDLESS,
-            bounds=(low, high),
+            bounds=bounds,
             order_relation=min,
             verbose=False,
         )
@@ -164,13 +166,13 @@ def nsga(path: FloatArray, seed: int) -> tuple[float, int]:
                 h = np.full((FRAMES, 2), np.nan)
             return FitnessResult(score=-attempt.error(h), metrics={}, valid=True)
 
-    low, high = (1.0 - SPREAD) * OWN, (1.0 + SPREAD) * OWN
+    bounds = ((1.0 - SPREAD) * OWN).tolist(), ((1.0 + SPREAD) * OWN).tolist()
     config = NsgaWalkingConfig(n_generations=ENDLESS, pop_size=100, seed=seed, verbose=False)
     with suppress(TimeUpError):
         nsga_walking_optimization(
             walker,
             [PathFitness()],
-            (low.tolist(), high.tolist()),
+            bounds,
             nsga_config=config,
         )
     return measured(path, attempt.best), attempt.count
