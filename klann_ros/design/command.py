@@ -76,6 +76,9 @@ def _design(options: argparse.Namespace) -> int:
 def _opened(folder: Path, *, resume: bool) -> State | None:
     """Return the state of the search in a folder, which is made; None of a new search."""
     shown = printable(folder)
+    if resume and folder.is_dir() and not any(folder.iterdir()):
+        # It ended in the first round.
+        return None
     if resume:
         try:
             content = json.loads(read_regular(folder / STATE, MAX_STATE_SIZE))

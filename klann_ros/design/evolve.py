@@ -10,8 +10,9 @@ from .space import Space
 from .wish import Wish
 
 POPULATION = 120
-# Candidates sampled for each of the first population, and judged at once.
-SAMPLES_PER_CANDIDATE, MAX_JUDGED = 25, 2048
+# Candidates sampled for each of the first population, and judged at once: too few poses for a
+# kernel that is compiled, which takes seconds a structure.
+SAMPLES_PER_CANDIDATE, MAX_JUDGED = 25, 1024
 # Of the loss of a candidate without figures.
 WORST_LOSS = 1e9
 # The search holds limits with this relative distance: its figures are exact to 1e-4.

@@ -118,7 +118,8 @@ def judge(
     if turns.box is not None:
         found['width'], found['height'] = turns.box[:, turning]
     figures = {}
-    for name in names & found.keys():
+    # In one order, whatever the hashes of names are.
+    for name in sorted(names & found.keys()):
         figures[name] = np.full(len(variants), np.nan)
         figures[name][turning] = found[name]
     return Judgement(jam, figures, turns.h.transpose(1, 2, 0))

@@ -135,7 +135,7 @@ class _SlidingClearances:
 
     def least(self, k: int, which: IndexArray) -> FloatArray:
         """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
-        return np.concatenate([self._least(k, part) for part in _parts(which)])
+        return np.concatenate([np.empty(0), *(self._least(k, part) for part in _parts(which))])
 
     def _least(self, k: int, part: IndexArray) -> FloatArray:
         dyads = Blockwise(self._variants, part)
