@@ -257,7 +257,7 @@ def _quick_return_key(givens: Givens) -> Givens:
     }
 
 
-KEYS: KeysAndLegs = {
+ANALYSIS_KEYS: KeysAndLegs = {
     'newton': (_klann_newton, _klann),
     'klann-position': (_klann_position, _klann),
     'velocity': (_klann_velocity, _klann),

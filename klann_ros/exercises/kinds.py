@@ -1,7 +1,7 @@
 """All kinds of exercises, by their name."""
 
-from .analysis import KEYS as ANALYSIS_KEYS
-from .synthesis import KEYS as SYNTHESIS_KEYS
+from .analysis import ANALYSIS_KEYS
+from .synthesis import SYNTHESIS_KEYS
 from .variant import Kind
 
 KINDS: dict[str, Kind] = {

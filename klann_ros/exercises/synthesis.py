@@ -146,7 +146,7 @@ def _undrawn(_: Givens) -> tuple[None, float]:
     return None, 0.0
 
 
-KEYS: KeysAndLegs = {
+SYNTHESIS_KEYS: KeysAndLegs = {
     'function-generation': (_key_function, _undrawn),
     'function-four-points': (_key_four_points, _undrawn),
     'three-poses': (_key_poses, _undrawn),
