@@ -206,7 +206,8 @@ class LiveState(PageState):
     def _update_legs(self) -> None:
         shown: list[_ShownLeg] = []
         solvers: dict[str, LiveSolver] = {}
-        for topic in self._subscriptions.of_kind(JOINT_STATE):
+        # Discovery finds them in any order.
+        for topic in sorted(self._subscriptions.of_kind(JOINT_STATE), key=lambda of: of.name):
             known = self._solvers_of(topic)
             solvers.update(known)
             shown += [
