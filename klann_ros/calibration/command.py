@@ -1,28 +1,33 @@
 """`calibrate`: the leg as it was built, from a run in which somebody measured points of it."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 import json
 from math import inf
 from typing import Any, BinaryIO
 
+from klann_ros.kinematics.klann import NUMBERS, PRESETS
+from klann_ros.kinematics.linkage.file import content_with_numbers, is_linkage, NUMBER_DIGITS
 from klann_ros.log import NotALogError
 from klann_ros.robot import Robot, robot_of, RobotFileError, RobotLeg
+from klann_ros.robot.file import of_leg, solver_section
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
+from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.outputs import outputs, save_all
-from klann_ros.sanitize.text import listed, printable
-from klann_ros.sanitize.yaml_text import parse_file, YamlError
+from klann_ros.sanitize.text import listed, printable, printable_line
+from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file, YamlError
 
-from . import page, report
-from .built_file import built_file
 from .fit import calibrate, Calibration
 from .load import described_run, load_csv, load_run, point_topics, Request
 from .measurements import MeasurementError
-from .observability import Suggestion
+from .page import page
+from .report import report, text_lines
 
 NOT_OBSERVABLE = 1
+# Parameters of a leg that a calibration does not change.
+KEPT_PARAMETERS = ('bar_density', 'foot_mass', 'mount_xyz', 'mount_rpy')
 CALIBRATE_ERRORS = dict.fromkeys(
     (RobotFileError, MeasurementError, NotALogError, OSError), NOT_READ
 )
@@ -49,14 +54,15 @@ def _calibrate(options: argparse.Namespace) -> int:
     inputs = (options.run, options.leg, options.prior)
     files = outputs(options, ('output', 'html', 'json'), inputs)
     requests = [*options.point, *options.angle, *options.distance]
-    drawn = robot_of(options.leg) if options.leg is not None else None
+    drawn = options.leg and robot_of(options.leg)
     if options.run.lower().endswith('.csv'):
         if drawn is None:
             raise UsageError('a table does not contain the leg: name its file with --leg')
-        leg = _leg(drawn, options.leg_name)
+        leg, parameters = _leg(drawn, options.leg_name), _parameters(options.leg)
         measured = load_csv(options.run, leg, requests)
     else:
-        robot, topics = described_run(options.run, drawn)
+        robot, parameters, topics = described_run(options.run, drawn)
+        parameters = _parameters(options.leg) if drawn else parameters
         leg = _leg(robot, options.leg_name)
         named = point_topics(topics, leg.linkage, leg.name)
         requests = requests or [Request(point, topic) for point, topic in named.items()]
@@ -74,24 +80,24 @@ def _calibrate(options: argparse.Namespace) -> int:
         prior=_prior(options.prior),
     )
     further = found.further()
-    built = built_file(found, leg, options.leg, options.run)
-    print(report.text(found, further), end='')
-    views = {
+    kept = {k: v for k, v in of_leg(parameters, leg.name).items() if k in KEPT_PARAMETERS}
+    built = _built_file(found, leg, kept, (options.run, options.leg or 'in it'))
+    print(*text_lines(found, further), sep='\n')
+    views: dict[str, Callable[[], str]] = {
         '--output': lambda: built,
-        '--html': partial(page.page, found, further, options.run, built),
-        '--json': partial(_json, found, further),
+        '--html': partial(page, found, further, options.run, built),
+        '--json': lambda: json.dumps(report(found, further), indent=2, allow_nan=False) + '\n',
     }
     save_all(files, {option: partial(_save, view) for option, view in views.items()})
     return 0 if found.is_complete else NOT_OBSERVABLE
 
 
 def _leg(robot: Robot, name: str | None) -> RobotLeg:
-    legs = {leg.name: leg for leg in robot.legs}
-    if name is None and len(legs) == 1:
-        return next(iter(legs.values()))
-    if name not in legs:
-        raise UsageError(f'name the leg with --leg-name: {listed(legs, 12)}')
-    return legs[name]
+    for leg in robot.legs:
+        if leg.name == name or (name is None and len(robot.legs) == 1):
+            return leg
+    there = listed([leg.name for leg in robot.legs], 12)
+    raise UsageError(f'name the leg with --leg-name: {there}')
 
 
 def _prior(given: str | None) -> float | Mapping[str, float] | None:
@@ -115,11 +121,40 @@ def _prior(given: str | None) -> float | Mapping[str, float] | None:
     return {str(name): float(value) for name, value in content.items()}
 
 
-def _json(calibration: Calibration, further: Sequence[Suggestion]) -> str:
-    return json.dumps(report.report(calibration, further), indent=2, allow_nan=False) + '\n'
+def _parameters(drawing: str) -> Mapping[str, Any]:
+    """Return the parameters of a leg's file; the shipped ones of the courses are made of rods."""
+    if not is_regular_file(drawing):
+        return {'bar_density': 1.0, 'foot_mass': 0.0} if drawing in PRESETS else {}
+    content = parse_file(drawing)
+    return {} if is_linkage(content) else solver_section(content)
 
 
-def _save(view: Any, file: BinaryIO) -> None:
+def _built_file(
+    found: Calibration, leg: RobotLeg, kept: Mapping[str, Any], sources: tuple[str, str]
+) -> str:
+    """Return the leg file with the calibrated numbers, which every program takes."""
+    parameters = dict(kept)
+    if leg.description:
+        content = content_with_numbers(leg.description, found.linkage)
+        parameters['linkage_description'] = dump(content) + '\n'
+    else:
+        own = found.linkage.dimensions
+        parameters |= {name: round(own[name], NUMBER_DIGITS) for name in NUMBERS}
+        parameters['assembly'] = [*found.linkage.assembly]
+    parameters |= {'phase': round(found.phase, NUMBER_DIGITS), 'direction': leg.direction}
+    parameters['crank_joint'] = leg.crank_joint
+    errors = zip(found.model.names, found.standard_errors, strict=True)
+    run, drawing = map(printable_line, sources)
+    lines = [
+        f'# Calibrated from {run}; the drawing is {drawing}.',
+        '# Standard errors [m, rad]; unobservable combinations are as in the drawing:',
+        *(f'#   {printable_line(name)}: {error:.2g}' for name, error in errors),
+    ]
+    comment = '\n'.join(lines).replace(': nan', ': not observable')
+    return f'{comment}\n{parameter_file({"/**": parameters})}'
+
+
+def _save(view: Callable[[], str], file: BinaryIO) -> None:
     file.write(view().encode(errors='replace'))
 
 

@@ -9,7 +9,8 @@ of its path: with it their covariance is S = sigma^2 + sigma_crank^2 v v^T.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import product
 from math import sqrt
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from klann_ros.kinematics.arrays import BoolArray, FloatArray
 import numpy as np
 
 from .measurements import MeasuredSeries, MeasurementError, subset
-from .model import DELAY, MeasurementModel, PHASE
+from .model import BACKLASH, CAMERA, DELAY, MeasurementModel, PHASE
 from .observability import (
     further_measurements,
     Observability,
@@ -124,7 +125,7 @@ class Calibration:
     @property
     def phase(self) -> float:
         """Return the crank angle at joint position 0, in (-pi, pi] [rad]."""
-        return wrap(self.model.value(self.values, PHASE))
+        return self.model.value(self.values, PHASE)
 
     @property
     def correlation(self) -> FloatArray:
@@ -205,14 +206,8 @@ def calibrate(
         raise MeasurementError('nothing was measured: name a point and its topic')
     rates = np.concatenate([series.rate for series in measured])
     reverse = min((rates > 0.0).sum(), (rates < 0.0).sum()) > MIN_REVERSE_SHARE * len(rates)
-    model = MeasurementModel(
-        linkage,
-        direction=direction,
-        phase=phase,
-        camera=camera,
-        delay=delay,
-        backlash=bool(reverse),
-    )
+    optional = (*CAMERA * camera, *[DELAY] * delay, *[BACKLASH] * bool(reverse))
+    model = MeasurementModel(linkage, direction, phase, optional)
     check_measurements(model, measured)
     problem = _Problem(model, measured, _deviations(model, prior), crank_noise)
     fit = problem.solve(start_parameters(model, measured))
@@ -247,22 +242,22 @@ def _explain_misfit(
     modes = [own, *(m for m in assemblies(model.linkage) if m != own)] if own else [own]
     for mode, direction in [*product(modes, (model.direction, -model.direction))][1:]:
         linkage = model.linkage if mode == own else model.linkage.in_assembly(mode)
-        other = model.variant(linkage, direction)
-        try:
+        other = replace(model, linkage=linkage, direction=direction)
+        with suppress(MeasurementError):
             problem = _Problem(other, few, _deviations(other, None), 0.0)
             found = problem.result(problem.solve(start_parameters(other, few)), has_prior=False)
             _check_corrections(found, names, strict=True)
-        except MeasurementError:
-            continue
-        if found.misfit < 0.2 * misfit:
-            what = f'direction {direction}' if mode == own else f'assembly {list(mode)}'
-            raise MeasurementError(
-                f'the measurements are those of a leg with {what}: change it in the leg file'
-            )
+            if found.misfit < 0.2 * misfit:
+                what = f'direction {direction}' if mode == own else f'assembly {list(mode)}'
+                break
+    else:
+        raise MeasurementError(
+            f'the measurements are not those of this leg: they miss it by {100.0 * misfit:.2g} % '
+            f"of the leg's size however its dimensions are chosen. Check the points and their "
+            f'topics: {names}'
+        )
     raise MeasurementError(
-        f'the measurements are not those of this leg: they miss it by {100.0 * misfit:.2g} % of '
-        f"the leg's size however its dimensions are chosen. Check the points and their topics: "
-        f'{names}'
+        f'the measurements are those of a leg with {what}: change it in the leg file'
     )
 
 
@@ -308,21 +303,17 @@ class _Problem:
         self._model, self._measured = model, tuple(measured)
         self._deviations, self._crank_noise = deviations, crank_noise
         self._known: tuple[bytes, _Rows] | None = None
-        # Of each row its series, its sample of the series, and its stamp.
-        widths = [series.values.shape for series in measured]
-        self._owners = np.repeat(np.arange(len(widths)), [n * k for n, k in widths])
-        pairs = np.repeat(
-            np.arange(sum(n for n, _ in widths)), [k for n, k in widths for _ in range(n)]
-        )
-        self._pairs = pairs
+        # Of each row its series, its sample of all, and its stamp.
+        self._owners = np.repeat(np.arange(len(measured)), [each.values.size for each in measured])
         times = np.concatenate([series.times for series in measured])
-        self._stamps = np.unique(times, return_inverse=True)[1][pairs]
+        widths = [[series.values.shape[1]] * len(series.times) for series in measured]
+        self._samples = np.repeat(np.arange(len(times)), np.concatenate(widths))
+        self._stamps = np.unique(times, return_inverse=True)[1][self._samples]
 
     # Evaluation.
 
     def _parameters(self, y: FloatArray) -> FloatArray:
-        found: FloatArray = self._model.start + self._model.units * y
-        return found
+        return np.asarray(self._model.start + self._model.units * y)
 
     def _rows(self, y: FloatArray) -> _Rows:
         """Return all rows; NaN where the leg does not reach a crank angle, or does not exist."""
@@ -345,36 +336,42 @@ class _Problem:
         return self._known[1]
 
     def _whitened(self, fit: _Fit, rows: _Rows, values: FloatArray) -> FloatArray:
-        """Return columns of the used rows times S^(-1/2), shape (n, m)."""
+        """
+        Return columns of the used rows times S^(-1/2), shape (n, m).
+
+        In units of sigma S is 1 + crank^2 v v^T at each stamp, so that with n = |v| the result is
+        1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
+        """
         sigma = fit.sigmas[self._owners][fit.good]
         scaled: FloatArray = values[fit.good] / sigma[:, None]
         if fit.crank == 0.0:
             return scaled
-        return _decorrelated(
-            scaled, rows.slopes[fit.good] / sigma, self._stamps[fit.good], fit.crank
-        )
+        slopes, stamps = rows.slopes[fit.good] / sigma, self._stamps[fit.good]
+        squares = np.maximum(np.bincount(stamps, slopes**2)[stamps], 1e-300)
+        factor = (1.0 - 1.0 / np.sqrt(1.0 + fit.crank**2 * squares)) / squares * slopes
+        summed = [np.bincount(stamps, along)[stamps] for along in (slopes[:, None] * scaled).T]
+        return scaled - factor[:, None] * np.stack(summed, axis=1)
 
     # Solution.
 
     def solve(self, start: FloatArray) -> _Fit:
         """Return the fit from start parameters [m, rad, s]."""
-        y: FloatArray = (start - self._model.start) / self._model.units
         few = [subset(series, ROBUST_SAMPLES) for series in self._measured]
-        y = _Problem(self._model, few, self._deviations, 0.0).robust(y)
-        fit = self._scaled(y, np.isfinite(self._rows(y).residuals), robust=True)
+        rough = _Problem(self._model, few, self._deviations, 0.0)
+        y = rough.robust((start - self._model.start) / self._model.units)
+        good = np.isfinite(self._rows(y).residuals)
         for _ in range(MAX_ROUNDS):
-            good = self._inliers(self._scaled(fit.y, fit.good, robust=True))
-            same = np.array_equal(good, fit.good)
-            fit = self._minimized(self._scaled(fit.y, good, robust=False), loss='linear')
-            if same:
+            before, good = good, self._inliers(self._scaled(y, good, robust=True))
+            y = self._minimized(self._scaled(y, good, robust=False), loss='linear')
+            if np.array_equal(before, good):
                 break
-        return self._scaled(fit.y, fit.good, robust=False)
+        return self._scaled(y, good, robust=False)
 
     def robust(self, y: FloatArray) -> FloatArray:
         """Return the parameters of a fit with a soft loss."""
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(2):
-            y = self._minimized(self._scaled(y, good, robust=True), loss='soft_l1').y
+            y = self._minimized(self._scaled(y, good, robust=True), loss='soft_l1')
         return y
 
     def _inliers(self, fit: _Fit) -> BoolArray:
@@ -382,10 +379,10 @@ class _Problem:
         rows = self._rows(fit.y)
         variance = fit.sigmas[self._owners] ** 2 + fit.crank**2 * np.nanmax(rows.slopes**2)
         bad = ~(np.abs(rows.residuals) < OUTLIER_GATE * np.sqrt(variance))
-        found: BoolArray = ~np.isin(self._pairs, self._pairs[bad])
+        found: BoolArray = ~np.isin(self._samples, self._samples[bad])
         return found
 
-    def _minimized(self, fit: _Fit, *, loss: str) -> _Fit:
+    def _minimized(self, fit: _Fit, *, loss: str) -> FloatArray:
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra, and slow to import
 
         def residuals(y: FloatArray) -> FloatArray:
@@ -403,7 +400,7 @@ class _Problem:
         method, tolerance = ('lm', 1e-9) if loss == 'linear' else ('trf', 1e-4)
         limits = dict.fromkeys(('xtol', 'ftol', 'gtol'), tolerance)
         options: dict[str, Any] = {'method': method, 'loss': loss, 'max_nfev': 60, **limits}
-        return fit._replace(y=least_squares(residuals, fit.y, jacobian, **options).x)
+        return np.asarray(least_squares(residuals, fit.y, jacobian, **options).x)
 
     def _scaled(self, y: FloatArray, good: BoolArray, *, robust: bool) -> _Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
@@ -446,13 +443,16 @@ class _Problem:
         # larger errors.
         scale = sqrt(max(1.0, chi2) * _inflation(own / sqrt(chi2), jacobian, triangle))
         verdict = observability(triangle / scale, model)
-        covariance, errors = verdict.covariance, np.sqrt(np.diag(verdict.covariance))
-        errors[verdict.unobservable] = np.nan
+        covariance = verdict.covariance
         if has_prior:
             information = (triangle.T @ triangle) / scale**2 + np.diag(self._deviations**-2)
             covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-            errors = np.sqrt(np.diag(covariance))
+        errors = np.sqrt(np.diag(covariance))
+        if not has_prior:
+            errors[verdict.unobservable] = np.nan
         parameters = self._parameters(fit.y)
+        place = model.names.index(PHASE)
+        parameters[place] = wrap(parameters[place])
         return Calibration(
             drawn=model.linkage,
             linkage=model.varied(parameters),
@@ -470,7 +470,7 @@ class _Problem:
 
     def _series(self, rows: _Rows, fit: _Fit) -> tuple[SeriesFit, ...]:
         model, found = self._model, []
-        drawn = [model.values(series, model.start) for series in self._measured]
+        drawn = [model.motion(series, model.start).values for series in self._measured]
         _, before = model.with_camera(self._measured, drawn)
         for n, (series, own) in enumerate(zip(self._measured, before, strict=True)):
             mine, shape = self._owners == n, series.values.shape
@@ -482,7 +482,7 @@ class _Problem:
         """Return the delay that explains the residuals, if none was asked for; 0 for none."""
         if DELAY in self._model.names:
             return 0.0
-        rates = np.concatenate([series.rate for series in self._measured])[self._pairs]
+        rates = np.concatenate([series.rate for series in self._measured])[self._samples]
         moved = (self._model.direction * rows.slopes * rates)[:, None]
         column = self._whitened(fit, rows, moved)[:, 0]
         # What the parameters do not explain of it.
@@ -506,17 +506,3 @@ def _inflation(rows: FloatArray, jacobian: FloatArray, triangle: FloatArray) -> 
     whitened = (axes[seen] / sizes[seen][:, None]) @ scores
     factor = float((whitened**2).sum()) / int(seen.sum())
     return factor if factor > MAX_CHANCE else 1.0
-
-
-def _decorrelated(rows: FloatArray, slopes: FloatArray, stamps: Any, crank: float) -> FloatArray:
-    """
-    Return rows times S^(-1/2) with S = 1 + crank^2 v v^T of each stamp.
-
-    With n = |v| that is 1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
-    """
-    squares = np.maximum(np.bincount(stamps, slopes**2)[stamps], 1e-300)
-    factor = (1.0 - 1.0 / np.sqrt(1.0 + crank**2 * squares)) / squares * slopes
-    along = (slopes[:, None] * rows).T
-    summed = np.stack([np.bincount(stamps, column) for column in along], axis=1)[stamps]
-    found: FloatArray = rows - factor[:, None] * summed
-    return found

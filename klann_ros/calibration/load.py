@@ -5,7 +5,7 @@ from contextlib import suppress
 import csv
 from io import StringIO
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
@@ -127,17 +127,18 @@ def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[
     }
 
 
-def described_run(path: str, known: Robot | None) -> tuple[Robot, list[str]]:
-    """Return the robot of a run, or the known one, and the topics that may be of one point."""
+def described_run(path: str, known: Robot | None) -> tuple[Robot, dict[str, Any], list[str]]:
+    """Return the robot of a run, or the known one, its parameters, and the topics of points."""
     with open_log(path) as log:
         solvers = log.solvers if known is None else []
         points = {*POINT_LAYOUTS} - {*FRAMED_TYPES}
         topics = [topic.name for topic in log.topics if topic.type in points]
     if known is not None:
-        return known, topics
+        return known, {}, topics
     for solver in reversed(solvers):
         with suppress(ValueError, TypeError):
-            return robot_from_parameters(solver.without_files, weigh=False), topics
+            found = solver.without_files
+            return robot_from_parameters(found, weigh=False), found, topics
     raise MeasurementError('the run does not contain the leg as drawn: name its file with --leg')
 
 
@@ -211,24 +212,23 @@ def _crank_topics(topics: Mapping[str, Topic], leg: RobotLeg) -> list[Topic]:
     states = [topic for topic in topics.values() if topic.type == JOINTS]
     states.sort(key=lambda topic: topic.name.rpartition('/')[2] != 'crank_state')
     plain = [t for t in topics.values() if t.type == FLOAT and t.name.endswith('crank_angle')]
-    if not states and not plain:
-        joint = printable(leg.crank_joint)
-        raise MeasurementError(
-            f'the run has no crank angle: neither a JointState with the joint {joint} nor a '
-            f'Float64 called crank_angle; name its topic with --crank'
-        )
-    return states + plain
+    if states or plain:
+        return states + plain
+    joint = printable(leg.crank_joint)
+    raise MeasurementError(
+        f'the run has no crank angle: neither a JointState with the joint {joint} nor a Float64 '
+        f'called crank_angle; name its topic with --crank'
+    )
 
 
 def _crank(
     topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
 ) -> CrankSamples:
-    for topic in topics:
+    for topic in (topic for topic in topics if topic.type in {JOINTS, FLOAT}):
         key = leg.crank_joint if topic.type == JOINTS else ''
-        if topic.type in {JOINTS, FLOAT}:
-            found = _samples(messages[topic.name], key, start)
-            if len(found.times) > 1:
-                return CrankSamples.of(found.times, found.values[:, 0])
+        found = _samples(messages[topic.name], key, start)
+        if len(found.times) > 1:
+            return CrankSamples.of(found.times, found.values[:, 0])
     names, joint = listed([topic.name for topic in topics], 8), printable(leg.crank_joint)
     raise MeasurementError(f'no crank angle of the joint {joint} is on {names}')
 

@@ -45,8 +45,7 @@ class CrankSamples:
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions [rad] and rates [rad/s], shape (n,); NaN in gaps and beyond."""
         if len(self.times) < 2:
-            nothing: FloatArray = np.full(len(times), np.nan)
-            return nothing, nothing
+            return np.full(len(times), np.nan), np.full(len(times), np.nan)
         right = np.searchsorted(self.times, times).clip(1, len(self.times) - 1)
         t_0, t_1 = self.times[right - 1], self.times[right]
         x_0, x_1 = self.positions[right - 1], self.positions[right]
@@ -70,7 +69,7 @@ class MeasuredSeries:
     kind : str
         'point', 'angle' or 'distance'.
     name : str
-        A point of the linkage, a body's angle, or two points: 'H', 'theta', 'A-H'.
+        A point, a body's angle or distance, or the distance of two points: 'H', 'theta', 'A-H'.
     times : numpy.ndarray, shape (n,)
         Stamps [s].
     values : numpy.ndarray, shape (n, 2) or (n, 1)
@@ -137,13 +136,19 @@ def series_of(
     return MeasuredSeries(kind, name, *paired, noise=noise, source=source, skipped=skipped)
 
 
+def moving_points(linkage: Linkage) -> list[str]:
+    """Return the points that are no pivots."""
+    return [point for point in linkage.structure.points if point not in linkage.structure.pivots]
+
+
 def kind_of(linkage: Linkage, name: str) -> Kind:
     """Return the kind of a measured quantity by its name; raise a MeasurementError for none."""
-    points, angles = linkage.structure.points, linkage.structure.angles[1:]
+    structure = linkage.structure
+    points, angles = structure.points, structure.angles[1:]
     if name in points:
         return 'point'
     if name in angles:
-        return 'angle'
+        return 'distance' if structure.bodies[structure.angles.index(name)].slides else 'angle'
     first, _, second = name.partition('-')
     if first != second and {first, second} <= {*points}:
         return 'distance'
@@ -158,13 +163,8 @@ def kind_of(linkage: Linkage, name: str) -> Kind:
 def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:
     """Return at most `count` samples of a series, evenly spread."""
     chosen = np.unique(np.linspace(0, len(series.times) - 1, count).astype(int))
-    return replace(
-        series,
-        times=series.times[chosen],
-        values=series.values[chosen],
-        crank=series.crank[chosen],
-        rate=series.rate[chosen],
-    )
+    columns = ('times', 'values', 'crank', 'rate')
+    return replace(series, **{name: getattr(series, name)[chosen] for name in columns})
 
 
 def _cleaned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,11 +7,13 @@ camera's pose in the leg's plane, the delay of the measurements and the backlash
     alpha = s (crank + rate delay + sign(rate) backlash / 2) + phase,    s = +-1 (direction)
     point = R(rotation) p(alpha; dimensions) + (x, y).
 
-Every parameter has a unit, the error that a workshop makes: 1/1000 of the longest bar, or 1 deg.
+Every parameter has a unit, the error that a workshop makes.
 """
 
 from collections.abc import Sequence
-from math import cos, radians, sin
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, degrees, radians, sin
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage, linkage_poses
@@ -20,12 +22,15 @@ from klann_ros.kinematics.batch.poses import wrapped
 from klann_ros.kinematics.linkage.dimension_derivatives import pivot_derivatives
 import numpy as np
 
-from .measurements import MeasuredSeries
+from .measurements import MeasuredSeries, moving_points
 
 PHASE, DELAY, BACKLASH = 'phase', 'delay', 'backlash'
 CAMERA = ('camera x', 'camera y', 'camera rotation')
-# Units of parameters: of lengths relative to the linkage's size.
-LENGTH_UNIT, ANGLE_UNIT, DELAY_UNIT = 1e-3, radians(1.0), 0.01
+# Factors and units of numbers for people.
+SCALES = {'m': (1e3, 'mm'), 'rad': (degrees(1.0), 'deg'), 's': (1e3, 'ms')}
+SI_UNITS = {PHASE: 'rad', 'camera x': 'm', 'camera y': 'm', DELAY: 's'}
+# A workshop's errors: of lengths relative to the linkage's size, of angles [rad], of clocks [s].
+TYPICAL_ERRORS = {'m': 1e-3, 'rad': radians(1.0), 's': 0.01}
 
 
 class Prediction(NamedTuple):
@@ -39,11 +44,12 @@ class Prediction(NamedTuple):
     jacobian: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
 class MeasurementModel:
     """
     Predicts the measurements of a leg.
 
-    Parameters
+    Attributes
     ----------
     linkage : Linkage
         The leg as drawn.
@@ -51,44 +57,47 @@ class MeasurementModel:
         +1, or -1 for a crank that turns opposite to its joint.
     phase : float
         Its crank angle at joint position 0 [rad].
-    camera, delay, backlash : bool
-        Which optional parameters there are.
+    optional : tuple of str
+        Which optional parameters there are: those of the camera, the delay, the backlash.
 
     """
 
-    def __init__(
-        self,
-        linkage: Linkage,
-        *,
-        direction: int = 1,
-        phase: float = 0.0,
-        camera: bool = False,
-        delay: bool = False,
-        backlash: bool = False,
-    ) -> None:
-        self.linkage, self.direction, self.has_camera = linkage, direction, camera
-        dimensions = linkage.structure.dimensions
-        length = LENGTH_UNIT * linkage.size
-        optional = [*(CAMERA if camera else ()), *[DELAY] * delay, *[BACKLASH] * backlash]
-        units = {DELAY: DELAY_UNIT, 'camera x': length, 'camera y': length}
-        self.names = (*linkage.dimensions, PHASE, *optional)
-        self.units: FloatArray = np.array(
-            [
-                *(length if d.unit == 'm' else ANGLE_UNIT for d in dimensions),
-                *(units.get(name, ANGLE_UNIT) for name in (PHASE, *optional)),
-            ]
-        )
-        self.start: FloatArray = np.array([*linkage.numbers, phase, *[0.0] * len(optional)])
-        self.count = len(dimensions)
-        # The linkage with each measured point as its foot; structures are compiled once.
-        self._feet: dict[str, Linkage] = {linkage.structure.foot: linkage}
+    linkage: Linkage
+    direction: int = 1
+    phase: float = 0.0
+    optional: tuple[str, ...] = ()
 
-    def unit_name(self, place: int) -> str:
-        """Return the SI unit of a parameter: 'm', 'rad' or 's'."""
-        if place < self.count:
-            return self.linkage.structure.dimensions[place].unit
-        name = self.names[place]
-        return 's' if name == DELAY else 'm' if name in CAMERA[:2] else 'rad'
+    @property
+    def count(self) -> int:
+        """Return the number of dimensions, which are the first parameters."""
+        return len(self.linkage.numbers)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all parameters."""
+        return (*self.linkage.dimensions, PHASE, *self.optional)
+
+    @cached_property
+    def si_units(self) -> tuple[str, ...]:
+        """Return the SI units of all parameters: 'm', 'rad' or 's'."""
+        others = (SI_UNITS.get(name, 'rad') for name in self.names[self.count :])
+        return (*(d.unit for d in self.linkage.structure.dimensions), *others)
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """Return the units of all parameters [m, rad, s]."""
+        sizes = TYPICAL_ERRORS | {'m': TYPICAL_ERRORS['m'] * self.linkage.size}
+        return np.array([sizes[unit] for unit in self.si_units])
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """Return the parameters of the drawing [m, rad, s]."""
+        return np.array([*self.linkage.numbers, self.phase, *[0.0] * len(self.optional)])
+
+    @cached_property
+    def _feet(self) -> dict[str, Linkage]:
+        """Return the linkage with each moving point as its foot."""
+        return {point: self.linkage.with_foot(point) for point in moving_points(self.linkage)}
 
     def value(self, parameters: FloatArray, name: str) -> float:
         """Return a parameter by its name; 0 for one that there is not."""
@@ -96,11 +105,8 @@ class MeasurementModel:
 
     def varied(self, parameters: FloatArray, foot: str = '') -> Linkage:
         """Return the linkage with the dimensions of parameters; a GeometryError if it is none."""
-        foot = foot or self.linkage.structure.foot
-        if foot not in self._feet:
-            self._feet[foot] = self.linkage.with_foot(foot)
-        numbers = parameters[: self.count].tolist()
-        return self._feet[foot].varied(dict(zip(self.linkage.dimensions, numbers, strict=True)))
+        numbers = zip(self.linkage.dimensions, parameters[: self.count].tolist(), strict=True)
+        return self._feet.get(foot, self.linkage).varied(dict(numbers))
 
     def crank_angles(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the crank angles of a series, shape (n,) [rad]."""
@@ -111,31 +117,26 @@ class MeasurementModel:
 
     def predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction of a series; NaN at crank angles out of reach."""
-        values, slope, dimensions = self._motion(series, parameters)
+        values, slope, dimensions = self.motion(series, parameters)
         jacobian = np.zeros((*values.shape, len(self.names)))
         jacobian[..., : self.count] = dimensions
-        if series.kind == 'point' and self.has_camera:
+        if series.kind == 'point' and CAMERA[0] in self.names:
             values, slope = self._seen(values, slope, jacobian, parameters)
         by_alpha = {
             PHASE: np.ones(len(values)),
             DELAY: self.direction * series.rate,
             BACKLASH: self.direction * np.sign(series.rate) / 2.0,
         }
-        for name, factor in by_alpha.items():
-            if name in self.names:
-                jacobian[..., self.names.index(name)] = slope * factor[:, None]
+        for name in by_alpha.keys() & {*self.names}:
+            jacobian[..., self.names.index(name)] = slope * by_alpha[name][:, None]
         return Prediction(values, slope, jacobian)
 
-    def values(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
-        """Return the predicted numbers of a series as a known camera sees them, shape (n, k)."""
-        return self._motion(series, parameters).values
-
-    def _motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
-        """Return the prediction for a known camera, with derivatives by the dimensions."""
+    def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
+        """Return the prediction in the leg's plane, with derivatives by the dimensions alone."""
         alphas = self.crank_angles(series, parameters)
         if series.kind == 'point':
             return self._point(series.name, alphas, parameters)
-        if series.kind == 'angle':
+        if series.name in self.linkage.structure.angles:
             j = self.linkage.structure.angles.index(series.name)
             poses: Any = linkage_poses(
                 self.varied(parameters), alphas, angles=True, velocities=True, gradients=True
@@ -150,16 +151,15 @@ class MeasurementModel:
         return Prediction(distance, (unit * slope).sum(axis=1, keepdims=True), along)
 
     def _point(self, name: str, alphas: FloatArray, parameters: FloatArray) -> Prediction:
-        structure, count = self.linkage.structure, len(alphas)
+        structure, own = self.linkage.structure, self.varied(parameters, name)
         if name not in structure.pivots:
-            own = self.varied(parameters, name)
             poses: Any = linkage_poses(own, alphas, velocities=True, gradients=True)
             return Prediction(poses.h, poses.h_1, poses.h_gradient)
         place = structure.pivots.index(name)
         moved = [pivot_derivatives(structure, d)[place] for d in structure.dimensions]
-        fixed = np.array([self.varied(parameters).pivots[place], *moved])
-        plane = np.broadcast_to([fixed.real, fixed.imag], (count, 2, len(fixed)))
-        return Prediction(plane[..., 0], np.zeros((count, 2)), plane[..., 1:])
+        fixed = np.array([own.pivots[place], *moved])
+        plane = np.broadcast_to([fixed.real, fixed.imag], (len(alphas), 2, len(fixed)))
+        return Prediction(plane[..., 0], np.zeros((len(alphas), 2)), plane[..., 1:])
 
     def _seen(
         self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
@@ -179,32 +179,21 @@ class MeasurementModel:
         difference: FloatArray = predicted - series.values
         return wrapped(difference) if series.kind == 'angle' else difference
 
-    def variant(self, linkage: Linkage, direction: int) -> 'MeasurementModel':
-        """Return the model of another linkage or direction, with the same parameters."""
-        optional = (name in self.names for name in (CAMERA[0], DELAY, BACKLASH))
-        phase = self.value(self.start, PHASE)
-        options = dict(zip(('camera', 'delay', 'backlash'), optional, strict=True))
-        return MeasurementModel(linkage, direction=direction, phase=phase, **options)
-
     def with_camera(
         self, measured: Sequence[MeasuredSeries], values: Sequence[FloatArray]
     ) -> tuple[FloatArray, list[FloatArray]]:
         """Return the drawing's parameters with the camera that fits best, and what it sees."""
         start, seen = self.start.copy(), list(values)
         points = [n for n, series in enumerate(measured) if series.kind == 'point']
-        if not (self.has_camera and points):
+        if not points or CAMERA[0] not in self.names:
             return start, seen
-        p, q = (
-            np.concatenate([each[n] for n in points]) @ (1.0, 1j)
-            for each in (values, [series.values for series in measured])
-        )
-        good = np.isfinite(p)
-        p, q = p[good], q[good]
+        p = np.concatenate([values[n] @ (1.0, 1j) for n in points])
+        q = np.concatenate([measured[n].values @ (1.0, 1j) for n in points])
+        p, q = p[np.isfinite(p)], q[np.isfinite(p)]
         turn = np.vdot(p - p.mean(), q - q.mean())
         turn = turn / (abs(turn) or 1.0)
         shift = q.mean() - turn * p.mean()
-        places = [self.names.index(name) for name in CAMERA]
-        start[places] = shift.real, shift.imag, np.angle(turn)
+        start[[self.names.index(n) for n in CAMERA]] = shift.real, shift.imag, np.angle(turn)
         for n in points:
             at = values[n] @ (1.0, 1j) * turn + shift
             seen[n] = np.stack([at.real, at.imag], axis=-1)

@@ -9,14 +9,14 @@ say less about it than the drawing. The condition number is that of the columns 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import degrees, radians
+from math import radians
 from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
 import numpy as np
 
-from .measurements import Kind, MeasuredSeries, subset
-from .model import CAMERA, MeasurementModel
+from .measurements import kind_of, MeasuredSeries, moving_points, subset
+from .model import CAMERA, MeasurementModel, SCALES
 
 # Standard error from which on a combination is unobservable [units].
 MAX_ERROR = 10.0
@@ -41,7 +41,11 @@ class Combination(NamedTuple):
 
     def text(self, model: MeasurementModel) -> str:
         """Return it for users, such as 'phase +1 deg, x_d -0.4 mm'."""
-        return ', '.join(_change(name, value, model) for name, value in self.parts)
+        scales = (SCALES[model.si_units[model.names.index(name)]] for name, _ in self.parts)
+        return ', '.join(
+            f'{name} {factor * value:+.3g} {unit}'
+            for (name, value), (factor, unit) in zip(self.parts, scales, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,21 +108,15 @@ def condition_number(jacobian: FloatArray) -> float:
 
 def _combination(row: FloatArray, size: float, model: MeasurementModel) -> Combination:
     changes = row * model.units
-    main = np.abs(row) > MIN_PART * np.abs(row).max()
-    units = [model.unit_name(n) for n in range(len(row))]
-    angles = [abs(c) for c, u, m in zip(changes, units, main, strict=True) if m and u == 'rad']
-    lengths = [abs(c) for c, u, m in zip(changes, units, main, strict=True) if m and u == 'm']
-    scale = np.radians(1.0) / max(angles) if angles else 1e-3 / max(lengths or [1.0])
-    order = [n for n in np.argsort(-np.abs(row)) if main[n]]
-    scale *= np.sign(row[order[0]])
+    order = np.argsort(-np.abs(row))
+    order = order[np.abs(row[order]) > MIN_PART * np.abs(row[order[0]])]
+    angle, length = (
+        max((abs(changes[n]) for n in order if model.si_units[n] == unit), default=0.0)
+        for unit in ('rad', 'm')
+    )
+    scale = np.sign(row[order[0]]) * (radians(1.0) / angle if angle else 1e-3 / (length or 1.0))
     parts = tuple((model.names[n], float(changes[n] * scale)) for n in order)
     return Combination(parts, np.inf if size == 0.0 else float(1.0 / (size * abs(scale))))
-
-
-def _change(name: str, value: float, model: MeasurementModel) -> str:
-    unit = model.unit_name(model.names.index(name))
-    factor, shown = {'m': (1e3, 'mm'), 's': (1e3, 'ms')}.get(unit, (degrees(1.0), 'deg'))
-    return f'{name} {factor * value:+.3g} {shown}'
 
 
 def further_measurements(
@@ -138,17 +136,16 @@ def further_measurements(
         return finite
 
     known = np.concatenate([rows(*each) for each in measured])
-    structure, names = model.linkage.structure, {series.name for series, _ in measured}
     base, noise = min(measured, key=lambda each: (each[0].kind != 'point', each[1]))
-    moving = [point for point in structure.points if point not in structure.pivots]
+    names = {*moving_points(model.linkage), *model.linkage.structure.angles[1:]}
     candidates = {}
-    for name in (*moving, *structure.angles[1:]):
-        kind: Kind = 'point' if name in moving else 'angle'
-        if name not in names:
-            other = replace(base, kind=kind, name=name)
-            more = rows(other, noise if kind == 'point' else ENCODER_NOISE)
-            candidates[f'{kind} {name}'] = np.concatenate([known, more])
-    if model.has_camera:
+    for name in names - {series.name for series, _ in measured}:
+        kind = kind_of(model.linkage, name)
+        more = rows(
+            replace(base, kind=kind, name=name), ENCODER_NOISE if kind == 'angle' else noise
+        )
+        candidates[f'{kind} {name}'] = np.concatenate([known, more])
+    if CAMERA[0] in model.names:
         columns = [n for n, name in enumerate(model.names) if name not in CAMERA]
         candidates["the camera's pose"] = known[:, columns]
     found = []
@@ -157,4 +154,4 @@ def further_measurements(
         condition = condition_number(jacobian)
         if resolves and (current.combinations or condition < 0.8 * current.condition):
             found.append(Suggestion(name, condition))
-    return sorted(found, key=lambda each: each.condition)
+    return sorted(found, key=lambda each: (each.condition, each.name))

@@ -9,17 +9,12 @@ from klann_ros.sanitize.text import counted, printable
 import numpy as np
 
 from .fit import Calibration, SeriesFit
+from .model import SCALES
 from .observability import GOOD_CONDITION, Suggestion
 
-SCALES = {'m': (1e3, 'mm'), 'rad': (degrees(1.0), 'deg'), 's': (1e3, 'ms')}
 
-
-def text(calibration: Calibration, further: Sequence[Suggestion]) -> str:
-    """Return the calibration as lines."""
-    return '\n'.join(_lines(calibration, further)) + '\n'
-
-
-def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
+def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
+    """Yield the calibration as lines."""
     rows = table(calibration)
     width = max(len(row[0]) for row in rows)
     yield f'{"":{width}}  {"drawn":>10}  {"built":>10}  {"error":>9}'
@@ -44,16 +39,13 @@ def _lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[
 
 def table(calibration: Calibration) -> list[tuple[str, str, str, str, str]]:
     """Return name, drawn and calibrated value, standard error and unit of each parameter."""
-    model = calibration.model
-    found = []
-    for n, name in enumerate(model.names):
-        factor, unit = SCALES[model.unit_name(n)]
-        error = calibration.standard_errors[n]
-        known = bool(np.isfinite(error))
-        value = calibration.phase if name == 'phase' else calibration.values[n]
-        built = f'{factor * value:.3f}' if known else 'unknown'
-        shown = f'+-{factor * error:.2g}' if known else ''
-        found.append((name, f'{factor * model.start[n]:.3f}', built, shown, unit))
+    model, found = calibration.model, []
+    columns = (model.names, model.start, calibration.values, calibration.standard_errors)
+    for name, drawn, built, error, unit in zip(*columns, model.si_units, strict=True):
+        (factor, shown), is_known = SCALES[unit], np.isfinite(error)
+        value = f'{factor * built:.3f}' if is_known else 'unknown'
+        deviation = f'+-{factor * error:.2g}' if is_known else ''
+        found.append((name, f'{factor * drawn:.3f}', value, deviation, shown))
     return found
 
 
@@ -99,29 +91,21 @@ def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) ->
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:
     """Return the calibration as JSON data, in SI units; null for what is not observable."""
-    model = calibration.model
-    known = np.isfinite(calibration.standard_errors)
-
-    def number(n: int) -> dict[str, Any]:
-        value = calibration.phase if model.names[n] == 'phase' else float(calibration.values[n])
-        return {
-            'value': value if known[n] else None,
-            'standard_error': float(calibration.standard_errors[n]),
-            'drawn': float(model.start[n]),
-            'unit': model.unit_name(n),
-        }
-
-    observed = calibration.observability
-    numbers = {name: number(n) for n, name in enumerate(model.names)}
-    dimensions = {name: numbers.pop(name) for name in model.linkage.dimensions}
+    model, observed = calibration.model, calibration.observability
+    known = np.where(np.isfinite(calibration.standard_errors), calibration.values, np.nan)
+    columns = known.tolist(), calibration.standard_errors.tolist(), model.start.tolist()
+    heads = ('value', 'standard_error', 'drawn', 'unit')
+    numbers = {
+        name: dict(zip(heads, each, strict=True))
+        for name, *each in zip(model.names, *columns, model.si_units, strict=True)
+    }
     data = {
-        'dimensions': dimensions,
+        'dimensions': {name: numbers.pop(name) for name in model.linkage.dimensions},
         **{name.replace(' ', '_'): each for name, each in numbers.items()},
         'condition': observed.condition,
         'rank': observed.rank,
         'unobservable': [
-            {'parameters': dict(combination.parts), 'error': combination.error}
-            for combination in observed.combinations
+            {'parameters': dict(each.parts), 'error': each.error} for each in observed.combinations
         ],
         'suggestions': [each._asdict() for each in further],
         'prior': calibration.prior,
@@ -145,5 +129,4 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
         'parameters': model.names,
         'correlation': calibration.correlation.tolist(),
     }
-    clean: dict[str, Any] = finite(data)
-    return clean
+    return dict(finite(data))

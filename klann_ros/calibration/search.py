@@ -34,7 +34,7 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
     if turned < MIN_CRANK_RANGE:
         raise MeasurementError(f'the crank turns by {degrees(turned):.2g} deg only: turn it fully')
     for series in measured:
-        own = model.values(series, model.start)
+        own = model.motion(series, model.start).values
         if series.kind == 'angle' or not np.isfinite(own).any():
             continue
         drawn, seen = map(_spread, (own, series.values))
@@ -47,8 +47,8 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
 
 
 def _spread(values: FloatArray) -> float:
-    middle = np.nanmedian(values, axis=0)
-    return float(np.sqrt(np.nanmedian((values - middle) ** 2, axis=0).sum()))
+    squares = (values - np.nanmedian(values, axis=0)) ** 2
+    return float(np.sqrt(np.nanmedian(squares, axis=0).sum()))
 
 
 def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> FloatArray:
@@ -59,8 +59,8 @@ def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]
     tables = []
     for series in few:
         crank = (series.crank + model.direction * turned[:, None]).ravel()
-        values = model.values(replace(series, crank=crank, rate=0.0 * crank), model.start)
-        tables.append(values.reshape(len(turned), *series.values.shape))
+        found = model.motion(replace(series, crank=crank, rate=0.0 * crank), model.start)
+        tables.append(found.values.reshape(len(turned), *series.values.shape))
     misfits, starts = [], []
     for n, turn in enumerate(turned):
         start, seen = model.with_camera(few, [table[n] for table in tables])

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from klann_ros.calibration import calibrate, Calibration, CrankSamples, MeasurementError, series_of
 from klann_ros.calibration.load import point_topics
-from klann_ros.calibration.report import SCALES
+from klann_ros.calibration.model import SCALES
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.review.model.recording import Drive, LegRecording
@@ -254,7 +254,7 @@ def _finding(leg: ReviewedLeg, found: Calibration) -> Iterator[Finding]:
         return
     texts = []
     for n in wrong[:MAX_NAMED]:
-        factor, unit = SCALES[model.unit_name(n)]
+        factor, unit = SCALES[model.si_units[n]]
         value, error = factor * found.values[n], factor * found.standard_errors[n]
         drawn = f'the file says {factor * model.start[n]:.5g}'
         texts.append(f'{printable(model.names[n])} is {value:.5g} +- {error:.1g} {unit}, {drawn}')
