@@ -80,7 +80,7 @@ class MeasurementModel:
     @cached_property
     def si_units(self) -> tuple[str, ...]:
         """Return the SI units of all parameters: 'm', 'rad' or 's'."""
-        others = (SI_UNITS.get(name, 'rad') for name in self.names[self.count :])
+        others = (SI_UNITS.get(name, 'rad') for name in self.names[slice(self.count, None)])
         return (*(d.unit for d in self.linkage.structure.dimensions), *others)
 
     @cached_property
