@@ -33,8 +33,9 @@ from .search import check_measurements, median_misfit, SEARCH_SAMPLES, start_par
 
 # Standard deviations beyond which a sample is an outlier; of a normal distribution by its MAD.
 OUTLIER_GATE, MAD_FACTOR = 5.0, 1.4826
-# Standard deviation of the weak prior that holds what the measurements leave open [units].
-WEAK_PRIOR = 100.0
+# Standard deviations of the weak prior that holds what the measurements leave open [units]: of
+# dimensions about the drawing, of the other parameters about the start.
+WEAK_PRIOR, WEAKEST_PRIOR = 100.0, 1000.0
 # Length over which a tolerance makes an error of a bend [m].
 BEND_LENGTH = 0.03
 # Samples of each series in the robust fit; rounds until the outliers stay the same.
@@ -220,8 +221,9 @@ def calibrate(
 
 
 def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | None) -> FloatArray:
-    """Return the prior's standard deviations in units; WEAK_PRIOR where there is none."""
-    found: FloatArray = np.full(len(model.names), WEAK_PRIOR)
+    """Return the prior's standard deviations in units; those of a weak one where there is none."""
+    found: FloatArray = np.full(len(model.names), WEAKEST_PRIOR)
+    found[: model.count] = WEAK_PRIOR
     if isinstance(prior, float | int):
         dimensions = model.linkage.structure.dimensions
         prior = {d.name: prior if d.unit == 'm' else prior / BEND_LENGTH for d in dimensions}
@@ -236,29 +238,36 @@ def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | No
 def _explain_misfit(
     model: MeasurementModel, measured: Sequence[MeasuredSeries], misfit: float, names: str
 ) -> None:
-    """Raise a MeasurementError that says which other leg fits, or that none does."""
+    """Raise a MeasurementError that says which other leg or camera fits, or that none does."""
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
-    own = model.linkage.assembly
+    own, seen = model.linkage.assembly, replace(model, optional=(*CAMERA, *model.optional))
     modes = [own, *(m for m in assemblies(model.linkage) if m != own)] if own else [own]
+    others = []
     for mode, direction in [*product(modes, (model.direction, -model.direction))][1:]:
         linkage = model.linkage if mode == own else model.linkage.in_assembly(mode)
-        other = replace(model, linkage=linkage, direction=direction)
+        what = f'direction {direction}' if mode == own else f'assembly {list(mode)}'
+        what = f'those of a leg with {what}: change it in the leg file'
+        others.append((what, replace(model, linkage=linkage, direction=direction), few))
+    if CAMERA[0] in model.names:
+        seen = model
+    else:
+        others.append(('those of a camera in another pose: try --camera unknown', seen, few))
+    mirrored = [replace(s, values=s.values * (1, -1)) if s.kind == 'point' else s for s in few]
+    others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
+    for what, other, series in others:  # noqa: B007 - read after the loop
         with suppress(MeasurementError):
-            problem = _Problem(other, few, _deviations(other, None), 0.0)
-            found = problem.result(problem.solve(start_parameters(other, few)), has_prior=False)
+            problem = _Problem(other, series, _deviations(other, None), 0.0)
+            fit = problem.solve(start_parameters(other, series))
+            found = problem.result(fit, has_prior=False)
             _check_corrections(found, names, strict=True)
             if found.misfit < 0.2 * misfit:
-                what = f'direction {direction}' if mode == own else f'assembly {list(mode)}'
                 break
     else:
-        raise MeasurementError(
-            f'the measurements are not those of this leg: they miss it by {100.0 * misfit:.2g} % '
-            f"of the leg's size however its dimensions are chosen. Check the points and their "
-            f'topics: {names}'
+        what = (
+            f'not those of this leg: they miss it by {100.0 * misfit:.3g} % of its size however '
+            f'its dimensions are chosen. Check the points, their topics, units and axes: {names}'
         )
-    raise MeasurementError(
-        f'the measurements are those of a leg with {what}: change it in the leg file'
-    )
+    raise MeasurementError(f'the measurements are {what}')
 
 
 def _check_corrections(found: Calibration, names: str, *, strict: bool = False) -> None:
@@ -303,6 +312,7 @@ class _Problem:
         self._model, self._measured = model, tuple(measured)
         self._deviations, self._crank_noise = deviations, crank_noise
         self._known: tuple[bytes, _Rows] | None = None
+        self._centre: FloatArray = np.zeros(len(model.names))
         # Of each row its series, its sample of all, and its stamp.
         self._owners = np.repeat(np.arange(len(measured)), [each.values.size for each in measured])
         times = np.concatenate([series.times for series in measured])
@@ -358,7 +368,8 @@ class _Problem:
         """Return the fit from start parameters [m, rad, s]."""
         few = [subset(series, ROBUST_SAMPLES) for series in self._measured]
         rough = _Problem(self._model, few, self._deviations, 0.0)
-        y = rough.robust((start - self._model.start) / self._model.units)
+        self._centre = (start - self._model.start) / self._model.units
+        y = rough.robust(self._centre)
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(MAX_ROUNDS):
             before, good = good, self._inliers(self._scaled(y, good, robust=True))
@@ -369,6 +380,7 @@ class _Problem:
 
     def robust(self, y: FloatArray) -> FloatArray:
         """Return the parameters of a fit with a soft loss."""
+        self._centre = y
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(2):
             y = self._minimized(self._scaled(y, good, robust=True), loss='soft_l1')
@@ -389,7 +401,9 @@ class _Problem:
             rows = self._rows(y)
             own = self._whitened(fit, rows, rows.residuals[:, None])[:, 0]
             # Beyond the reach of the leg; the step is rejected.
-            return np.concatenate([np.nan_to_num(own, nan=1e6), y / self._deviations])
+            return np.concatenate(
+                [np.nan_to_num(own, nan=1e6), (y - self._centre) / self._deviations]
+            )
 
         def jacobian(y: FloatArray) -> FloatArray:
             rows = self._rows(y)

@@ -4,7 +4,13 @@ from dataclasses import replace
 import math
 from typing import Any
 
-from klann_ros.calibration import calibrate, CrankSamples, MeasurementError, series_of
+from klann_ros.calibration import (
+    calibrate,
+    CrankSamples,
+    kind_of,
+    MeasurementError,
+    series_of,
+)
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
 from measured_robots import built, DRAWN, errors, NOISE, Robot
 import numpy as np
@@ -108,6 +114,37 @@ def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> 
     assert settled.is_complete
     assert (np.abs(errors(settled, robot)) < 4.0).all()
     assert settled.dimension('camera rotation')[0] == pytest.approx(0.3, abs=0.01)
+
+
+def test_what_a_camera_in_any_pose_leaves_open_stays_near_the_drawing() -> None:
+    robot, turn = Robot(), np.exp(1.2j)
+    crank = CrankSamples.of(robot.times, robot.crank)
+    measured = []
+    for name in 'HG':
+        at = robot.seen(name) @ (1.0, 1j) * turn + (0.5 - 0.3j)
+        values = np.column_stack([at.real, at.imag])
+        measured.append(series_of('point', name, robot.times, values, crank, noise=NOISE))
+    found = calibrate(DRAWN, measured, camera=True)
+    known = np.isfinite(found.standard_errors[:14])
+    assert known.sum() >= 9
+    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    # It was up to 230 units away: a prior held the camera to the drawing's axes.
+    moved = np.abs(found.values - found.model.start) / found.model.units
+    assert (moved[: found.model.count] < 10.0).all()
+
+
+def test_the_distance_of_a_sliding_body_is_no_angle() -> None:
+    drawn = shipped_linkage('slider_crank')
+    robot = Robot(built(3, drawn, length=1e-4), noise=1e-5, count=500, speed=2.6)
+    assert kind_of(drawn, 'piston') == 'distance'
+    crank = CrankSamples.of(robot.times, robot.crank)
+    piston = robot.angle('piston', 1e-5)
+    series = series_of('distance', 'piston', robot.times, piston, crank, noise=1e-5)
+    found = calibrate(drawn, [*robot.measured('B'), series])
+    known = np.isfinite(found.standard_errors)
+    assert known.sum() >= 5
+    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    assert found.series[1].noise == pytest.approx(1e-5, rel=0.15)
 
 
 def test_a_prior_fixes_unobservable_dimensions() -> None:
@@ -279,7 +316,8 @@ def test_another_assembly_mode_or_direction_is_named(
         (lambda h: 1e3 * h, 'is it in millimetres'),
         (lambda h: 0.0 * h + 0.3, 'point H moves by 0 m'),
         (lambda h: h[np.random.default_rng(1).permutation(len(h))], 'are not those of this leg'),
-        (lambda h: h * (1.0, -1.0), 'are not those of this leg'),
+        (lambda h: h * (1.0, -1.0), 'are mirrored'),
+        (lambda h: h @ ((0.0, 1.0), (-1.0, 0.0)) + 0.1, 'a camera in another pose'),
         (lambda h: h[:10], '10 samples have a crank angle at their stamp'),
         (lambda h: h * np.nan, '0 samples have a crank angle at their stamp'),
     ],
