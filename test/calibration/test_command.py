@@ -215,6 +215,23 @@ def test_unusable_tables_are_refused_in_one_line(
     assert words in line
 
 
+@pytest.mark.parametrize('option', ['-o', '--html', '--json'])
+def test_an_output_that_cannot_be_written_is_one_line(
+    run: Path, tmp_path: Path, capsys: Capture, option: str
+) -> None:
+    kept, link = tmp_path / 'kept', tmp_path / 'link'
+    kept.write_text('precious')
+    link.symlink_to(kept)
+    outputs = {'-o': str(tmp_path / 'built.yaml')}
+    for place in (link, Path('/dev/full'), tmp_path / 'missing' / 'file'):
+        outputs[option] = str(place)
+        words = [word for both in outputs.items() for word in both]
+        assert main([str(run), '--leg', 'sem104', '--point', 'H=/mocap/foot', *words]) == 3
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(place) in line
+    assert kept.read_text() == 'precious'
+
+
 def test_hostile_names_in_a_run_are_escaped(tmp_path: Path, capsys: Capture) -> None:
     topics = {'/crank_state': crank_topic(ROBOT), '/\x1b[31mred': points_topic(ROBOT, 'H')}
     folder = write_run(tmp_path / 'run', topics)
