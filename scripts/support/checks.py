@@ -33,8 +33,6 @@ def main(arguments: list[str]) -> int:
     ):
         work = Path(folder)
         variables = env.variables | world
-        # As in the programs: see klann_ros/executables.py.
-        variables['OPENBLAS_NUM_THREADS'] = '1'
         # All processes of the tests share the compiled files.
         variables.pop('PYTHONDONTWRITEBYTECODE', None)
         if 'colcon' in names:

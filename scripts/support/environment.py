@@ -71,6 +71,8 @@ class Environment:
         variables = {key: value for key, value in os.environ.items() if key not in foreign}
         # A NumPy in ~/.local must not shadow the one that ROS was built for.
         variables |= {'VIRTUAL_ENV': str(self.folder), 'PYTHONNOUSERSITE': '1'}
+        # As in the programs: see klann_ros/executables.py.
+        variables['OPENBLAS_NUM_THREADS'] = '1'
         first = {'PATH': self.folder / 'bin', 'AMENT_PREFIX_PATH': self.folder}
         if self.numpy:
             # A sourced workspace may hold another klann_ros: the installed one comes before it.
