@@ -320,8 +320,6 @@ class _Problem:
         self._samples = np.repeat(np.arange(len(times)), np.concatenate(widths))
         self._stamps = np.unique(times, return_inverse=True)[1][self._samples]
 
-    # Evaluation.
-
     def _parameters(self, y: FloatArray) -> FloatArray:
         return np.asarray(self._model.start + self._model.units * y)
 
@@ -346,23 +344,18 @@ class _Problem:
         return self._known[1]
 
     def _whitened(self, fit: _Fit, rows: _Rows, values: FloatArray) -> FloatArray:
-        """
-        Return columns of the used rows times S^(-1/2), shape (n, m).
-
-        In units of sigma S is 1 + crank^2 v v^T at each stamp, so that with n = |v| the result is
-        1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
-        """
+        """Return columns of the used rows times S^(-1/2), shape (n, m)."""
         sigma = fit.sigmas[self._owners][fit.good]
         scaled: FloatArray = values[fit.good] / sigma[:, None]
         if fit.crank == 0.0:
             return scaled
+        # In units of sigma S is 1 + crank^2 v v^T at each stamp; with n = |v| its S^(-1/2) is
+        # 1 - c v v^T / n^2, c = 1 - 1 / sqrt(1 + crank^2 n^2).
         slopes, stamps = rows.slopes[fit.good] / sigma, self._stamps[fit.good]
         squares = np.maximum(np.bincount(stamps, slopes**2)[stamps], 1e-300)
         factor = (1.0 - 1.0 / np.sqrt(1.0 + fit.crank**2 * squares)) / squares * slopes
         summed = [np.bincount(stamps, along)[stamps] for along in (slopes[:, None] * scaled).T]
         return scaled - factor[:, None] * np.stack(summed, axis=1)
-
-    # Solution.
 
     def solve(self, start: FloatArray) -> _Fit:
         """Return the fit from start parameters [m, rad, s]."""
@@ -444,8 +437,6 @@ class _Problem:
         ]
         return _Fit(y, good, np.array(stated), crank)
 
-    # Results.
-
     def result(self, fit: _Fit, *, has_prior: bool) -> Calibration:
         """Return the calibration."""
         model, rows = self._model, self._rows(fit.y)
@@ -507,12 +498,8 @@ class _Problem:
 
 
 def _inflation(rows: FloatArray, jacobian: FloatArray, triangle: FloatArray) -> float:
-    """
-    Return the factor by which residuals that are correlated in time enlarge the covariance.
-
-    The scores of BLOCKS stretches of the run have the covariance J^T J = R^T R if residuals are
-    independent, and a larger one if they are not; 1 within what chance does.
-    """
+    """Return the factor by which residuals that are correlated in time enlarge the covariance."""
+    # Scores of stretches have the covariance J^T J = R^T R if residuals are independent.
     parts = (np.array_split(each, BLOCKS) for each in (jacobian, rows))
     scores = np.transpose([j.T @ r for j, r in zip(*parts, strict=True)])
     _, sizes, axes = np.linalg.svd(triangle)
