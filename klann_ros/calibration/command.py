@@ -51,8 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    inputs = (options.run, options.leg, options.prior)
-    files = outputs(options, ('output', 'html', 'json'), inputs)
+    files = outputs(options, ('output', 'html', 'json'), (options.run, options.leg, options.prior))
     requests = [*options.point, *options.angle, *options.distance]
     drawn = options.leg and robot_of(options.leg)
     if options.run.lower().endswith('.csv'):

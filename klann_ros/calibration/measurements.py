@@ -153,11 +153,10 @@ def kind_of(linkage: Linkage, name: str) -> Kind:
     if first != second and {first, second} <= {*points}:
         return 'distance'
     hint = did_you_mean(name, (*points, *angles))
-    msg = (
+    raise MeasurementError(
         f'{printable(name)} is no point and no angle of the leg: the points are '
         f'{", ".join(points)}, the angles {", ".join(angles)}{hint}'
     )
-    raise MeasurementError(msg)
 
 
 def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:

@@ -141,9 +141,8 @@ def further_measurements(
     candidates = {}
     for name in names - {series.name for series, _ in measured}:
         kind = kind_of(model.linkage, name)
-        more = rows(
-            replace(base, kind=kind, name=name), ENCODER_NOISE if kind == 'angle' else noise
-        )
+        own = ENCODER_NOISE if kind == 'angle' else noise
+        more = rows(replace(base, kind=kind, name=name), own)
         candidates[f'{kind} {name}'] = np.concatenate([known, more])
     if CAMERA[0] in model.names:
         columns = [n for n, name in enumerate(model.names) if name not in CAMERA]

@@ -21,8 +21,7 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
     for name, drawn, built, error, unit in rows:
         yield f'{printable(name):{width}}  {drawn:>10}  {built:>10}  {error:>9}  {unit}'
     yield ''
-    for fit in calibration.series:
-        yield series_line(fit)
+    yield from map(series_line, calibration.series)
     if calibration.crank_noise:
         yield f'crank angle: noise {degrees(calibration.crank_noise):.2g} deg'
     if calibration.chi2_dof is not None:
@@ -32,8 +31,7 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
         yield f'the residuals follow the speed of the crank: try --delay unknown (about {late})'
     yield ''
     yield verdict(calibration)
-    for text_ in combinations(calibration):
-        yield f'  unobservable: {text_}'
+    yield from (f'  unobservable: {text}' for text in combinations(calibration))
     yield from suggestion_lines(calibration, further)
 
 
