@@ -322,7 +322,7 @@ def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str
         for i in np.flatnonzero(s.total <= 0.0).tolist()
     ]
     if not rows:
-        return Found(wish, (), tuple(_reasons(wish, every)), state, seed, {})
+        return Found(wish, (), tuple(failing_figures(wish, every)), state, seed, {})
     chosen = [rows[k] for k in _chosen(wish, rows).tolist()]
     items = [(wish, row[0], row[1], row[3]) for row in chosen]
     made = _in_order(_made, items, jobs, engine)
@@ -345,7 +345,9 @@ def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str
             refused[text] = refused.get(text, 0) + 1
             if limit is not None:
                 values = [value, nearest.get(limit, value)]
-                nearest[limit] = min(values, key=limit.shortfall)
+                # A figure without a value (NaN) is the farthest.
+                misses = np.nan_to_num(limit.shortfall(np.array(values)), nan=np.inf)
+                nearest[limit] = values[int(misses.argmin())]
         if len(legs) >= wish.count:
             break
     legs = legs[: wish.count]
@@ -422,7 +424,7 @@ def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     return [legs[k] for k in front[np.argsort(table[front, 0], kind='stable')].tolist()]
 
 
-def _reasons(wish: Wish, every: _Scored) -> list[str]:
+def failing_figures(wish: Wish, every: _Scored) -> list[str]:
     """Return why no candidate fulfils a wish: the figure that fails, and by how much."""
     turning = [s.violations[:, 0] <= 0.0 for _, _, s in every]
     if not any(t.any() for t in turning):
@@ -441,12 +443,15 @@ def _reasons(wish: Wish, every: _Scored) -> list[str]:
     for limit in wish.cheap_limits:
         values = [s.figures[limit.figure][t] for (_, _, s), t in zip(every, turning, strict=True)]
         known = np.concatenate(values)
-        best = float(known[np.nanargmin(limit.shortfall(known))])
+        known = known[np.isfinite(known)]
         own = float(found.figures[limit.figure][i])
         if limit.shortfall(own) <= 0.0:
             continue
-        alone = wish.units.text(best, FIGURES[limit.figure].unit)
-        reasons.append(f'{_shortfall(wish, limit, own)}; alone it reaches {alone}')
+        reason = _shortfall(wish, limit, own)
+        if len(known):
+            best = float(known[limit.shortfall(known).argmin()])
+            reason += f'; alone it reaches {wish.units.text(best, FIGURES[limit.figure].unit)}'
+        reasons.append(reason)
     return reasons or ['the limits hold only within rounding: relax one of them a little']
 
 
@@ -454,5 +459,7 @@ def _shortfall(wish: Wish, limit: Limit, value: float) -> str:
     """Return by how much a figure misses a limit."""
     unit, text = FIGURES[limit.figure].unit, wish.units.text
     wanted = f'{limit.sense.replace("_", " ")} {text(limit.value, unit)}'
+    if np.isnan(value):
+        return f'{limit.figure} has no value where {wanted} is wanted'
     miss = text(float(limit.shortfall(value)), unit)
     return f'{limit.figure} is {text(value, unit)} where {wanted} is wanted, {miss} short'

@@ -14,6 +14,7 @@ from klann_ros.kinematics.linkage.file_checks import schema_error
 from klann_ros.robot import robot_of, RobotFileError, RobotLeg
 from klann_ros.robot.file import preset_names
 from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
@@ -178,7 +179,30 @@ def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
         text=json.dumps(content, sort_keys=True),
     )
     _check_needs(wish, content)
+    if 'length' not in content.get('units', {}):
+        _warn_of_lengths(wish, content)
     return wish
+
+
+def _warn_of_lengths(wish: Wish, content: Mapping[str, Any]) -> None:
+    """Warn of lengths that were probably given in millimetres."""
+    vary = content.get('vary')
+    ranges = {f'vary.{k}': v for k, v in vary.items()} if isinstance(vary, Mapping) else {}
+    ranges['grow.crank'] = content.get('grow', {}).get('crank')
+    every = [d for space in wish.spaces for d in space.linkage.structure.dimensions]
+    named = {'grow.crank', *(f'vary.{d.name}' for d in every if d.unit == 'm')}
+    lengths = {
+        name: max(ends, key=abs)
+        for name, ends in ranges.items()
+        if name in named and isinstance(ends, list)
+    }
+    for figure, sense, value in (*wish.aims, *wish.limits):
+        if FIGURES[figure].unit == 'm':
+            lengths[f'figures.{figure}.{sense}'] = value
+    lengths['tolerance'] = wish.tolerance
+    lengths['the size of path'] = wish.target.size if wish.target is not None else 0.0
+    angle = ', angle: deg' if wish.units.angle == 'deg' else ''
+    warn_of_lengths(lengths, f'write units: {{length: mm{angle}}}')
 
 
 def _check_needs(wish: Wish, content: Mapping[str, Any]) -> None:

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from klann_ros.datasheet import data_sheet
 from klann_ros.design import Found, search, State, Wish, wish_from
-from klann_ros.design.evolve import pareto_front
+from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text
 from klann_ros.design.report import report
+from klann_ros.design.search import failing_figures
 from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
 from klann_ros.robot import robot_from_file
 from klann_ros.walker import walk_figures
@@ -176,3 +177,14 @@ def test_the_front_is_that_of_all_pairs() -> None:
         equal_kept = any((losses[k] == row).all() for k in kept)
         assert equal_kept != dominated
         assert (i in kept) <= (not dominated)
+
+
+@pytest.mark.parametrize('known', [[], [0.3]])
+def test_a_figure_without_a_value_is_a_reason_in_words(known: list[float]) -> None:
+    wish = wish_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
+    values = np.array([np.nan, np.nan, *known])
+    violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(known))
+    own = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
+    (reason,) = failing_figures(wish, [(0, np.zeros((len(values), 1)), own)])
+    alone = '; alone it reaches 0.3 m' if known else ''
+    assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'

@@ -7,6 +7,7 @@ from typing import Any
 
 from klann_ros.design.target import PATH_POINTS, PIXEL, Target, target_from
 from klann_ros.design.wish import wish_from, wish_from_file, WishError
+from klann_ros.sanitize.units import UnitWarning
 import numpy as np
 import pytest
 
@@ -157,3 +158,24 @@ def test_a_path_is_fitted_up_to_the_allowed_transformations(
     fixed = Target(z, **all_off, is_timed=is_timed)
     assert fixed.fit(np.stack([own.real, own.imag], axis=-1)[None]).error[0] > 0.1
     assert PATH_POINTS == 128
+
+
+@pytest.mark.parametrize(
+    ('content', 'name'),
+    [
+        ({**LEG, 'figures': {'stride': {'at_least': 400}}}, 'figures.stride.at_least = 400'),
+        ({**LEG, 'vary': {'A-B': [100, 150]}}, 'vary.A-B = 150'),
+        ({**LEG, 'path': {'points': [[0, 0], [300, 0], [0, 400]]}}, 'the size of path = 500'),
+        ({'grow': {'dyads': 1, 'crank': [30, 60]}}, 'grow.crank = 60'),
+    ],
+)
+def test_warns_of_lengths_without_units_that_look_like_millimetres(
+    content: Mapping[str, Any], name: str, recwarn: pytest.WarningsRecorder
+) -> None:
+    wish_from({**content, 'units': {'length': 'mm', 'angle': 'deg'}})
+    assert not recwarn.list
+    wish_from({**content, 'units': {'angle': 'deg'}})
+    (warning,) = recwarn.list
+    assert warning.category is UnitWarning
+    assert str(warning.message).startswith(f'{name} is read as')
+    assert str(warning.message).endswith('in mm, write units: {length: mm, angle: deg}')
