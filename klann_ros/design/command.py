@@ -1,8 +1,7 @@
 """`design`: the search for legs that fulfil a wish."""
 
 import argparse
-from collections.abc import Iterable, Sequence
-from functools import partial
+from collections.abc import Sequence
 import json
 from math import inf
 import os
@@ -10,7 +9,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.engines import EngineError, ENGINES
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
+from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, number_type, path, UsageError
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import printable
@@ -113,15 +112,11 @@ def _write(folder: Path, found: Found) -> None:
         if leg.walker is not None:
             names.append(f'{name}_walker.yaml')
             _save(folder, names[-1], f'# A walker of {name}.yaml.\n{parameter_text(leg.walker)}')
-    for old in _leg_files(folder):
-        if old.name not in names:
+    for old in folder.glob('leg_*.yaml'):
+        if old.name not in names and not old.is_symlink():
             old.unlink(missing_ok=True)
     _save(folder, 'design.json', report(found))
     _save(folder, 'index.html', page(found))
-
-
-def _leg_files(folder: Path) -> Iterable[Path]:
-    return sorted(file for file in folder.glob('leg_*.yaml') if not file.is_symlink())
 
 
 def _save(folder: Path, name: str, content: str) -> None:
@@ -143,38 +138,20 @@ def _line(wish: Wish, progress: Progress) -> str:
     )
 
 
-def _count(given: str, least: int = 1) -> int:
-    try:
-        value = int(given)
-    except ValueError:
-        value = least - 1
-    if not least <= value < 2**53:
-        msg = f'{printable(given)} is refused: a whole number, {least} or more, is needed'
-        raise argparse.ArgumentTypeError(msg)
-    return value
-
-
-def _seconds(given: str) -> float:
-    try:
-        value = float(given)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < inf:
-        raise argparse.ArgumentTypeError(f'{printable(given)} is refused: seconds > 0 are needed')
-    return value
-
-
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('design', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('wish', metavar='WISH', type=path, help='the wish')
     out = 'for the result (default: the name of WISH and _legs); a new one'
     add('-o', '--output', metavar='FOLDER', type=path, help=out)
-    add('--seed', metavar='N', type=partial(_count, least=0), default=0, help='of the search, 0')
-    add('--time', metavar='S', type=_seconds, help='end the search after this time [s]')
+    seed = number_type(lambda n: 0 <= n < 2**53, 'a whole number, 0 or more', int)
+    add('--seed', metavar='N', type=seed, default=0, help='of the search, 0')
+    seconds = number_type(lambda s: 0.0 < s < inf, 'a number of seconds > 0')
+    add('--time', metavar='S', type=seconds, help='end the search after this time [s]')
+    count = number_type(lambda n: 1 <= n < 2**53, 'a whole number, 1 or more', int)
     many = f'candidates that are judged, {DEFAULT_EVALUATIONS}'
-    add('--evaluations', metavar='N', type=_count, default=DEFAULT_EVALUATIONS, help=many)
-    add('--jobs', metavar='N', type=_count, help='processes (default: the CPUs)')
+    add('--evaluations', metavar='N', type=count, default=DEFAULT_EVALUATIONS, help=many)
+    add('--jobs', metavar='N', type=count, help='processes (default: the CPUs)')
     where = 'processes of this machine, or a Ray cluster'
     add('--engine', choices=ENGINES, default='local', help=where)
     add('--resume', action='store_true', help='continue the search in FOLDER')

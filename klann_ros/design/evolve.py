@@ -98,15 +98,10 @@ def evolve(island: Island) -> FloatArray:
     x, spent = island.population, 0
     if x is None:
         spent = min(POPULATION * SAMPLES_PER_CANDIDATE, max(POPULATION, island.evaluations))
-        x = sampled(wish, space, random, spent)
+        x = space.sample(random, spent)
+        x = x[_chosen(scores(wish, space, x))]
     generations = (island.evaluations - spent) // POPULATION
     return _evolved(wish, space, x, random, generations) if generations > 0 else x
-
-
-def sampled(wish: Wish, space: Space, random: np.random.Generator, count: int) -> FloatArray:
-    """Return the best of random candidates."""
-    x = space.sample(random, count)
-    return x[_chosen(scores(wish, space, x))]
 
 
 def _chosen(found: Scores) -> IndexArray:

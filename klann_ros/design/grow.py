@@ -64,7 +64,7 @@ def shapes(dyads: int, *, sliders: bool = False) -> list[Shape]:
             for foot in (2 * count, 2 * count + 1):
                 shape = Shape(chain, foot)
                 if _is_minimal(shape):
-                    found[_canonical(shape)] = None
+                    found[min(_relabelled(shape))] = None
     return sorted(found, key=lambda shape: (len(shape.dyads), shape))
 
 
@@ -93,12 +93,8 @@ def _is_minimal(shape: Shape) -> bool:
     return len(needed) == len(dyads)
 
 
-def _canonical(shape: Shape) -> Shape:
-    """Return the least of the equal structures."""
-    return min(_relabelled(shape))
-
-
 def _relabelled(shape: Shape) -> Iterator[Shape]:
+    """Yield the equal structures, by other orders of the dyads and of their links."""
     dyads, count = shape.dyads, len(shape.dyads)
     turns = [(False,) if dyad.slides else (False, True) for dyad in dyads]
     for order, turned in product(permutations(range(count)), product(*turns)):

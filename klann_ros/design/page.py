@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import foot_path, linkage_poses, LinkageLeg
+from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import counted
 from klann_ros.web.markup import element, Markup, scrolling_table
 from klann_ros.web.parts import FRAME, Parts, SHARED
@@ -41,10 +42,11 @@ def page(found: Found) -> str:
         for name in names
         if all(isfinite(leg.reached.get(name, np.nan)) for leg in found.legs)
     ]
+    choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
     data = {
         'axes': axes,
         'legs': [_leg(found, leg, leg_name(n)) for n, leg in enumerate(found.legs)],
-        'target': _target(found),
+        'target': [[z.real, z.imag] for z in wish.target.points.tolist()] if wish.target else None,
     }
     return PAGE_PARTS.page(
         title,
@@ -54,17 +56,13 @@ def page(found: Found) -> str:
             'section',
             element('h2', 'The aims'),
             element('p', 'Choose up to four legs: they move below.', class_='quiet'),
-            element('div', *(_choice(axis) for axis in ('x', 'y')), class_='axes'),
+            element('div', *choices, class_='axes'),
             element('div', class_='scatter card'),
         ),
         element('section', element('h2', 'Chosen legs'), element('div', class_='chosen')),
         element('section', element('h2', 'All legs'), _table(found, names)),
         data=data,
     )
-
-
-def _choice(axis: str) -> Markup:
-    return element('label', f'{axis} ', element('select', class_=f'axis-{axis}'))
 
 
 def _table(found: Found, names: list[str]) -> Markup:
@@ -86,16 +84,14 @@ def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
     units = found.wish.units
     poses: Any = linkage_poses(leg.linkage, crank_angles(ANIMATION_POSES), points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
-    lasts = (crank_angles(ANIMATION_POSES) - stance.start) % (
-        2.0 * np.pi
-    ) <= stance.end - stance.start
+    since = (crank_angles(ANIMATION_POSES) - stance.start) % TURN
     return {
         'name': name,
         'linkage': leg.linkage.name,
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
         'points': [[[float(f'{m:.5g}') for m in p] for p in pose] for pose in poses.points],
-        'stands': lasts.tolist(),
+        'stands': (since <= stance.end - stance.start).tolist(),
         'figures': {
             key: value / units.size(FIGURES[key].unit) for key, value in leg.reached.items()
         },
@@ -113,10 +109,3 @@ def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
         ],
         'walker': leg.walker is not None,
     }
-
-
-def _target(found: Found) -> list[list[float]] | None:
-    target = found.wish.target
-    if target is None:
-        return None
-    return [[float(z.real), float(z.imag)] for z in target.points]

@@ -161,14 +161,6 @@ def search(
     EngineError
         The engine is unavailable, or no worker answers.
 
-    Examples
-    --------
-    >>> from klann_ros.design import search, wish_from
-    >>> wish = wish_from({'linkage': 'klann', 'figures': {'lift': 'maximize'}})
-    >>> found = search(wish, evaluations=1000)
-    >>> found.legs[0].reached['lift'] > 0.3
-    True
-
     """
     key = search_key(wish, seed)
     count = max(ISLANDS, len(wish.spaces))
@@ -223,13 +215,8 @@ def _next_round(
         if not isinstance(answer, str):
             populations[n] = answer
     populations = _migrated(wish, populations)
-    spent = state.evaluations + share * len(islands)
-    now: dict[str, Any] = {
-        'rounds': state.rounds + 1,
-        'evaluations': spent,
-        'populations': tuple(populations),
-    }
-    state = state._replace(**now)
+    rounds, spent = state.rounds + 1, state.evaluations + share * len(islands)
+    state = state._replace(rounds=rounds, evaluations=spent, populations=tuple(populations))
     every = _all_scores(wish, state)
     state = _with_hypervolume(state, every)
     if len(numbers) > ISLANDS and len(wish.spaces) > ISLANDS:
@@ -350,8 +337,7 @@ def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str
                 nearest[limit] = values[int(misses.argmin())]
         if len(legs) >= wish.count:
             break
-    legs = legs[: wish.count]
-    legs = _best(wish, legs)
+    legs = _best(wish, legs[: wish.count])
     reasons = [_shortfall(wish, limit, value) for limit, value in nearest.items()]
     reasons += [f'{text}: {counted(n, "leg")}' for text, n in refused.items()]
     reasons = [] if legs else reasons
@@ -411,12 +397,8 @@ def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     """Return the legs that no other dominates by the figures of their sheets, by the first aim."""
     if not legs:
         return []
-    table = np.array(
-        [
-            [float(aim.loss(leg.reached.get(aim.figure, np.inf))) for aim in wish.aims]
-            for leg in legs
-        ]
-    )
+    rows = [[aim.loss(leg.reached.get(aim.figure, np.inf)) for aim in wish.aims] for leg in legs]
+    table = np.array(rows, dtype=np.float64)
     if len(wish.aims) == 1:
         return [legs[k] for k in np.argsort(table[:, 0], kind='stable').tolist()]
     table = np.nan_to_num(table, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)

@@ -7,9 +7,11 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
+from fontTools.pens.recordingPen import RecordingPen
+from fontTools.svgLib.path import parse_path
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.sanitize.files import read_regular
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE
 import numpy as np
 
@@ -22,8 +24,6 @@ SHIFT_STEPS = 3
 MAX_TARGET_POINTS = 10_000
 # An SVG file has 96 px to an inch; y points down.
 PIXEL = 0.0254 / 96.0
-_TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
-_ARGUMENTS = {'M': 2, 'L': 2, 'H': 1, 'V': 1, 'C': 6, 'S': 4, 'Q': 4, 'T': 2, 'A': 7, 'Z': 0}
 
 
 class Fit(NamedTuple):
@@ -159,13 +159,13 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     if ('points' in content) == ('file' in content):
         raise ValueError('either points or file must be there')
     if 'points' in content:
-        points = np.array(content['points'], dtype=np.float64) @ (1.0, 1j) * metre
+        points, size = np.array(content['points'], dtype=np.float64) @ (1.0, 1j), metre
     else:
         name = content['file']
         path = folder / name if (folder / name).is_file() else Path(name)
         text = read_regular(path, MAX_FILE_SIZE)
         is_svg = path.suffix.lower() == '.svg'
-        points = _svg_points(text) * PIXEL if is_svg else metre * _csv_points(text)
+        points, size = (_svg_points(text), PIXEL) if is_svg else (_csv_points(text), metre)
     if len(points) > 3 and points[0] == points[-1]:
         points = points[:-1]
     if not 3 <= len(points) <= MAX_TARGET_POINTS:
@@ -174,7 +174,7 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     if not np.isfinite(points).all():
         raise ValueError('a point is not finite')
     target = Target(
-        np.asarray(points, dtype=np.complex128),
+        np.asarray(size * points, dtype=np.complex128),
         can_move=content.get('move', True),
         can_turn=content.get('turn', True),
         can_scale=content.get('scale', True),
@@ -214,45 +214,22 @@ def _svg_points(text: str) -> ComplexArray:
 
 
 def _svg_path(d: str) -> list[complex]:
-    tokens = [match.groups() for match in _TOKEN.finditer(d)]
-    points: list[complex] = []
-    at, start, control, command, place = 0j, 0j, 0j, '', 0
-    while place < len(tokens):
-        letter, _ = tokens[place]
-        if letter:
-            command, place = letter, place + 1
-        count = _ARGUMENTS.get(command.upper(), 0)
-        end = place + count
-        numbers = [float(n) for _, n in tokens[place:end] if n]
-        if not command or len(numbers) < count or (not count and not letter):
-            raise ValueError('the path of the SVG is cut off')
-        place = end
-        kind, base = command.upper(), at if command.islower() else 0j
-        ends = [base + complex(x, y) for x, y in zip(numbers[::2], numbers[1::2], strict=False)]
-        if kind == 'Z':
-            at = start
-            continue
-        if kind in 'HV':
-            level = numbers[0]
-            step = complex(level, 0.0) if kind == 'H' else complex(0.0, level)
-            rest = complex(0.0, at.imag) if kind == 'H' else complex(at.real, 0.0)
-            ends = [at + step if command.islower() else step + rest]
-        if kind == 'A':
-            raise ValueError('the path of the SVG has an arc (A): convert it to Bezier curves')
-        corners = _corners(kind, at, ends, control)
-        points += _bezier(corners) if len(corners) > 2 else [corners[-1]]
-        control = 2.0 * corners[-1] - corners[-2] if len(corners) > 2 else corners[-1]
-        at = corners[-1]
-        if kind == 'M':
-            # Only the first part of a path counts.
-            if len(points) > 1:
-                return points[:-1]
-            start, command = at, 'l' if command.islower() else 'L'
+    """Return the points of the first part of a path's data; text that is none is a ValueError."""
+    pen, points = RecordingPen(), list[complex]()
+    try:
+        parse_path(d, pen)
+    except ValueError as error:
+        msg = f'the path of the SVG: {printable_line(str(error)[:100])}'
+        raise ValueError(msg) from None
+    for operation, corners in pen.value:
+        ends = [complex(*corner) for corner in corners]
+        if operation == 'moveTo':
+            points = ends
+        elif ends:
+            points += _bezier([points[-1], *ends]) if len(ends) > 1 else ends
+        elif len(points) > 1:
+            break
     return points
-
-
-def _corners(kind: str, at: complex, ends: Sequence[complex], control: complex) -> list[complex]:
-    return [at, control, *ends] if kind in 'ST' else [at, *ends]
 
 
 def _bezier(corners: Sequence[complex]) -> list[complex]:

@@ -7,6 +7,7 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 import errno
+from math import nan
 import os
 import sys
 import textwrap
@@ -34,6 +35,23 @@ def path(text: str) -> str:
         # A null byte is refused where the file is opened.
         pass
     return text
+
+
+def number_type(
+    allows: Callable[[float], bool], allowed: str, kind: Callable[[str], float] = float
+) -> Callable[[str], Any]:
+    """Return the type of an option for a number; another text is an ArgumentTypeError."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = nan  # which fails every comparison
+        if not allows(value):
+            raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be {allowed}')
+        return value
+
+    return parse
 
 
 class UsageError(Exception):

@@ -123,14 +123,25 @@ def test_a_curve_of_an_svg_is_a_bezier_curve(tmp_path: Path) -> None:
     assert found.imag.min() == pytest.approx(-3)
 
 
+def test_an_arc_of_an_svg_is_a_circle(tmp_path: Path) -> None:
+    circle = '<svg><path d="M1 0 A1 1 0 0 1 -1 0 A1 1 0 0 1 1 0 z M5 5 L6 6"/></svg>'
+    (tmp_path / 'a.svg').write_text(circle)
+    found = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
+    assert abs(found) == pytest.approx(1.0, abs=3e-4)
+    assert len(found) > 60
+
+
 @pytest.mark.parametrize(
     ('name', 'content', 'message'),
     [
         ('a.csv', '1,2\nx,y\n', 'line 2'),
         ('a.csv', '1,2\n', '1 points'),
         ('a.svg', '<svg/>', 'no path'),
-        ('a.svg', '<path d="M0 0 A1 1 0 0 1 2 2"/>', 'an arc'),
-        ('a.svg', '<path d="M0 0 C1 1 2"/>', 'cut off'),
+        ('a.svg', '<path d="M0 0 C1 1 2"/>', 'Not enough coordinates'),
+        ('a.svg', '<path d="10 10"/>', 'must start with a moveto'),
+        ('a.svg', '<path d="M0 0 \x1b[31m"/>', 'the path of the SVG'),
+        ('a.svg', '<path d="M0 0 L1e999 0 1 1"/>', 'not finite'),
+        ('a.svg', '<path d="M0 0 M1 1 M2 2"/>', '1 points'),
     ],
 )
 def test_a_damaged_path_is_refused(name: str, content: str, message: str, tmp_path: Path) -> None:

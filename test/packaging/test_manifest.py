@@ -17,6 +17,7 @@ MODULES = {
     'aiohttp': ('aiohttp', 'python3-aiohttp'),
     'argcomplete': ('argcomplete', 'python3-argcomplete'),
     'ezdxf': ('ezdxf', ''),
+    'fontTools': ('fonttools', ''),
     'jsonschema': ('jsonschema', 'python3-jsonschema'),
     'lz4': ('lz4', ''),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),

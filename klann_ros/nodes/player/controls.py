@@ -4,14 +4,14 @@ import argparse
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import inf, nan
+from math import inf
 from typing import Any
 
 from klann_ros.log.play.transport import PlaybackError, RATES, Transport
 from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import Declaration, number, on_change
-from klann_ros.sanitize.arguments import path
+from klann_ros.sanitize.arguments import number_type, path
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -44,10 +44,10 @@ _MAX_KEYS = 20
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a player; names of topics become full names."""
     (slowest, fastest), (rarest, densest) = RATES, _CLOCK_RATES
-    rate = _number(lambda n: slowest <= n <= fastest, f'within {slowest:g} .. {fastest:g}')
-    clock = _number(lambda n: rarest <= n <= densest, f'within {rarest:g} .. {densest:g}')
-    not_negative = _number(lambda n: 0.0 <= n < inf, 'a number >= 0')
-    positive = _number(lambda n: 0.0 < n <= inf, 'a number > 0')
+    rate = number_type(lambda n: slowest <= n <= fastest, f'within {slowest:g} .. {fastest:g}')
+    clock = number_type(lambda n: rarest <= n <= densest, f'within {rarest:g} .. {densest:g}')
+    not_negative = number_type(lambda n: 0.0 <= n < inf, 'a number >= 0')
+    positive = number_type(lambda n: 0.0 < n <= inf, 'a number > 0')
     add = parser.add_argument
     add('log', metavar='LOG', type=path, help=LOG_HELP)
     add('--rate', type=rate, default=1.0, metavar='R', help='2 is twice as fast')
@@ -72,21 +72,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add('--start-paused', action='store_true', help='wait for ~/resume, ~/step or a key')
     add('--disable-keyboard-controls', action='store_true', help='leave the terminal alone')
-
-
-def _number(allows: Callable[[float], bool], allowed: str) -> Callable[[str], float]:
-    """Return the type of an option for a number."""
-
-    def parse(text: str) -> float:
-        try:
-            number = float(text)
-        except ValueError:
-            number = nan  # which fails every comparison
-        if not allows(number):
-            raise argparse.ArgumentTypeError(f'{text} is refused: it must be {allowed}')
-        return number
-
-    return parse
 
 
 def _renaming(text: str) -> tuple[str, str]:
