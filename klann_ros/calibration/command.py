@@ -79,8 +79,8 @@ def _calibrate(options: argparse.Namespace) -> int:
         prior=_prior(options.prior),
     )
     further = found.further()
-    kept = {k: v for k, v in of_leg(parameters, leg.name).items() if k in KEPT_PARAMETERS}
-    built = _built_file(found, leg, kept, (options.run, options.leg or 'in it'))
+    other = {k: v for k, v in of_leg(parameters, leg.name).items() if k in KEPT_PARAMETERS}
+    built = _built_file(found, leg, other, (options.run, options.leg or 'in it'))
     print(*text_lines(found, further), sep='\n')
     views: dict[str, Callable[[], str]] = {
         '--output': lambda: built,
@@ -129,10 +129,10 @@ def _parameters(drawing: str) -> Mapping[str, Any]:
 
 
 def _built_file(
-    found: Calibration, leg: RobotLeg, kept: Mapping[str, Any], sources: tuple[str, str]
+    found: Calibration, leg: RobotLeg, other: Mapping[str, Any], sources: tuple[str, str]
 ) -> str:
     """Return the leg file with the calibrated numbers, which every program takes."""
-    parameters = dict(kept)
+    parameters = dict(other)
     if leg.description:
         content = content_with_numbers(leg.description, found.linkage)
         parameters['linkage_description'] = dump(content) + '\n'

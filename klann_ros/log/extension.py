@@ -239,15 +239,15 @@ class _Extension:
 
     def _void_metadata(self) -> None:
         """Make rosbag2's old record a private one, which readers skip, and forget its index."""
-        kept = []
+        records = []
         for record in self._groups[Opcode.METADATA_INDEX]:
             index = parse(MetadataIndex, record[slice(RECORD_HEAD.size, None)])
             if index.name != RECORD_NAME:
-                kept.append(record)
+                records.append(record)
                 continue
             self._file.seek(index.offset)
             self._file.write(_VOID)
-        self._groups[Opcode.METADATA_INDEX] = kept
+        self._groups[Opcode.METADATA_INDEX] = records
 
     def _write_chunk(self, channel: int, packed: '_PackedChunk') -> None:
         data, compressed, times, entries = packed

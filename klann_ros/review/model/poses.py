@@ -97,7 +97,7 @@ def pose_errors(
     recording: LegRecording, leg: AnyLeg, progress: Callable[[float], object] = lambda _: None
 ) -> PoseErrors:
     """Return the errors of a leg's poses; `progress` gets the finished share."""
-    kept: list[SolvedBlock] = []
+    blocks: list[SolvedBlock] = []
     count = len(recording.poses)
     errors = PoseErrors(
         np.empty(count),
@@ -116,9 +116,9 @@ def pose_errors(
         own = feet(leg, angles, u)[block.of_poses]
         errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
         if count <= _MAX_KEPT:
-            kept.append(block)
+            blocks.append(block)
         progress(rows.stop / count)
-    return replace(errors, solved=tuple(kept))
+    return replace(errors, solved=tuple(blocks))
 
 
 def _foot_errors(recorded: FloatArray, own: FloatArray) -> FloatArray:
