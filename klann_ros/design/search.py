@@ -84,7 +84,6 @@ class Progress:
     evaluations: int
     seconds: float
     hypervolume: float
-    turning: int
     best: dict[str, float]
 
 
@@ -290,7 +289,6 @@ def _better_half(state: State, every: _Scored) -> list[int]:
 
 
 def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progress:
-    turning = sum(int((s.violations[:, 0] <= 0.0).sum()) for _, _, s in every)
     best = {}
     for aim in wish.cheap_aims:
         values = [s.figures[aim.figure][s.total <= 0.0] for _, _, s in every]
@@ -298,7 +296,7 @@ def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progr
         known = known[np.isfinite(known)]
         if len(known):
             best[aim.figure] = float(known[aim.loss(known).argmin()])
-    return Progress(state.evaluations, seconds, state.hypervolumes[-1], turning, best)
+    return Progress(state.evaluations, seconds, state.hypervolumes[-1], best)
 
 
 def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str) -> Found:
