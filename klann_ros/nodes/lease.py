@@ -5,7 +5,8 @@ A driver announces itself ten times a second on TOPIC/lease (diagnostic_msgs/msg
 the driver, value `held`, or `released` at the end). A publisher of TOPIC that yields sends nothing
 meanwhile, and confirms each announcement on TOPIC/yielded (key: the publisher, value: the driver).
 The first driver holds the lease; a second one gets no confirmation. Without an announcement for
-LEASE_TIME on the steady clock the driver counts as dead, and the publishers resume.
+LEASE_TIME on the steady clock the driver counts as dead, and the publishers resume. A release is
+an announcement that expires after DELIVERY_TIME: the driver's last angle may arrive after it.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,8 @@ from .endpoints import create_steady_timer
 
 # Period of announcements, and the time after which a lease without one expires [s].
 HEARTBEAT, LEASE_TIME = 0.1, 1.0
+# Messages that were sent before another one on another topic have arrived after this time [s].
+DELIVERY_TIME = 0.1
 HELD, RELEASED = 'held', 'released'
 _QOS = QoSProfile(depth=20)
 _MAX_NAME = 300
@@ -65,7 +68,7 @@ class LeaseListener:
         if not message.key or len(message.key) > _MAX_NAME:
             return
         if message.value == RELEASED and message.key == self._key:
-            self._end()
+            self._announced_at = monotonic() - LEASE_TIME + DELIVERY_TIME
         elif message.value == HELD and self._key in {'', message.key}:
             self._announced_at = monotonic()
             if not self._key:
@@ -77,12 +80,9 @@ class LeaseListener:
 
     def _check(self) -> None:
         if self._key and monotonic() - self._announced_at > LEASE_TIME:
-            self._end()
-
-    def _end(self) -> None:
-        self._key = self.holder = ''
-        self._expiry.cancel()
-        self._on_change('')
+            self._key = self.holder = ''
+            self._expiry.cancel()
+            self._on_change('')
 
 
 class Lease:

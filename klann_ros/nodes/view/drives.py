@@ -17,7 +17,7 @@ from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
 from klann_ros.live.protocol import Command
 from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.endpoints import OUTPUT
-from klann_ros.nodes.lease import Lease
+from klann_ros.nodes.lease import DELIVERY_TIME, Lease
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -25,8 +25,6 @@ from std_msgs.msg import Float64
 TAKE_TIMEOUT = 2.5
 # Silence after which a publisher that cannot yield counts as idle [s].
 _IDLE_TIME = 1.0
-# Messages sent before the others yielded have arrived after this time [s].
-_DELIVERY_TIME = 0.1
 # More messages than were sent from here prove another active publisher.
 _MAX_FOREIGN = 5
 # Periods of a turning crank's messages, and of all others [s].
@@ -84,7 +82,7 @@ class _Driven:
         active = self._not_yielded()
         if not active or all(_is_silent(rate_of(topic)) for topic in self.offer.topics):
             self.alone = self.alone or now
-            return now - self.alone >= _DELIVERY_TIME, ''
+            return now - self.alone >= DELIVERY_TIME, ''
         self.alone = None
         if self.taking is None or now - self.taking < TAKE_TIMEOUT:
             return False, ''
