@@ -200,9 +200,9 @@ def rich(text: str) -> Markup:
 
 def picture(variant: Variant) -> Markup:
     """Return the drawing of the linkage as SVG; empty where it would show the answer."""
-    leg, angle = variant.kind.leg(variant.givens)
-    if leg is None:
+    if not variant.kind.leg:
         return Markup('')
+    leg, angle = variant.kind.leg(variant.givens)
     arcs = leg.reachable_arcs()
     if not any(start <= angle % (2.0 * np.pi) <= end for start, end in arcs):
         start, end = arcs[0]

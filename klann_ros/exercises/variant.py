@@ -100,16 +100,20 @@ class Kind:
     ----------
     name : str
         Its name.
-    key : callable
-        The answers by the library, for givens.
-    leg : callable
-        Leg and its crank angle [rad] for the drawing, for givens; None shows the answer.
+    solve : callable
+        Answers by the library, for leg, crank angle [rad] and givens, or for givens alone.
+    leg : callable, optional
+        Leg and crank angle of the drawing, for givens; without one, it would show the answer.
 
     """
 
     name: str
-    key: Callable[[Mapping[str, float]], Mapping[str, Answer]]
-    leg: Callable[[Mapping[str, float]], tuple[Any, float]]
+    solve: Callable[..., Mapping[str, Answer]]
+    leg: Callable[[Mapping[str, float]], tuple[Any, float]] | None = None
+
+    def key(self, givens: Mapping[str, float]) -> Mapping[str, Answer]:
+        """Return the answers by the library, and others of the same leg."""
+        return self.solve(*self.leg(givens), givens) if self.leg else self.solve(givens)
 
     @cached_property
     def _own(self) -> dict[str, Any]:
@@ -252,7 +256,7 @@ class Variant:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all that a page or a platform needs to show and mark it, ready for JSON."""
-        leg, angle = self.kind.leg(self.givens)
+        leg, angle = self.kind.leg(self.givens) if self.kind.leg else (None, 0.0)
         words = texts()
         return {
             'kind': self.kind.name,
@@ -329,7 +333,8 @@ def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | N
     if any(question.name not in key for question in kind.questions):
         # Not the linkage that the kind asks about, such as one without limits.
         return None
-    variant = Variant(kind, student, givens, dict(key), tuple(worked.steps))
+    answers = {question.name: key[question.name] for question in kind.questions}
+    variant = Variant(kind, student, givens, answers, tuple(worked.steps))
     agrees = all(_agrees(variant, each, worked, guarded) for each in kind.questions)
     return variant if agrees else None
 
