@@ -4,8 +4,10 @@ Maximum likelihood of a leg's dimensions by its measurements: scipy's `least_squ
 Residuals are divided by their standard deviation and have exact derivatives. A soft loss leads
 from the drawing to the leg as built, whatever a few outliers say. Samples beyond OUTLIER_GATE
 standard deviations are left out then, and the rest is fitted once more without the loss, which
-gives the smallest errors. Noise of the crank angle moves all numbers of a sample along the slope v
-of its path: with it their covariance is S = sigma^2 + sigma_crank^2 v v^T.
+gives the smallest errors. It holds combinations that the measurements leave open near the drawing,
+as the leg is built: far along them the derivatives are those of another leg. Noise of the crank
+angle moves all numbers of a sample along the slope v of its path: with it their covariance is
+S = sigma^2 + sigma_crank^2 v v^T.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,6 +28,7 @@ from .observability import (
     further_measurements,
     Observability,
     observability,
+    OPEN_ERROR,
     ROUNDING,
     Suggestion,
 )
@@ -33,8 +36,8 @@ from .search import check_measurements, median_misfit, SEARCH_SAMPLES, start_par
 
 # Standard deviations beyond which a sample is an outlier; of a normal distribution by its MAD.
 OUTLIER_GATE, MAD_FACTOR = 5.0, 1.4826
-# Standard deviations of the weak prior that holds what the measurements leave open [units]: of
-# dimensions about the drawing, of the other parameters about the start.
+# Standard deviations of the weak prior of all parameters [units]: of dimensions about the drawing,
+# of the others about the start.
 WEAK_PRIOR, WEAKEST_PRIOR = 100.0, 1000.0
 # Length over which a tolerance makes an error of a bend [m].
 BEND_LENGTH = 0.03
@@ -47,6 +50,8 @@ MAX_MISFIT, MAX_CORRECTIONS = 0.03, {'m': 100.0, 'rad': 30.0}
 MIN_REVERSE_SHARE = 0.05
 # Stretches of a run whose scores are compared, and the largest ratio that is chance.
 BLOCKS, MAX_CHANCE = 40, 1.4
+# Legs within the errors of a calibration that show how far its derivatives hold.
+CURVATURE_DRAWS = 24
 # Gain of chi2 from which on residuals show a delay; standard errors that show crank noise.
 MIN_DELAY_CHI2, MIN_CRANK_NOISE = 30.0, 4.0
 
@@ -93,7 +98,7 @@ class Calibration:
         Their values and standard errors [m, rad, s]; NaN errors of parameters that belong to an
         unobservable combination.
     covariance : numpy.ndarray
-        Of the parameters, in their units.
+        Of the parameters, in their units; of unobservable combinations that of a workshop.
     observability : Observability
         What is observable by the measurements.
     series : tuple of SeriesFit
@@ -210,14 +215,15 @@ def calibrate(
     optional = (*CAMERA * camera, *[DELAY] * delay, *[BACKLASH] * bool(reverse))
     model = MeasurementModel(linkage, direction, phase, optional)
     check_measurements(model, measured)
-    problem = _Problem(model, measured, _deviations(model, prior), crank_noise)
-    fit = problem.solve(start_parameters(model, measured))
-    found = problem.result(fit, has_prior=prior is not None)
+    start = start_parameters(model, measured)
+    problem = _Problem(model, measured, prior, crank_noise, start)
+    fit = problem.solve()
+    found = problem.result(fit)
     names = ', '.join(f'{series.title} ({series.source})' for series in measured)
     if found.misfit > MAX_MISFIT:
         _explain_misfit(model, measured, found.misfit, names)
     _check_corrections(found, names)
-    return found
+    return problem.held_result(fit) if found.observability.combinations else found
 
 
 def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | None) -> FloatArray:
@@ -256,9 +262,9 @@ def _explain_misfit(
     others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
     for what, other, series in others:  # noqa: B007 - read after the loop
         with suppress(MeasurementError):
-            problem = _Problem(other, series, _deviations(other, None), 0.0)
-            fit = problem.solve(start_parameters(other, series))
-            found = problem.result(fit, has_prior=False)
+            start = start_parameters(other, series)
+            problem = _Problem(other, series, None, 0.0, start)
+            found = problem.result(problem.solve())
             _check_corrections(found, names, strict=True)
             if found.misfit < 0.2 * misfit:
                 break
@@ -299,6 +305,16 @@ class _Rows(NamedTuple):
     slopes: FloatArray
 
 
+class _Evidence(NamedTuple):
+    """Whitened residuals and derivatives, their chi2 per degree of freedom, and information."""
+
+    residuals: FloatArray
+    jacobian: FloatArray
+    chi2: float
+    # R of the information R^T R, less what the residuals say against the stated noise.
+    root: FloatArray
+
+
 class _Problem:
     """The least-squares problem in units: y = (parameters - drawing) / units."""
 
@@ -306,13 +322,15 @@ class _Problem:
         self,
         model: MeasurementModel,
         measured: Sequence[MeasuredSeries],
-        deviations: FloatArray,
+        prior: float | Mapping[str, float] | None,
         crank_noise: float | None,
+        start: FloatArray,
     ) -> None:
         self._model, self._measured = model, tuple(measured)
-        self._deviations, self._crank_noise = deviations, crank_noise
+        self._prior, self._crank_noise, self._start = prior, crank_noise, start
+        self._weak = np.diag(1.0 / _deviations(model, prior))
+        self._centre: FloatArray = (start - model.start) / model.units
         self._known: tuple[bytes, _Rows] | None = None
-        self._centre: FloatArray = np.zeros(len(model.names))
         # Of each row its series, its sample of all, and its stamp.
         self._owners = np.repeat(np.arange(len(measured)), [each.values.size for each in measured])
         times = np.concatenate([series.times for series in measured])
@@ -357,27 +375,43 @@ class _Problem:
         summed = [np.bincount(stamps, along)[stamps] for along in (slopes[:, None] * scaled).T]
         return scaled - factor[:, None] * np.stack(summed, axis=1)
 
-    def solve(self, start: FloatArray) -> _Fit:
-        """Return the fit from start parameters [m, rad, s]."""
+    def solve(self) -> _Fit:
+        """Return the fit that the measurements choose."""
         few = [subset(series, ROBUST_SAMPLES) for series in self._measured]
-        rough = _Problem(self._model, few, self._deviations, 0.0)
-        self._centre = (start - self._model.start) / self._model.units
-        y = rough.robust(self._centre)
+        y = _Problem(self._model, few, self._prior, 0.0, self._start).robust()
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(MAX_ROUNDS):
             before, good = good, self._inliers(self._scaled(y, good, robust=True))
-            y = self._minimized(self._scaled(y, good, robust=False), loss='linear')
+            y = self._minimized(self._scaled(y, good, robust=False), self._weak)
             if np.array_equal(before, good):
                 break
         return self._scaled(y, good, robust=False)
 
-    def robust(self, y: FloatArray) -> FloatArray:
-        """Return the parameters of a fit with a soft loss."""
-        self._centre = y
+    def robust(self) -> FloatArray:
+        """Return the parameters of a fit with a soft loss [units]."""
+        y = self._centre
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(2):
-            y = self._minimized(self._scaled(y, good, robust=True), loss='soft_l1')
+            y = self._minimized(self._scaled(y, good, robust=True), self._weak, loss='soft_l1')
         return y
+
+    def held_result(self, fit: _Fit) -> Calibration:
+        """Return the calibration that holds unobservable combinations near the start."""
+        held = 0
+        for turn in range(MAX_ROUNDS):
+            # What is held near the solution stays so: nearer the drawing it may seem observable.
+            least = held if turn > 1 else 0
+            lost = observability(self._evidence(fit).root, self._model, least).lost
+            fit = fit._replace(y=self._minimized(fit, self._held(lost)))
+            if turn and held == len(lost):
+                break
+            held = len(lost)
+        return self.result(fit, held)
+
+    def _held(self, lost: FloatArray) -> FloatArray:
+        """Return the rows of the prior; the user's own holds unobservable combinations as well."""
+        fixed = lost[:0] if self._prior is not None else lost
+        return np.vstack([self._weak, fixed / OPEN_ERROR])
 
     def _inliers(self, fit: _Fit) -> BoolArray:
         """Return the rows of samples without a number beyond the gate."""
@@ -387,21 +421,18 @@ class _Problem:
         found: BoolArray = ~np.isin(self._samples, self._samples[bad])
         return found
 
-    def _minimized(self, fit: _Fit, *, loss: str) -> FloatArray:
+    def _minimized(self, fit: _Fit, held: FloatArray, loss: str = 'linear') -> FloatArray:
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra, and slow to import
 
         def residuals(y: FloatArray) -> FloatArray:
             rows = self._rows(y)
             own = self._whitened(fit, rows, rows.residuals[:, None])[:, 0]
             # Beyond the reach of the leg; the step is rejected.
-            return np.concatenate(
-                [np.nan_to_num(own, nan=1e6), (y - self._centre) / self._deviations]
-            )
+            return np.concatenate([np.nan_to_num(own, nan=1e6), held @ (y - self._centre)])
 
         def jacobian(y: FloatArray) -> FloatArray:
             rows = self._rows(y)
-            own = np.nan_to_num(self._whitened(fit, rows, rows.jacobian))
-            return np.vstack([own, np.diag(1.0 / self._deviations)])
+            return np.vstack([np.nan_to_num(self._whitened(fit, rows, rows.jacobian)), held])
 
         # MINPACK is the fastest, and has no loss.
         method, tolerance = ('lm', 1e-9) if loss == 'linear' else ('trf', 1e-4)
@@ -437,22 +468,38 @@ class _Problem:
         ]
         return _Fit(y, good, np.array(stated), crank)
 
-    def result(self, fit: _Fit, *, has_prior: bool) -> Calibration:
-        """Return the calibration."""
-        model, rows = self._model, self._rows(fit.y)
+    def _evidence(self, fit: _Fit) -> _Evidence:
+        rows = self._rows(fit.y)
         own = self._whitened(fit, rows, rows.residuals[:, None])[:, 0]
         jacobian = self._whitened(fit, rows, rows.jacobian)
-        chi2 = float(own @ own) / max(1, len(own) - len(model.names))
+        chi2 = float(own @ own) / max(1, len(own) - len(fit.y))
         triangle: Any = np.linalg.qr(jacobian, mode='r')
         # Residuals beyond the stated noise, and those that are alike from sample to sample, make
         # larger errors.
         scale = sqrt(max(1.0, chi2) * _inflation(own / sqrt(chi2), jacobian, triangle))
-        verdict = observability(triangle / scale, model)
-        covariance = verdict.covariance
-        if has_prior:
-            information = (triangle.T @ triangle) / scale**2 + np.diag(self._deviations**-2)
-            covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        errors = np.sqrt(np.diag(covariance))
+        return _Evidence(own, jacobian, chi2, triangle / scale)
+
+    def _covariance(self, fit: _Fit, evidence: _Evidence, lost: FloatArray) -> FloatArray:
+        """Return the covariance in units."""
+        rows = self._rows(fit.y)
+        stacked = np.vstack([evidence.root, self._held(lost)])
+        spread = np.linalg.inv(np.linalg.qr(stacked, mode='r'))
+        covariance: FloatArray = spread @ spread.T
+        # What is curved in the measurements of other legs within these errors moves the solution.
+        draws = np.random.default_rng(0).standard_normal((CURVATURE_DRAWS, len(spread)))
+        steps, moves = draws @ spread.T, np.empty_like(draws)
+        for n, step in enumerate(steps):
+            curved = self._rows(fit.y + step).residuals - rows.residuals - rows.jacobian @ step
+            own = np.nan_to_num(self._whitened(fit, rows, curved[:, None])[:, 0])
+            moves[n] = covariance @ (evidence.jacobian.T @ own)
+        return covariance + moves.T @ moves / CURVATURE_DRAWS
+
+    def result(self, fit: _Fit, held: int = 0) -> Calibration:
+        """Return the calibration; at least so many combinations are held."""
+        model, rows, evidence = self._model, self._rows(fit.y), self._evidence(fit)
+        verdict = observability(evidence.root, model, held)
+        covariance = self._covariance(fit, evidence, verdict.lost)
+        errors, has_prior = np.sqrt(np.diag(covariance)), self._prior is not None
         if not has_prior:
             errors[verdict.unobservable] = np.nan
         parameters = self._parameters(fit.y)
@@ -468,8 +515,8 @@ class _Problem:
             observability=verdict,
             series=self._series(rows, fit),
             crank_noise=fit.crank,
-            chi2_dof=chi2 if all(series.noise for series in self._measured) else None,
-            late=self._late(fit, rows, own, jacobian),
+            chi2_dof=evidence.chi2 if all(series.noise for series in self._measured) else None,
+            late=self._late(fit, rows, evidence),
             prior=has_prior,
         )
 
@@ -483,17 +530,18 @@ class _Problem:
             found.append(SeriesFit(series, model.residuals(series, own), after, good[:, 0]))
         return tuple(found)
 
-    def _late(self, fit: _Fit, rows: _Rows, own: FloatArray, jacobian: FloatArray) -> float:
+    def _late(self, fit: _Fit, rows: _Rows, evidence: _Evidence) -> float:
         """Return the delay that explains the residuals, if none was asked for; 0 for none."""
         if DELAY in self._model.names:
             return 0.0
         rates = np.concatenate([series.rate for series in self._measured])[self._samples]
         moved = (self._model.direction * rows.slopes * rates)[:, None]
-        column = self._whitened(fit, rows, moved)[:, 0]
+        column, jacobian = self._whitened(fit, rows, moved)[:, 0], evidence.jacobian
         # What the parameters do not explain of it.
         rest = column - jacobian @ np.linalg.lstsq(jacobian, column, rcond=None)[0]
         square = float(rest @ rest)
-        found = -float(rest @ own) / square if square > 1e-6 * float(column @ column) else 0.0
+        is_apart = square > 1e-6 * float(column @ column)
+        found = -float(rest @ evidence.residuals) / square if is_apart else 0.0
         return found if found**2 * square > MIN_DELAY_CHI2 else 0.0
 
 

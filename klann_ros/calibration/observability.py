@@ -63,8 +63,8 @@ class Observability:
         The unobservable ones.
     unobservable : numpy.ndarray of bool
         The parameters that belong to one of these.
-    covariance : numpy.ndarray
-        Of the parameters, in units; unobservable combinations have that of a workshop.
+    lost : numpy.ndarray
+        The unobservable combinations as orthonormal rows, in units.
 
     """
 
@@ -72,7 +72,7 @@ class Observability:
     rank: int
     combinations: tuple[Combination, ...]
     unobservable: BoolArray
-    covariance: FloatArray
+    lost: FloatArray
 
 
 class Suggestion(NamedTuple):
@@ -82,20 +82,23 @@ class Suggestion(NamedTuple):
     condition: float
 
 
-def observability(jacobian: FloatArray, model: MeasurementModel) -> Observability:
-    """Return the verdict for the derivatives of whitened measurements by parameters in units."""
+def observability(jacobian: FloatArray, model: MeasurementModel, least: int = 0) -> Observability:
+    """
+    Return the verdict for the derivatives of whitened measurements by parameters in units.
+
+    At least so many combinations are unobservable as `least`, those that are seen worst.
+    """
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=False)
     seen = (sizes > 1.0 / MAX_ERROR) & (sizes > ROUNDING * sizes[0])
-    lost, observable = rows[~seen], rows[seen]
-    # An unobservable combination has a workshop's error; little of it is in the others.
-    covariance = (observable.T / sizes[seen] ** 2) @ observable + OPEN_ERROR**2 * lost.T @ lost
+    seen[slice(len(sizes) - least, None)] = False
+    lost = rows[~seen]
     unobservable: BoolArray = np.linalg.norm(lost, axis=0) > MIN_PART
     combinations = tuple(
         _combination(row, size if size > ROUNDING * sizes[0] else 0.0, model)
         for row, size in zip(lost, sizes[~seen], strict=True)
     )
     condition = np.inf if len(lost) else condition_number(jacobian)
-    return Observability(condition, int(seen.sum()), combinations, unobservable, covariance)
+    return Observability(condition, int(seen.sum()), combinations, unobservable, lost)
 
 
 def condition_number(jacobian: FloatArray) -> float:
