@@ -82,53 +82,29 @@ class Calculation:
         self._givens, self._input = givens, input_angle
         self._slip, _, self._place = mistake.partition(':')
         self._digits = int(self._place) if self._slip == 'rounding' else 0
-        self._half_turn = pi if mistake == 'radians:trig' else HALF_TURN
+        is_radian = mistake == 'radians:trig'
+        to_rad, to_deg = (float, float) if is_radian else (radians, degrees)
+        cosine, sine = (sin, cos) if mistake == 'sine:all' else (cos, sin)
+        half = pi if is_radian else HALF_TURN
         self._scope: dict[str, Any] = {
             **FUNCTIONS,
-            'cos': self._cos,
-            'sin': self._sin,
-            'acos': lambda cosine: self._angle(acos(cosine)),
-            'atan2': lambda y, x: self._angle(atan2(y, x)),
-            'sign': self._sign,
-            'wrapped': self._wrapped,
-            'half_turn': self._half_turn,
+            'cos': lambda angle: cosine(to_rad(angle)),
+            'sin': lambda angle: sine(to_rad(angle)),
+            'acos': lambda x: to_deg(acos(x)),
+            'atan2': lambda y, x: to_deg(atan2(y, x)),
+            # -1 where a loop is closed in the other assembly mode.
+            'sign': lambda k: -1.0 if self._slip == 'assembly' and str(k) in self._place else 1.0,
+            'wrapped': lambda angle: half - (half - angle) % (2.0 * half),
+            'half_turn': half,
             **givens,
         }
-        if input_angle in givens:
-            self._scope[input_angle] = self._reading(givens[input_angle])
+        reading = data()['mistakes']['input'].get(mistake)
+        if reading and input_angle in givens:
+            self._scope[input_angle] = reading[0] * givens[input_angle] + reading[1]
 
     def __getitem__(self, name: str) -> float:
         """Return a given number, the input angle with its mistake, or a result."""
         return float(self._scope[name])
-
-    def _reading(self, angle: float) -> float:
-        readings = {
-            'clockwise:input': -angle,
-            'side:input': HALF_TURN - angle,
-            'side:half': HALF_TURN + angle,
-            # It exchanges sine and cosine of the input alone.
-            'sine:input': 90.0 - angle,
-        }
-        return readings.get(self.mistake, angle)
-
-    def _cos(self, angle: float) -> float:
-        radian = angle if self.mistake == 'radians:trig' else radians(angle)
-        return sin(radian) if self.mistake == 'sine:all' else cos(radian)
-
-    def _sin(self, angle: float) -> float:
-        radian = angle if self.mistake == 'radians:trig' else radians(angle)
-        return cos(radian) if self.mistake == 'sine:all' else sin(radian)
-
-    def _angle(self, radian: float) -> float:
-        return radian if self.mistake == 'radians:trig' else degrees(radian)
-
-    def _sign(self, loop: int) -> float:
-        """Return +1, or -1 where this loop is closed in the other assembly mode."""
-        return -1.0 if self._slip == 'assembly' and str(loop) in self._place else 1.0
-
-    def _wrapped(self, angle: float) -> float:
-        """Return an angle within half a turn of 0 [deg]."""
-        return self._half_turn - (self._half_turn - angle) % (2.0 * self._half_turn)
 
     def work(self, name: str) -> None:
         """
@@ -159,7 +135,7 @@ class Calculation:
             if not self.mistake and not self._value(rest):
                 raise ValueError(rest)
         else:
-            symbol, unit, becomes, expression, formula = _parts(row)
+            symbol, unit, becomes, expression, formula = _groups(ROW, row)
             self._record(symbol, unit, becomes, self._value(expression), formula)
 
     def _value(self, expression: str) -> Any:
@@ -175,21 +151,21 @@ class Calculation:
     def _solve_system(self, row: Mapping[str, Any]) -> None:
         system = row['solve']
         rows = data()['systems'][system]['phi'] if isinstance(system, str) else system
-        found = self._solution(self._matrix(rows), np.array(self._row_values(row['right'])))
-        symbols, unit, becomes, formula = _results(row['gives'])
-        for symbol, value in zip(symbols, found.tolist(), strict=True):
+        found = self._solution(self._matrix(rows), np.array(self._values(row['right'])))
+        symbols, unit, becomes, formula = _groups(RESULTS, row['gives'])
+        for symbol, value in zip(symbols.split(), found.tolist(), strict=True):
             self._record(symbol, unit, becomes, value, formula)
 
-    def _row_values(self, expressions: str) -> tuple[float, ...]:
+    def _values(self, expressions: str) -> tuple[float, ...]:
         return tuple(self._value(f'{expressions},'))
 
     def _matrix(self, rows: Sequence[str]) -> FloatArray:
-        return np.array([self._row_values(row) for row in rows])
+        return np.array([self._values(row) for row in rows])
 
     def _solution(self, phi: FloatArray, right: FloatArray) -> FloatArray:
         """Return Phi^-1 right [rad or rad/s], by this student."""
         solved: Any = np.linalg.solve(self._jacobian(phi), self._left(right))
-        return -solved if self.mistake == 'sign:step' else solved  # type: ignore[no-any-return]
+        return np.asarray(-solved if self.mistake == 'sign:step' else solved)
 
     def _jacobian(self, phi: FloatArray) -> FloatArray:
         if self._slip == 'phi':
@@ -267,11 +243,11 @@ class Calculation:
             for name in extremes.values():
                 self._record(name, 'mm', '=', table[angle][name], f'α = {angle}°')
         for answer, name in extremes.items():
-            highest = max(table, key=lambda angle: table[angle][name])
-            lowest = min(table, key=lambda angle: table[angle][name])
-            high = _greatest(at, highest, name, 1.0)
-            low = _greatest(at, lowest, name, -1.0)
-            self._record(answer, 'mm', ':=', high + low, f'max {name} - min {name}')
+            extent = 0.0
+            for sense in (1.0, -1.0):
+                near = max(table, key=lambda angle: sense * table[angle][name])
+                extent += _greatest(at, near, name, sense)
+            self._record(answer, 'mm', ':=', extent, f'max {name} - min {name}')
 
     def _all_rounded(self, values: FloatArray) -> FloatArray:
         if not self._digits:
@@ -296,16 +272,6 @@ def _compiled(expression: str) -> CodeType:
 
 
 @cache
-def _parts(row: str) -> Sequence[Any]:
-    return _groups(ROW, row)
-
-
-@cache
-def _results(text: str) -> Sequence[Any]:
-    symbols, *others = _groups(RESULTS, text)
-    return symbols.split(), *others
-
-
 def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
     found = form.fullmatch(text)
     if not found:
@@ -316,18 +282,11 @@ def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
 def _greatest(at: Callable[[float], Calculation], near: float, name: str, sense: float) -> float:
     """Return the greatest value, times a sense, near an angle of the table: golden section."""
     low, high = near - TABLE_STEP, near + TABLE_STEP
-    left, right = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
-    at_left, at_right = sense * at(left)[name], sense * at(right)[name]
     for _ in range(REFINING_ROUNDS):
-        if at_left < at_right:
-            low, left, at_left = left, right, at_right
-            right = low + GOLDEN_SHARE * (high - low)
-            at_right = sense * at(right)[name]
-        else:
-            high, right, at_right = right, left, at_left
-            left = high - GOLDEN_SHARE * (high - low)
-            at_left = sense * at(left)[name]
-    return max(at_left, at_right)
+        left, right = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
+        values = sense * at(left)[name], sense * at(right)[name]
+        low, high = (left, high) if values[0] < values[1] else (low, right)
+    return max(values)
 
 
 def significant(value: float, digits: int) -> float:
@@ -335,12 +294,6 @@ def significant(value: float, digits: int) -> float:
     if value == 0.0 or not isfinite(value):
         return value
     return round(value, digits - 1 - floor(log10(abs(value))))
-
-
-def newton_mistakes(count: int) -> tuple[str, ...]:
-    """Return the mistakes of a sign in one equation, or in one entry of Phi, of n unknowns."""
-    entries = [f'phi:{row},{column}' for row in range(count) for column in range(count)]
-    return (*(f'f:{row}' for row in range(count)), *entries)
 
 
 def slip_of(mistake: str) -> str:

@@ -56,9 +56,9 @@ class Mark(NamedTuple):
 
 
 def credit_of(slip: str) -> float:
-    """Return the points of an answer with a named slip."""
-    credit: dict[str, float] = data()['marking']['credit']
-    return credit.get(slip, credit['other'])
+    """Return the points of an answer with a slip."""
+    credit = data()['marking']['credit']
+    return float(credit.get(slip, credit['other']))
 
 
 def read_answer(text: str, question: Question) -> Answer | None:
@@ -136,54 +136,42 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
 
     """
     questions = variant.kind.questions
-    read = {
-        question.name: read_answer(answers.get(question.name, ''), question)
-        for question in questions
-    }
-    wrong = [
-        question
+    read = {each.name: read_answer(answers.get(each.name, ''), each) for each in questions}
+    fitting = {
+        question.name: _fitting(variant, question, value)
         for question in questions
         if (value := read[question.name]) is not None and not variant.is_right(question, value)
-    ]
-    fitting = {
-        question.name: _fitting(variant, question, read[question.name]) for question in wrong
     }
     weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
     marks: list[Mark] = []
     for question in questions:
         text, value = answers.get(question.name, '').strip(), read[question.name]
-        if not text:
-            marks.append(Mark(question.name, text, 0.0, EMPTY))
-        elif value is None:
-            marks.append(Mark(question.name, text, 0.0, UNREADABLE))
-        elif question not in wrong:
-            marks.append(Mark(question.name, text, 1.0, RIGHT))
-        else:
+        if value is None:
+            slip = UNREADABLE if text else EMPTY
+        elif question.name in fitting:
             slip = _slip(variant, question, value, fitting[question.name], weights)
-            carried = slip != WRONG and any(each.slip == slip for each in marks)
-            points = 0.0 if slip == WRONG else credit_of(slip)
-            points = max(points, credit_of('carried')) if carried else points
-            marks.append(Mark(question.name, text, points, slip, carried))
+        else:
+            slip = RIGHT
+        carried = slip in texts()['slips'] and any(each.slip == slip for each in marks)
+        points = max(credit_of(slip), credit_of('carried')) if carried else credit_of(slip)
+        marks.append(Mark(question.name, text, points, slip, carried))
     return marks
 
 
-def _fitting(variant: Variant, question: Question, answer: Answer | None) -> dict[str, float]:
+def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, float]:
     """
     Return the mistakes that give an answer, and their distances from it.
 
     A distance is in thousandths of the last digit: noise must not decide between equal ones.
     """
-    found: dict[str, float] = {}
-    for mistake, wrong in variant.mistaken.items():
-        value = wrong.get(question.name)
-        if value is None or answer is None or not variant.is_near(question, answer, value):
-            continue
-        if isinstance(value, str) or isinstance(answer, str) or question.unit == 'count':
-            found[mistake] = 0.0
-        else:
-            gap = difference(question, answer, value) / variant.tolerance(question, value)
-            found[mistake] = round(1e3 * gap)
-    return found
+    values = {mistake: wrong.get(question.name) for mistake, wrong in variant.mistaken.items()}
+    return {
+        mistake: round(
+            1e3 * difference(question, answer, value) / (variant.tolerance(question, value) or 1.0)
+        )
+        for mistake, value in values.items()
+        if value is not None and variant.is_near(question, answer, value)
+    }
 
 
 def _slip(
@@ -194,15 +182,11 @@ def _slip(
     weights: Mapping[str, int],
 ) -> str:
     if fitting:
-        order = [*variant.mistaken]
-        best = min(fitting, key=lambda each: (-weights[each], fitting[each], order.index(each)))
-        return slip_of(best)
-    right = variant.answers[question.name]
-    if not isinstance(answer, str) and not isinstance(right, str):
-        reach = ROUNDING_REACH * variant.tolerance(question)
-        if difference(question, answer, right) <= reach:
-            return 'rounding'
-    return WRONG
+        # The first of equal ones, in the order of the mistakes.
+        return slip_of(min(fitting, key=lambda each: (-weights[each], fitting[each])))
+    reach = ROUNDING_REACH * variant.tolerance(question)
+    is_near = difference(question, answer, variant.answers[question.name]) <= reach
+    return 'rounding' if is_near else WRONG
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,17 @@
 """Exercises for learning platforms: Moodle XML, PrairieLearn, notebooks for otter-grader."""
 
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from html import escape
 import json
+from pathlib import Path
 import re
+from string import Template
 from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
-from xml.etree.ElementTree import Element, SubElement, tostring
 
+from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web.markup import element, joined, Markup
 
 from .calculation import data, slip_of, TURN_DEG
@@ -22,13 +25,16 @@ Files = dict[str, bytes]
 MAX_ALTERNATIVES = 14
 NOT_IN_CLOZE = re.compile(r'[}#~\\]')
 NOT_IN_NAMES = re.compile(r'[^A-Za-z0-9-]+')
-# The address of package.xml.
-INSTALL = '%pip install -q git+https://h-seed-5572db61.example/klann_ros otter-grader'
-DOCTEST = """\
->>> from klann_ros.exercises import check
->>> check('{kind}', student, '{question}', {question}, '{language}')
-'{right}'
-"""
+
+
+@cache
+def _templates() -> dict[str, str]:
+    found: dict[str, str] = parse_file(Path(__file__).parent / 'static' / 'platforms.yaml')
+    return found
+
+
+def _filled(template: str, **values: str) -> str:
+    return Template(_templates()[template]).substitute(values)
 
 
 class Alternative(NamedTuple):
@@ -48,10 +54,8 @@ def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) ->
     which takes convertible units, and multiple choice for a word.
     """
     name = variants[0].kind.name
-    whole, parts = Element('quiz'), Element('quiz')
-    for quiz, category in ((whole, name), (parts, f'{name}/parts')):
-        head = SubElement(quiz, 'question', type='category')
-        _text(head, 'category', f'$course$/top/klann_ros/{category}')
+    quizzes: dict[str, list[str]] = {name: [], f'{name}/parts': []}
+    whole, parts = quizzes.values()
     for variant in variants:
         drawing, content = picture(variant), problem(variant, language)
         if drawing:
@@ -62,57 +66,50 @@ def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) ->
             words, digits = question_markup(question, language), asked(variant, question, language)
             answers = _alternatives(variant, question, language)
             sign = unit_sign(question.unit)
-            cells = Markup(_cloze(answers)), sign, digits
+            cells = Markup(cloze_field(answers)), sign, digits
             rows.append(element('tr', element('th', words), *(element('td', x) for x in cells)))
             text = joined([content, element('p', words, f' {sign and f"[{sign}] "}({digits})')])
+            kind = 'multichoice' if question.choices else 'numerical'
             title = f'{name} {variant.student} {question.name}'
-            _part(_question(parts, title, text, drawing), question, answers)
+            parts.append(moodle_question(kind, title, text, drawing, _marked(question, answers)))
         text = joined([content, element('table', *rows)])
-        _question(whole, f'{name} {variant.student}', text, drawing).set('type', 'cloze')
+        whole.append(moodle_question('cloze', f'{name} {variant.student}', text, drawing))
     return {
-        f'{name}{end}.xml': b'<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(quiz)
-        for end, quiz in (('', whole), ('_parts', parts))
+        f'{category.replace("/", "_")}.xml': _filled(
+            'moodle_quiz', category=category, questions=''.join(questions)
+        )
+        .rstrip()
+        .encode('ascii', 'xmlcharrefreplace')
+        for category, questions in quizzes.items()
     }
 
 
-def _text(parent: Element, name: str, text: str, **attributes: str) -> Element:
-    added = SubElement(parent, name, attributes)
-    SubElement(added, 'text').text = text
-    return added
+def moodle_question(kind: str, name: str, text: str, drawing: str = '', answers: str = '') -> str:
+    """Return a question of a Moodle quiz; name and text are escaped."""
+    encoded = b64encode(drawing.encode()).decode()
+    file = _filled('moodle_drawing', drawing=encoded) if drawing else ''
+    name, text = (escape(each, quote=False) for each in (name, text))
+    return _filled('moodle_question', type=kind, name=name, text=text, file=file, answers=answers)
 
 
-def _question(quiz: Element, name: str, text: str, drawing: str) -> Element:
-    """Add a question with its text and drawing, without a type."""
-    question = SubElement(quiz, 'question')
-    _text(question, 'name', name)
-    place = _text(question, 'questiontext', text, format='html')
-    if drawing:
-        file = SubElement(place, 'file', name='linkage.svg', path='/', encoding='base64')
-        file.text = b64encode(drawing.encode()).decode()
-    return question
-
-
-def _part(element_: Element, question: Question, answers: Sequence[Alternative]) -> None:
-    """Make a question one of numbers with units, or of choices."""
-    element_.set('type', 'multichoice' if question.choices else 'numerical')
-    for each in answers:
-        text_format = 'html' if question.choices else 'moodle_auto_format'
-        answer = _text(element_, 'answer', each.value, fraction=each.percent, format=text_format)
-        if not question.choices:
-            SubElement(answer, 'tolerance').text = each.tolerance
-        _text(answer, 'feedback', escape(each.reason), format='html')
-    sign = unit_sign(question.unit)
-    if not sign:
-        return
-    units = SubElement(element_, 'units')
-    # Moodle strips spaces from an answer; a multiplier is the number of units in the first one.
-    factors = data()['marking']['factors']
-    spellings = {sign: 1.0, **factors.get(question.unit, {})}
-    names = {name.replace(' ', '').replace('n', 'N'): each for name, each in spellings.items()}
-    for name, factor in names.items():
-        unit = SubElement(units, 'unit')
-        SubElement(unit, 'multiplier').text = f'{1.0 / factor:.15g}'
-        SubElement(unit, 'unit_name').text = name
+def _marked(question: Question, answers: Sequence[Alternative]) -> str:
+    """Return the answers of a question of numbers with units, or of choices."""
+    template = 'moodle_choice' if question.choices else 'moodle_number'
+    # The reason is HTML within XML.
+    found = [
+        _filled(template, **each._replace(reason=escape(escape(each.reason)))._asdict())
+        for each in answers
+    ]
+    if sign := unit_sign(question.unit):
+        # Moodle strips spaces from an answer; a multiplier is the number of units in the first.
+        spellings = {sign: 1.0, **data()['marking']['factors'].get(question.unit, {})}
+        names = {name.replace(' ', '').replace('n', 'N'): each for name, each in spellings.items()}
+        units = (
+            _filled('moodle_unit', multiplier=f'{1.0 / factor:.15g}', name=name)
+            for name, factor in names.items()
+        )
+        found.append(f'<units>{"".join(units)}</units>')
+    return ''.join(found)
 
 
 def _alternatives(variant: Variant, question: Question, language: str) -> list[Alternative]:
@@ -136,14 +133,12 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
         near = variant.tolerance(question, value)
         number = f'{value:.{decimals(near) + 2}f}'
         if len(found) < MAX_ALTERNATIVES and number not in {each.value for each in found}:
-            credit = 100.0 * credit_of(slip_of(mistake))
-            found.append(
-                Alternative(f'{credit:.0f}', number, f'{near:g}', reason(mistake, language))
-            )
+            credit = f'{100.0 * credit_of(slip_of(mistake)):.0f}'
+            found.append(Alternative(credit, number, f'{near:g}', reason(mistake, language)))
     return found
 
 
-def _cloze(answers: Sequence[Alternative]) -> str:
+def cloze_field(answers: Sequence[Alternative]) -> str:
     """Return a field of a Cloze question. Moodle decodes the entities of a reason once."""
     kind = 'NUMERICAL' if answers[0].tolerance else 'MULTICHOICE'
     found = []
@@ -165,32 +160,17 @@ def prairielearn(variants: Sequence[Variant], _names: Sequence[str], language: s
         'tags': ['klann_ros', kind.name],
         'type': 'v3',
     }
-    lines = (
-        element(
-            'p',
-            element(
-                'pl-string-input',
-                answers_name=question.name,
-                label=str(question_markup(question, language)),
-                suffix=unit_sign(question.unit),
-            ),
-            asked(variants[0], question, language),
-        )
-        for question in kind.questions
-    )
-    page = element('pl-question-panel', Markup('{{{params.problem}}}'))
-    server = (
-        'from klann_ros.exercises import platforms\n\n\n'
-        'def generate(data):\n'
-        f'    platforms.generate(data, {kind.name!r}, {language!r})\n\n\n'
-        'def grade(data):\n'
-        f'    platforms.grade(data, {kind.name!r}, {language!r})\n'
-    )
-    return {
-        f'{kind.name}/info.json': f'{json.dumps(info, indent=2, ensure_ascii=False)}\n'.encode(),
-        f'{kind.name}/question.html': '\n'.join([page, *lines, '']).encode(),
-        f'{kind.name}/server.py': server.encode(),
+    page = [element('pl-question-panel', Markup('{{{params.problem}}}'))]
+    for question in kind.questions:
+        label, suffix = str(question_markup(question, language)), unit_sign(question.unit)
+        field = element('pl-string-input', answers_name=question.name, label=label, suffix=suffix)
+        page.append(element('p', field, asked(variants[0], question, language)))
+    files = {
+        'info.json': json.dumps(info, indent=2, ensure_ascii=False) + '\n',
+        'question.html': '\n'.join([*page, '']),
+        'server.py': _filled('prairielearn_server', kind=kind.name, language=language),
     }
+    return {f'{kind.name}/{name}': content.encode() for name, content in files.items()}
 
 
 def generate(data: dict[str, Any], name: str, language: str) -> None:
@@ -239,13 +219,13 @@ def check(kind: str, student: str, question: str, answer: object, language: str 
 
 def notebooks(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:
     """Return a Jupyter notebook a student, and the tests of otter-grader for all of them."""
-    kind = variants[0].kind
-    right = texts()['marks']['right'][language]
+    kind, words = (
+        variants[0].kind,
+        {'language': language, 'right': texts()['marks']['right'][language]},
+    )
     found: Files = {}
     for question in kind.questions:
-        case = DOCTEST.format(
-            kind=kind.name, question=question.name, language=language, right=right
-        )
+        case = _filled('otter_case', kind=kind.name, question=question.name, **words)
         suite = {'cases': [{'code': case, 'hidden': False, 'locked': False}], 'scored': True,
                  'setup': '', 'teardown': '', 'type': 'doctest'}  # fmt: skip
         test = {'name': question.name, 'points': 1, 'suites': [suite]}
@@ -262,23 +242,8 @@ def notebooks(variants: Sequence[Variant], _names: Sequence[str], language: str)
 
 def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
     """Return the notebook of a variant, in nbformat 4.5."""
-    words, kind = texts(), variant.kind
-    title = f'# {words["kinds"][kind.name][language]["title"]}\n\n'
-    cells = [
-        ('code', INSTALL),
-        ('markdown', f'{title}{problem(variant, language)}'),
-        ('code', f'import otter\n\ngrader = otter.Notebook()\nstudent = {variant.student!r}'),
-    ]
-    for question in kind.questions:
-        head = question_markup(question, language)
-        unit = unit_sign(question.unit)
-        cells += [
-            ('markdown', f'**{head}** {unit} ({asked(variant, question, language)})'),
-            ('code', f'{question.name} = ...\ngrader.check({question.name!r})'),
-        ]
-    cells.append(('code', 'grader.check_all()'))
     return {
-        'cells': [_cell(k, *cell) for k, cell in enumerate(cells)],
+        'cells': [_cell(k, *cell) for k, cell in enumerate(_cells(variant, language))],
         'metadata': {
             'kernelspec': {'display_name': 'Python 3', 'language': 'python', 'name': 'python3'},
             'language_info': {'name': 'python'},
@@ -286,6 +251,19 @@ def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
         'nbformat': 4,
         'nbformat_minor': 5,
     }
+
+
+def _cells(variant: Variant, language: str) -> Iterator[tuple[str, str]]:
+    title = texts()['kinds'][variant.kind.name][language]['title']
+    yield 'code', _filled('notebook_install')
+    yield 'markdown', _filled('notebook_task', title=title, problem=problem(variant, language))
+    yield 'code', _filled('notebook_start', student=repr(variant.student))
+    for question in variant.kind.questions:
+        words, unit = question_markup(question, language), unit_sign(question.unit)
+        digits = asked(variant, question, language)
+        yield 'markdown', _filled('notebook_question', words=words, unit=unit, asked=digits)
+        yield 'code', _filled('notebook_answer', question=question.name)
+    yield 'code', _filled('notebook_end')
 
 
 def _cell(number: int, kind: str, source: str) -> dict[str, Any]:

@@ -8,22 +8,14 @@ the course's formulas; a draw is accepted if both agree and the numbers are fit 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import floor, isfinite, log10
+from math import floor, inf, log10
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
-from .calculation import (
-    Answer,
-    Calculation,
-    data,
-    newton_mistakes,
-    slip_of,
-    Step,
-    TURN_DEG,
-)
+from .calculation import Answer, Calculation, data, slip_of, Step, TURN_DEG
 
 LANGUAGES = ('en', 'pt')
 # Longest student number [characters], and tries to draw a suitable variant.
@@ -90,6 +82,11 @@ class Question(NamedTuple):
     unit: str
     choices: tuple[str, ...] = ()
 
+    @property
+    def smallest(self) -> float:
+        """Return the least size of an answer."""
+        return SMALLEST.get(self.unit, SMALLEST_NUMBER)
+
 
 @dataclass(frozen=True, eq=False)
 class Kind:
@@ -137,20 +134,25 @@ class Kind:
 
     @cached_property
     def mistakes(self) -> tuple[str, ...]:
-        """Return the mistakes of a calculation, those of its system first."""
-        system = data()['systems'].get(self._own.get('system'), {'f': ()})
+        """Return the mistakes of a calculation, those of a sign in its system first."""
+        rows = range(len(data()['systems'].get(self._own.get('system'), {'f': ()})['f']))
+        of_phi = (f'phi:{row},{column}' for row in rows for column in rows)
         common = data()['mistakes']['calculation'].split()
-        return (*newton_mistakes(len(system['f'])), *common)
+        return (*(f'f:{row}' for row in rows), *of_phi, *common)
 
     def draw(self, draw: Draw) -> dict[str, float]:
         """Return givens, in mm, deg, s and N."""
         givens: dict[str, float] = {}
         for part in self._own['given']:
             ranges = data()['groups'][part] if isinstance(part, str) else part
-            for name, (low, high, step) in ranges.items():
-                givens[name] = draw.value(float(low), float(high), float(step))
-        if draw_guess := self._own.get('guess'):
-            self._add_guess(data()['systems'][draw_guess], draw, givens)
+            givens |= {name: draw.value(*map(float, own)) for name, own in ranges.items()}
+        if 'guess' in self._own:
+            # Near the root, in multiples of 5 deg.
+            system = data()['systems'][self._own['guess']]
+            root = _worked(Calculation(givens), system['position'])
+            for name in system['unknowns'].split():
+                near = float(root.answers[name]) if root else 0.0
+                givens[f'{name}_1'] = 5.0 * round(near / 5.0) + 5.0 * draw.value(-3.0, 3.0)
         share = self._own.get('change-points', 0.0)
         if share and draw.unit() < share:
             # Class III: the longest link is p + q - s.
@@ -158,27 +160,18 @@ class Kind:
             givens[max(givens, key=lambda name: givens[name])] = p + q - s
         return givens
 
-    @staticmethod
-    def _add_guess(system: Mapping[str, str], draw: Draw, givens: dict[str, float]) -> None:
-        """Add a guess near the root, in multiples of 5 deg."""
-        roots = Calculation(givens)
-        try:
-            roots.work(system['position'])
-        except (ValueError, ArithmeticError):
-            roots.answers.clear()
-        for name in system['unknowns'].split():
-            root = float(roots.answers.get(name, 0.0))
-            givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
-
     def calculated(self, givens: Mapping[str, float], mistake: str = '') -> Calculation | None:
         """Return the calculation with a mistake; None where it leads nowhere."""
-        calculation = Calculation(givens, mistake, self._own.get('input', ''))
-        try:
-            with np.errstate(all='ignore'):
-                calculation.work(self.name)
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-        return calculation
+        return _worked(Calculation(givens, mistake, self._own.get('input', '')), self.name)
+
+
+def _worked(calculation: Calculation, formulas: str) -> Calculation | None:
+    try:
+        with np.errstate(all='ignore'):
+            calculation.work(formulas)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return calculation
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +205,7 @@ class Variant:
         """Return the wrong answers of each mistake, by question."""
         found: dict[str, dict[str, Answer]] = {}
         for mistake in self.kind.mistakes:
-            calculation = self.kind.calculated(self.givens, mistake)
-            if calculation:
+            if calculation := self.kind.calculated(self.givens, mistake):
                 found[mistake] = self._wrong(calculation.answers)
         of_answers = data()['mistakes']['answers']
         for question in self.kind.questions:
@@ -225,12 +217,13 @@ class Variant:
         return found
 
     def _wrong(self, answers: Mapping[str, Answer]) -> dict[str, Answer]:
+        """Return those answers that are finite and not right."""
         return {
-            question.name: answers[question.name]
-            for question in self.kind.questions
-            if question.name in answers
-            and _is_finite(answers[question.name])
-            and not self.is_right(question, answers[question.name])
+            each.name: answers[each.name]
+            for each in self.kind.questions
+            if each.name in answers
+            and difference(each, answers[each.name], self.answers[each.name]) < inf
+            and not self.is_right(each, answers[each.name])
         }
 
     def tolerance(self, question: Question, value: Answer | None = None) -> float:
@@ -238,8 +231,7 @@ class Variant:
         value = self.answers[question.name] if value is None else value
         if isinstance(value, str) or question.unit == 'count':
             return 0.0
-        least = SMALLEST.get(question.unit, SMALLEST_NUMBER)
-        size = floor(log10(max(abs(value), least)))
+        size = floor(log10(max(abs(value), question.smallest)))
         return float(10.0 ** (size + 1 - self.kind.digits))
 
     def is_right(self, question: Question, answer: Answer) -> bool:
@@ -248,11 +240,22 @@ class Variant:
 
     def is_near(self, question: Question, answer: Answer, value: Answer) -> bool:
         """Return whether an answer is a value, to the digits asked for."""
-        if isinstance(answer, str) or isinstance(value, str):
-            return answer == value
         # Rounding of the last digit itself.
         tolerance = self.tolerance(question, value) * (1.0 + 1e-6)
         return difference(question, answer, value) <= tolerance
+
+    def agrees(self, worked: Calculation, guarded: Calculation) -> bool:
+        """Return whether key and formulas agree, and rounding between steps does no harm."""
+
+        def is_kept(question: Question) -> bool:
+            right, name = self.answers[question.name], question.name
+            allowed = 0.0 if isinstance(right, str) else AGREEMENT * max(abs(right), 1.0)
+            harm = difference(question, guarded.answers[name], right)
+            return difference(
+                question, right, worked.answers[name]
+            ) <= allowed and harm <= GUARD_SHARE * self.tolerance(question)
+
+        return all(map(is_kept, self.kind.questions))
 
     def as_dict(self) -> dict[str, Any]:
         """Return all that a page or a platform needs to show and mark it, ready for JSON."""
@@ -288,8 +291,10 @@ class Variant:
         }
 
 
-def difference(question: Question, answer: float, value: float) -> float:
-    """Return the distance of two answers, of angles modulo a turn."""
+def difference(question: Question, answer: Answer, value: Answer) -> float:
+    """Return the distance of two answers, of angles modulo a turn, of words 0 or 1."""
+    if isinstance(answer, str) or isinstance(value, str):
+        return float(answer != value)
     gap = abs(answer - value)
     if question.unit == 'deg':
         gap %= TURN_DEG
@@ -323,9 +328,13 @@ def make_variant(kind: Kind, student: str) -> Variant:
 def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
     """Return the variant of givens if it assembles, is well conditioned and has fair answers."""
     worked = kind.calculated(givens)
-    guarded = kind.calculated(givens, GUARD_DIGITS) if worked else None
-    if worked is None or guarded is None or not all(map(_is_fair(worked), kind.questions)):
+    guarded = worked and kind.calculated(givens, GUARD_DIGITS)
+    if not worked or not guarded:
         return None
+    for question in kind.questions:
+        answer = worked.answers[question.name]
+        if not isinstance(answer, str) and not question.smallest <= abs(answer) < inf:
+            return None
     try:
         key = kind.key(givens)
     except KinematicsError:
@@ -335,35 +344,7 @@ def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | N
         return None
     answers = {question.name: key[question.name] for question in kind.questions}
     variant = Variant(kind, student, givens, answers, tuple(worked.steps))
-    agrees = all(_agrees(variant, each, worked, guarded) for each in kind.questions)
-    return variant if agrees else None
-
-
-def _agrees(
-    variant: Variant, question: Question, worked: Calculation, guarded: Calculation
-) -> bool:
-    """Return whether key and formulas agree, and rounding between steps does no harm."""
-    right, by_hand = variant.answers[question.name], worked.answers[question.name]
-    rounded = guarded.answers[question.name]
-    if isinstance(right, str) or isinstance(by_hand, str) or isinstance(rounded, str):
-        return right == by_hand == rounded
-    allowed = AGREEMENT * max(abs(right), 1.0)
-    return difference(question, right, by_hand) <= allowed and (
-        difference(question, rounded, right) <= GUARD_SHARE * variant.tolerance(question)
-    )
-
-
-def _is_fair(worked: Calculation) -> Callable[[Question], bool]:
-    def check(question: Question) -> bool:
-        answer = worked.answers[question.name]
-        least = SMALLEST.get(question.unit, SMALLEST_NUMBER)
-        return isinstance(answer, str) or (isfinite(answer) and abs(answer) >= least)
-
-    return check
-
-
-def _is_finite(answer: Answer) -> bool:
-    return isinstance(answer, str) or isfinite(answer)
+    return variant if variant.agrees(worked, guarded) else None
 
 
 def texts() -> dict[str, Any]:

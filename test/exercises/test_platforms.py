@@ -23,7 +23,7 @@ from klann_ros.exercises import (
 from klann_ros.exercises.sheet import unit_sign
 from klann_ros.exercises.variant import LANGUAGES, reason, texts
 from klann_ros.web import browser
-from moodle_rules import FIELD, imported, MoodleAnswer, MoodleQuestion
+from moodle_rules import imported, MoodleAnswer, MoodleQuestion
 import pytest
 
 NOTHING = MoodleAnswer(0.0, '', 0.0, '')
@@ -105,13 +105,10 @@ def test_moodle_has_the_drawing_as_a_file(variants: list[Variant]) -> None:
 def test_a_reason_with_marks_of_moodle_is_shown_as_it_is() -> None:
     answer = platforms.Alternative('50', '2', '1', 'a < b ~ {c} #1 \\ "d" & é')
     right = platforms.Alternative('100', '1', '0.1')
-    (field,) = FIELD.finditer(platforms._cloze([right, answer]))
-    question = platforms.Element('question', type='cloze')
-    assert field[2] == 'NUMERICAL'
-    platforms._text(question, 'name', 'x')
-    platforms._text(question, 'questiontext', field[0])
-    quiz = b'<quiz>' + platforms.tostring(question) + b'</quiz>'
-    (found,) = imported(quiz)[1]
+    field = platforms.cloze_field([right, answer])
+    (found,) = imported(f'<quiz>{platforms.moodle_question("cloze", "x", field)}</quiz>'.encode())[
+        1
+    ]
     # The feedback is HTML.
     assert unescape(found.parts[0].answers[1].feedback) == answer.reason
 

@@ -36,11 +36,8 @@ class Calculation {
       half_turn: this.halfTurn,
       ...givens,
     };
-    const readings = { 'clockwise:input': [-1, 0], 'side:input': [-1, 180], 'side:half': [1, 180], 'sine:input': [-1, 90] };
-    if (input in givens && mistake in readings) {
-      const [factor, summand] = readings[mistake];
-      this.scope[input] = factor * givens[input] + summand;
-    }
+    const reading = data.mistakes?.input[mistake];
+    if (reading && input in givens) this.scope[input] = reading[0] * givens[input] + reading[1];
   }
 
   /** Work the formulas of a name; Impossible where they lead nowhere. */
@@ -208,21 +205,14 @@ function modulo(value, by) {
 /** Return the greatest value of a function near an angle of the table, by golden section. */
 function greatest(value, near) {
   let [low, high] = [near - TABLE.step, near + TABLE.step];
-  let left = high - GOLDEN_SHARE * (high - low);
-  let right = low + GOLDEN_SHARE * (high - low);
-  let [atLeft, atRight] = [value(left), value(right)];
+  let values;
   for (let round = 0; round < TABLE.rounds; round += 1) {
-    if (atLeft < atRight) {
-      [low, left, atLeft] = [left, right, atRight];
-      right = low + GOLDEN_SHARE * (high - low);
-      atRight = value(right);
-    } else {
-      [high, right, atRight] = [right, left, atLeft];
-      left = high - GOLDEN_SHARE * (high - low);
-      atLeft = value(left);
-    }
+    const left = high - GOLDEN_SHARE * (high - low);
+    const right = low + GOLDEN_SHARE * (high - low);
+    values = [value(left), value(right)];
+    [low, high] = values[0] < values[1] ? [left, high] : [low, right];
   }
-  return Math.max(atLeft, atRight);
+  return Math.max(...values);
 }
 
 /** Return the solution of linear equations, by elimination with the largest pivot of a column. */

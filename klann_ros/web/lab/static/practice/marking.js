@@ -67,15 +67,15 @@ function markAnswers(exercise, answers) {
     weights[mistake] = (weights[mistake] ?? 0) + 1;
   const marks = [];
   for (const each of kind.questions) {
-    const mark = { question: each.name, points: 0, slip: 'empty', isCarried: false };
+    const mark = { question: each.name, slip: 'empty', isCarried: false };
     if ((answers[each.name] ?? '').trim()) mark.slip = 'unreadable';
-    if (read.get(each) !== null) Object.assign(mark, { points: 1, slip: 'right' });
+    if (read.get(each) !== null) mark.slip = 'right';
     if (fitting.has(each)) {
       mark.slip = slipOf(exercise, each, read.get(each), fitting.get(each), weights);
       mark.isCarried = mark.slip !== 'wrong' && marks.some(({ slip }) => slip === mark.slip);
-      mark.points = mark.slip === 'wrong' ? 0 : (credit[mark.slip] ?? credit.other);
-      if (mark.isCarried) mark.points = Math.max(mark.points, credit.carried);
     }
+    mark.points = credit[mark.slip] ?? credit.other;
+    if (mark.isCarried) mark.points = Math.max(mark.points, credit.carried);
     marks.push(mark);
   }
   return marks;
