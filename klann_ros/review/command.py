@@ -96,7 +96,14 @@ def _review(options: argparse.Namespace) -> int:
     reviews = []
     for log in filter(None, (options.log, options.log2)):
         with progress() as report:
-            review = review_run(log, robot=robot, limits=limits, rates=rates, progress=report)
+            review = review_run(
+                log,
+                robot=robot,
+                limits=limits,
+                rates=rates,
+                keep_solved=bool(options.annotate),
+                progress=report,
+            )
         reviews.append(review)
     comparison = compare(*reviews) if len(reviews) == 2 else None
     colour = _wants_colour()

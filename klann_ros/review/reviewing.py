@@ -31,6 +31,7 @@ def review_run(
     robot: Robot | None = None,
     limits: Limits | None = None,
     rates: str = '',
+    keep_solved: bool = False,
     progress: Progress | None = None,
 ) -> Review:
     """
@@ -46,6 +47,8 @@ def review_run(
         Limits of the checks.
     rates : str
         Type of the joint velocities: 'f8', 'f4' for half the memory, '' for none.
+    keep_solved : bool
+        Whether the solved poses stay in memory, which spares `annotate` to solve them again.
     progress : callable, optional
         Called during the review.
 
@@ -58,7 +61,7 @@ def review_run(
     report = progress or (lambda _, __: None)
     with open_log(path) as log:
         recording = load(log, robot, rates=rates, progress=lambda part: report('reading', part))
-    return review_recording(recording, limits or Limits(), report)
+    return review_recording(recording, limits or Limits(), report, keep_solved=keep_solved)
 
 
 def review_recording(
@@ -66,6 +69,8 @@ def review_recording(
     limits: Limits,
     report: Progress = lambda _, __: None,
     checks: Sequence[Check] = CHECKS,
+    *,
+    keep_solved: bool = False,
 ) -> Review:
     """Return the review of a recording, with the findings of some checks."""
     # A log may hold any number: overflow gives infinity or NaN.
@@ -74,7 +79,9 @@ def review_recording(
         gaps = tuple(gap for topic in recording.topics for gap in find_gaps(topic, limits, tick))
         review = Review(
             recording,
-            tuple(_review_leg(each, recording, gaps, report) for each in recording.legs),
+            tuple(
+                _review_leg(each, recording, gaps, report, keep_solved) for each in recording.legs
+            ),
             gaps,
             limits,
             tuple(map(walk_figures, recording.walks)),
@@ -85,12 +92,17 @@ def review_recording(
 
 
 def _review_leg(
-    leg: LegRecording, recording: RunRecording, gaps: Sequence[Gap], report: Progress
+    leg: LegRecording,
+    recording: RunRecording,
+    gaps: Sequence[Gap],
+    report: Progress,
+    keep_solved: bool,
 ) -> ReviewedLeg:
     evaluated, errors = leg.evaluated(), None
     if leg.solver.leg is not None and len(evaluated.poses):
         what = f'solving {printable(leg.title) or "the poses"} again'
-        errors = pose_errors(evaluated, leg.solver.leg, partial(report, what))
+        progress = partial(report, what)
+        errors = pose_errors(evaluated, leg.solver.leg, progress, keep=keep_solved)
     answers = match_answers(evaluated)
     return ReviewedLeg(
         leg, evaluated, errors, answers, unanswered(recording, evaluated, answers, gaps)

@@ -25,6 +25,8 @@ Save = Callable[[BinaryIO], object]
 # First bytes of MCAP, SQLite and zstd files, which hold logs.
 LOG_MAGICS = (b'\x89MCAP0\r\n', b'SQLite format 3\x00', b'\x28\xb5\x2f\xfd')
 
+_EXISTS = 'it exists already, not overwriting; choose a new name'
+
 
 class OutputError(Exception):
     """Outputs that cannot be written; each argument names one and the reason."""
@@ -130,8 +132,7 @@ def outputs(
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
     """Raise an OutputError if a folder is there already, or would be in an input."""
     if os.path.lexists(path):
-        reason = 'it exists already, not overwriting; choose a new name'
-        raise _cannot_write(option, path, reason)
+        raise _cannot_write(option, path, _EXISTS)
     for given in filter(None, inputs):
         if is_within(path, given):
             reason = f'it is inside {printable(given)}, which is only read'
@@ -140,21 +141,28 @@ def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> No
 
 def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
     """Write a new folder of files, whole or not at all; an OutputError gives the reason."""
-    place = Path(path)
-    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
     try:
-        beside.mkdir()
-        try:
+        with new_folder(Path(path)) as folder:
+            folder.mkdir()
             for name, content in contents.items():
-                (beside / name).write_bytes(content)
-            # An empty folder made meanwhile would be replaced.
-            check_new_folder(option, path, ())
-            beside.rename(place)
-        except BaseException:
-            shutil.rmtree(beside, ignore_errors=True)
-            raise
+                (folder / name).write_bytes(content)
     except (OSError, ValueError) as error:
         raise _cannot_write(option, path, error) from error
+
+
+@contextmanager
+def new_folder(place: Path) -> Iterator[Path]:
+    """Yield a path for a folder of the same name, which moves to its place at the end."""
+    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
+    beside.mkdir()
+    try:
+        yield beside / place.name
+        # An empty folder made meanwhile would be replaced.
+        if os.path.lexists(place):
+            raise FileExistsError(errno.EEXIST, _EXISTS, str(place))
+        (beside / place.name).rename(place)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:

@@ -22,7 +22,6 @@ from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment as AttachmentRecord,
-    Chunk,
     ChunkIndex,
     Footer as FooterRecord,
     McapRecord,
@@ -79,7 +78,7 @@ _MIN_SIZES = {
     for opcode, layout in _LAYOUTS.items()
 }
 _FOOTER = struct.Struct('<BQQQI')
-_INDEX_HEAD = struct.Struct('<HI')
+_CHUNK_HEAD, _INDEX_HEAD = struct.Struct('<QQQII'), struct.Struct('<HI')
 _CRC_BLOCK_SIZE = 1024 * 1024
 # Only these may be longer than MAX_RECORD_SIZE.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
@@ -359,7 +358,7 @@ def encoded(*records: McapRecord) -> bytes:
 
 def encoded_chunk(
     start: int,
-    data: bytes | bytearray,
+    data: bytes | bytearray | memoryview,
     compression: tuple[str, bytes],
     times: tuple[int, int],
     entries: Mapping[int, bytes],
@@ -381,16 +380,10 @@ def encoded_chunk(
     """
     name, packed = compression
     first, last = times
-    chunk = encoded(
-        Chunk(
-            compression=name,
-            data=packed,
-            message_start_time=first,
-            message_end_time=last,
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        )
-    )
+    fields = _CHUNK_HEAD.pack(first, last, len(data), zlib.crc32(data), len(name)) + name.encode()
+    # Joined once: the library's encoder copies the bytes three times.
+    fields += len(packed).to_bytes(8, 'little')
+    chunk = b''.join([RECORD_HEAD.pack(Opcode.CHUNK, len(fields) + len(packed)), fields, packed])
     indexes, offsets = bytearray(), {}
     for channel, rows in entries.items():
         offsets[channel] = start + len(chunk) + len(indexes)

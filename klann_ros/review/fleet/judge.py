@@ -303,8 +303,13 @@ def judge(task: Task) -> Judged:
     known = {**written(task.run), 'settings': task.settings}
     try:
         baseline = _baseline(task.expectations.baseline, task.robot, task.limits)
-        rates = 'f4' if task.page else ''
-        review = review_run(task.run.path, robot=task.robot, limits=task.limits, rates=rates)
+        review = review_run(
+            task.run.path,
+            robot=task.robot,
+            limits=task.limits,
+            rates='f4' if task.page else '',
+            keep_solved=bool(task.annotated),
+        )
     except (LogError, OSError, MemoryError) as error:
         return _unreadable(task, str(error) or 'there is not memory enough for it')
     findings = (*review.findings, *task.expectations.unmet(review, baseline))

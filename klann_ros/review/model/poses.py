@@ -29,8 +29,8 @@ import numpy as np
 from .recording import LegRecording
 from .times import median, pairs
 
-# Poses solved at once, and poses of a leg whose solution is kept, which bounds the memory.
-_BLOCK_SIZE, _MAX_KEPT = 65536, 500_000
+# Poses solved at once.
+_BLOCK_SIZE = 65536
 _LARGEST = np.finfo(np.float64).max
 
 
@@ -69,7 +69,7 @@ class PoseErrors:
     foot_errors: FloatArray
     # Shape (n, number of dyads): those of the solved poses, in [0, pi] [rad]; NaN for none.
     transmission_angles: FloatArray
-    # The solved poses, unless they are too many to be kept.
+    # The solved poses, if they are kept.
     solved: tuple[SolvedBlock, ...] = ()
 
 
@@ -94,9 +94,13 @@ def solve_blocks(recording: LegRecording, leg: AnyLeg) -> Iterator[SolvedBlock]:
 
 
 def pose_errors(
-    recording: LegRecording, leg: AnyLeg, progress: Callable[[float], object] = lambda _: None
+    recording: LegRecording,
+    leg: AnyLeg,
+    progress: Callable[[float], object] = lambda _: None,
+    *,
+    keep: bool = False,
 ) -> PoseErrors:
-    """Return the errors of a leg's poses; `progress` gets the finished share."""
+    """Return the errors of a leg's poses; `progress` gets the finished share, `keep` the poses."""
     blocks: list[SolvedBlock] = []
     count = len(recording.poses)
     errors = PoseErrors(
@@ -115,7 +119,7 @@ def pose_errors(
         recorded = recording.feet.values[block.of_feet]
         own = feet(leg, angles, u)[block.of_poses]
         errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
-        if count <= _MAX_KEPT:
+        if keep:
             blocks.append(block)
         progress(rows.stop / count)
     return replace(errors, solved=tuple(blocks))

@@ -1,13 +1,10 @@
 """Write the findings of a review, and the right answer of every pose, beside the messages."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 import struct
 
-from klann_ros.kinematics.arrays import AnyArray, ByteArray
-from klann_ros.log.definitions import definition
 from klann_ros.log.errors import LogError
 from klann_ros.log.extension import extend, TopicMessages
-from klann_ros.log.reader import open_log
 from klann_ros.log.records import ANNOTATION, Topic
 from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
@@ -23,11 +20,6 @@ from klann_ros.sanitize.cdr import (
 from klann_ros.sanitize.outputs import OutputError
 from klann_ros.sanitize.text import printable, printable_line
 import numpy as np
-
-_NAMESPACE = '/review'
-_DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-_JOINT_STATE, _POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
-_FRAME = 'leg_plane'
 
 
 def annotate(review: Review, output: str) -> None:
@@ -54,26 +46,17 @@ def annotate(review: Review, output: str) -> None:
 
 
 def _annotate(review: Review, output: str) -> None:
-    path = review.recording.path
-    with open_log(path) as log:
-        known = {topic.type: topic for topic in log.topics if topic.message_encoding == 'cdr'}
-
-    def topic(name: str, kind: str) -> Topic:
-        text = known[kind].definition if kind in known else definition(kind)
-        return Topic(f'{_NAMESPACE}{name}', kind, text, extra=(ANNOTATION,))
-
-    messages = list(_findings(review, topic('/findings', _DIAGNOSTICS)))
+    messages = list(_findings(review, _topic('/findings', 'diagnostic_msgs/msg/DiagnosticArray')))
     for leg in review.legs:
-        solver, evaluated = leg.evaluated.solver, leg.evaluated
-        if solver.leg is not None and len(evaluated.poses):
-            place = f'{evaluated.namespace}/{evaluated.name}'.rstrip('/')
-            states = topic(f'{evaluated.namespace}/joint_states', _JOINT_STATE)
-            feet = topic(f'{place}/point_h', _POINT)
-            blocks = leg.errors.solved if leg.errors is not None else ()
-            messages += _answers(
-                evaluated, blocks or solve_blocks(evaluated, solver.leg), states, feet
-            )
-    extend(path, output, [part for part in messages if len(part.times)])
+        evaluated, known = leg.evaluated, leg.evaluated.solver.leg
+        if known is not None and leg.errors is not None:
+            for block in leg.errors.solved or solve_blocks(evaluated, known):
+                messages += _answers(evaluated, block)
+    extend(review.recording.path, output, messages)
+
+
+def _topic(name: str, kind: str) -> Topic:
+    return Topic(f'/review{name}', kind, extra=(ANNOTATION,))
 
 
 def _findings(review: Review, topic: Topic) -> Iterator[TopicMessages]:
@@ -97,26 +80,28 @@ def _diagnostics(finding: Finding, time: int) -> bytes:
     return CDR_HEADER + struct.pack('<iI', *divmod(time, 10**9)) + head
 
 
-def _answers(
-    recording: LegRecording, blocks: Iterable[SolvedBlock], states: Topic, feet: Topic
-) -> Iterator[TopicMessages]:
-    """Yield the solved angles and feet of all poses with a reachable crank angle."""
-    poses = recording.poses
+def _answers(recording: LegRecording, block: SolvedBlock) -> Iterator[TopicMessages]:
+    """Yield the solved angles and feet of the poses with a reachable crank angle."""
+    place = f'{recording.namespace}/{recording.name}'.rstrip('/')
     joints = recording.solver.published_joints(recording.name)
     state = JointStateTemplate(joints)
-    prefix = f'{recording.name}/' if recording.name else ''
-    foot = PointTemplate(f'{prefix}{_FRAME}')
-    zeros = state.fill(0, 0, [0.0] * len(joints)), foot.fill(0, 0, 0.0, 0.0)
-    for block in blocks:
-        found = np.flatnonzero(np.isfinite(block.solved).all(axis=1))
-        times, stamps = poses.times[block.rows][found], poses.stamps[block.rows][found]
-        stamp = HEADER_SIZE, _bytes(np.column_stack(np.divmod(stamps, 10**9)), '<u4')
-        angles = state.values_at, _bytes(block.solved[found], '<f8')
-        position = foot.values_at, _bytes(block.solved_feet[found], '<f8')
-        yield TopicMessages(states, times, zeros[0], (stamp, angles))
-        yield TopicMessages(feet, times, zeros[1], (stamp, position))
-
-
-def _bytes(numbers: AnyArray, kind: str) -> ByteArray:
-    """Return rows of numbers as they are serialized."""
-    return np.ascontiguousarray(numbers, kind).view(np.uint8)
+    foot = PointTemplate(f'{recording.name}/leg_plane'.lstrip('/'))
+    finite = np.isfinite(block.solved)
+    # Mostly all of them, which spares the copies.
+    reached = slice(None) if finite.all() else np.flatnonzero(finite.all(axis=1))
+    times = recording.poses.times[block.rows][reached]
+    stamps = recording.poses.stamps[block.rows][reached]
+    seconds = stamps // 10**9
+    stamp = np.column_stack([seconds, stamps - 10**9 * seconds]).astype('<u4')
+    yield TopicMessages(
+        _topic(f'{recording.namespace}/joint_states', 'sensor_msgs/msg/JointState'),
+        times,
+        state.fill(0, 0, [0.0] * len(joints)),
+        {HEADER_SIZE: stamp, state.values_at: block.solved[reached]},
+    )
+    yield TopicMessages(
+        _topic(f'{place}/point_h', 'geometry_msgs/msg/PointStamped'),
+        times,
+        foot.fill(0, 0, 0.0, 0.0),
+        {HEADER_SIZE: stamp, foot.values_at: block.solved_feet[reached]},
+    )

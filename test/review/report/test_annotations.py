@@ -10,7 +10,7 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log import open_log
 from klann_ros.log.recovery import recover
 from klann_ros.review.command import main
-from klann_ros.review.model import poses
+from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
 from mcap.reader import make_reader, NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
@@ -169,12 +169,10 @@ def test_existing_files_and_the_input_are_refused_as_output(
     assert '--annotate takes one run' in capsys.readouterr().err
 
 
-def test_poses_that_are_not_kept_are_solved_again(
-    faulty: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_poses_that_are_not_kept_are_solved_again(faulty: Path, tmp_path: Path) -> None:
     kept = annotated(faulty, tmp_path / 'kept').parent
-    monkeypatch.setattr(poses, '_MAX_KEPT', 399)
-    assert messages(annotated(faulty, tmp_path / 'again').parent) == messages(kept)
+    annotate(review_run(faulty), str(tmp_path / 'again'))
+    assert messages(tmp_path / 'again') == messages(kept)
 
 
 def test_a_full_disk_leaves_no_half_copy(faulty: Path, tmp_path: Path) -> None:
