@@ -17,7 +17,7 @@ from .kinds import KINDS
 from .marking import Marked, statistics
 from .platforms import moodle, notebooks, prairielearn
 from .sheet import answer_text, key, picture, sheets
-from .tables import mark_answers, read_students, save_marks, save_template
+from .tables import has_answers, mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
@@ -63,14 +63,17 @@ def _make(options: argparse.Namespace) -> int:
     except OSError as error:
         reason = f'-o {printable(options.output)} cannot be written: {error.strerror}'
         raise OutputError(reason) from error
+    kept = has_answers(template.path)
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)
-    template.save(partial(save_template, kind, students))
+    if not kept:
+        template.save(partial(save_template, kind, students))
     print(f'{counted(len(students), "variant")} of {kind.name} in {printable(folder)}:')
     print('\n'.join(f'  {name}' for name in [*files][:10]))
     if len(files) > 10:
         print(f'  ... and {len(files) - 10} more')
-    print(f'  {kind.name}_answers.csv  (to be filled in for exercise mark)')
+    note = 'kept: it has answers' if kept else 'to be filled in for exercise mark'
+    print(f'  {kind.name}_answers.csv  ({note})')
     return 0
 
 

@@ -4,9 +4,7 @@ from collections.abc import Iterable, Sequence
 from math import floor, log10
 from pathlib import Path
 import re
-from typing import Any
 
-from klann_ros.kinematics.drawing import PoseDrawing
 from klann_ros.kinematics.svg import pose_svg
 from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import Parts
@@ -25,30 +23,41 @@ GIVEN_ROWS, STEP_DIGITS = 9, 6
 
 def sheets(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
     """Return the page of all sheets, one printed page or more a student."""
-    parts = [
-        element('section', *_heading(variant, name, language), *_sheet(variant, language))
-        for variant, name in zip(variants, names, strict=True)
-    ]
-    return _page(texts()['kinds'][variants[0].kind.name][language]['title'], parts, language)
+    asked = element('h3', texts()['sheet']['asked'][language])
+    parts = [(problem(each, language), asked, _answers(each, language)) for each in variants]
+    return _page(_title(variants[0], language), variants, names, language, parts)
 
 
 def key(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
     """Return the page of all worked solutions."""
     words = texts()['sheet']
+    solution = element('h3', words['solution'][language])
     parts = [
-        element(
-            'section',
-            *_heading(variant, name, language),
-            _answers(variant, language, solved=True),
-            element('h3', words['solution'][language]),
-            element('table', *_steps(variant, language), class_='steps'),
-        )
-        for variant, name in zip(variants, names, strict=True)
+        (_answers(each, language, solved=True), solution, _steps(each, language))
+        for each in variants
     ]
-    return _page(words['key'][language], parts, language)
+    return _page(words['key'][language], variants, names, language, parts)
 
 
-def _page(title: str, parts: Iterable[Markup], language: str) -> str:
+def _title(variant: Variant, language: str) -> str:
+    return str(texts()['kinds'][variant.kind.name][language]['title'])
+
+
+def _page(
+    title: str,
+    variants: Sequence[Variant],
+    names: Sequence[str],
+    language: str,
+    parts: Iterable[Iterable[Markup]],
+) -> str:
+    """Return a page with a section for each student."""
+    sections = []
+    for variant, name, content in zip(variants, names, parts, strict=True):
+        number = variant.student
+        student = number if name in ('', number) else f'{name} ({number})'
+        line = f'{texts()["sheet"]["student"][language]}: {student}'
+        heading = element('h1', _title(variant, language)), element('p', line, class_='student')
+        sections.append(element('section', *heading, *content))
     head = (
         element('meta', charset='utf-8'),
         SHEET_PARTS.policy(),
@@ -56,59 +65,47 @@ def _page(title: str, parts: Iterable[Markup], language: str) -> str:
         element('title', title),
         SHEET_PARTS.style_elements(),
     )
-    body = element('body', element('main', *parts))
+    body = element('body', element('main', *sections))
     return f'<!doctype html>\n{element("html", element("head", *head), body, lang=language)}\n'
-
-
-def _heading(variant: Variant, name: str, language: str) -> Iterable[Markup]:
-    words = texts()
-    yield element('h1', words['kinds'][variant.kind.name][language]['title'])
-    student = variant.student if name in ('', variant.student) else f'{name} ({variant.student})'
-    yield element('p', f'{words["sheet"]["student"][language]}: {student}', class_='student')
-
-
-def _sheet(variant: Variant, language: str) -> Iterable[Markup]:
-    yield problem(variant, language)
-    yield element('h3', texts()['sheet']['asked'][language])
-    yield _answers(variant, language, solved=False)
 
 
 def problem(variant: Variant, language: str) -> Markup:
     """Return the text of an exercise with its givens and its drawing."""
     words = texts()
     rows = [
-        element(
-            'tr',
-            element('th', symbol(name)),
-            element('td', with_unit(value, unit_of(name), language)),
-        )
+        _row(symbol(name), with_unit(value, unit_of(name), language), first='th')
         for name, value in variant.givens.items()
     ]
     starts = range(0, len(rows), GIVEN_ROWS)
     givens = (element('table', *rows[start:][:GIVEN_ROWS]) for start in starts)
     lines = words['kinds'][variant.kind.name][language]['task'].splitlines()
     task = [part for line in lines for part in (rich(line), element('br'))]
-    drawing = picture(variant)
     return joined(
         [
             element('p', *task[:-1]),
             element('p', rich(words['sheet']['degrees'][language]), class_='note'),
-            element('div', drawing, *givens, class_='given'),
+            element('div', picture(variant), *givens, class_='given'),
         ]
     )
 
 
-def _answers(variant: Variant, language: str, *, solved: bool) -> Markup:
+def _row(*cells: str, first: str = 'td') -> Markup:
+    head, *others = cells
+    return element('tr', element(first, head), *(element('td', cell) for cell in others))
+
+
+def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
+    """Return the table of the questions, with or without their answers."""
     rows = []
     for question in variant.kind.questions:
         answer = variant.answers[question.name]
         shown = answer_text(variant, question, answer, language) if solved else ''
-        cells = [
+        cells = (
             element('th', question_markup(question, language)),
             element('td', shown, class_='answer'),
             element('td', unit_sign(question.unit)),
             element('td', asked(variant, question, language), class_='note'),
-        ]
+        )
         rows.append(element('tr', *cells))
     return element('table', *rows, class_='answers')
 
@@ -124,12 +121,14 @@ def asked(variant: Variant, question: Question, language: str) -> str:
     return str(words['sheet']['digits'][language].format(variant.kind.digits))
 
 
-def _steps(variant: Variant, language: str) -> Iterable[Markup]:
+def _steps(variant: Variant, language: str) -> Markup:
+    rows = []
     for step in variant.steps:
         formula = SINE.sub(r'\1sen', step.formula) if language == 'pt' else step.formula
-        cells = (rich(formula.replace('asen', 'arcsen')), symbol(step.symbol))
-        value = with_unit(_digits(step.value), step.unit, language)
-        yield element('tr', *(element('td', cell) for cell in cells), element('td', value))
+        digits = f'{step.value:.{STEP_DIGITS}g}' if abs(step.value) < 1e6 else f'{step.value:.0f}'
+        value = with_unit(digits, step.unit, language)
+        rows.append(_row(rich(formula.replace('asen', 'arcsen')), symbol(step.symbol), value))
+    return element('table', *rows, class_='steps')
 
 
 def question_markup(question: Question, language: str) -> Markup:
@@ -151,10 +150,6 @@ def answer_text(variant: Variant, question: Question, answer: Answer, language: 
 def decimals(tolerance: float) -> int:
     """Return the decimals of a number whose last digit is worth a tolerance."""
     return max(0, -floor(log10(tolerance) + 1e-9)) if tolerance else 0
-
-
-def _digits(value: float) -> str:
-    return f'{value:.{STEP_DIGITS}g}' if abs(value) < 1e6 else f'{value:.0f}'
 
 
 def localised(number: str, language: str) -> str:
@@ -190,12 +185,9 @@ def symbol(name: str) -> Markup:
 
 def rich(text: str) -> Markup:
     """Return a text whose underscores are subscripts."""
-    parts = SUBSCRIPT.split(
-        text.replace(' -', ' \N{MINUS SIGN}').replace('= -', '= \N{MINUS SIGN}')
-    )
-    return joined(
-        element('sub', part.strip('()')) if k % 2 else part for k, part in enumerate(parts)
-    )
+    minus = text.replace(' -', ' \N{MINUS SIGN}').replace('= -', '= \N{MINUS SIGN}')
+    parts = enumerate(SUBSCRIPT.split(minus))
+    return joined(element('sub', part.strip('()')) if k % 2 else part for k, part in parts)
 
 
 def picture(variant: Variant) -> Markup:
@@ -207,23 +199,18 @@ def picture(variant: Variant) -> Markup:
     if not any(start <= angle % (2.0 * np.pi) <= end for start, end in arcs):
         start, end = arcs[0]
         angle = start + 0.4 * (end - start)
-    pose = leg.closed_form(angle)
-    return Markup(pose_svg(pose, names=_bar_names(variant, pose)))
+    return Markup(pose_svg(leg.closed_form(angle), names=_bar_names(variant)))
 
 
-def _bar_names(variant: Variant, pose: Any) -> dict[tuple[str, str], str]:
+def _bar_names(variant: Variant) -> dict[tuple[str, str], str]:
     """Return the names of bars with numbered lengths, by their two points."""
-    names = {
-        round(1e3 * value): name.replace('_', '').translate(SUBSCRIPTS)
-        for name, value in variant.givens.items()
-        if name.startswith('L_') and name[2:].isdigit()
-    }
-    drawn = PoseDrawing.of(pose)
+    figures = data()['figures'].values()
+    (figure,) = (each for each in figures if variant.kind.name in each['kinds'].split())
     found = {}
-    for bar in (bar for body in drawn.bodies for bar in body.bars):
-        length = float(np.hypot(*(drawn.points[bar[1]] - drawn.points[bar[0]])))
-        # The library's lengths are in m, or in mm where the exercise's are.
-        name = names.get(round(1e6 * length)) or names.get(round(1e3 * length))
-        if name:
-            found[bar] = name
+    for quantities, mark in figure['marks'].items():
+        how, *points = mark.split()
+        is_bar = how == 'line' and not {*points} <= {*figure['pivots'].split()}
+        for name in quantities.split():
+            if is_bar and name in variant.givens and name[2:].isdigit():
+                found[points[0], points[1]] = name.replace('_', '').translate(SUBSCRIPTS)
     return found

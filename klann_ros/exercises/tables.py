@@ -1,9 +1,11 @@
 """Tables of a class: students, answers and marks, as spreadsheets of any locale write them."""
 
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 import csv
 from io import StringIO, TextIOWrapper
+from pathlib import Path
 import re
 from typing import BinaryIO, NamedTuple
 
@@ -62,11 +64,16 @@ def read_students(path: str) -> list[Student]:
         raise ExerciseError(
             f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
         )
-    numbers = [student.number for student in found]
-    twice = dict.fromkeys(number for number in numbers if numbers.count(number) > 1)
-    if twice:
+    numbers = Counter(student.number for student in found)
+    if twice := [number for number, count in numbers.items() if count > 1]:
         raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
     return found
+
+
+def has_answers(path: str) -> bool:
+    """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
+    rows = _rows(path, ANSWER_COLUMNS) if Path(path).is_file() else ()
+    return any(row['answer'].strip() for _, row in rows)
 
 
 def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], list[str]]:

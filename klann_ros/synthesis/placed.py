@@ -210,19 +210,14 @@ class PlacedFourBar:
     def _is_in_order(self) -> bool:
         near, far = crank_limits(self.geometry.lengths)
         thetas = self.thetas
-        if near == 0.0 and far == pi:
-            turns = [wrap(b - a) for a, b in pairwise(thetas)]
-            return any(
-                sum(turn * sense % TURN for turn in turns) < TURN - FIT_TOLERANCE
-                and all(turn * sense % TURN > 0.0 for turn in turns)
-                for sense in (1.0, -1.0)
-            )
-        # An arc that holds the angle 0 is counted from -far to far, one that holds pi from near.
-        along = thetas if near == 0.0 else [theta % TURN for theta in thetas]
-        if near > 0.0 and far < pi and len({theta > pi for theta in along}) > 1:
+        if near > 0.0 and far < pi and len({theta > 0.0 for theta in thetas}) > 1:
             return False
-        steps = [b - a for a, b in pairwise(along)]
-        return all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)
+        # Angles are counted from one out of reach, or from the first of a crank that turns fully.
+        start = 0.0 if near > 0.0 else pi if far < pi else thetas[0] if thetas else 0.0
+        return any(
+            turns[-1:] < [TURN - FIT_TOLERANCE] and all(a < b for a, b in pairwise(turns))
+            for turns in ([sense * (x - start) % TURN for x in thetas] for sense in (1.0, -1.0))
+        )
 
 
 def _turn_sense(first: complex, second: complex, tolerance: float) -> int:

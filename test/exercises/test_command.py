@@ -1,12 +1,14 @@
 """`exercise` as a professor uses it: a class list in, sheets and key out, answers marked."""
 
 import csv
+from dataclasses import replace
 import json
 from pathlib import Path
 import re
 
 from klann_ros.exercises import KINDS, make_variant
 from klann_ros.exercises.command import main
+from klann_ros.exercises.sheet import picture
 from klann_ros.exercises.tables import read_students
 import pytest
 
@@ -181,6 +183,25 @@ def test_answers_with_decimal_commas_are_read_from_any_spreadsheet(
     assert 'toggle  3 of 3' in capsys.readouterr().out
 
 
+def test_answers_filled_in_are_kept_when_the_exercises_are_made_again(
+    students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = tmp_path / 'toggle_answers.csv'
+    make(students, tmp_path, 'toggle')
+    empty = answers.read_bytes()
+    answers.write_bytes(b'old')
+    assert make(students, tmp_path, 'toggle') == 2
+    assert 'has no column student' in capsys.readouterr().err
+    filled = empty.replace(b'0011,toggle,Z,', b'0011,toggle,Z,7')
+    answers.write_bytes(filled)
+    assert make(students, tmp_path, 'toggle', '--format', 'moodle') == 0
+    assert answers.read_bytes() == filled
+    assert 'kept: it has answers' in capsys.readouterr().out
+    answers.write_bytes(empty.replace(b'0012', b'0013'))
+    assert make(students, tmp_path, 'toggle') == 0
+    assert answers.read_bytes() == empty
+
+
 def test_an_unknown_kind_is_refused(
     students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,3 +252,10 @@ def test_json_has_all_that_a_page_needs(students: Path, tmp_path: Path) -> None:
     assert question['slips']
     assert exercises[0]['reasons']['radians']['pt']
     assert exercises[0]['drawing'].startswith('<svg')
+
+
+def test_bars_of_one_length_keep_their_own_names() -> None:
+    lengths = {'L_1': 200.0, 'L_2': 80.0, 'L_3': 200.0, 'L_4': 200.0, 'theta_2': 60.0}
+    variant = replace(make_variant(KINDS['four-bar-position'], '1'), givens=lengths)
+    drawn = picture(variant)
+    assert [drawn.count(name) for name in ('>L₂<', '>L₃<', '>L₄<')] == [1, 1, 1]
