@@ -63,16 +63,16 @@ def _make(options: argparse.Namespace) -> int:
     except OSError as error:
         reason = f'-o {printable(options.output)} cannot be written: {error.strerror}'
         raise OutputError(reason) from error
-    kept = has_answers(template.path)
+    is_filled = has_answers(template.path)
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)
-    if not kept:
+    if not is_filled:
         template.save(partial(save_template, kind, students))
     print(f'{counted(len(students), "variant")} of {kind.name} in {printable(folder)}:')
     print('\n'.join(f'  {name}' for name in [*files][:10]))
     if len(files) > 10:
         print(f'  ... and {len(files) - 10} more')
-    note = 'kept: it has answers' if kept else 'to be filled in for exercise mark'
+    note = 'kept: it has answers' if is_filled else 'to be filled in for exercise mark'
     print(f'  {kind.name}_answers.csv  ({note})')
     return 0
 

@@ -28,8 +28,8 @@ NOT_IN_NAMES = re.compile(r'[^A-Za-z0-9-]+')
 
 
 @cache
-def _templates() -> dict[str, str]:
-    found: dict[str, str] = parse_file(Path(__file__).parent / 'static' / 'platforms.yaml')
+def _templates() -> dict[str, Any]:
+    found: dict[str, Any] = parse_file(Path(__file__).parent / 'static' / 'platforms.yaml')
     return found
 
 
@@ -242,15 +242,8 @@ def notebooks(variants: Sequence[Variant], _names: Sequence[str], language: str)
 
 def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
     """Return the notebook of a variant, in nbformat 4.5."""
-    return {
-        'cells': [_cell(k, *cell) for k, cell in enumerate(_cells(variant, language))],
-        'metadata': {
-            'kernelspec': {'display_name': 'Python 3', 'language': 'python', 'name': 'python3'},
-            'language_info': {'name': 'python'},
-        },
-        'nbformat': 4,
-        'nbformat_minor': 5,
-    }
+    cells = [_cell(k, *cell) for k, cell in enumerate(_cells(variant, language))]
+    return {**_templates()['notebook'], 'cells': cells}
 
 
 def _cells(variant: Variant, language: str) -> Iterator[tuple[str, str]]:

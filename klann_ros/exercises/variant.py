@@ -247,47 +247,42 @@ class Variant:
     def agrees(self, worked: Calculation, guarded: Calculation) -> bool:
         """Return whether key and formulas agree, and rounding between steps does no harm."""
 
-        def is_kept(question: Question) -> bool:
+        def is_agreed(question: Question) -> bool:
             right, name = self.answers[question.name], question.name
             allowed = 0.0 if isinstance(right, str) else AGREEMENT * max(abs(right), 1.0)
-            harm = difference(question, guarded.answers[name], right)
+            rounding = difference(question, guarded.answers[name], right)
             return difference(
                 question, right, worked.answers[name]
-            ) <= allowed and harm <= GUARD_SHARE * self.tolerance(question)
+            ) <= allowed and rounding <= GUARD_SHARE * self.tolerance(question)
 
-        return all(map(is_kept, self.kind.questions))
+        return all(map(is_agreed, self.kind.questions))
 
     def as_dict(self) -> dict[str, Any]:
         """Return all that a page or a platform needs to show and mark it, ready for JSON."""
         leg, angle = self.kind.leg(self.givens) if self.kind.leg else (None, 0.0)
-        words = texts()
+        words, givens = texts(), self.givens.items()
         return {
             'kind': self.kind.name,
             'student': self.student,
             'texts': words['kinds'][self.kind.name],
-            'givens': [
-                {'name': name, 'value': value, 'unit': unit_of(name)}
-                for name, value in self.givens.items()
-            ],
+            'givens': [{'name': k, 'value': value, 'unit': unit_of(k)} for k, value in givens],
             'crank_angle': angle,
             'dimensions': dict(leg.linkage.dimensions) if leg else {},
-            'questions': [
-                {
-                    **question._asdict(),
-                    'digits': self.kind.digits,
-                    'tolerance': self.tolerance(question),
-                    'text': {each: label(question, each) for each in LANGUAGES},
-                    'answer': self.answers[question.name],
-                    'slips': {
-                        mistake: wrong[question.name]
-                        for mistake, wrong in self.mistaken.items()
-                        if question.name in wrong
-                    },
-                }
-                for question in self.kind.questions
-            ],
+            'questions': [*map(self._asked, self.kind.questions)],
             'steps': [step._asdict() for step in self.steps],
             'reasons': words['slips'],
+        }
+
+    def _asked(self, question: Question) -> dict[str, Any]:
+        """Return a question with its answer, and the wrong answers of all slips."""
+        name, mistaken = question.name, self.mistaken.items()
+        return {
+            **question._asdict(),
+            'digits': self.kind.digits,
+            'tolerance': self.tolerance(question),
+            'text': {each: label(question, each) for each in LANGUAGES},
+            'answer': self.answers[name],
+            'slips': {slip: wrong[name] for slip, wrong in mistaken if name in wrong},
         }
 
 
