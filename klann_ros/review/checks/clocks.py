@@ -48,7 +48,7 @@ def check_order(review: Review) -> Iterator[Finding]:
         if leg.recording.solver.sim_time or leg.answers.duplicates.solvers > 1:
             continue
         # `check_motion` finds two sources.
-        swaps = back_and_forth(leg.evaluated, review.limits)
+        swaps = back_and_forth(review, leg.evaluated)
         if reordered & leg.recording.pose_topics or swaps.size:
             continue
         rows = np.flatnonzero(np.diff(leg.evaluated.poses.stamps) < 0)

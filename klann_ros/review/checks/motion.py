@@ -23,7 +23,7 @@ _MIN_PERIOD = 1e-6
 _DRIFT_PARTS = 4
 # Interpolation is exact to 0.1 mm below this product of distances [rad^2].
 _MAX_CHORD = 1e-4
-# Jumps there and back of two sources: their number, and their share of all steps.
+# Jumps there and back of two unknown sources: their number, and their share of all steps.
 _MIN_SWAPS, _MIN_SWAP_SHARE = 10, 0.1
 # Shortest standstill of a crank that is reported [s].
 _MIN_STANDSTILL = 2.0
@@ -33,7 +33,7 @@ def check_motion(review: Review) -> Iterator[Finding]:
     """Yield jumps and standstill of the crank, and drift of the foot path."""
     for leg in review.legs:
         if len(leg.evaluated.cranks):
-            swaps = back_and_forth(leg.evaluated, review.limits)
+            swaps = back_and_forth(review, leg.evaluated)
             if swaps.size:
                 yield _swaps(review, leg.evaluated, swaps)
             else:
@@ -45,24 +45,34 @@ def check_motion(review: Review) -> Iterator[Finding]:
             yield from _drift(review, leg.evaluated)
 
 
-def back_and_forth(leg: LegRecording, limits: Limits) -> IndexArray:
-    """Return the inputs after which the crank jumps and immediately back: two sources."""
+def back_and_forth(review: Review, leg: LegRecording) -> IndexArray:
+    """Return the inputs after which the crank jumps, and back at its next jump: two sources."""
     steps = np.diff(leg.cranks.values[:, 0])
-    there, back = steps[:-1], steps[1:]
-    swaps = (np.minimum(np.abs(there), np.abs(back)) > limits.crank_jump) & (
-        np.abs(there + back) < np.abs(there) / 2
-    )
-    rows = np.flatnonzero(swaps)
-    return rows if len(rows) > max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps)) else rows[:0]
+    jumps = np.flatnonzero(np.abs(steps) > review.limits.crank_jump)
+    there, back = steps[jumps[:-1]], steps[jumps[1:]]
+    swaps = np.abs(there + back) < np.abs(there) / 2
+    if _is_shared(review, leg):
+        # Under load the inputs of each publisher arrive in blocks, with few jumps between them.
+        needed = 2.0
+    else:
+        # One source may rock the crank, but not between two inputs.
+        swaps &= np.diff(jumps) == 1
+        needed = max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps))
+    rows = jumps[:-1][swaps]
+    return rows if len(rows) >= needed else rows[:0]
+
+
+def _is_shared(review: Review, leg: LegRecording) -> bool:
+    topics = leg.crank_topics
+    return len(topics) > 1 or any(t.shared for t in review.recording.topics if t.name in topics)
 
 
 def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Finding:
     by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
     text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
-    shared = any(t.shared for t in review.recording.topics if t.name in leg.crank_topics)
     where = f' ({listed(sorted(leg.crank_topics))})'
     meaning = f'two sources alternate, or an encoder slips{where}'
-    if shared or len(leg.crank_topics) > 1:
+    if _is_shared(review, leg):
         meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
     time = review.since_start(leg.cranks.times[rows[0] + 1])
     return Finding('jump', Severity.WARNING, text, meaning, time, leg.title)

@@ -88,6 +88,16 @@ def test_several_publishers_of_the_crank_are_named(healthy, make_run) -> None:
     )
 
 
+def test_several_publishers_whose_inputs_come_in_blocks_are_named(healthy, make_run) -> None:
+    # As of two processes on a busy machine: 150 inputs of the one, 100 of the other, and so on.
+    healthy.crank = replace(healthy.crank, qos=qos_to_yaml([Qos(), Qos()]))
+    for n in [*range(150, 250), *range(350, 400)]:
+        healthy.move(n, healthy.answers[n].alpha + 2.0)
+    (finding,) = review_run(make_run(healthy)).findings
+    assert finding.text.startswith('the crank angle jumps back and forth twice, by up to 2.0')
+    assert finding.meaning.startswith('multiple publishers set the crank at once')
+
+
 @pytest.mark.parametrize(
     'angle',
     [lambda n: math.sin(n * math.tau / 8.0), lambda n: 0.1 * n + 0.4 * (n % 2)],
