@@ -16,9 +16,20 @@ RIGHT, WRONG, EMPTY, UNREADABLE = 'right', 'wrong', 'empty', 'unreadable'
 ROUNDING_REACH = 30.0
 # Longest answer [characters].
 MAX_ANSWER = 64
+# Sign, number (a space may stand before three digits), denominator, power of ten, unit.
 NUMBER = re.compile(
-    r'([+-]?(?:\d[\d.,]*|[.,]\d+))\s*(?:(?:e|[x*·×]\s*10\s*\^?)\s*([+-]?\d{1,3}))?\s*(.*)'
+    r'([+-]?) ?((?:\d(?:[\d.,]| (?=\d{3}(?!\d)))*|[.,]\d+)) ?(?:/ ?(\d+) ?)?'
+    r'(?:(?:e|[x*·×] ?10 ?(?:\^|\*\*)?) ?\(?([+-]?\d{1,3})\)?)? ?(.*)',
+    re.ASCII,
 )
+# Thousands in groups, the decimal separator another one.
+GROUPED = re.compile(r'([1-9]\d{0,2}([ .,])\d{3}(?:\2\d{3})*)(?:(?!\2)([.,]\d*))?', re.ASCII)
+# Degrees, minutes and seconds of arc.
+SEXAGESIMAL = re.compile(
+    r"""(\d+) ?[°º] ?([0-5]?\d(?:[.,]\d+)?) ?'(?: ?([0-5]?\d(?:[.,]\d+)?) ?(?:"|''))?""", re.ASCII
+)
+# Minus sign and en dash, typographic quotes and primes.
+TYPED = str.maketrans('\u2212\u2013\u2019\u2032\u201d\u2033', '--\'\'""')
 SUPERSCRIPT = re.compile('10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)')
 EXPONENTS = str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-')
 
@@ -65,23 +76,24 @@ def read_answer(text: str, question: Question) -> Answer | None:
     """
     Return an answer as a number in the unit asked for, or a word; None where it is neither.
 
-    A decimal comma, a true minus, an exponent, and the unit or a convertible one are legal.
+    A decimal comma, grouped thousands, a true minus, a fraction, a power of ten, minutes of arc,
+    and the unit or a convertible one are legal.
     """
     text = SUPERSCRIPT.sub(lambda found: f'10^{found[1].translate(EXPONENTS)}', text)
-    text = ' '.join(text.replace('\N{MINUS SIGN}', '-').replace('\N{EN DASH}', '-').split())
+    text = ' '.join(text.translate(TYPED).split())
     if not text or len(text) > MAX_ANSWER:
         return None
     if question.choices:
         return _choice(text, question)
-    found = NUMBER.fullmatch(text.casefold())
+    found = NUMBER.fullmatch(SEXAGESIMAL.sub(_degrees, text.casefold()))
     if not found:
         return None
-    number, exponent, unit = found.groups()
-    factor = _factor(unit, question.unit)
+    sign, number, denominator, exponent, unit = found.groups()
     try:
-        value = float(f'{_decimal(number)}e{exponent or 0}') * factor
-    except ValueError:
+        value = float(f'{sign}{_decimal(number)}e{exponent or 0}') / float(denominator or 1)
+    except (ValueError, ZeroDivisionError):
         return None
+    value *= _factor(unit, question.unit)
     return value if isfinite(value) else None
 
 
@@ -93,14 +105,19 @@ def _factor(unit: str, asked: str) -> float:
     return float(table['factors'].get(asked, {}).get(unit, nan)) if unit else 1.0
 
 
+def _degrees(found: re.Match[str]) -> str:
+    """Return degrees, minutes and seconds as decimal degrees."""
+    whole, minutes, seconds = (float(part.replace(',', '.')) for part in found.groups(default='0'))
+    return f'{whole + minutes / 60.0 + seconds / 3600.0} deg'
+
+
 def _decimal(number: str) -> str:
-    """Return a number with a decimal point; the last of both separators is the decimal one."""
-    if ',' in number and '.' in number:
-        thousands = ',' if number.rindex('.') > number.rindex(',') else '.'
-        whole, *groups = re.split(r'[.,]', number)[:-1]
-        if not all(len(group) == 3 for group in groups) or len(whole.lstrip('+-')) > 3:
+    """Return a number with a decimal point and without the separators of thousands."""
+    if re.search('[., ].*[., ]| ', number):
+        found = GROUPED.fullmatch(number)
+        if not found:
             raise ValueError(number)
-        number = number.replace(thousands, '')
+        number = re.sub('[., ]', '', found[1]) + (found[3] or '')
     return number.replace(',', '.')
 
 

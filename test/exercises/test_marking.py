@@ -35,6 +35,18 @@ def right_answers(variant: Variant) -> dict[str, str]:
         ('1.234,5', 1234.5),
         ('1,234.5', 1234.5),
         ('.5', 0.5),
+        ('1\N{NO-BREAK SPACE}234\N{THIN SPACE}567,8', 1234567.8),
+        ('1 234', 1234.0),
+        ('1,234,567', 1234567.0),
+        ('1.234', 1.234),
+        ('- 1,5E\N{MINUS SIGN}3', -0.0015),
+        ('1,5 x 10^(-3)', 0.0015),
+        ('-3/2', -1.5),
+        ("12°30'", 12.5),
+        ('-12º 30\' 36"', -12.51),
+        ('12°30\N{PRIME}', 12.5),
+        ('12° 30,6\N{RIGHT SINGLE QUOTATION MARK}', 12.51),
+        ("12°30'36''", 12.51),
     ],
 )
 def test_a_legal_form_is_read(text: str, value: float) -> None:
@@ -42,7 +54,12 @@ def test_a_legal_form_is_read(text: str, value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    'text', ['', 'nan', 'inf', '1e999', '12 mm', '1,2,3', '12..5', 'x', '1' * 65, '__import__']
+    'text',
+    [
+        *('', 'nan', 'inf', '1e999', '12 mm', '1,2,3', '12..5', 'x', '1' * 65, '__import__'),
+        *('1 23', '1 234 56', '1.234.567.', '12 34,5', '0,123,4', '1/0', '1 1/2', "12°75'"),
+        '12°30',
+    ],
 )
 def test_answers_in_other_units_or_words_are_not_read(text: str) -> None:
     assert read_answer(text, ANGLE) is None

@@ -3,7 +3,11 @@
 
 const ROUNDING_REACH = 30;
 const MAX_ANSWER = 64;
-const NUMBER = /^([+-]?(?:\d[\d.,]*|[.,]\d+))\s*(?:(?:e|[x*·×]\s*10\s*\^?)\s*([+-]?\d{1,3}))?\s*(.*)$/;
+const NUMBER =
+  /^([+-]?) ?((?:\d(?:[\d.,]| (?=\d{3}(?!\d)))*|[.,]\d+)) ?(?:\/ ?(\d+) ?)?(?:(?:e|[x*·×] ?10 ?(?:\^|\*\*)?) ?\(?([+-]?\d{1,3})\)?)? ?(.*)$/;
+const GROUPED = /^([1-9]\d{0,2}([ .,])\d{3}(?:\2\d{3})*)(?:(?!\2)([.,]\d*))?$/;
+const SEXAGESIMAL =
+  /(\d+) ?[°º] ?([0-5]?\d(?:[.,]\d+)?) ?'(?: ?([0-5]?\d(?:[.,]\d+)?) ?(?:"|''))?/;
 const EXPONENTS = '⁰¹²³⁴⁵⁶⁷⁸⁹⁻';
 
 /** Return an answer as a number in the unit asked for, or a word; null where it is neither. */
@@ -11,16 +15,18 @@ function readAnswer(data, text, question) {
   const plain = text
     .replace(/10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, power) =>
       `10^${Array.from(power, (c) => '0123456789-'[EXPONENTS.indexOf(c)]).join('')}`)
-    .replace(/[\u2212\u2013]/g, '-')
+    .replace(/[−–]/g, '-')
+    .replace(/[’′]/g, "'")
+    .replace(/[”″]/g, '"')
     .trim()
     .replace(/\s+/g, ' ');
   if (!plain || plain.length > MAX_ANSWER) return null;
   if (question.choices.length) return choiceOf(data, plain, question);
-  const found = plain.toLowerCase().match(NUMBER);
+  const found = plain.toLowerCase().replace(SEXAGESIMAL, inDegrees).match(NUMBER);
   if (!found) return null;
-  const [, number, exponent = '0', unit] = found;
-  const factor = factorOf(data.marking, unit, question.unit);
-  const value = Number(`${decimal(number)}e${exponent}`) * factor;
+  const [, sign, number, denominator = 1, exponent = 0, unit] = found;
+  const size = Number(`${sign}${decimal(number)}e${exponent}`) / denominator;
+  const value = size * factorOf(data.marking, unit, question.unit);
   return Number.isFinite(value) ? value : null;
 }
 
@@ -29,14 +35,17 @@ function factorOf({ spellings, factors }, unit, asked) {
   return plain ? (factors[asked]?.[plain] ?? NaN) : 1;
 }
 
-/** Return a number with a decimal point; the last of both separators is the decimal one. */
+/** Return degrees, minutes and seconds as decimal degrees. */
+function inDegrees(_, ...found) {
+  const parts = found.slice(0, 3).map((part = '0') => Number(part.replace(',', '.')));
+  return `${parts[0] + parts[1] / 60 + parts[2] / 3600} deg`;
+}
+
+/** Return a number with a decimal point and without the separators of thousands. */
 function decimal(number) {
-  if (!number.includes(',') || !number.includes('.')) return number.replace(/,/g, '.');
-  const thousands = number.lastIndexOf('.') > number.lastIndexOf(',') ? ',' : '.';
-  const [whole, ...groups] = number.split(/[.,]/).slice(0, -1);
-  if (groups.some((group) => group.length !== 3) || whole.replace(/^[+-]+/, '').length > 3)
-    return NaN;
-  return number.replaceAll(thousands, '').replace(/,/g, '.');
+  if (!/[., ].*[., ]| /.test(number)) return number.replace(',', '.');
+  const [, whole = 'x', , part = ''] = number.match(GROUPED) ?? [];
+  return whole.replace(/[., ]/g, '') + part.replace(',', '.');
 }
 
 function choiceOf({ texts }, text, { choices }) {
