@@ -3,13 +3,20 @@
 import argparse
 from collections.abc import Sequence
 import json
-from math import inf
 import os
 from pathlib import Path
 import sys
 
 from klann_ros.engines import EngineError, ENGINES
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, number_type, path, UsageError
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    COUNT,
+    NOT_READ,
+    number_type,
+    path,
+    SECONDS,
+    UsageError,
+)
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import printable
@@ -146,12 +153,10 @@ def _parser() -> ArgumentParser:
     add('-o', '--output', metavar='FOLDER', type=path, help=out)
     seed = number_type(lambda n: 0 <= n < 2**53, 'a whole number, 0 or more', int)
     add('--seed', metavar='N', type=seed, default=0, help='of the search, 0')
-    seconds = number_type(lambda s: 0.0 < s < inf, 'a number of seconds > 0')
-    add('--time', metavar='S', type=seconds, help='end the search after this time [s]')
-    count = number_type(lambda n: 1 <= n < 2**53, 'a whole number, 1 or more', int)
+    add('--time', metavar='S', type=SECONDS, help='end the search after this time [s]')
     many = f'candidates that are judged, {DEFAULT_EVALUATIONS}'
-    add('--evaluations', metavar='N', type=count, default=DEFAULT_EVALUATIONS, help=many)
-    add('--jobs', metavar='N', type=count, help='processes (default: the CPUs)')
+    add('--evaluations', metavar='N', type=COUNT, default=DEFAULT_EVALUATIONS, help=many)
+    add('--jobs', metavar='N', type=COUNT, help='processes (default: the CPUs)')
     where = 'processes of this machine, or a Ray cluster'
     add('--engine', choices=ENGINES, default='local', help=where)
     add('--resume', action='store_true', help='continue the search in FOLDER')

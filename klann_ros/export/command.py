@@ -7,7 +7,14 @@ import sys
 
 from klann_ros.robot import Robot, robot_of, RobotFileError
 from klann_ros.robot.robot import SEPARATORS
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, UsageError
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    NOT_READ,
+    NOT_WRITTEN,
+    number_type,
+    path,
+    UsageError,
+)
 from klann_ros.sanitize.outputs import check_new_folder, outputs, save_folder
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
@@ -127,25 +134,15 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     return made
 
 
-def _positive(
-    text: str, wanted: str = 'a number > 0 (and < 1e6)', *, is_zero_allowed: bool = False
-) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not (0.0 < value < 1e6 or (is_zero_allowed and value == 0.0)):
-        raise argparse.ArgumentTypeError(f'{text} is refused: {wanted} is needed')
-    return value
-
-
-_not_negative = partial(_positive, wanted='a number >= 0 (and < 1e6)', is_zero_allowed=True)
+_positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
+_not_negative = number_type(lambda n: 0.0 <= n < 1e6, 'a number >= 0 (and < 1e6)')
+_diameter = number_type(lambda n: 0.0 < n < 1e6, 'a diameter in mm, such as 4.2 or A=6')
 
 
 def _hole(text: str) -> tuple[str, float]:
     """Return the joint, '' for all, and the diameter in NAME=MM or MM."""
     name, _, diameter = text.rpartition('=')
-    return name, _positive(diameter, 'a diameter in mm, such as 4.2 or A=6,')
+    return name, _diameter(diameter)
 
 
 def _parser() -> ArgumentParser:

@@ -54,6 +54,10 @@ def number_type(
     return parse
 
 
+COUNT = number_type(lambda n: 1 <= n < 2**53, 'a whole number, 1 or more', int)
+SECONDS = number_type(lambda s: 0.0 < s < 1e9, 'a number of seconds > 0 (and < 1e9)')
+
+
 class UsageError(Exception):
     """Arguments that contradict each other; the text says which."""
 

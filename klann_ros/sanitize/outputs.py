@@ -132,7 +132,8 @@ def outputs(
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
     """Raise an OutputError if a folder is there already, or would be in an input."""
     if os.path.lexists(path):
-        raise _cannot_write(option, path, _EXISTS)
+        is_folder = Path(path).is_dir() or Path(path).is_symlink()
+        raise _cannot_write(option, path, _EXISTS if is_folder else 'it is no folder')
     for given in filter(None, inputs):
         if is_within(path, given):
             reason = f'it is inside {printable(given)}, which is only read'

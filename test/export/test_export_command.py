@@ -94,12 +94,12 @@ def test_a_refused_robot_is_exit_code_2_in_one_line(
         ('--svg', 'expected one argument'),
         ('--hole=nan', 'nan is refused'),
         ('--hole=1e400', '1e400 is refused'),
-        ('--hole=A=', 'such as 4.2 or A=6, is needed'),
-        ('--scale=0', '0 is refused: a number > 0'),
-        ('--kerf=x', 'x is refused: a number >= 0'),
-        ('--kerf=nan', 'nan is refused: a number >= 0'),
-        ('--washer=-1', '-1 is refused: a number >= 0'),
-        ('--thickness=0', '0 is refused: a number > 0'),
+        ('--hole=A=', 'it must be a diameter in mm, such as 4.2 or A=6'),
+        ('--scale=0', '0 is refused: it must be a number > 0'),
+        ('--kerf=x', 'x is refused: it must be a number >= 0'),
+        ('--kerf=nan', 'nan is refused: it must be a number >= 0'),
+        ('--washer=-1', '-1 is refused: it must be a number >= 0'),
+        ('--thickness=0', '0 is refused: it must be a number > 0'),
     ],
 )
 def test_an_invalid_option_is_exit_code_2(

@@ -165,10 +165,16 @@ def test_other_robots_than_walkers_are_refused(
 def test_no_folder_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(ROOT / 'config' / 'walker6.yaml')
     (tmp_path / 'link').symlink_to(tmp_path / 'nowhere')
-    for output in (tmp_path, tmp_path / 'link', tmp_path / 'no' / 'folder'):
+    for output, reason in (
+        (tmp_path, 'it exists already'),
+        (tmp_path / 'link', 'it exists already'),
+        (tmp_path / 'no' / 'folder', 'No such file'),
+        (__file__, 'it is no folder'),
+        (f'{__file__}/inside', 'Not a directory'),
+    ):
         assert main([file, '--ros2-control', str(output)]) == 3
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith('export: --ros2-control ')
+        assert line.startswith(f'export: --ros2-control {output} cannot be written: {reason}')
     assert [path.name for path in tmp_path.iterdir()] == ['link']
 
 

@@ -13,7 +13,15 @@ from klann_ros.log.errors import LogError
 from klann_ros.log.reader import open_log
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path, print_error
+from klann_ros.sanitize.arguments import (
+    ArgumentParser,
+    COUNT,
+    NOT_READ,
+    NOT_WRITTEN,
+    path,
+    print_error,
+    SECONDS,
+)
 from klann_ros.sanitize.outputs import check_new_folder, OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
@@ -180,7 +188,8 @@ def _paths(folder: Path, runs: Sequence[FoundRun], suffix: str) -> list[str]:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise OutputError(f'{printable(folder)} cannot be made: {error.strerror}') from error
+        reason = 'it is no folder' if folder.exists() else error.strerror
+        raise OutputError(f'{printable(folder)} cannot be made: {reason}') from error
     digits = len(str(len(runs)))
     names = (f'{n:0{digits}}_{_plain(Path(run.path).name)}' for n, run in enumerate(runs, 1))
     return [
@@ -206,13 +215,6 @@ def _report(rows: Sequence[Row], asked: int) -> str:
     return '\n'.join([f'{counted(len(rows), "run")} of {asked}: {counts}', *lines])
 
 
-def _jobs(text: str) -> int:
-    jobs = int(text)
-    if jobs < 1:
-        raise ValueError
-    return jobs
-
-
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('review --each', DESCRIPTION)
     add = parser.add_argument
@@ -227,21 +229,14 @@ def _parser() -> ArgumentParser:
     add('--geometry', metavar='FILE', help='hold all runs against this leg, as for one run')
     add('--limits', metavar='FILE', help='other limits of the checks, as for one run')
     add('--engine', choices=ENGINES, default='local', help='who works on it (local)')
-    add('--jobs', metavar='N', type=_jobs, help='how many at once (as many as there are CPUs)')
+    add('--jobs', metavar='N', type=COUNT, help='how many at once (as many as there are CPUs)')
     add('--ray-address', metavar='ADDRESS', help='a Ray cluster (the variable RAY_ADDRESS)')
     add(
         '--time-limit',
         metavar='S',
-        type=_seconds,
+        type=SECONDS,
         default=3600.0,
         help='a run that takes longer is given up [s] (3600)',
     )
     add('--resume', action='store_true', help='go on: what --table has is not judged again')
     return parser
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 < seconds < 1e9:
-        raise ValueError
-    return seconds

@@ -279,7 +279,12 @@ def test_rows_come_in_the_order_of_the_tasks(runs: Path) -> None:
         (['--resume'], 2, 'give --table as well'),
         (['--table', '/no/such/folder/t.csv'], 3, 'there is no folder'),
         (['--expect', '/no/such/file'], 2, 'cannot be read'),
-        (['--jobs', '0'], 2, 'argument --jobs'),
+        (['--jobs', '0'], 2, 'argument --jobs: 0 is refused'),
+        (['--jobs', '1.5'], 2, '1.5 is refused: it must be a whole number'),
+        (['--time-limit', 'nan'], 2, 'nan is refused: it must be a number of seconds > 0'),
+        (['--time-limit', '1e400'], 2, '1e400 is refused'),
+        (['--time-limit=-1'], 2, '-1 is refused'),
+        (['--annotate', __file__], 3, 'it is no folder'),
     ],
 )
 def test_impossible_options_are_refused_before_any_work(
@@ -293,9 +298,14 @@ def test_impossible_options_are_refused_before_any_work(
     assert reason in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_no_output_goes_into_a_run(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_output_goes_into_a_run_or_a_file(
+    runs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert each.main(['--each', str(runs), '--table', str(runs / 'good' / 'table.csv')]) == 3
     assert 'only read' in capsys.readouterr().err
+    resumed = ['--resume', '--table', str(runs.with_name('table.csv')), '--annotate', __file__]
+    assert each.main(['--each', str(runs), *resumed]) == 3
+    assert capsys.readouterr().err.endswith(f'{__file__} cannot be made: it is no folder\n')
 
 
 def test_a_folder_without_runs_is_refused(
@@ -325,8 +335,9 @@ def test_logs_beside_each_other_are_runs_of_their_own_unless_numbered(tmp_path: 
         file.touch()
     (tmp_path / 'c/deep/run2').mkdir()
     (tmp_path / 'c/deep/run2/metadata.yaml').touch()
-    (tmp_path / '.hidden').mkdir()
-    (tmp_path / '.hidden/z.mcap').touch()
+    # An annotated copy whose review was killed.
+    (tmp_path / '.klann-0a.new/copy').mkdir(parents=True)
+    (tmp_path / '.klann-0a.new/copy/metadata.yaml').touch()
     found = ['a', 'b/x_0.mcap', 'b/y_0.mcap', 'c/deep/run2', 'c/deep/run10/r.mcap']
     assert list(names(tmp_path)) == found
 
