@@ -1,7 +1,7 @@
 """
 The parameters of Nav2 that depend on the walker, derived from its feet and its gait.
 
-Speeds are those at which `walker_node` was tested in MuJoCo: straight on a part of the speed at a
+Speeds are those of the tests of `walker_node` in MuJoCo: straight on a part of the speed at a
 crank rate of 1 rad/s, on the spot the yaw rate at 1 rad/s of both sides against each other.
 """
 

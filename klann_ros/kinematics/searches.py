@@ -26,7 +26,7 @@ def root(function: Callable[[float], float], left: Sample, right: Sample) -> flo
     Parameters
     ----------
     function : callable
-        A continuous function; an argument at which it is NaN counts as its root.
+        A continuous function; an argument where it is NaN counts as its root.
     left, right : (float, float)
         Two arguments with their values: of opposite sign, or one of them 0.
 
@@ -44,14 +44,14 @@ def root(function: Callable[[float], float], left: Sample, right: Sample) -> flo
 
 def last_nonnegative(function: Functions, inside: FloatArray, outside: FloatArray) -> FloatArray:
     """
-    Return the last arguments at which functions are not negative, to rounding.
+    Return the last arguments where functions are not negative, to rounding.
 
     Parameters
     ----------
     function : callable
         Values, shape (k,), each at one argument; NaN counts as negative.
     inside, outside : numpy.ndarray, shape (n,)
-        Arguments at which each function is not negative, and is negative.
+        Arguments where each function is not negative, and is negative.
 
     """
     rows = np.arange(len(inside))

@@ -145,7 +145,7 @@ def _extend_copy(file: Storage, target: Path, messages: Sequence[TopicMessages])
     try:
         _extend_run(target, messages)
     except (DamagedError, MalformedQosError):
-        # A recovery leaves out what is malformed, and makes the folder.
+        # A recovery leaves out malformed records, and makes the folder.
         shutil.rmtree(target.parent)
         return False
     return True

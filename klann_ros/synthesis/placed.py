@@ -146,7 +146,7 @@ class PlacedFourBar:
         Return the defects of the positions.
 
         The assembly mode is the sign of sin(theta4 - theta3). A four-bar of class I has two
-        circuits, told apart by the sign at a joint that its shortest link does not touch: that
+        circuits, distinguished by the sign at a joint that its shortest link does not touch: that
         angle never becomes 0 or pi. One of class II has a single circuit. Crank angles between
         two positions have to lie in one reachable arc, met in order by one sense of rotation.
         """

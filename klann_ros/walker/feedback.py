@@ -16,7 +16,7 @@ POSITION_MARGIN, MIN_DT = 0.1, 0.02
 # Consecutive readings that confirm a position offset.
 CONFIRMATIONS = 5
 # Gate of reported offsets, in standard deviations of the encoder's noise, of which the least is
-# assumed to be this [rad]. It is learned from so many readings before any offset is judged.
+# assumed to be this [rad]. It is learned from NOISE_READINGS readings before any offset is judged.
 NOISE_GATE, MIN_NOISE, NOISE_READINGS = 6.0, 0.002, 50
 # Rates between readings whose median predicts the next one; the prediction is that far behind a
 # crank that accelerates [rad/s^2], and readings further apart predict nothing [s].

@@ -140,7 +140,7 @@ class Steering:
         return TurnPlan(self._maps[0][..., 0], self._maps[1][..., 1])
 
     def prepare(self) -> None:
-        """Compute what is computed once."""
+        """Compute the rates that later calls reuse."""
         self.rates(Twist2D(self.speed, 1.0))
         self.turn_plan.rates(0.0, 0.0, 0.0, 0.0)
 

@@ -24,7 +24,7 @@ from .program import Operation, Program
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch of
 # this size is unlikely to be the only one [poses].
 MIN_NUMBA_SIZE = 100_000
-# Results that numba stores row by row; more are stored in strips of so many poses first.
+# Results that numba stores row by row; more are stored in strips of STRIP_SIZE poses first.
 MAX_ROWS, STRIP_SIZE = 4, 128
 # Cosines and sines of crank angles; results and the array of each group of them.
 Crank: TypeAlias = tuple[FloatArray, FloatArray]

@@ -82,8 +82,8 @@ class Program:
     points: tuple[Pair, ...]
     # The cross product of each dyad's links, its determinant; empty likewise.
     determinants: tuple[str, ...]
-    # Derivatives by the dimensions of what is asked for: of 'h', shape (2, d), of 'points', shape
-    # (p, 2, d), and of 'angles', shape (n - 1, d), as flat lists.
+    # Derivatives of the requested quantities by the dimensions: of 'h', shape (2, d), of 'points',
+    # shape (p, 2, d), and of 'angles', shape (n - 1, d), as flat lists.
     gradients: dict[str, tuple[str, ...]]
     # The derivative of each number by the crank angle, if requested.
     rates: dict[str, str]

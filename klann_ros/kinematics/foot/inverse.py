@@ -28,7 +28,7 @@ ANGLE_TOLERANCE = 1e-12
 
 class Nearest(NamedTuple):
     """
-    The crank angle at which the foot is nearest to a point.
+    The crank angle of the foot's nearest position to a point.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ def crank_angles_at(
 
 
 def nearest(tracks: Iterable[Track], point: tuple[float, float], size: float) -> Nearest:
-    """Return the crank angle at which the foot is nearest to a point (x, y) [m]."""
+    """Return the crank angle of the foot's nearest position to a point (x, y) [m]."""
     x, y = point
     s = Coordinate(point=point, k=1.0)
     candidates = []

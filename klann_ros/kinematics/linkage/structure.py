@@ -147,7 +147,7 @@ class Structure:
         crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
         turns = crank in self.pivots
         slides = self.crank.slides
-        _require(not slides, f'the crank {self.crank.angle} slides: what is driven must turn')
+        _require(not slides, f'the crank {self.crank.angle} slides: a driven link must turn')
         _require(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
         _require(
             self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move'

@@ -162,7 +162,7 @@ def test_a_start_has_distances_in_the_units_of_the_file() -> None:
         (('from: P, to: C', 'from: B, to: C'), 'from B, which is none of its points: A'),
         (('along: ground', 'along: piston'), 'slides along piston'),
         (('to: C}', 'to: P}'), 'has only one point'),
-        (('bars: [{from: A, to: B, length: 0.05}]', SLIDES), 'what is driven must turn'),
+        (('bars: [{from: A, to: B, length: 0.05}]', SLIDES), 'a driven link must turn'),
         (('to: C}', 'to: C, direction: x}'), 'direction: '),
         (('slides: {along: ground, ', 'slides: {'), 'along is missing'),
         (('slides: {', 'slide: {'), 'slide'),

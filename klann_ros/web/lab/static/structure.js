@@ -145,7 +145,7 @@ function checkEnds({ bodies, pivots, points, foot }) {
   const fixed = pivots.join(', ');
   refuseUnless(
     !crank.slides,
-    `the crank ${crank.name} slides: what is driven must turn`,
+    `the crank ${crank.name} slides: a driven link must turn`,
     `a manivela ${crank.name} desliza: o que é acionado tem de girar`,
   );
   refuseUnless(
