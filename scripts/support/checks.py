@@ -20,6 +20,9 @@ FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'ex
 WORKERS = ('-n', '6')
 # A hanging check is ended, so that CI shows its output.
 TIMEOUT = 840.0
+# Up to this number of failed tests run again, one after the other: a busy machine may starve a
+# real process. They are listed in any case.
+MAX_RERUNS = 5
 
 
 def main(arguments: list[str]) -> int:
@@ -52,7 +55,7 @@ def main(arguments: list[str]) -> int:
             ok = dict(zip(quick, pool.map(passes, quick), strict=True))
             failed += [name for name in quick if not ok[name]]
         if 'pytest' in names:
-            if not passes('pytest'):
+            if not passes('pytest') and not (_is_rare(work) and passes('alone')):
                 failed.append('pytest')
             # The number of passed tests and the time.
             summary = last_lines(work / 'pytest.txt').strip('= ')
@@ -94,7 +97,15 @@ def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict
         'colcon': colcon,
         'pyodide': [env.python, 'scripts/support/pyodide.py', work / 'pyodide'],
         'pytest': [*env.tool('pytest'), *WORKERS, *pytest_arguments],
+        'alone': [*env.tool('pytest'), '--last-failed', '--last-failed-no-failures=none'],
     }
+
+
+def _is_rare(work: Path) -> bool:
+    """Return whether pytest ran to its end, and few tests failed."""
+    lines = (work / 'pytest.txt').read_text(encoding='utf-8', errors='replace').splitlines()
+    failed = sum(line.startswith(('FAILED ', 'ERROR ')) for line in lines)
+    return 0 < failed <= MAX_RERUNS and ' passed' in lines[-1]
 
 
 def _passes(name: str, command: Command, variables: dict[str, str], work: Path) -> bool:
