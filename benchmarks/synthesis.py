@@ -42,7 +42,7 @@ def _missed_dyads(linkage: PlacedFourBar) -> int:
     dyads = burmester_points(poses)
     return sum(
         all(abs(dyad.pivot - pivot) + abs(dyad.pin - pin) > 1e-4 for dyad in dyads)
-        for pivot, pin in ((linkage.o2, linkage.a), (linkage.o4, linkage.b))
+        for pivot, pin in zip((linkage.o2, linkage.o4), linkage.positions[0][:2], strict=True)
     )
 
 

@@ -5,7 +5,7 @@ from math import pi
 
 from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 from klann_ros.kinematics.linkage.reach import crank_limits
-from klann_ros.synthesis import place, PlacedFourBar
+from klann_ros.synthesis import place, PlacedFourBar, Position
 import numpy as np
 
 # Steps of the crank in a trace of a turn.
@@ -31,16 +31,22 @@ def random_task(rng: np.random.Generator, count: int) -> tuple[PlacedFourBar, li
             return place(geometry, thetas[0], *rng.uniform(-1.0, 1.0, 2)), thetas
 
 
+def position_at(linkage: PlacedFourBar, theta2: float) -> Position:
+    """Return the position at a crank angle from the ground, in the first assembly mode."""
+    (a, b, _), axis = place(linkage.geometry, theta2).positions[0], linkage.o4 - linkage.o2
+    a, b = (linkage.o2 + axis / abs(axis) * x for x in (a, b))
+    return Position(a, b, a + linkage.coupler_vector * (b - a))
+
+
 def with_positions(
     linkage: PlacedFourBar, thetas: list[float], flip: int | None = None
 ) -> PlacedFourBar:
     """Return a four-bar with its positions, one of them in the other assembly mode."""
-    positions = [linkage.at(theta) for theta in thetas]
+    positions = [position_at(linkage, theta) for theta in thetas]
     if flip is not None:
-        other = place(linkage.geometry.mirrored(), thetas[flip])
-        coupler_point = other.a + linkage.coupler_vector * (other.b - other.a)
-        positions[flip] = positions[flip]._replace(a=other.a, b=other.b, p=coupler_point)
-    return PlacedFourBar(linkage.o2, linkage.o4, *positions[0], tuple(positions))
+        a, b, _ = place(linkage.geometry.mirrored(), thetas[flip]).positions[0]
+        positions[flip] = Position(a, b, a + linkage.coupler_vector * (b - a))
+    return PlacedFourBar(linkage.o2, linkage.o4, tuple(positions))
 
 
 def rockers(linkage: PlacedFourBar, thetas: np.ndarray) -> np.ndarray:

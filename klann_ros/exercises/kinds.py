@@ -194,7 +194,9 @@ def _function_four_points(givens: Givens) -> Key:
     found = synthesis.function_generators(inputs, outputs, input_start=start, ground=ground)
     if len(found) < 2:
         raise GeometryError('no two linkages fit these four points')
-    angle, best = max(((phase(x.b - x.o4), x) for x in found), key=lambda each: tan(each[0]))
+    angle, best = max(
+        ((phase(x.positions[0].b - x.o4), x) for x in found), key=lambda each: tan(each[0])
+    )
     return {'theta_4_0': degrees(angle), **_lengths(best.geometry)}
 
 

@@ -4,12 +4,11 @@ Synthesis of four-bars: from a task to all linkages that fulfil it, each with it
 ======================  ===================================================================
 Functions               `function_task`, `precision_points`, `function_generators`,
                         `freudenstein`
-Poses of the coupler    `motion_generators`; dyads: `burmester_curve`, `burmester_points`,
+Poses and timed paths   `motion_generators` of dyads: `burmester_curve`, `burmester_points`,
                         `dyad_of_pin`, `dyad_of_pivot`, `dyad_of_rotations`,
                         `dyads_of_rotation`
-Paths                   `path_generator`; `PlacedFourBar.cognates`
 Limits                  `quick_returns`, `central_crank_rocker`, `toggle_couplers`
-Results                 `PlacedFourBar`: `defects`, `grashof`, `instant_centres`
+Results                 `PlacedFourBar`: `defects`, `grashof`, `cognates`, `instant_centres`
 ======================  ===================================================================
 """
 
@@ -21,6 +20,7 @@ from .dyads import (
     dyad_of_pivot,
     dyad_of_rotations,
     dyads_of_rotation,
+    motion_generators,
     pins,
     PlanePose,
 )
@@ -31,14 +31,8 @@ from .function import (
     FunctionTask,
     precision_points,
 )
+from .limits import central_crank_rocker, quick_returns, toggle_couplers
 from .placed import Defects, place, PlacedFourBar, Position
-from .tasks import (
-    central_crank_rocker,
-    motion_generators,
-    path_generator,
-    quick_returns,
-    toggle_couplers,
-)
 
 __all__ = [
     'BurmesterPair',
@@ -58,7 +52,6 @@ __all__ = [
     'function_generators',
     'function_task',
     'motion_generators',
-    'path_generator',
     'pins',
     'place',
     'precision_points',

@@ -1,5 +1,5 @@
 """
-Dyads of three to five positions of a moving plane: Burmester theory.
+Dyads of three to five positions of a moving plane, and four-bars of two: Burmester theory.
 
 A dyad is a bar from a fixed pivot M to a point W of the moving plane. In the standard form, with
 W - M = w and the task point P - W = z in the first position,
@@ -18,6 +18,8 @@ Design of Linkages, 2nd ed. (2011), chapter 5.
 
 import cmath
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from itertools import permutations
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
@@ -25,11 +27,15 @@ from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
 from numpy.polynomial.polynomial import Polynomial, polyval
 
+from .placed import PlacedFourBar, Position
+
 # Roots this far from the unit circle are not real rotations; nearer ones are refined.
 CIRCLE_TOLERANCE = 1e-3
 # A refined dyad fits all positions within this part of the task's size; dyads closer are one.
 FIT_TOLERANCE, DISTINCT = 1e-9, 1e-5
 MAX_REFINEMENTS = 20
+# Smallest determinant of a dyad's two equations.
+SINGULAR = 1e-12
 
 
 class PlanePose(NamedTuple):
@@ -72,9 +78,36 @@ def pins(poses: Sequence[PlanePose], pin: complex) -> list[complex]:
     return [q + (pin - p) * cmath.rect(1.0, each - angle) for q, each in poses]
 
 
-def dyad_of_rotations(
-    poses: Sequence[PlanePose], rotations: Sequence[float], tolerance: float = 1e-12
-) -> BurmesterPair:
+def motion_generators(
+    poses: Sequence[PlanePose], dyads: Iterable[BurmesterPair]
+) -> list[PlacedFourBar]:
+    """
+    Return the four-bars of all pairs of dyads: the coupler takes the poses, P is its point.
+
+    Parameters
+    ----------
+    poses : sequence of PlanePose
+        Three to five poses.
+    dyads : iterable of BurmesterPair
+        Of these poses, from any of the functions below. Rotations of three points of a path are
+        the timing of its crank.
+
+    Returns
+    -------
+    list of PlacedFourBar
+        The first dyad of a pair drives; `defects` says what keeps it from moving through them.
+
+    """
+    found = []
+    for pair in permutations(dyads, 2):
+        ends = (pins(poses, dyad.pin) for dyad in pair)
+        places = map(Position, *ends, (pose.p for pose in poses))
+        with suppress(GeometryError, ZeroDivisionError):
+            found.append(PlacedFourBar(pair[0].pivot, pair[1].pivot, tuple(places)))
+    return found
+
+
+def dyad_of_rotations(poses: Sequence[PlanePose], rotations: Sequence[float]) -> BurmesterPair:
     """
     Return the dyad of three positions whose bar turns by two given angles.
 
@@ -84,8 +117,6 @@ def dyad_of_rotations(
         Three poses.
     rotations : sequence of float
         beta_2 and beta_3, the rotations of the bar from the first position [rad].
-    tolerance : float
-        Smallest determinant of the two equations, relative to their coefficients.
 
     Raises
     ------
@@ -93,10 +124,10 @@ def dyad_of_rotations(
         The rotations determine no dyad: the two equations depend on each other.
 
     """
-    rotors, shifts = _relative(poses)
+    rotors, shifts = _relative(poses, 3)
     bars = np.exp(1j * np.asarray(rotations, dtype=float))
     system = np.column_stack([bars - 1.0, rotors - 1.0])
-    if abs(np.linalg.det(system)) <= tolerance:
+    if abs(np.linalg.det(system)) <= SINGULAR:
         raise GeometryError(f'the rotations {[*map(float, rotations)]} rad determine no dyad')
     w, z = map(complex, np.linalg.solve(system, shifts))
     return BurmesterPair(poses[0].p - z - w, poses[0].p - z)
@@ -138,7 +169,7 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
         beta_2 [rad].
 
     """
-    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses))
+    d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses, 4))
     x = cmath.rect(1.0, rotation)
     found = (_solve(poses, x, y) for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)))
     return [dyad for dyad in found if dyad and _fits(poses, dyad)]
@@ -184,7 +215,7 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
         Each fits all poses to rounding.
 
     """
-    rotors, shifts = _relative(poses)
+    rotors, shifts = _relative(poses, 5)
     rows = [0, 1, 2], [0, 1, 3]
     (a_1, b_1, c_1), (a_2, b_2, c_2) = (
         _in_third_bar(*_compatibility(rotors[each], shifts[each])) for each in rows
@@ -201,13 +232,15 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
             continue
         start = _solve(poses, x, top / bottom)
         dyad = start and _refine(poses, start)
-        if dyad and _fits(poses, dyad) and not _is_among(dyad, found, _size(poses)):
+        if dyad and _fits(poses, dyad) and not any(_is_same(dyad, each) for each in found):
             found.append(dyad)
     return found
 
 
-def _relative(poses: Sequence[PlanePose]) -> tuple[ComplexArray, ComplexArray]:
-    """Return e^(i alpha_j) and delta_j of the poses after the first one."""
+def _relative(poses: Sequence[PlanePose], count: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return e^(i alpha_j) and delta_j of the poses after the first one; there must be `count`."""
+    if len(poses) != count:
+        raise ValueError(f'{len(poses)} poses: {count} are needed')
     (p, angle), *others = poses
     rotors = np.array([cmath.rect(1.0, each - angle) for _, each in others])
     return rotors, np.array([q - p for q, _ in others])
@@ -265,7 +298,7 @@ def _size(poses: Sequence[PlanePose]) -> float:
 
 def _refine(poses: Sequence[PlanePose], dyad: BurmesterPair) -> BurmesterPair:
     """Return a dyad of five positions after Newton's iteration on |W_j - M|^2 = |W_1 - M|^2."""
-    rotors, _ = _relative(poses)
+    rotors, _ = _relative(poses, 5)
     for _ in range(MAX_REFINEMENTS):
         first, *arms = np.array(pins(poses, dyad.pin)) - dyad.pivot
         squares, others = np.abs(arms) ** 2 - abs(first) ** 2, np.conj(arms)
@@ -282,13 +315,10 @@ def _refine(poses: Sequence[PlanePose], dyad: BurmesterPair) -> BurmesterPair:
     return dyad
 
 
-def _is_among(dyad: BurmesterPair, found: Iterable[BurmesterPair], size: float) -> bool:
-    """Return whether a dyad was found already, up to the rounding of a close pair of roots."""
-    return any(
-        abs(dyad.pivot - other.pivot) + abs(dyad.pin - other.pin)
-        <= DISTINCT * (size + abs(other.pin - other.pivot))
-        for other in found
-    )
+def _is_same(dyad: BurmesterPair, other: BurmesterPair) -> bool:
+    """Return whether two dyads are one, up to the rounding of a close pair of roots."""
+    bar = abs(other.pin - other.pivot)
+    return abs(dyad.pivot - other.pivot) + abs(dyad.pin - other.pin) <= DISTINCT * bar
 
 
 def _circle_centre(a: complex, b: complex, c: complex) -> complex:

@@ -155,7 +155,7 @@ def _placed(
     a, b = crank * np.exp(1j * theta2), ground + rocker * np.exp(1j * theta4)
     places = tuple(map(Position, a.tolist(), b.tolist(), a.tolist()))
     try:
-        return PlacedFourBar(0j, complex(ground), *places[0], places)
+        return PlacedFourBar(0j, complex(ground), places)
     except GeometryError:
         return None
 

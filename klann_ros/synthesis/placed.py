@@ -8,7 +8,7 @@ from math import inf, pi
 from typing import NamedTuple
 
 from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
-from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.linkage.reach import crank_limits
 import numpy as np
 
@@ -61,56 +61,47 @@ class Defects(NamedTuple):
 @dataclass(frozen=True)
 class PlacedFourBar:
     """
-    A four-bar in the plane, in the first position of its task; points are complex numbers.
+    A four-bar in the plane, and the positions of its task; points are complex numbers.
 
     Parameters
     ----------
     o2, o4 : complex
         Fixed pivots of crank and rocker [m].
-    a, b : complex
-        Crank pin and rocker pin in the first position [m].
-    p : complex
-        Coupler point in the first position [m].
     positions : tuple of Position
-        Positions of the task, the first one included; empty where there is no task.
+        One or more; the first one gives the lengths.
 
     Raises
     ------
     GeometryError
-        The points are no four-bar: two of them coincide, or the bars do not close.
+        The points are no four-bar: two of them coincide, or a position has other lengths.
 
     """
 
     o2: complex
     o4: complex
-    a: complex
-    b: complex
-    p: complex
-    positions: tuple[Position, ...] = ()
+    positions: tuple[Position, ...]
 
     def __post_init__(self) -> None:
-        if not all(np.isfinite([self.o2, self.o4, self.a, self.b, self.p])):
-            raise GeometryError('a point of the four-bar is not finite')
-        _ = self.geometry
-        size = sum(self.geometry.lengths)
+        size, v = sum(self.geometry.lengths), self.coupler_vector
         for k, (a, b, p) in enumerate(self.positions, 1):
             bars = np.abs([a - self.o2, b - a, b - self.o4]) - self.geometry.lengths[1:]
-            carried = a + self.coupler_vector * (b - a)
-            if np.abs([*bars, carried - p]).max() > FIT_TOLERANCE * (size + abs(p - a)):
+            away = np.abs([*bars, a + v * (b - a) - p]).max()
+            # Not a number is not near either.
+            if not away <= FIT_TOLERANCE * (size + abs(p - a)):
                 raise GeometryError(f'position {k} does not fit the lengths of the four-bar')
 
     @cached_property
     def geometry(self) -> FourBarGeometry:
         """Return the lengths [m] and the assembly mode of the first position."""
-        ground, coupler = self.o4 - self.o2, self.b - self.a
-        sine = (coupler.conjugate() * (self.b - self.o4)).imag
-        lengths = abs(ground), abs(self.a - self.o2), abs(coupler), abs(self.b - self.o4)
-        return FourBarGeometry(*lengths, assembly=1 if sine >= 0.0 else -1)
+        a, b, _ = self.positions[0]
+        lengths = abs(self.o4 - self.o2), abs(a - self.o2), abs(b - a), abs(b - self.o4)
+        return FourBarGeometry(*lengths, assembly=_turn_sense(b - a, b - self.o4))
 
     @property
     def coupler_vector(self) -> complex:
         """Return P from A in units of AB: (P - A) / (B - A)."""
-        return (self.p - self.a) / (self.b - self.a)
+        a, b, p = self.positions[0]
+        return (p - a) / (b - a)
 
     @property
     def grashof(self) -> Grashof:
@@ -122,23 +113,6 @@ class PlacedFourBar:
         """Return the crank angles of the positions, from the ground, in (-pi, pi] [rad]."""
         ground = self.o4 - self.o2
         return [cmath.phase((a - self.o2) / ground) for a, _, _ in self.positions]
-
-    @property
-    def swept_angles(self) -> list[float]:
-        """Return the crank rotations from the first position, in (-pi, pi] [rad]."""
-        thetas = self.thetas
-        return [wrap(theta - thetas[0]) for theta in thetas]
-
-    def at(self, theta2: float) -> Position:
-        """
-        Return the position at a crank angle from the ground [rad], in the first assembly mode.
-
-        Raises an UnreachableError where coupler and rocker do not meet.
-        """
-        points = FourBar(*self.geometry.lengths, self.geometry.assembly).closed_form(theta2).points
-        axis = (self.o4 - self.o2) / abs(self.o4 - self.o2)
-        _, a, b, _ = (self.o2 + axis * complex(x, y) for x, y in points.tolist())
-        return Position(a, b, a + self.coupler_vector * (b - a))
 
     @cached_property
     def defects(self) -> Defects:
@@ -158,7 +132,7 @@ class PlacedFourBar:
         # B is between coupler and rocker, O2 between ground and crank.
         joint = at_b if np.argmin(lengths) in (0, 1) else at_o2
         modes = {_turn_sense(*each, rounding) for each in at_b}
-        circuits = {self.grashof.class_ == 'I' and _turn_sense(*each, 0.0) for each in joint}
+        circuits = {self.grashof.class_ == 'I' and _turn_sense(*each) for each in joint}
         return Defects(len(modes) > 1, len(circuits) > 1, not self._is_in_order())
 
     @property
@@ -182,27 +156,25 @@ class PlacedFourBar:
         """
         v = self.coupler_vector
         pivot = self.o2 + v * (self.o4 - self.o2)
-
-        here = Position(self.a, self.b, self.p)
         at_o2, at_o4 = [], []
-        for a, b, p in (here, *self.positions):
+        for a, b, p in self.positions:
             first, last = self.o2 + p - a, self.o4 + p - b
             at_o2.append(Position(first, first + v * (a - self.o2), p))
             at_o4.append(Position(pivot + (1.0 - v) * (a - self.o2), last, p))
         return (
-            PlacedFourBar(self.o2, pivot, *at_o2[0], tuple(at_o2[1:])),
-            PlacedFourBar(pivot, self.o4, *at_o4[0], tuple(at_o4[1:])),
+            PlacedFourBar(self.o2, pivot, tuple(at_o2)),
+            PlacedFourBar(pivot, self.o4, tuple(at_o4)),
         )
 
-    def instant_centres(self, position: Position | None = None) -> dict[str, complex]:
+    def instant_centres(self, position: int = 0) -> dict[str, complex]:
         """
-        Return the six instant centres 'I12' ... 'I34' of a position [m].
+        Return the six instant centres 'I12' ... 'I34' of a position, by its number from 0 [m].
 
         Links are 1 ground, 2 crank, 3 coupler, 4 rocker. By Kennedy's theorem the centres of
         three links are on one line: I13 is on the lines of crank and rocker, I24 on those of
         ground and coupler. A centre at infinity is complex(inf, inf).
         """
-        a, b, _ = position or Position(self.a, self.b, self.p)
+        a, b, _ = self.positions[position]
         known = {'I12': self.o2, 'I14': self.o4, 'I23': a, 'I34': b}
         i_13 = _intersection(self.o2, a, self.o4, b)
         return {**known, 'I13': i_13, 'I24': _intersection(self.o2, self.o4, a, b)}
@@ -213,14 +185,14 @@ class PlacedFourBar:
         if near > 0.0 and far < pi and len({theta > 0.0 for theta in thetas}) > 1:
             return False
         # Angles are counted from one out of reach, or from the first of a crank that turns fully.
-        start = 0.0 if near > 0.0 else pi if far < pi else thetas[0] if thetas else 0.0
+        start = 0.0 if near > 0.0 else pi if far < pi else thetas[0]
         return any(
             turns[-1:] < [TURN - FIT_TOLERANCE] and all(a < b for a, b in pairwise(turns))
             for turns in ([sense * (x - start) % TURN for x in thetas] for sense in (1.0, -1.0))
         )
 
 
-def _turn_sense(first: complex, second: complex, tolerance: float) -> int:
+def _turn_sense(first: complex, second: complex, tolerance: float = 0.0) -> int:
     """Return the sign of the angle from one vector to another; +1 at a dead point."""
     return 1 if (first.conjugate() * second).imag >= -tolerance else -1
 
@@ -257,4 +229,5 @@ def place(
     """
     pose = FourBar(*geometry.lengths, geometry.assembly).closed_form(theta2)
     _, a, b, o4 = (complex(x, y) for x, y in pose.points.tolist())
-    return PlacedFourBar(0j, o4, a, b, a + complex(u, v) * (b - a) / abs(b - a))
+    p = a + complex(u, v) * (b - a) / abs(b - a)
+    return PlacedFourBar(0j, o4, (Position(a, b, p),))

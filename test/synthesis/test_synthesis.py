@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 import math
-from math import isclose, pi, radians
+from math import isclose, radians
 
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
@@ -17,18 +17,18 @@ from klann_ros.synthesis import (
     function_generators,
     function_task,
     motion_generators,
-    path_generator,
     pins,
     place,
     PlacedFourBar,
     PlanePose,
+    Position,
     precision_points,
     quick_returns,
     toggle_couplers,
 )
 import numpy as np
 import pytest
-from traced_four_bars import is_joined, is_traced, random_task, with_positions
+from traced_four_bars import is_joined, is_traced, position_at, random_task, with_positions
 
 
 def tasks(count: int) -> st.SearchStrategy[tuple[PlacedFourBar, list[float]]]:
@@ -37,12 +37,17 @@ def tasks(count: int) -> st.SearchStrategy[tuple[PlacedFourBar, list[float]]]:
 
 
 def poses_of(linkage: PlacedFourBar, thetas: list[float]) -> list[PlanePose]:
-    positions = [linkage.at(theta) for theta in thetas]
+    positions = [position_at(linkage, theta) for theta in thetas]
     return [PlanePose(each.p, float(np.angle(each.b - each.a))) for each in positions]
 
 
 def rocker_angles(linkage: PlacedFourBar, thetas: list[float]) -> np.ndarray:
-    return np.array([np.angle(linkage.at(theta).b - linkage.o4) for theta in thetas])
+    return np.array([np.angle(position_at(linkage, theta).b - linkage.o4) for theta in thetas])
+
+
+def rotations(linkage: PlacedFourBar) -> np.ndarray:
+    """Return e^(i beta) of the crank from the first position."""
+    return np.exp(1j * (np.array(linkage.thetas) - linkage.thetas[0]))
 
 
 def same(linkage: PlacedFourBar, other: PlacedFourBar) -> bool:
@@ -56,7 +61,7 @@ def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(
     linkage, thetas = task
     poses = poses_of(linkage, thetas)
     dyads = burmester_points(poses)
-    for pivot, pin in ((linkage.o2, linkage.a), (linkage.o4, linkage.b)):
+    for pivot, pin in zip((linkage.o2, linkage.o4), linkage.positions[0][:2], strict=True):
         assert any(abs(d.pivot - pivot) + abs(d.pin - pin) < 1e-4 for d in dyads)
     for dyad in dyads:
         bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
@@ -73,7 +78,9 @@ def test_dyads_of_four_poses_are_bars_of_one_length(
         assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
     linkage, (first, second, *_) = task
     found = dyads_of_rotation(poses, second - first)
-    assert any(abs(d.pivot - linkage.o2) + abs(d.pin - linkage.a) < 1e-6 for d in found)
+    assert any(
+        abs(d.pivot - linkage.o2) + abs(d.pin - linkage.positions[0].a) < 1e-6 for d in found
+    )
 
 
 @given(task=tasks(3))
@@ -81,23 +88,20 @@ def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(
     task: tuple[PlacedFourBar, list[float]],
 ) -> None:
     linkage, thetas = task
-    poses = poses_of(linkage, thetas)
+    (a, b, _), poses, psi = linkage.positions[0], poses_of(linkage, thetas), rocker_angles(*task)
+    turns = [np.array(angles[1:]) - angles[0] for angles in (thetas, psi)]
     try:
-        (by_pivots,) = motion_generators(poses, pivots=(linkage.o2, linkage.o4))
-        (by_pins,) = motion_generators(poses, pins_at_start=(linkage.a, linkage.b))
-        turns = [theta - thetas[0] for theta in thetas[1:]]
-        dyad = dyad_of_rotations(poses, turns)
+        by_pivots = [dyad_of_pivot(poses, pivot) for pivot in (linkage.o2, linkage.o4)]
+        by_pins = [dyad_of_pin(poses, pin) for pin in (a, b)]
+        by_rotations = [dyad_of_rotations(poses, each) for each in turns]
     except GeometryError:
         assume(False)
         raise
-    assert same(by_pivots, linkage)
-    assert same(by_pins, linkage)
-    assert abs(dyad.pivot - linkage.o2) + abs(dyad.pin - linkage.a) < 1e-6
-    psi = rocker_angles(linkage, thetas)
-    coupler = [pose.angle - poses[0].angle for pose in poses[1:]]
-    path = path_generator([pose.p for pose in poses], turns, coupler, (psi - psi[0])[1:])
-    assert same(path, linkage)
-    assert np.allclose(path.swept_angles[1:], [math.remainder(t, 2 * pi) for t in turns])
+    for dyads in (by_pivots, by_pins, by_rotations):
+        found, reversed_one = motion_generators(poses, dyads)
+        assert same(found, linkage)
+        assert reversed_one.o2 == found.o4
+        assert np.allclose(rotations(found), np.exp(1j * (np.array(thetas) - thetas[0])))
 
 
 @given(task=tasks(5))
@@ -115,9 +119,7 @@ def test_function_generators_of_three_to_five_points_contain_their_origin(
     for found in (three, four, five):
         assert any(same(each, linkage) for each in found)
         for each in found:
-            assert np.allclose(
-                np.exp(1j * np.array(each.swept_angles)), np.exp(1j * phi[: len(each.positions)])
-            )
+            assert np.allclose(rotations(each), np.exp(1j * phi[: len(each.positions)]))
 
 
 @given(task=tasks(4), flip=st.sampled_from([None, 1, 2, 3]))
@@ -152,7 +154,7 @@ def test_cognates_share_the_path_of_the_coupler_point(
         assert [each.p for each in cognate.positions] == [each.p for each in whole.positions]
     first, second = whole.cognates()
     assert first.o4 == second.o2
-    assert np.allclose(second.swept_angles, whole.swept_angles)
+    assert np.allclose(rotations(second), rotations(whole))
 
 
 @given(task=tasks(1))
@@ -160,7 +162,7 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
     task: tuple[PlacedFourBar, list[float]],
 ) -> None:
     linkage, (theta,) = task
-    centres = linkage.instant_centres(linkage.at(theta))
+    centres = linkage.instant_centres()
     i_24 = centres['I24']
     assume(abs(i_24) < 1e6 and abs(centres['I13']) < 1e6)
     bar = FourBar(*linkage.geometry.lengths, linkage.geometry.assembly)
@@ -213,12 +215,6 @@ def test_toggle_couplers_make_the_crank_angle_a_dead_point(theta: float) -> None
         assert any(isclose(abs(p.angle), theta, abs_tol=1e-6) for p in points)
 
 
-def test_a_four_bar_without_a_task_has_no_positions() -> None:
-    linkage = place(FourBarGeometry(4, 1, 3, 3), 1.0, 1.0, 1.0)
-    assert (linkage.thetas, linkage.swept_angles) == ([], [])
-    assert linkage.cognates()[0].positions == ()
-
-
 def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
     expected = [1.5 - 3**0.5 / 4, 1.5, 1.5 + 3**0.5 / 4]
     assert np.allclose(precision_points(1.0, 2.0, 3), expected, rtol=0, atol=1e-15)
@@ -230,13 +226,12 @@ def test_chebyshevs_spacing_of_three_points_from_1_to_2() -> None:
         (lambda: function_generators([0, 1], [0, 1]), '2 and 2 rotations: 3 to 5'),
         (lambda: function_generators([0, 1, 2], [0, 1, 2]), 'need input_start and output_start'),
         (lambda: function_task(lambda _: 1.0, (0.0, 1.0), (1.0, 1.0)), 'finite and different'),
-        (lambda: motion_generators([PlanePose(0j, 0.0)] * 2), '2 poses: 3 to 5'),
-        (lambda: motion_generators([PlanePose(0j, 0.0)] * 3), 'either both fixed pivots or'),
+        (lambda: burmester_points([PlanePose(0j, 0.0)] * 3), '3 poses: 5 are needed'),
         (lambda: dyad_of_pin([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
         (lambda: dyad_of_pivot([PlanePose(complex(k), 0.0) for k in range(3)], 1j), 'on one line'),
-        (lambda: place(FourBarGeometry(4, 1, 3, 3), 0.0).at(math.nan), 'finite'),
-        (lambda: path_generator([0j, 1j], [1.0], [1.0], [1.0]), '2 points: 3 are needed'),
-        (lambda: path_generator([0j, 1j, 1], [1.0, 2.0], [1.0], [1.0, 2.0]), 'shorter'),
+        (lambda: place(FourBarGeometry(4, 1, 3, 3), math.nan), 'finite'),
+        (lambda: PlacedFourBar(0j, 4 + 0j, (Position(-1, 5, 0j),)), 'shorter'),
+        (lambda: PlacedFourBar(0j, 2, (Position(1j, 1 + 1j, math.nan),)), 'position 1 does not'),
     ],
 )
 def test_an_invalid_task_is_refused_in_one_line(call, text: str) -> None:

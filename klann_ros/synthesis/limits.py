@@ -1,113 +1,12 @@
-"""Four-bars for poses, paths, limits and toggles: pairs of dyads, and the rocker's limits."""
+"""Four-bars by the limits of their rocker, and by toggles."""
 
-from collections.abc import Sequence
-from itertools import permutations
 from math import cos, isfinite, pi, sin, sqrt
 
 from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
 import numpy as np
 
-from .dyads import (
-    burmester_curve,
-    burmester_points,
-    BurmesterPair,
-    dyad_of_pin,
-    dyad_of_pivot,
-    dyad_of_rotations,
-    pins,
-    PlanePose,
-)
-from .placed import PlacedFourBar, Position
-
 # Samples of the crank's length from which the best transmission angle is chosen.
 CRANK_SAMPLES = 400
-
-
-def motion_generators(
-    poses: Sequence[PlanePose],
-    *,
-    pivots: tuple[complex, complex] | None = None,
-    pins_at_start: tuple[complex, complex] | None = None,
-    count: int = 36,
-) -> list[PlacedFourBar]:
-    """
-    Return four-bars whose coupler takes three, four or five poses.
-
-    Parameters
-    ----------
-    poses : sequence of PlanePose
-        Poses of the coupler; P is the coupler point.
-    pivots : (complex, complex), optional
-        With three poses: the fixed pivots O2 and O4 [m].
-    pins_at_start : (complex, complex), optional
-        With three poses, instead of `pivots`: A and B in the first pose [m].
-    count : int
-        With four poses: number of crank rotations from which dyads of the Burmester curve are
-        taken; all pairs of them are returned.
-
-    Returns
-    -------
-    list of PlacedFourBar
-        Each fits all poses; `defects` says what keeps it from moving through them.
-
-    Raises
-    ------
-    ValueError
-        Not three to five poses, or three without pivots or pins.
-    GeometryError
-        No bar fits the three poses with these pivots or pins.
-
-    """
-    if len(poses) == 3:
-        if (pivots is None) == (pins_at_start is None):
-            raise ValueError('three poses need either both fixed pivots or both pins')
-        dyads = [dyad_of_pivot(poses, pivot) for pivot in pivots or ()]
-        dyads += [dyad_of_pin(poses, pin) for pin in pins_at_start or ()]
-    elif len(poses) == 4:
-        dyads = burmester_curve(poses, count)
-    elif len(poses) == 5:
-        dyads = burmester_points(poses)
-    else:
-        raise ValueError(f'{len(poses)} poses: 3 to 5 are needed')
-    pairs = permutations(dyads, 2) if len(poses) > 3 else [dyads]
-    return [linkage for one, other in pairs if (linkage := _couple(poses, one, other))]
-
-
-def path_generator(
-    points: Sequence[complex],
-    crank_rotations: Sequence[float],
-    coupler_rotations: Sequence[float],
-    rocker_rotations: Sequence[float],
-) -> PlacedFourBar:
-    """
-    Return the four-bar whose coupler point passes three points with prescribed timing.
-
-    Parameters
-    ----------
-    points : sequence of complex
-        Three points of the path [m].
-    crank_rotations : sequence of float
-        Rotations of the crank from the first point to the two others: the timing [rad].
-    coupler_rotations, rocker_rotations : sequence of float
-        The same of coupler and rocker; free choices [rad].
-
-    Raises
-    ------
-    ValueError
-        Not three points.
-    GeometryError
-        The rotations determine no four-bar.
-
-    """
-    if len(points) != 3:
-        raise ValueError(f'{len(points)} points: 3 are needed')
-    angles = (0.0, *coupler_rotations)
-    poses = [PlanePose(p, angle) for p, angle in zip(points, angles, strict=True)]
-    crank, rocker = (dyad_of_rotations(poses, x) for x in (crank_rotations, rocker_rotations))
-    linkage = _couple(poses, crank, rocker)
-    if linkage is None:
-        raise GeometryError('the two dyads make no four-bar: pivots or pins coincide')
-    return linkage
 
 
 def quick_returns(
@@ -194,20 +93,6 @@ def toggle_couplers(
     z = abs(crank * np.exp(1j * theta2) - ground)
     candidates = ((z - rocker, 'stretched'), (z + rocker, 'folded'), (rocker - z, 'folded'))
     return [(float(length), kind) for length, kind in candidates if length > 0.0]
-
-
-def _couple(
-    poses: Sequence[PlanePose], one: BurmesterPair, other: BurmesterPair
-) -> PlacedFourBar | None:
-    """Return the four-bar of a driving and a driven dyad; None if they make none."""
-    places = tuple(
-        Position(a, b, p)
-        for a, b, (p, _) in zip(pins(poses, one.pin), pins(poses, other.pin), poses, strict=True)
-    )
-    try:
-        return PlacedFourBar(one.pivot, other.pivot, *places[0], places)
-    except (GeometryError, ZeroDivisionError):
-        return None
 
 
 def _of_crank(
