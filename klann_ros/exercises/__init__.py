@@ -11,14 +11,14 @@ Exercises of both courses: a variant for each student, its key and steps, and it
 
 ======================  ===================================================================
 Variants                `KINDS`, `make_variant`: `Kind`, `Question`, `Variant`, `Step`
-Marking                 `mark`: `Mark`; `Marked`, `statistics`; `check` one answer
+Marking                 `mark`: `Mark`; `statistics`; `check` one answer
 Errors                  `ExerciseError`
 ======================  ===================================================================
 """
 
 from .calculation import Step
 from .kinds import KINDS
-from .marking import Mark, mark, Marked, statistics
+from .marking import Mark, mark, statistics
 from .platforms import check
 from .variant import ExerciseError, Kind, make_variant, Question, Variant
 
@@ -27,7 +27,6 @@ __all__ = [
     'ExerciseError',
     'Kind',
     'Mark',
-    'Marked',
     'Question',
     'Step',
     'Variant',

@@ -6,7 +6,7 @@ or SLIP:PLACE, such as 'radians:trig'. The course formulas with a mistake give t
 that mistake, so that marking can name the slip. exercises.yaml has the formulas.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from math import acos, atan2, cos, degrees, floor, hypot, isfinite, log10, pi, radians, sin, sqrt
 from pathlib import Path
@@ -15,6 +15,7 @@ from types import CodeType
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.searches import peak
 from klann_ros.sanitize.yaml_text import parse_file
 import numpy as np
 
@@ -30,9 +31,8 @@ HALF_TURN, TURN_DEG = 180.0, 360.0
 FUNCTIONS = {
     '__builtins__': {}, 'sqrt': sqrt, 'hypot': hypot, 'min': min, 'max': max, 'abs': abs
 }  # fmt: skip
-# Crank angles of a table, and of its printed rows [deg]; rounds that refine an extreme.
-TABLE_STEP, PRINTED_STEP, REFINING_ROUNDS = 6, 30, 36
-GOLDEN_SHARE = (sqrt(5.0) - 1.0) / 2.0
+# Crank angles of a table, and of its printed rows [deg].
+TABLE_STEP, PRINTED_STEP = 6, 30
 
 
 class Step(NamedTuple):
@@ -242,11 +242,14 @@ class Calculation:
         for angle in range(0, 360, PRINTED_STEP):
             for name in extremes.values():
                 self._record(name, 'mm', '=', table[angle][name], f'α = {angle}°')
+
+        def greatest(name: str, sense: float) -> float:
+            near = max(table, key=lambda angle: sense * table[angle][name])
+            ends = near - TABLE_STEP, near + TABLE_STEP
+            return sense * at(peak(lambda angle: sense * at(angle)[name], *ends))[name]
+
         for answer, name in extremes.items():
-            extent = 0.0
-            for sense in (1.0, -1.0):
-                near = max(table, key=lambda angle: sense * table[angle][name])
-                extent += _greatest(at, near, name, sense)
+            extent = greatest(name, 1.0) + greatest(name, -1.0)
             self._record(answer, 'mm', ':=', extent, f'max {name} - min {name}')
 
     def _all_rounded(self, values: FloatArray) -> FloatArray:
@@ -277,16 +280,6 @@ def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
     if not found:
         raise SyntaxError(f'{DATA_FILE}: {text}')
     return found.groups(default='')
-
-
-def _greatest(at: Callable[[float], Calculation], near: float, name: str, sense: float) -> float:
-    """Return the greatest value, times a sense, near an angle of the table: golden section."""
-    low, high = near - TABLE_STEP, near + TABLE_STEP
-    for _ in range(REFINING_ROUNDS):
-        left, right = high - GOLDEN_SHARE * (high - low), low + GOLDEN_SHARE * (high - low)
-        values = sense * at(left)[name], sense * at(right)[name]
-        low, high = (left, high) if values[0] < values[1] else (low, right)
-    return max(values)
 
 
 def significant(value: float, digits: int) -> float:

@@ -3,20 +3,18 @@
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import groupby
-import json
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path
-from klann_ros.sanitize.outputs import finite, Output, OutputError, outputs, save_all
+from klann_ros.sanitize.outputs import Output, OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from klann_ros.web.browser import print_page, PrintError
 
 from .kinds import KINDS
-from .marking import Marked, statistics
+from .marking import statistics
 from .platforms import moodle, notebooks, prairielearn
-from .sheet import answer_text, key, picture, sheets
+from .sheet import answer_text, key, sheets
 from .tables import has_answers, mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
@@ -31,7 +29,7 @@ Exit code: 0 done, 1 rows of ANSWERS are refused (listed), 2 an input or an
 argument is refused, 3 an OUT cannot be written."""
 # A file of a format: its path within the folder, and its content.
 Files = Mapping[str, bytes]
-Format = Callable[[Sequence[Variant], Sequence[str], str], Files]
+Format = Callable[[Sequence[Variant], str], Files]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,9 +48,8 @@ def _list(options: argparse.Namespace) -> int:
 def _make(options: argparse.Namespace) -> int:
     kind = known(options.kind, KINDS, 'kind')
     students = read_students(options.students)
-    variants = [make_variant(kind, student.number) for student in students]
-    names = [student.name for student in students]
-    files = dict(FORMATS[options.format](variants, names, options.language))
+    variants = [make_variant(kind, *student) for student in students.items()]
+    files = FORMATS[options.format](variants, options.language)
     folder = Path(options.output)
     places = [Output('-o', str(folder / name)) for name in files]
     template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
@@ -78,48 +75,24 @@ def _make(options: argparse.Namespace) -> int:
 
 
 def _mark(options: argparse.Namespace) -> int:
-    files = outputs(options, ('csv', 'json'), (options.answers,))
+    files = outputs(options, ('csv',), (options.answers,))
     marked, refused = mark_answers(options.answers, KINDS)
-    counts = statistics(marked)
-    for student, exercises in groupby(marked, key=lambda each: each.student):
-        for each in exercises:
-            print(f'{printable(student)}  {each.kind}  {each.points:g} of {len(each.marks)}')
-            for mark in each.marks:
-                if mark.points < 1.0:
-                    given = printable(mark.given, 40) or '-'
-                    reason = mark.reason(options.language)
-                    print(f'    {mark.question} = {given}: {mark.points:g}, {reason}')
-    for kind, count in counts.items():
+    for (student, kind), marks in marked.items():
+        points = sum(mark.points for mark in marks)
+        print(f'{printable(student)}  {kind}  {points:g} of {len(marks)}')
+        for mark in marks:
+            if mark.points < 1.0:
+                given = printable(mark.given, 40) or '-'
+                reason = mark.reason(options.language)
+                print(f'    {mark.question} = {given}: {mark.points:g}, {reason}')
+    for kind, count in statistics(marked).items():
         slips = ', '.join(f'{name} {value:g}' for name, value in [*count.items()][2:])
         share = 100.0 * count['part']
         print(f'{kind}: {counted(int(count["students"]), "student")}, {share:.0f} %; {slips}')
     for line in refused:
         print(f'refused: {line}')
-    report = partial(_report, marked, counts, refused, options.language)
-    marks = partial(save_marks, marked, options.language)
-    save_all(files, {'--csv': marks, '--json': report})
+    save_all(files, {'--csv': partial(save_marks, marked, options.language)})
     return ROWS_REFUSED if refused else 0
-
-
-def _report(
-    marked: Sequence[Marked],
-    counts: Mapping[str, Any],
-    refused: Sequence[str],
-    language: str,
-    file: BinaryIO,
-) -> None:
-    students = [
-        {
-            'student': each.student,
-            'kind': each.kind,
-            'points': each.points,
-            'maximum': len(each.marks),
-            'marks': [{**mark._asdict(), 'reason': mark.reason(language)} for mark in each.marks],
-        }
-        for each in marked
-    ]
-    whole = finite({'students': students, 'statistics': counts, 'refused': refused})
-    file.write(_json(whole))
 
 
 def _key(options: argparse.Namespace) -> int:
@@ -140,26 +113,16 @@ def _key(options: argparse.Namespace) -> int:
     return 0
 
 
-def _json(data: Any) -> bytes:
-    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
-    return f'{text}\n'.encode()
-
-
-def _html(variants: Sequence[Variant], names: Sequence[str], language: str) -> Files:
-    kind = variants[0].kind.name
+def _html(variants: Sequence[Variant], language: str) -> Files:
+    pages = {'': sheets, '_key': key}
     return {
-        f'{kind}.html': sheets(variants, names, language).encode(),
-        f'{kind}_key.html': key(variants, names, language).encode(),
+        f'{variants[0].kind.name}{name}.html': page(variants, language).encode()
+        for name, page in pages.items()
     }
 
 
-def _as_json(variants: Sequence[Variant], _names: Sequence[str], _language: str) -> Files:
-    found = [{**each.as_dict(), 'drawing': picture(each)} for each in variants]
-    return {f'{variants[0].kind.name}.json': _json(found)}
-
-
-def _pdf(variants: Sequence[Variant], names: Sequence[str], language: str) -> Files:
-    pages = _html(variants, names, language)
+def _pdf(variants: Sequence[Variant], language: str) -> Files:
+    pages = _html(variants, language)
     return {name.replace('.html', '.pdf'): print_page(page) for name, page in pages.items()}
 
 
@@ -169,7 +132,6 @@ FORMATS: dict[str, Format] = {
     'moodle': moodle,
     'prairielearn': prairielearn,
     'notebook': notebooks,
-    'json': _as_json,
 }
 
 
@@ -198,7 +160,6 @@ def _parser() -> ArgumentParser:
     answers = 'columns student, kind, question, answer'
     add('answers', metavar='ANSWERS.csv', type=path, help=answers)
     add('--csv', metavar='OUT', help='the marks with their reasons, a row an answer')
-    add('--json', metavar='OUT', help='the marks and the statistics of the class')
     add = command('key', _key, "Print a student's key with all steps")
     add('--kind', metavar='KIND', required=True, help='see exercise list')
     add('--student', metavar='ID', required=True, help='the student number')

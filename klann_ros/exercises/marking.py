@@ -1,8 +1,7 @@
 """Marking: answers as students write them, points, and the slip that explains a wrong one."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import isfinite, nan
 import re
 from typing import NamedTuple
@@ -64,6 +63,10 @@ class Mark(NamedTuple):
         words = texts()
         found = (words['marks'].get(self.slip) or words['slips'][self.slip])[language]
         return f'{found}; {words["marks"]["carried"][language]}' if self.carried else str(found)
+
+
+Marks = Mapping[tuple[str, str], Sequence[Mark]]
+"""The marks of a class by student and kind."""
 
 
 def credit_of(slip: str) -> float:
@@ -206,39 +209,13 @@ def _slip(
     return 'rounding' if is_near else WRONG
 
 
-@dataclass(frozen=True)
-class Marked:
-    """
-    The marks of a student in one exercise.
-
-    Attributes
-    ----------
-    student, kind : str
-        Whose exercise it is.
-    marks : tuple of Mark
-        A mark for each question.
-
-    """
-
-    student: str
-    kind: str
-    marks: tuple[Mark, ...]
-
-    @property
-    def points(self) -> float:
-        """Return the sum of points; each question has at most 1."""
-        return sum(each.points for each in self.marks)
-
-
-def statistics(marked: Iterable[Marked]) -> dict[str, dict[str, float]]:
+def statistics(marked: Marks) -> dict[str, dict[str, float]]:
     """Return for each kind: students, mean part of the points, and answers with each slip."""
-    found: dict[str, dict[str, float]] = {}
-    by_kind: dict[str, list[Marked]] = {}
-    for each in marked:
-        by_kind.setdefault(each.kind, []).append(each)
-    for kind, several in by_kind.items():
-        total = sum(len(each.marks) for each in several)
-        slips = Counter(mark.slip for each in several for mark in each.marks)
-        part = sum(each.points for each in several) / total
-        found[kind] = {'students': len(several), 'part': part, **dict(slips.most_common())}
+    found = {}
+    for kind in dict.fromkeys(kind for _, kind in marked):
+        exercises = [marks for (_, own), marks in marked.items() if own == kind]
+        marks = [mark for each in exercises for mark in each]
+        part = sum(mark.points for mark in marks) / len(marks)
+        slips = Counter(mark.slip for mark in marks).most_common()
+        found[kind] = {'students': len(exercises), 'part': part, **dict(slips)}
     return found

@@ -46,7 +46,7 @@ class Alternative(NamedTuple):
     reason: str = ''
 
 
-def moodle(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:
+def moodle(variants: Sequence[Variant], language: str) -> Files:
     """
     Return two Moodle XML files, each with a category of its own.
 
@@ -150,7 +150,7 @@ def cloze_field(answers: Sequence[Alternative]) -> str:
     return f'{{1:{kind}:{"~".join(found)}}}'
 
 
-def prairielearn(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:
+def prairielearn(variants: Sequence[Variant], language: str) -> Files:
     """Return a PrairieLearn question, whose variants are drawn from PrairieLearn's own seeds."""
     kind = variants[0].kind
     info = {
@@ -217,7 +217,7 @@ def check(kind: str, student: str, question: str, answer: object, language: str 
     return str(known(question, marks, f'question of {kind}').reason(language))
 
 
-def notebooks(variants: Sequence[Variant], _names: Sequence[str], language: str) -> Files:
+def notebooks(variants: Sequence[Variant], language: str) -> Files:
     """Return a Jupyter notebook a student, and the tests of otter-grader for all of them."""
     kind, words = (
         variants[0].kind,

@@ -21,14 +21,14 @@ SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
 GIVEN_ROWS, STEP_DIGITS = 9, 6
 
 
-def sheets(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
+def sheets(variants: Sequence[Variant], language: str) -> str:
     """Return the page of all sheets, one printed page or more a student."""
     asked = element('h3', texts()['sheet']['asked'][language])
     parts = [(problem(each, language), asked, _answers(each, language)) for each in variants]
-    return _page(_title(variants[0], language), variants, names, language, parts)
+    return _page(_title(variants[0], language), variants, language, parts)
 
 
-def key(variants: Sequence[Variant], names: Sequence[str], language: str) -> str:
+def key(variants: Sequence[Variant], language: str) -> str:
     """Return the page of all worked solutions."""
     words = texts()['sheet']
     solution = element('h3', words['solution'][language])
@@ -36,7 +36,7 @@ def key(variants: Sequence[Variant], names: Sequence[str], language: str) -> str
         (_answers(each, language, solved=True), solution, _steps(each, language))
         for each in variants
     ]
-    return _page(words['key'][language], variants, names, language, parts)
+    return _page(words['key'][language], variants, language, parts)
 
 
 def _title(variant: Variant, language: str) -> str:
@@ -44,29 +44,17 @@ def _title(variant: Variant, language: str) -> str:
 
 
 def _page(
-    title: str,
-    variants: Sequence[Variant],
-    names: Sequence[str],
-    language: str,
-    parts: Iterable[Iterable[Markup]],
+    title: str, variants: Sequence[Variant], language: str, parts: Iterable[Iterable[Markup]]
 ) -> str:
     """Return a page with a section for each student."""
     sections = []
-    for variant, name, content in zip(variants, names, parts, strict=True):
-        number = variant.student
+    for variant, content in zip(variants, parts, strict=True):
+        number, name = variant.student, variant.name
         student = number if name in ('', number) else f'{name} ({number})'
         line = f'{texts()["sheet"]["student"][language]}: {student}'
         heading = element('h1', _title(variant, language)), element('p', line, class_='student')
         sections.append(element('section', *heading, *content))
-    head = (
-        element('meta', charset='utf-8'),
-        SHEET_PARTS.policy(),
-        element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
-        element('title', title),
-        SHEET_PARTS.style_elements(),
-    )
-    body = element('body', element('main', *sections))
-    return f'<!doctype html>\n{element("html", element("head", *head), body, lang=language)}\n'
+    return SHEET_PARTS.page(title, *sections, language=language)
 
 
 def problem(variant: Variant, language: str) -> Markup:

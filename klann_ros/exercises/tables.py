@@ -1,18 +1,17 @@
 """Tables of a class: students, answers and marks, as spreadsheets of any locale write them."""
 
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 import csv
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 import re
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import FORMULA_STARTS, listed, printable
 
-from .marking import mark, Marked
+from .marking import mark, Marks
 from .variant import ExerciseError, Kind, known, make_variant
 
 # Largest table [bytes], and students of one.
@@ -24,24 +23,9 @@ MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
 SCIENTIFIC = re.compile(r'\d(?:[.,]\d+)?[Ee]\+?\d+')
 
 
-class Student(NamedTuple):
+def read_students(path: str) -> dict[str, str]:
     """
-    A row of a class list.
-
-    Attributes
-    ----------
-    number, name : str
-        The student number, from which the variant is drawn, and the name.
-
-    """
-
-    number: str
-    name: str
-
-
-def read_students(path: str) -> list[Student]:
-    """
-    Return the students of a class list, with the columns student and, optional, name.
+    Return the names of a class by student number: the columns name, if any, and student.
 
     Raises
     ------
@@ -49,9 +33,10 @@ def read_students(path: str) -> list[Student]:
         The file cannot be read, is no such table, has a student twice, or a row without one.
 
     """
-    found = []
+    found: dict[str, str] = {}
+    twice = []
     for line, row in _rows(path, ('student',)):
-        number, name = row['student'].strip(), row.get('name', '').strip()
+        number = row['student'].strip()
         if not number:
             raise ExerciseError(f'{printable(path)}, line {line}: no student number')
         if SCIENTIFIC.fullmatch(number):
@@ -59,13 +44,14 @@ def read_students(path: str) -> list[Student]:
                 f'{printable(path)}, line {line}: student {number} is a number that a spreadsheet '
                 'has rounded; give the column the format text'
             )
-        found.append(Student(number, name))
+        if number in found:
+            twice.append(number)
+        found[number] = row.get('name', '').strip()
     if not 0 < len(found) <= MAX_STUDENTS:
         raise ExerciseError(
             f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
         )
-    numbers = Counter(student.number for student in found)
-    if twice := [number for number, count in numbers.items() if count > 1]:
+    if twice:
         raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
     return found
 
@@ -76,7 +62,7 @@ def has_answers(path: str) -> bool:
     return any(row['answer'].strip() for _, row in rows)
 
 
-def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], list[str]]:
+def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
     """
     Return the marks of a table of answers, and the rows that are refused, with their reasons.
 
@@ -100,11 +86,10 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[list[Marked], li
             refused.append(f'line {line}: {printable(student)} answers {question} twice')
         else:
             answers[student, kind][question] = row['answer']
-    marked = []
+    marked = {}
     for (student, kind), given in answers.items():
         try:
-            marks = mark(make_variant(kinds[kind], student), given)
-            marked.append(Marked(student, kind, tuple(marks)))
+            marked[student, kind] = mark(make_variant(kinds[kind], student), given)
         except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
             refused.append(str(error))
     return marked, refused
@@ -165,20 +150,20 @@ def _decoded(data: bytes) -> str:
         return data.decode('cp1252', errors='replace')
 
 
-def save_template(kind: Kind, students: Iterable[Student], file: BinaryIO) -> None:
+def save_template(kind: Kind, students: Iterable[str], file: BinaryIO) -> None:
     """Write an empty table of answers."""
-    rows = ((each.number, kind.name, question.name, '') for each in students
+    rows = ((each, kind.name, question.name, '') for each in students
             for question in kind.questions)  # fmt: skip
     _save(ANSWER_COLUMNS, rows, file)
 
 
-def save_marks(marked: Iterable[Marked], language: str, file: BinaryIO) -> None:
+def save_marks(marked: Marks, language: str, file: BinaryIO) -> None:
     """Write the marks, a row an answer."""
     rows = (
-        (each.student, each.kind, mark.question, mark.given, f'{mark.points:g}',
-         mark.reason(language))
-        for each in marked for mark in each.marks
-    )  # fmt: skip
+        (*exercise, mark.question, mark.given, f'{mark.points:g}', mark.reason(language))
+        for exercise, marks in marked.items()
+        for mark in marks
+    )
     _save(MARK_COLUMNS, rows, file)
 
 

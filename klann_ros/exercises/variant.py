@@ -185,6 +185,8 @@ class Variant:
         Its kind.
     student : str
         The student's number.
+    name : str
+        The student's name, if known.
     givens : mapping of str to float
         The given numbers, in the units of the kind.
     answers : mapping of str to (float or str)
@@ -196,6 +198,7 @@ class Variant:
 
     kind: Kind
     student: str
+    name: str
     givens: Mapping[str, float]
     answers: Mapping[str, Answer]
     steps: tuple[Step, ...]
@@ -257,34 +260,6 @@ class Variant:
 
         return all(map(is_agreed, self.kind.questions))
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return all that a page or a platform needs to show and mark it, ready for JSON."""
-        leg, angle = self.kind.leg(self.givens) if self.kind.leg else (None, 0.0)
-        words, givens = texts(), self.givens.items()
-        return {
-            'kind': self.kind.name,
-            'student': self.student,
-            'texts': words['kinds'][self.kind.name],
-            'givens': [{'name': k, 'value': value, 'unit': unit_of(k)} for k, value in givens],
-            'crank_angle': angle,
-            'dimensions': dict(leg.linkage.dimensions) if leg else {},
-            'questions': [*map(self._asked, self.kind.questions)],
-            'steps': [step._asdict() for step in self.steps],
-            'reasons': words['slips'],
-        }
-
-    def _asked(self, question: Question) -> dict[str, Any]:
-        """Return a question with its answer, and the wrong answers of all slips."""
-        name, mistaken = question.name, self.mistaken.items()
-        return {
-            **question._asdict(),
-            'digits': self.kind.digits,
-            'tolerance': self.tolerance(question),
-            'text': {each: label(question, each) for each in LANGUAGES},
-            'answer': self.answers[name],
-            'slips': {slip: wrong[name] for slip, wrong in mistaken if name in wrong},
-        }
-
 
 def difference(question: Question, answer: Answer, value: Answer) -> float:
     """Return the distance of two answers, of angles modulo a turn, of words 0 or 1."""
@@ -297,9 +272,9 @@ def difference(question: Question, answer: Answer, value: Answer) -> float:
     return gap
 
 
-def make_variant(kind: Kind, student: str) -> Variant:
+def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
     """
-    Return the variant of a student.
+    Return the variant of a student, whose name changes nothing.
 
     Raises
     ------
@@ -314,13 +289,13 @@ def make_variant(kind: Kind, student: str) -> Variant:
         )
     draw = Draw(f'{kind.name}:{student}')
     for _ in range(MAX_DRAWS):
-        variant = _suitable(kind, student, kind.draw(draw))
+        variant = _suitable(kind, student, name, kind.draw(draw))
         if variant:
             return variant
     raise AssertionError(f'{kind.name}: no suitable variant')
 
 
-def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | None:
+def _suitable(kind: Kind, student: str, name: str, givens: dict[str, float]) -> Variant | None:
     """Return the variant of givens if it assembles, is well conditioned and has fair answers."""
     worked = kind.calculated(givens)
     guarded = worked and kind.calculated(givens, GUARD_DIGITS)
@@ -338,7 +313,7 @@ def _suitable(kind: Kind, student: str, givens: dict[str, float]) -> Variant | N
         # Not the linkage that the kind asks about, such as one without limits.
         return None
     answers = {question.name: key[question.name] for question in kind.questions}
-    variant = Variant(kind, student, givens, answers, tuple(worked.steps))
+    variant = Variant(kind, student, name, givens, answers, tuple(worked.steps))
     return variant if variant.agrees(worked, guarded) else None
 
 

@@ -13,6 +13,7 @@ Sample = tuple[float, float]
 Functions = Callable[[IndexArray, FloatArray], FloatArray]
 # Bisection alone needs about 60, zooming alone some 20.
 MAX_CALLS = 200
+GOLDEN_RATIO = (5.0**0.5 - 1.0) / 2.0
 # The points of a zoom, and the factor by which the next one is narrower if a parabola fits.
 ZOOM_POINTS: FloatArray = np.linspace(-1.0, 1.0, 9)
 # ... and wider after a parabola that has missed the minimum. The last is relative to the first.
@@ -123,6 +124,22 @@ def _chandrupatla(
         else:
             fraction = 0.5
     return (b, f_b), (a, f_a)
+
+
+def peak(function: Callable[[float], float], left: float, right: float) -> float:
+    """Return where a function with one peak between two angles is greatest (golden section)."""
+    a, b = right - GOLDEN_RATIO * (right - left), left + GOLDEN_RATIO * (right - left)
+    at_a, at_b = function(a), function(b)
+    while right - left > 1e-9:
+        if at_a > at_b:
+            right, b, at_b = b, a, at_a
+            a = right - GOLDEN_RATIO * (right - left)
+            at_a = function(a)
+        else:
+            left, a, at_a = a, b, at_b
+            b = left + GOLDEN_RATIO * (right - left)
+            at_b = function(b)
+    return (left + right) / 2.0
 
 
 def minimum_near(

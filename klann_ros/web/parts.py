@@ -42,14 +42,13 @@ class Parts:
     scripts: Sequence[Path]
     is_compact: bool = False
 
-    def page(self, title: str, *content: str, data: object = None) -> str:
+    def page(self, title: str, *content: str, data: object = None, language: str = 'en') -> str:
         """Return a page with content in its `main`, and data as JSON in the element `data`."""
         given = {'id': 'data', 'type': 'application/json'}
         json_element = element('script', as_script(data), **given) if data is not None else ''
         head = joined([self.policy(), self.style_elements()])
-        return html_page(
-            title, head, element('main', *content), json_element, self.script_elements()
-        )
+        body = element('main', *content), json_element, self.script_elements()
+        return html_page(title, head, *body, language=language)
 
     def style_elements(self) -> Markup:
         """Return all styles."""
@@ -79,7 +78,7 @@ class Parts:
         return element('meta', http_equiv='Content-Security-Policy', content='; '.join(rules))
 
 
-def html_page(title: str, head: Markup, *body: str) -> str:
+def html_page(title: str, head: Markup, *body: str, language: str = 'en') -> str:
     """Return an HTML page; `head` is its policy and its styles."""
     metas = {'viewport': 'width=device-width, initial-scale=1', 'color-scheme': 'light dark'}
     start = element(
@@ -89,7 +88,7 @@ def html_page(title: str, head: Markup, *body: str) -> str:
         *(element('meta', name_=name, content=content) for name, content in metas.items()),
         element('title', title),
     )
-    return f'<!doctype html>\n{element("html", start, element("body", *body), lang="en")}\n'
+    return f'<!doctype html>\n{element("html", start, element("body", *body), lang=language)}\n'
 
 
 def text(path: Path) -> str:

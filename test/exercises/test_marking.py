@@ -1,6 +1,6 @@
 """Marking: every legal form is right, every slip has its name, and points follow."""
 
-from klann_ros.exercises import KINDS, make_variant, mark, Marked, Question, statistics, Variant
+from klann_ros.exercises import KINDS, make_variant, mark, Question, statistics, Variant
 from klann_ros.exercises.marking import read_answer
 import pytest
 
@@ -134,7 +134,6 @@ def test_other_answers_have_no_points(four_bar: Variant) -> None:
 
 def test_the_class_has_statistics_of_slips(four_bar: Variant) -> None:
     sets = [right_answers(four_bar), {}]
-    marked = [Marked(str(k), 'four-bar-position', tuple(mark(four_bar, each)))
-              for k, each in enumerate(sets)]  # fmt: skip
+    marked = {(str(k), 'four-bar-position'): mark(four_bar, each) for k, each in enumerate(sets)}
     found = statistics(marked)['four-bar-position']
     assert found == {'students': 2, 'part': 0.5, 'right': 6, 'empty': 6}

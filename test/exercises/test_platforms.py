@@ -36,7 +36,7 @@ def variants() -> list[Variant]:
 
 def moodle(variants: list[Variant], language: str) -> tuple[MoodleQuestion, list[MoodleQuestion]]:
     """Return the first Cloze question, and the parts, as Moodle imports them."""
-    whole, parts = platforms.moodle(variants, [''] * len(variants), language).values()
+    whole, parts = platforms.moodle(variants, language).values()
     return imported(whole)[1][0], imported(parts)[1]
 
 
@@ -115,7 +115,7 @@ def test_a_reason_with_marks_of_moodle_is_shown_as_it_is() -> None:
 
 @pytest.fixture
 def served(tmp_path: Path, variants: list[Variant]) -> dict[str, Callable[[Any], None]]:
-    for name, content in platforms.prairielearn(variants, ['', ''], 'en').items():
+    for name, content in platforms.prairielearn(variants, 'en').items():
         place = tmp_path / name
         place.parent.mkdir(exist_ok=True)
         place.write_bytes(content)
@@ -140,7 +140,7 @@ def test_prairielearn_generates_and_grades_by_this_package(
 
 
 def test_a_notebook_tests_itself(variants: list[Variant], tmp_path: Path) -> None:
-    found = platforms.notebooks(variants, ['', ''], 'pt')
+    found = platforms.notebooks(variants, 'pt')
     book = json.loads(found['grashof/1.ipynb'])
     assert book['nbformat'] == 4
     assert len({cell['id'] for cell in book['cells']}) == len(book['cells'])
@@ -172,7 +172,7 @@ def test_check_gives_the_reason() -> None:
 def test_a_file_name_is_never_the_students_own_path() -> None:
     students = ['../../etc/passwd', '..', '/', '1/2', '12']
     made = [make_variant(KINDS['toggle'], student) for student in students]
-    names = [name for name in platforms.notebooks(made, students, 'en') if name.endswith('.ipynb')]
+    names = [name for name in platforms.notebooks(made, 'en') if name.endswith('.ipynb')]
     assert len(names) == len(students)
     assert all(re.fullmatch(r'toggle/[\w-]+\.ipynb', name) for name in names)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.errors import LoopsOpenError, UnreachableError
+from klann_ros.kinematics.searches import peak
 import numpy as np
 
 from .blocks import Block
@@ -17,7 +18,6 @@ from .pose import closed_form_vectors
 
 # Clearance samples over an arc.
 SAMPLES_PER_ARC = 360
-GOLDEN_RATIO = (5.0**0.5 - 1.0) / 2.0
 Lengths = tuple[float, float, float, float]
 
 
@@ -207,30 +207,14 @@ def _with_extrema(clearance: Callable[[float], float], arc: Arc) -> list[tuple[f
     neighbours = zip(angles, angles[2:], values, values[1:], values[2:], strict=False)
     for left, right, before, value, after in neighbours:
         if value < 0.0 and before <= value >= after:
-            found.append(_peak(clearance, left, right))
+            found.append(peak(clearance, left, right))
         # An infinite clearance, as of two lines, has no dip.
         elif 0.0 <= value < inf and before >= value <= after:
-            found.append(_peak(lambda alpha: -clearance(alpha), left, right))
+            found.append(peak(lambda alpha: -clearance(alpha), left, right))
     turned = (alpha if alpha >= own[0] else alpha + TURN for alpha in found)
     first = len(values) - len(own)
     closes = zip(own, (value >= 0.0 for value in values[first:]), strict=True)
     return sorted([*closes, *((alpha, clearance(alpha) >= 0.0) for alpha in turned)])
-
-
-def _peak(function: Callable[[float], float], left: float, right: float) -> float:
-    """Return where a function with one peak between two angles is greatest (golden section)."""
-    a, b = right - GOLDEN_RATIO * (right - left), left + GOLDEN_RATIO * (right - left)
-    at_a, at_b = function(a), function(b)
-    while right - left > 1e-9:
-        if at_a > at_b:
-            right, b, at_b = b, a, at_a
-            a = right - GOLDEN_RATIO * (right - left)
-            at_a = function(a)
-        else:
-            left, a, at_a = a, b, at_b
-            b = left + GOLDEN_RATIO * (right - left)
-            at_b = function(b)
-    return (left + right) / 2.0
 
 
 def _boundary(clearance: Callable[[float], float], closes: float, fails: float) -> float:
