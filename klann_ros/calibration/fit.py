@@ -44,8 +44,12 @@ BEND_LENGTH = 0.03
 # Samples of each series in the robust fit; rounds until the outliers stay the same.
 ROBUST_SAMPLES, MAX_ROUNDS = 200, 6
 # A leg that fits worse than this part of the path's size is another one, as is one with larger
-# corrections [units].
-MAX_MISFIT, MAX_CORRECTIONS = 0.03, {'m': 100.0, 'rad': 30.0}
+# corrections [units], and one that fits better by this factor far from the drawing.
+MAX_MISFIT, MAX_CORRECTIONS, MAX_HELD_MISFIT = 0.03, {'m': 100.0, 'rad': 30.0}, 3.0
+# Other legs and cameras that are fitted to explain a misfit, and how well they must fit.
+MAX_EXPLANATIONS, MAX_EXPLAINED_MISFIT = 4, 0.006
+# Share of the samples of a series that fit the leg, at least.
+MIN_INLIERS = 0.5
 # Share of samples in the other direction from which on backlash is estimated.
 MIN_REVERSE_SHARE = 0.05
 # Stretches of a run whose scores are compared, and the largest ratio that is chance.
@@ -215,15 +219,12 @@ def calibrate(
     optional = (*CAMERA * camera, *[DELAY] * delay, *[BACKLASH] * bool(reverse))
     model = MeasurementModel(linkage, direction, phase, optional)
     check_measurements(model, measured)
-    start = start_parameters(model, measured)
+    start, _ = start_parameters(model, measured)
     problem = _Problem(model, measured, prior, crank_noise, start)
-    fit = problem.solve()
-    found = problem.result(fit)
-    names = ', '.join(f'{series.title} ({series.source})' for series in measured)
-    if found.misfit > MAX_MISFIT:
-        _explain_misfit(model, measured, found.misfit, names)
-    _check_corrections(found, names)
-    return problem.held_result(fit) if found.observability.combinations else found
+    try:
+        return problem.calibration()
+    except MeasurementError as error:
+        raise MeasurementError(_explanation(model, measured) or str(error)) from None
 
 
 def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | None) -> FloatArray:
@@ -241,10 +242,8 @@ def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | No
     return found
 
 
-def _explain_misfit(
-    model: MeasurementModel, measured: Sequence[MeasuredSeries], misfit: float, names: str
-) -> None:
-    """Raise a MeasurementError that says which other leg or camera fits, or that none does."""
+def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> str:
+    """Return which other leg or camera the measurements fit; nothing if none of the likeliest."""
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
     own, seen = model.linkage.assembly, replace(model, optional=(*CAMERA, *model.optional))
     modes = [own, *(m for m in assemblies(model.linkage) if m != own)] if own else [own]
@@ -260,32 +259,16 @@ def _explain_misfit(
         others.append(('those of a camera in another pose: try --camera unknown', seen, few))
     mirrored = [replace(s, values=s.values * (1, -1)) if s.kind == 'point' else s for s in few]
     others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
-    for what, other, series in others:  # noqa: B007 - read after the loop
+    starts = []
+    for what, other, series in others:
         with suppress(MeasurementError):
-            start = start_parameters(other, series)
-            problem = _Problem(other, series, None, 0.0, start)
-            found = problem.result(problem.solve())
-            _check_corrections(found, names, strict=True)
-            if found.misfit < 0.2 * misfit:
-                break
-    else:
-        what = (
-            f'not those of this leg: they miss it by {100.0 * misfit:.3g} % of its size however '
-            f'its dimensions are chosen. Check the points, their topics, units and axes: {names}'
-        )
-    raise MeasurementError(f'the measurements are {what}')
-
-
-def _check_corrections(found: Calibration, names: str, *, strict: bool = False) -> None:
-    """Refuse dimensions that nobody builds: another point was measured."""
-    model = found.model
-    for n, d in enumerate(model.linkage.structure.dimensions):
-        change, limit = found.values[n] - model.start[n], MAX_CORRECTIONS[d.unit] * model.units[n]
-        if abs(change) > limit and (strict or np.isfinite(found.standard_errors[n])):
-            raise MeasurementError(
-                f'the measurements fit only a leg with {d.name} = {found.values[n]:.4g} {d.unit}, '
-                f'drawn {model.start[n]:.4g}: check the points and their topics: {names}'
-            )
+            start, misfit = start_parameters(other, series)
+            starts.append((misfit, what, _Problem(other, series, None, 0.0, start)))
+    for _, what, problem in sorted(starts, key=lambda each: each[0])[:MAX_EXPLANATIONS]:
+        with suppress(MeasurementError):
+            problem.calibration(MAX_EXPLAINED_MISFIT)
+            return f'the measurements are {what}'
+    return ''
 
 
 class _Fit(NamedTuple):
@@ -375,6 +358,28 @@ class _Problem:
         summed = [np.bincount(stamps, along)[stamps] for along in (slopes[:, None] * scaled).T]
         return scaled - factor[:, None] * np.stack(summed, axis=1)
 
+    def calibration(self, max_misfit: float = MAX_MISFIT) -> Calibration:
+        """Return the calibration; a MeasurementError if the measurements are of another leg."""
+        fit = self.solve()
+        free = found = self.result(fit)
+        if free.observability.combinations:
+            found = self.held_result(fit)
+        names = ', '.join(f'{series.title} ({series.source})' for series in self._measured)
+        for n, d in enumerate(self._model.linkage.structure.dimensions):
+            start, value = self._model.start[n], found.values[n]
+            if abs(value - start) > MAX_CORRECTIONS[d.unit] * self._model.units[n]:
+                raise MeasurementError(
+                    f'the measurements fit only a leg with {d.name} = {value:.4g} {d.unit}, '
+                    f'drawn {start:.4g}: check the points and their topics: {names}'
+                )
+        if found.misfit > min(max_misfit, MAX_HELD_MISFIT * free.misfit):
+            raise MeasurementError(
+                f'the measurements are not those of this leg: they miss it by '
+                f'{100.0 * found.misfit:.3g} % of its size. Check the points, their topics, '
+                f'units and axes: {names}'
+            )
+        return found
+
     def solve(self) -> _Fit:
         """Return the fit that the measurements choose."""
         few = [subset(series, ROBUST_SAMPLES) for series in self._measured]
@@ -444,9 +449,13 @@ class _Problem:
         """Return a fit with the noise of its residuals: stated, or estimated."""
         rows, owners, count = self._rows(y), self._owners[good], len(self._measured)
         used = np.bincount(owners, minlength=count)
-        if not used.all():
-            series = self._measured[int(np.argmin(used))]
-            raise MeasurementError(f'{series.title} does not fit the leg at any sample')
+        for series, number in zip(self._measured, used, strict=True):
+            if number < MIN_INLIERS * series.values.size:
+                share = 100.0 * number / series.values.size
+                raise MeasurementError(
+                    f'{series.title} ({series.source}) fits the leg at {share:.0f} % of its '
+                    f'samples only: check the point, its topic, unit and axes'
+                )
         own, slopes = rows.residuals[good], rows.slopes[good] ** 2
         if robust:
             medians = [float(np.median(np.abs(own[owners == n]))) for n in range(count)]

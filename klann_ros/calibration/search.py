@@ -30,6 +30,9 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
                 f'{series.skipped} have none; at least {MIN_SAMPLES} are needed (are both stamped '
                 f'by the same clock?)'
             )
+    numbers, count = sum(series.values.size for series in measured), len(model.names)
+    if numbers < 2 * count:
+        raise MeasurementError(f'{numbers} measured numbers are too few for {count} parameters')
     turned = float(np.ptp(np.concatenate([series.crank for series in measured])))
     if turned < MIN_CRANK_RANGE:
         raise MeasurementError(f'the crank turns by {degrees(turned):.2g} deg only: turn it fully')
@@ -51,8 +54,10 @@ def _spread(values: FloatArray) -> float:
     return float(np.sqrt(np.nanmedian(squares, axis=0).sum()))
 
 
-def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> FloatArray:
-    """Return the drawing's parameters with the encoder's zero, and the camera, that fit best."""
+def start_parameters(
+    model: MeasurementModel, measured: Sequence[MeasuredSeries]
+) -> tuple[FloatArray, float]:
+    """Return the drawing with the encoder's zero and the camera that fit best, and its misfit."""
     turned = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
     # Row by row the values at each zero; the first is the file's.
@@ -71,7 +76,8 @@ def start_parameters(model: MeasurementModel, measured: Sequence[MeasuredSeries]
     best = int(np.argmin(misfits))
     if misfits[best] == np.inf:
         raise MeasurementError('the leg as drawn reaches few of the measured crank angles')
-    return starts[best if misfits[best] < BETTER * misfits[0] else 0]
+    best = best if misfits[best] < BETTER * misfits[0] else 0
+    return starts[best], misfits[best]
 
 
 def median_misfit(

@@ -353,6 +353,40 @@ def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> Non
         calibrate(DRAWN, [foot])
 
 
+@pytest.mark.parametrize(
+    ('name', 'point', 'change', 'words'),
+    [
+        ('klann', 'H', lambda h: h * (1.0, -1.0), 'are mirrored'),
+        ('jansen', 'S', lambda h: h * (1.0, -1.0), 'are mirrored'),
+        ('jansen', 'S', lambda h: h[::-1], 'a leg with direction -1'),
+        ('watt_six_bar', 'P', lambda h: h[::-1], 'a leg with direction -1'),
+        ('quick_return', 'B', lambda h: h, 'fits the leg at .* % of its samples only'),
+    ],
+)
+def test_an_unknown_camera_does_not_make_another_leg_fit(
+    name: str, point: str, change: Any, words: str
+) -> None:
+    # What is open let them fit far from the drawing, and the rest was reported.
+    drawn = shipped_linkage(name)
+    noise = 1e-4 * drawn.size
+    robot = Robot(built(1, drawn, length=1e-3 * drawn.size), count=400, period=0.0125, noise=noise)
+    crank = CrankSamples.of(robot.times, robot.crank)
+    values = change(robot.seen(point))
+    foot = series_of('point', drawn.structure.foot, robot.times, values, crank, noise=noise)
+    with pytest.raises(MeasurementError, match=words):
+        calibrate(drawn, [foot], camera=True)
+
+
+def test_fewer_numbers_than_parameters_are_refused() -> None:
+    drawn = shipped_linkage('strider')
+    robot = Robot(drawn, count=25, period=0.2)
+    crank = CrankSamples.of(robot.times, robot.crank)
+    name = drawn.joint_names[-1]
+    angle = series_of('angle', name, robot.times, robot.angle(name), crank)
+    with pytest.raises(MeasurementError, match='25 measured numbers are too few for 24 param'):
+        calibrate(drawn, [angle])
+
+
 def test_a_crank_that_stands_calibrates_nothing() -> None:
     with pytest.raises(MeasurementError, match='turn it fully'):
         calibrate(DRAWN, Robot(speed=0.001).measured())
