@@ -17,6 +17,7 @@ from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
 from klann_ros.kinematics.linkage.dimension_derivatives import bar_derivatives, pivot_derivatives
 from klann_ros.kinematics.linkage.equations import path_terms
+from klann_ros.kinematics.linkage.pose import LinkagePose
 from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
 from klann_ros.kinematics.linkage.topology import Path
 from klann_ros.kinematics.linkage.variants import Variants
@@ -191,6 +192,25 @@ class Blockwise:
             found = end(structure.paths.points[structure.points.index(point)])
             place = array if of_foot else array[..., n, :]
             place[..., 0], place[..., 1] = np.real(found), np.imag(found)
+
+
+def gradients_at(pose: LinkagePose) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return the derivatives of a pose by each dimension: of its coordinates and of its foot."""
+    structure = pose.linkage.structure
+    linkages, x = Blockwise(Variants.of([pose.linkage])), [pose.crank_angle, *pose.x]
+    u: list[Any] = [np.full((1, 1), np.exp(1j * structure.senses[0] * pose.crank_angle))]
+    u += [None] * len(pose.x)
+    # Rotating bodies first: they orient the sliding ones.
+    for j in sorted(range(1, len(u)), key=lambda j: structure.bodies[j].slides):
+        u[j] = joints.body_vector(structure, u, j, np.full((1, 1), x[j]))
+    count = len(structure.dimensions)
+    angles, foot = np.empty((1, 1, len(pose.x), count)), np.empty((1, 1, 2, count))
+    results = LinkagePoses(
+        np.empty((1, 1, 2)), np.zeros((1, 1), np.uint8), angles_gradient=angles, h_gradient=foot
+    )
+    linkages.store(results, u)
+    by_angles, by_foot = (tuple(map(tuple, each[0, 0].T.tolist())) for each in (angles, foot))
+    return by_angles, by_foot
 
 
 def fill_blockwise(

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from .equations import body_points
-from .structure import Dimension, FIXED, Structure
-from .topology import Path
+from .structure import Dimension, Structure
 
 
 def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
@@ -68,28 +67,3 @@ def bar_derivatives(structure: Structure, bars: Sequence[Any], dimension: Dimens
             q = q + abs(z_q)
         moved[number] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
     return moved
-
-
-def direct_terms(
-    structure: Structure, path: Path, dimension: Dimension, bars: Sequence[Any] | None = None
-) -> dict[int, complex]:
-    """
-    Return the derivatives of a path's coefficients by a dimension: of W or Q by body, FIXED of c.
-
-    Only those that are not 0 for every linkage of the structure; without the bars each is 0.
-    """
-    moved = moved_bars(structure, dimension)
-    dz = (
-        [0j] * len(structure.bars) if bars is None else bar_derivatives(structure, bars, dimension)
-    )
-    found: dict[int, complex] = {}
-    for bar, times in path.bars:
-        if bar in moved:
-            j = structure.carriers[bar]
-            found[j] = found.get(j, 0j) + times * complex(dz[bar])
-    if dimension.kind in {'x', 'y'}:
-        pivots = pivot_derivatives(structure, dimension)
-        for place, times in path.pivots:
-            if place == dimension.place:
-                found[FIXED] = times * pivots[place]
-    return found

@@ -1,6 +1,6 @@
 """A leg solves a linkage; its only state is the last good pose."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import ceil, hypot, isnan, remainder
 from sys import float_info
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
@@ -30,7 +30,7 @@ from .pose import (
     LinkagePose,
 )
 from .reach import reachable_arcs
-from .step import gradient_function, step_functions
+from .step import step_functions
 
 # Below this part of |dH/dalpha| the component along a direction is rounding.
 MIN_COMPONENT_RATIO = 8.0 * float_info.epsilon
@@ -99,7 +99,6 @@ class Leg(Generic[PoseT, MotionT]):
         functions = step_functions(self._linkage, self.pose_class)
         self._correct, self._predict = functions.correct, functions.predict
         self._velocity, self._acceleration = functions.velocity, functions.acceleration
-        self._gradient: Callable[..., Any] | None = None
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({self._linkage!r})'
@@ -109,7 +108,7 @@ class Leg(Generic[PoseT, MotionT]):
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""
-        made = ('_correct', '_predict', '_velocity', '_acceleration', '_gradient')
+        made = ('_correct', '_predict', '_velocity', '_acceleration')
         return {name: value for name, value in self.__dict__.items() if name not in made}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -297,11 +296,9 @@ class Leg(Generic[PoseT, MotionT]):
             self._check_own(pose)
         if isnan(pose.coefficients[0]):
             raise SingularPoseError(pose.crank_angle)
-        if self._gradient is None:
-            self._gradient = gradient_function(self._linkage)
-        rows = self._gradient(pose.crank_angle, pose.x)
-        x, h = zip(*rows, strict=True)
-        return LinkageGradient(tuple(self._linkage.dimensions), x, h, pose)
+        from klann_ros.kinematics.batch.blockwise import gradients_at  # noqa: PLC0415 - a cycle
+
+        return LinkageGradient(tuple(self._linkage.dimensions), *gradients_at(pose), pose)
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """

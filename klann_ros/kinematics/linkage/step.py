@@ -7,7 +7,7 @@ names is left. One source serves all linkages of a structure, with their numbers
 It holds no name of a user's file, only indices.
 
 The names in the source are those of `step_source`, and e are the corrections of the coordinates
-less their sign, q the coefficients dx/dalpha, d the derivatives by the dimensions. Phi is block
+less their sign and q the coefficients dx/dalpha. Phi is block
 lower triangular, so forward substitution, block by block, makes the corrections of the full Newton
 of `Linkage.f`.
 """
@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import MAX_UNWRAPPED, wrap
 
-from .dimension_derivatives import direct_terms
 from .equations import LoopEquations
 from .step_source import (
     BlockSource,
@@ -30,8 +29,7 @@ from .step_source import (
     Term,
     Terms,
 )
-from .structure import FIXED, Structure
-from .topology import Path
+from .structure import Structure
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].
 MAX_BRANCH_JUMP = 0.05
@@ -86,23 +84,15 @@ class CodeGenerator:
             found['size'] = linkage.size
         return found
 
-    def gradient_constants(self, linkage: LoopEquations) -> dict[str, float]:
-        """Return the derivatives of W, c, Q and q by the dimensions, as the text names them."""
-        found: dict[str, float] = {}
-        for d, dimension in enumerate(self._structure.dimensions):
-            for path, name in self._paths():
-                for j, w in direct_terms(self._structure, path, dimension, linkage.bars).items():
-                    # The ground is 0.
-                    own = f'{name}_{d}_{j + 1}'
-                    found |= {f'{own}x': w.real, f'{own}y': w.imag}
-        return found
-
     # The text.
 
     def source(self, constants: Iterable[str]) -> str:
-        """Return the text of all functions but the gradient, for constants of these names."""
+        """Return the text of all functions, for constants of these names."""
         guess, tangent = _tuple('p', self._others), _tuple('q', self._others)
-        self._begin('make(kind, linkage', constants)
+        self._lines = []
+        for size in sorted({len(self._source.blocks[b][0]) for b in self._coupled}):
+            self._lines += elimination_source(size)
+        self._write(0, f'def make(kind, linkage, {", ".join(constants)}):')
         self._write(
             1, 'def correct(p0, guess, tolerance, max_iterations):', f'    {guess} = guess'
         )
@@ -119,48 +109,7 @@ class CodeGenerator:
         self._write_motion(second=False)
         self._write(1, 'def acceleration(p0, x, coefficients, rate, change):')
         self._write_motion(second=True)
-        return self._end('return correct, predict, velocity, acceleration')
-
-    def gradient_source(self, constants: Iterable[str]) -> str:
-        """Return the text of the gradient, for constants of these names."""
-        self._begin('make(', constants)
-        self._write(1, 'def gradient(p0, x):', f'    {_tuple("p", self._others)} = x')
-        self._write_vectors(self._bodies, self._vectors.in_loops | self._vectors.in_foot, 2)
-        self._write(2, *self._source.determinants())
-        for j in self._bodies:
-            # u_j of the body that carries a bar.
-            frame = self._structure.frames[j]
-            sense = '-' if frame != FIXED and self._structure.senses[frame] < 0 else ''
-            own = ['1.0', '0.0'] if frame == FIXED else [f'cos(p{frame})', f'{sense}sin(p{frame})']
-            slid = f'p{j} * ' if self._structure.bodies[j].slides else ''
-            self._write(
-                2, *(f'u{j}{axis} = {slid}{of}' for axis, of in zip('xy', own, strict=True))
-            )
-        rows = []
-        for d in range(len(self._structure.dimensions)):
-            changes: dict[int, Term] = {}
-            for block, (_, loops) in self._blocks:
-                opened = [
-                    self._plus(self._moved(self._loops[k], changes), self._direct(f'f{k}', d, k))
-                    for k in loops
-                ]
-                if any(x or y for x, y in opened):
-                    changes |= self._write_solution(2, block, opened, f'd{d}_')
-            ends = self._plus(self._moved(self._foot, changes), self._direct('h', d, None))
-            x = ', '.join(_signed(changes[j]) if j in changes else '0.0' for j in self._others)
-            rows.append(f'(({x},), ({", ".join(map(format_sum, ends))}))')
-        self._write(2, 'return (', *(f'    {row},' for row in rows), ')')
-        return self._end('return gradient')
-
-    def _begin(self, head: str, constants: Iterable[str]) -> None:
-        self._lines = []
-        for size in sorted({len(self._source.blocks[b][0]) for b in self._coupled}):
-            self._lines += elimination_source(size)
-        comma = ', ' * (not head.endswith('('))
-        self._write(0, f'def {head}{comma}{", ".join(constants)}):')
-
-    def _end(self, line: str) -> str:
-        self._write(1, line)
+        self._write(1, 'return correct, predict, velocity, acceleration')
         return '\n'.join(self._lines) + '\n'
 
     def _write(self, indent: int, *lines: str) -> None:
@@ -181,26 +130,6 @@ class CodeGenerator:
 
     def _plus(self, one: Sum, other: Sum) -> Sum:
         return [*one[0], *other[0]], [*one[1], *other[1]]
-
-    def _paths(self) -> list[tuple[Path, str]]:
-        """Return the loops and the path to the foot, with their names in constants."""
-        paths, points = self._structure.paths, self._structure.points
-        loops = [(path, f'f{k}') for k, path in enumerate(paths.loops)]
-        return [*loops, (paths.points[points.index(self._structure.foot)], 'h')]
-
-    def _direct(self, name: str, d: int, loop: int | None) -> Sum:
-        """Return what a dimension changes in a loop, or in the foot, at fixed coordinates."""
-        path = self._paths()[-1 if loop is None else loop][0]
-        x: list[Term] = []
-        y: list[Term] = []
-        for j in direct_terms(self._structure, path, self._structure.dimensions[d]):
-            w = f'{name}_{d}_{j + 1}'
-            if j == FIXED:
-                x, y = [*x, (1, f'{w}x')], [*y, (1, f'{w}y')]
-            else:
-                x += [(1, f'{w}x * u{j}x'), (-1, f'{w}y * u{j}y')]
-                y += [(1, f'{w}x * u{j}y'), (1, f'{w}y * u{j}x')]
-        return x, y
 
     def _write_newton(self) -> None:
         """Write the iterations, and the pose that they end at."""
@@ -375,7 +304,6 @@ def _signed(term: Term) -> str:
 
 
 _functions: dict[Structure, tuple[CodeGenerator, Callable[..., Any]]] = {}
-_gradients: dict[Structure, Callable[..., Any]] = {}
 
 
 def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepFunctions:
@@ -387,24 +315,6 @@ def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepF
         _functions[structure] = generator, _made(text, f'<klann_ros step {len(_functions)}>')
     generator, make = _functions[structure]
     return StepFunctions(*make(kind, linkage, **generator.constants(linkage)))
-
-
-def gradient_function(linkage: LoopEquations) -> Callable[..., Any]:
-    """
-    Return the gradient of a linkage, generated at its first use.
-
-    Of alpha and the other coordinates x it gives, for each dimension, the derivatives of x and of
-    the foot.
-    """
-    structure = linkage.structure
-    generator = CodeGenerator(structure)
-    constants = generator.gradient_constants(linkage)
-    own = {**generator.constants(linkage), **constants}
-    if structure not in _gradients:
-        name = f'<klann_ros gradient {len(_gradients)}>'
-        _gradients[structure] = _made(generator.gradient_source(own), name)
-    found: Callable[..., Any] = _gradients[structure](**own)
-    return found
 
 
 def _made(text: str, name: str) -> Callable[..., Any]:
