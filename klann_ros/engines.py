@@ -26,8 +26,8 @@ Answer = TypeVar('Answer')
 _Function = Callable[[Any], Any]
 _Answers = Iterator[tuple[int, Any]]
 ENGINES = ('local', 'ray')
-# Not forked: this process may have threads, and a worker needs none of its state.
-_SPAWN = multiprocessing.get_context('spawn')
+# Not forked from this process, which may have threads, but from one that has only imported.
+_SERVER = multiprocessing.get_context('forkserver')
 # Time for an idle worker to exit by itself [s].
 _EXIT_TIMEOUT = 2.0
 # A worker may die of something else than its task, so the task is tried again.
@@ -111,6 +111,7 @@ def _process_map(
     new_tasks = (_Task(number, item) for number, item in enumerate(items))
     retries: list[_Task] = []
     workers: list[_Worker] = []
+    _SERVER.set_forkserver_preload([getattr(function, 'func', function).__module__])
     try:
         for _ in range(jobs or len(os.sched_getaffinity(0))):
             if (task := next(new_tasks, None)) is None:
@@ -146,9 +147,9 @@ class _Worker:
         self.send(task)
 
     def _start(self) -> None:
-        self.connection, remote_end = _SPAWN.Pipe()
+        self.connection, remote_end = _SERVER.Pipe()
         own: Any = {'daemon': True, 'name': 'klann_ros worker'}
-        self._process = _SPAWN.Process(target=_work, args=(remote_end, self._function), **own)
+        self._process = _SERVER.Process(target=_work, args=(remote_end, self._function), **own)
         # A worker ignores Ctrl-C, which reaches all processes of a terminal; but during its
         # imports it would end with a traceback.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from engine_functions import fragile, squared
+from klann_ros.design import search, wish_from
+from klann_ros.design.report import report
 from klann_ros.engines import parallel_map
 import klann_ros.review.fleet.command as each
 from leg_runs import LegRun
@@ -29,6 +31,13 @@ def test_each_item_has_the_same_answer(tmp_path: Path) -> None:
     by_ray = sorted(parallel_map(fragile, items, engine='ray', jobs=2))
     (tmp_path / 'died').unlink()
     assert by_ray == sorted(parallel_map(fragile, items, jobs=2))
+
+
+def test_a_search_finds_the_same_legs() -> None:
+    wish = wish_from({'linkage': 'klann', 'figures': {'stride': 'maximize'}, 'count': 1})
+    found = [search(wish, evaluations=480, engine=name) for name in ('local', 'ray')]
+    assert found[0].legs
+    assert report(found[0]) == report(found[1])
 
 
 def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:
