@@ -8,7 +8,7 @@ that mistake, so that marking can name the slip. exercises.yaml has the formulas
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from math import acos, atan2, cos, degrees, floor, hypot, isfinite, log10, pi, radians, sin, sqrt
+from math import acos, atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from pathlib import Path
 import re
 from types import CodeType
@@ -259,7 +259,7 @@ class Calculation:
         return rounded
 
     def _rounded(self, value: float) -> float:
-        return significant(value, self._digits) if self._digits else float(value)
+        return float(f'{value:.{self._digits - 1}e}' if self._digits else value)
 
 
 @cache
@@ -267,6 +267,12 @@ def data() -> dict[str, Any]:
     """Return the data of the exercises."""
     found: dict[str, Any] = parse_file(DATA_FILE)
     return found
+
+
+def figure_of(kind: str) -> str:
+    """Return the name of a kind's figure."""
+    figures: dict[str, Any] = data()['figures']
+    return next(name for name, figure in figures.items() if kind in figure['kinds'].split())
 
 
 @cache
@@ -280,13 +286,6 @@ def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
     if not found:
         raise SyntaxError(f'{DATA_FILE}: {text}')
     return found.groups(default='')
-
-
-def significant(value: float, digits: int) -> float:
-    """Return a value rounded to significant digits."""
-    if value == 0.0 or not isfinite(value):
-        return value
-    return round(value, digits - 1 - floor(log10(abs(value))))
 
 
 def slip_of(mistake: str) -> str:

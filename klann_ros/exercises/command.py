@@ -14,7 +14,7 @@ from klann_ros.web.browser import print_page, PrintError
 from .kinds import KINDS
 from .marking import statistics
 from .platforms import moodle, notebooks, prairielearn
-from .sheet import answer_text, key, sheets
+from .sheet import answer_text, key, sheets, unit_sign, with_unit
 from .tables import has_answers, mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
 
@@ -97,19 +97,16 @@ def _mark(options: argparse.Namespace) -> int:
 
 def _key(options: argparse.Namespace) -> int:
     variant = make_variant(known(options.kind, KINDS, 'kind'), options.student)
+    language = options.language
     for name, value in variant.givens.items():
-        unit = unit_of(name)
-        print(f'{name} = {value:g} {"" if unit == "1" else unit}'.rstrip())
+        print(f'{name} = {with_unit(value, unit_of(name), language)}')
     print()
     for step in variant.steps:
-        unit = '' if step.unit == '1' else step.unit
-        print(f'{step.symbol} = {step.value:.6g} {unit}'.rstrip() + f'    {step.formula}')
+        print(f'{step.symbol} = {with_unit(step.value, step.unit, language)}    {step.formula}')
     print()
     for question in variant.kind.questions:
-        answer = variant.answers[question.name]
-        shown = answer_text(variant, question, answer, options.language)
-        unit = '' if question.unit in ('1', 'count', 'choice') else question.unit
-        print(f'{question.name} = {shown} {unit}'.rstrip())
+        answer = answer_text(variant, question, variant.answers[question.name], language)
+        print(f'{question.name} = {answer} {unit_sign(question.unit)}'.rstrip())
     return 0
 
 

@@ -10,7 +10,7 @@ R. L. Norton, Design of Machinery; A. G. Erdman, G. N. Sandor, Mechanism Design.
 """
 
 from cmath import phase
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from math import degrees, pi, radians, sin, tan
 from pathlib import Path
@@ -29,7 +29,7 @@ from klann_ros.kinematics import (
 )
 import numpy as np
 
-from .calculation import Answer, data, STOP_STEP
+from .calculation import Answer, data, figure_of, STOP_STEP
 from .variant import Kind
 
 Givens = Mapping[str, float]
@@ -167,37 +167,30 @@ def _sliding(leg: LinkageLeg, theta_2: float, givens: Givens) -> Key:
 
 
 def _function(givens: Givens) -> Key:
-    n, domain = givens['n'], (givens['x_0'], givens['x_4'])
-    travels = radians(givens['dtheta_2']), radians(givens['dtheta_4'])
-    task = synthesis.function_task(lambda x: float(x**n), domain, travels)
-    starts = {'input_start': givens['theta_2_0'], 'output_start': givens['theta_4_0']}
-    found = synthesis.function_generators(
-        task.input_rotations,
-        task.output_rotations,
-        **{name: radians(angle) for name, angle in starts.items()},
-        ground=givens['L_1'],
-    )
-    if not found:
-        raise GeometryError('no linkage fits these three points')
-    l_1, l_2, l_3, l_4 = found[0].geometry.lengths
+    """Return the linkage of the greatest tan theta_4_0, and the precision points."""
+    found: Key = {}
+    if 'n' in givens:
+        domain, n = (givens['x_0'], givens['x_4']), givens['n']
+        travels = radians(givens['dtheta_2']), radians(givens['dtheta_4'])
+        task = synthesis.function_task(lambda x: float(x**n), domain, travels)
+        inputs, outputs = task.input_rotations, task.output_rotations
+        found = {f'x_{k}': float(x) for k, x in enumerate(task.x, 1)}
+    else:
+        inputs, outputs = (
+            np.radians([0.0, *(givens[f'{name}_{k}'] for k in (2, 3, 4))])
+            for name in ('phi', 'psi')
+        )
+    starts = {'input_start': 'theta_2_0', 'output_start': 'theta_4_0'}
+    known = {name: radians(givens[angle]) for name, angle in starts.items() if angle in givens}
+    fitting = synthesis.function_generators(inputs, outputs, **known, ground=givens['L_1'])
+    angles = [phase(x.positions[0].b - x.o4) - float(outputs[0]) for x in fitting]
+    if not angles:
+        raise GeometryError('no linkage fits these points')
+    angle, best = max(zip(angles, fitting, strict=True), key=lambda each: tan(each[0]))
+    l_1, l_2, l_3, l_4 = best.geometry.lengths
     k_3 = (l_1**2 + l_2**2 - l_3**2 + l_4**2) / (2.0 * l_2 * l_4)
-    points = {f'x_{k}': float(x) for k, x in enumerate(task.x, 1)}
-    numbers = {'K_1': l_1 / l_2, 'K_2': l_1 / l_4, 'K_3': k_3}
-    return {**points, **numbers, **_lengths(found[0].geometry)}
-
-
-def _function_four_points(givens: Givens) -> Key:
-    inputs, outputs = (
-        [0.0, *(radians(givens[f'{name}_{k}']) for k in (2, 3, 4))] for name in ('phi', 'psi')
-    )
-    start, ground = radians(givens['theta_2_0']), givens['L_1']
-    found = synthesis.function_generators(inputs, outputs, input_start=start, ground=ground)
-    if len(found) < 2:
-        raise GeometryError('no two linkages fit these four points')
-    angle, best = max(
-        ((phase(x.positions[0].b - x.o4), x) for x in found), key=lambda each: tan(each[0])
-    )
-    return {'theta_4_0': degrees(angle), **_lengths(best.geometry)}
+    found |= {'theta_4_0': degrees(angle), 'K_1': l_1 / l_2, 'K_2': l_1 / l_4, 'K_3': k_3}
+    return {**found, **_lengths(best.geometry)}
 
 
 def _lengths(geometry: FourBarGeometry) -> Key:
@@ -264,30 +257,28 @@ def _quick_return_design(givens: Givens) -> Key:
     return {**angles, **_lengths(geometry)}
 
 
-_SLIDER_CRANK = partial(_slider, 'slider_crank', {'A-B': 'L_2', 'B-C': 'L_3', 'P.y': 'e'})
-_QUICK_RETURN = partial(_slider, 'quick_return', {'A-B': 'L_2', 'O-D': 'L_4', 'A.y': 'd'})
-# Keys by leg, crank angle and givens, and legs; a design has no leg, which would show the answer.
-_KEYS_AND_LEGS: dict[str, tuple[Any, Any]] = {
-    'newton': (_newton, _klann),
-    'klann-position velocity acceleration torque': (_klann_pose, _klann),
-    'foot-path': (_klann_foot, _klann),
-    'four-bar-newton': (_newton, _four_bar),
-    'four-bar-position transmission mechanical-advantage instant-centres': (
-        _four_bar_pose,
-        _four_bar,
-    ),
-    'grashof limits dead-points': (_four_bar_range, _four_bar),
-    'cognates': (_cognates, _four_bar),
-    'slider-crank': (_sliding, _SLIDER_CRANK),
-    'quick-return': (_sliding, _QUICK_RETURN),
-    'function-generation': (_function, None),
-    'function-four-points': (_function_four_points, None),
-    'three-poses': (_three_poses, None),
-    'four-poses': (_four_poses, None),
-    'timed-path': (_timed_path, None),
-    'toggle': (_toggle, None),
-    'quick-return-design': (_quick_return_design, None),
+_KEYS: dict[str, Callable[..., Key]] = {
+    'newton four-bar-newton': _newton,
+    'klann-position velocity acceleration torque': _klann_pose,
+    'foot-path': _klann_foot,
+    'four-bar-position transmission mechanical-advantage instant-centres': _four_bar_pose,
+    'grashof limits dead-points': _four_bar_range,
+    'cognates': _cognates,
+    'slider-crank quick-return': _sliding,
+    'function-generation function-four-points': _function,
+    'three-poses': _three_poses,
+    'four-poses': _four_poses,
+    'timed-path': _timed_path,
+    'toggle': _toggle,
+    'quick-return-design': _quick_return_design,
 }
-_OF_KINDS = {name: pair for names, pair in _KEYS_AND_LEGS.items() for name in names.split()}
-KINDS: dict[str, Kind] = {name: Kind(name, *_OF_KINDS[name]) for name in data()['kinds']}
+# By figure; a design has no leg, which would show the answer.
+_LEGS: dict[str, Callable[[Givens], tuple[Any, float]]] = {
+    'klann': _klann,
+    'four-bar': _four_bar,
+    'slider-crank': partial(_slider, 'slider_crank', {'A-B': 'L_2', 'B-C': 'L_3', 'P.y': 'e'}),
+    'quick-return': partial(_slider, 'quick_return', {'A-B': 'L_2', 'O-D': 'L_4', 'A.y': 'd'}),
+}
+_OF_KINDS = {name: solve for names, solve in _KEYS.items() for name in names.split()}
+KINDS = {name: Kind(name, _OF_KINDS[name], _LEGS.get(figure_of(name))) for name in data()['kinds']}
 """The kinds of exercises by their name."""

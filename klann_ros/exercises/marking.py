@@ -60,9 +60,14 @@ class Mark(NamedTuple):
 
     def reason(self, language: str) -> str:
         """Return the reason in words."""
-        words = texts()
-        found = (words['marks'].get(self.slip) or words['slips'][self.slip])[language]
-        return f'{found}; {words["marks"]["carried"][language]}' if self.carried else str(found)
+        slips = [self.slip, 'carried'] if self.carried else [self.slip]
+        return '; '.join(reason(slip, language) for slip in slips)
+
+
+def reason(slip: str, language: str) -> str:
+    """Return the words of a mark or a slip."""
+    words = texts()
+    return str((words['marks'].get(slip) or words['slips'][slip])[language])
 
 
 Marks = Mapping[tuple[str, str], Sequence[Mark]]

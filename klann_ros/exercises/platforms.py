@@ -16,9 +16,9 @@ from klann_ros.web.markup import element, joined, Markup
 
 from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS
-from .marking import credit_of, mark
+from .marking import credit_of, mark, reason
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, unit_sign
-from .variant import known, make_variant, Question, reason, texts, Variant
+from .variant import known, make_variant, Question, texts, Variant
 
 Files = dict[str, bytes]
 # Answers of a Moodle question at most; marks that end a part of a Cloze field.
@@ -134,7 +134,9 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
         number = f'{value:.{decimals(near) + 2}f}'
         if len(found) < MAX_ALTERNATIVES and number not in {each.value for each in found}:
             credit = f'{100.0 * credit_of(slip_of(mistake)):.0f}'
-            found.append(Alternative(credit, number, f'{near:g}', reason(mistake, language)))
+            found.append(
+                Alternative(credit, number, f'{near:g}', reason(slip_of(mistake), language))
+            )
     return found
 
 
@@ -153,20 +155,15 @@ def cloze_field(answers: Sequence[Alternative]) -> str:
 def prairielearn(variants: Sequence[Variant], language: str) -> Files:
     """Return a PrairieLearn question, whose variants are drawn from PrairieLearn's own seeds."""
     kind = variants[0].kind
-    info = {
-        'uuid': str(uuid5(NAMESPACE_URL, f'klann_ros/exercises/{kind.name}/{language}')),
-        'title': texts()['kinds'][kind.name][language]['title'],
-        'topic': 'klann_ros',
-        'tags': ['klann_ros', kind.name],
-        'type': 'v3',
-    }
+    title = texts()['kinds'][kind.name][language]['title']
+    identity = str(uuid5(NAMESPACE_URL, f'klann_ros/exercises/{kind.name}/{language}'))
     page = [element('pl-question-panel', Markup('{{{params.problem}}}'))]
     for question in kind.questions:
         label, suffix = str(question_markup(question, language)), unit_sign(question.unit)
         field = element('pl-string-input', answers_name=question.name, label=label, suffix=suffix)
         page.append(element('p', field, asked(variants[0], question, language)))
     files = {
-        'info.json': json.dumps(info, indent=2, ensure_ascii=False) + '\n',
+        'info.json': _filled('prairielearn_info', uuid=identity, title=title, kind=kind.name),
         'question.html': '\n'.join([*page, '']),
         'server.py': _filled('prairielearn_server', kind=kind.name, language=language),
     }
@@ -219,18 +216,14 @@ def check(kind: str, student: str, question: str, answer: object, language: str 
 
 def notebooks(variants: Sequence[Variant], language: str) -> Files:
     """Return a Jupyter notebook a student, and the tests of otter-grader for all of them."""
-    kind, words = (
-        variants[0].kind,
-        {'language': language, 'right': texts()['marks']['right'][language]},
-    )
-    found: Files = {}
-    for question in kind.questions:
-        case = _filled('otter_case', kind=kind.name, question=question.name, **words)
-        suite = {'cases': [{'code': case, 'hidden': False, 'locked': False}], 'scored': True,
-                 'setup': '', 'teardown': '', 'type': 'doctest'}  # fmt: skip
-        test = {'name': question.name, 'points': 1, 'suites': [suite]}
-        content = f'OK_FORMAT = True\n\ntest = {test!r}\n'
-        found[f'{kind.name}/tests/{question.name}.py'] = content.encode()
+    kind, right = variants[0].kind, texts()['marks']['right'][language]
+    words = {'kind': kind.name, 'language': language, 'right': right}
+    found: Files = {
+        f'{kind.name}/tests/{question.name}.py': _filled(
+            'otter_test', question=question.name, **words
+        ).encode()
+        for question in kind.questions
+    }
     for k, variant in enumerate(variants, 1):
         name = NOT_IN_NAMES.sub('', variant.student) or f'student{k}'
         path = f'{kind.name}/{name}.ipynb'

@@ -10,15 +10,15 @@ from klann_ros.web.markup import element, joined, Markup
 from klann_ros.web.parts import Parts
 import numpy as np
 
-from .calculation import Answer, data
-from .variant import label, Question, texts, unit_of, Variant
+from .calculation import Answer, data, figure_of
+from .variant import Question, texts, unit_of, Variant
 
 SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), scripts=())
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
-# Rows of a column of givens; digits of intermediate results.
-GIVEN_ROWS, STEP_DIGITS = 9, 6
+# Rows of a column of givens.
+GIVEN_ROWS = 9
 
 
 def sheets(variants: Sequence[Variant], language: str) -> str:
@@ -113,15 +113,14 @@ def _steps(variant: Variant, language: str) -> Markup:
     rows = []
     for step in variant.steps:
         formula = SINE.sub(r'\1sen', step.formula) if language == 'pt' else step.formula
-        digits = f'{step.value:.{STEP_DIGITS}g}' if abs(step.value) < 1e6 else f'{step.value:.0f}'
-        value = with_unit(digits, step.unit, language)
+        value = with_unit(step.value, step.unit, language)
         rows.append(_row(rich(formula.replace('asen', 'arcsen')), symbol(step.symbol), value))
     return element('table', *rows, class_='steps')
 
 
 def question_markup(question: Question, language: str) -> Markup:
     """Return a question's symbol and words."""
-    words = rich(label(question, language))
+    words = rich(texts()['questions'].get(question.name, {}).get(language, ''))
     if question.name in data()['notation']['words'].split():
         return words
     return joined([symbol(question.name), *([Markup(', '), words] if words else [])])
@@ -146,9 +145,9 @@ def localised(number: str, language: str) -> str:
     return text.replace('.', ',') if language == 'pt' else text
 
 
-def with_unit(value: float | str, unit: str, language: str) -> str:
+def with_unit(value: float, unit: str, language: str) -> str:
     """Return a number with its unit."""
-    number = localised(value if isinstance(value, str) else f'{value:.6g}', language)
+    number = localised(f'{value:.6g}' if abs(value) < 1e6 else f'{value:.0f}', language)
     sign = unit_sign(unit)
     return f'{number}{sign}' if sign in ('', '°') else f'{number} {sign}'
 
@@ -192,8 +191,7 @@ def picture(variant: Variant) -> Markup:
 
 def _bar_names(variant: Variant) -> dict[tuple[str, str], str]:
     """Return the names of bars with numbered lengths, by their two points."""
-    figures = data()['figures'].values()
-    (figure,) = (each for each in figures if variant.kind.name in each['kinds'].split())
+    figure = data()['figures'][figure_of(variant.kind.name)]
     found = {}
     for quantities, mark in figure['marks'].items():
         how, *points = mark.split()

@@ -111,9 +111,11 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
         # The line by which spreadsheets give the separator.
         text, head = rest, rest.partition('\n')[0]
     delimiter = max(DELIMITERS, key=head.count)
-    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter, strict=True)
+    reader = csv.DictReader(
+        StringIO(text, newline=''), delimiter=delimiter, strict=True, restval=''
+    )
     try:
-        heads = [cell.strip().casefold() for cell in next(reader, [])]
+        heads = [cell.strip().casefold() for cell in reader.fieldnames or ()]
         missing = [name for name in columns if name not in heads]
         if missing:
             raise ExerciseError(
@@ -123,17 +125,18 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
         twice = [name for name in columns if heads.count(name) > 1]
         if twice:
             raise ExerciseError(f'{printable(path)} has the column {listed(twice)} twice')
+        reader.fieldnames = heads
         found = []
         for row in reader:
-            if not any(cell.strip() for cell in row):
-                continue
-            if len(row) > len(heads):
+            more = row.pop(None, ())
+            if any(map(str.strip, more)):
                 raise ExerciseError(
-                    f'{printable(path)}, line {reader.line_num}: {len(row)} cells for '
-                    f'{len(heads)} columns; put a number with a comma in quotes'
+                    f'{printable(path)}, line {reader.line_num}: {len(heads) + len(more)} cells '
+                    f'for {len(heads)} columns; put a number with a comma in quotes'
                 )
-            cells = [*map(_plain, row), *[''] * (len(heads) - len(row))]
-            found.append((reader.line_num, dict(zip(heads, cells, strict=True))))
+            if any(map(str.strip, row.values())):
+                cells = {name: _plain(cell) for name, cell in row.items()}
+                found.append((reader.line_num, cells))
     except csv.Error as error:
         raise ExerciseError(f'{printable(path)}, line {reader.line_num}: {error}') from error
     return found

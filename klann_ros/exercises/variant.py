@@ -15,7 +15,7 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
-from .calculation import Answer, Calculation, data, slip_of, Step, TURN_DEG
+from .calculation import Answer, Calculation, data, Step, TURN_DEG
 
 LANGUAGES = ('en', 'pt')
 # Longest student number [characters], and tries to draw a suitable variant.
@@ -247,18 +247,18 @@ class Variant:
         tolerance = self.tolerance(question, value) * (1.0 + 1e-6)
         return difference(question, answer, value) <= tolerance
 
-    def agrees(self, worked: Calculation, guarded: Calculation) -> bool:
-        """Return whether key and formulas agree, and rounding between steps does no harm."""
+    def is_fit(self, worked: Calculation, guarded: Calculation) -> bool:
+        """Return whether the answers are those of the formulas, fair, and safe from rounding."""
 
-        def is_agreed(question: Question) -> bool:
+        def is_safe(question: Question) -> bool:
             right, name = self.answers[question.name], question.name
-            allowed = 0.0 if isinstance(right, str) else AGREEMENT * max(abs(right), 1.0)
-            rounding = difference(question, guarded.answers[name], right)
-            return difference(
-                question, right, worked.answers[name]
-            ) <= allowed and rounding <= GUARD_SHARE * self.tolerance(question)
+            if isinstance(right, str):
+                return right == worked.answers[name] == guarded.answers[name]
+            gaps = [difference(question, right, each.answers[name]) for each in (worked, guarded)]
+            allowed = AGREEMENT * max(abs(right), 1.0), GUARD_SHARE * self.tolerance(question)
+            return gaps[0] <= allowed[0] and gaps[1] <= allowed[1]
 
-        return all(map(is_agreed, self.kind.questions))
+        return all(map(is_safe, self.kind.questions))
 
 
 def difference(question: Question, answer: Answer, value: Answer) -> float:
@@ -307,14 +307,12 @@ def _suitable(kind: Kind, student: str, name: str, givens: dict[str, float]) -> 
             return None
     try:
         key = kind.key(givens)
-    except KinematicsError:
+        answers = {question.name: key[question.name] for question in kind.questions}
+    except (KinematicsError, KeyError):
+        # No such linkage, or not one that the kind asks about, such as one without limits.
         return None
-    if any(question.name not in key for question in kind.questions):
-        # Not the linkage that the kind asks about, such as one without limits.
-        return None
-    answers = {question.name: key[question.name] for question in kind.questions}
     variant = Variant(kind, student, name, givens, answers, tuple(worked.steps))
-    return variant if variant.agrees(worked, guarded) else None
+    return variant if variant.is_fit(worked, guarded) else None
 
 
 def texts() -> dict[str, Any]:
@@ -328,16 +326,6 @@ def unit_of(given: str) -> str:
     """Return the unit of a given; mm unless exercises.yaml has another."""
     units: dict[str, str] = data()['units']
     return next((unit for unit, names in units.items() if given in names.split()), 'mm')
-
-
-def label(question: Question, language: str) -> str:
-    """Return the words of a question; empty where its symbol says all."""
-    return str(texts()['questions'].get(question.name, {}).get(language, ''))
-
-
-def reason(mistake: str, language: str) -> str:
-    """Return the words of a mistake's slip."""
-    return str(texts()['slips'][slip_of(mistake)][language])
 
 
 def known(name: str, names: Mapping[str, Any], what: str) -> Any:

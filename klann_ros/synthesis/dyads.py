@@ -23,14 +23,12 @@ from itertools import permutations
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import ComplexArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
-from numpy.polynomial.polynomial import Polynomial, polyval
+from numpy.polynomial import Polynomial
 
 from .placed import PlacedFourBar, Position
 
-# Roots this far from the unit circle are not real rotations; nearer ones are refined.
-CIRCLE_TOLERANCE = 1e-3
 # A refined dyad fits all positions within this part of the task's size; dyads closer are one.
 FIT_TOLERANCE, DISTINCT = 1e-9, 1e-5
 MAX_REFINEMENTS = 20
@@ -200,9 +198,12 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     """
     Return all dyads of five positions: none, two or four.
 
-    Two compatibility equations in beta_2 and beta_3 are linear in e^(i b3) and its conjugate.
-    Their elimination leaves a polynomial of degree 6 in e^(i b2). Its roots 1 and
-    e^(i alpha_2) are a bar that does not turn and one that turns with the plane; four are left.
+    With W and M from the first task point and r_j = e^(i alpha_j), one length of the bars is
+
+        |delta_j|^2 / 2 + Re(conj(delta_j) (r_j W - M)) = Re((r_j - 1) W conj(M)),    j = 2 .. 5,
+
+    linear in W, M and W conj(M): two numbers s and t are free. That the last one is the product
+    of the others are two conics of s and t, which meet in four points.
 
     Parameters
     ----------
@@ -215,26 +216,44 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
         Each fits all poses to rounding.
 
     """
-    rotors, shifts = _relative(poses, 5)
-    rows = [0, 1, 2], [0, 1, 3]
-    (a_1, b_1, c_1), (a_2, b_2, c_2) = (
-        _in_third_bar(*_compatibility(rotors[each], shifts[each])) for each in rows
-    )
-    over, under, other = a_2 * c_1 - a_1 * c_2, b_1 * c_2 - b_2 * c_1, a_1 * b_2 - a_2 * b_1
-    whole = over * other - under * under
+    size, (rotors, shifts) = _size(poses), _relative(poses, 5)
+    shifts = shifts / size
+    factors = np.column_stack([shifts.conj() * rotors, -shifts.conj(), 1.0 - rotors])
+    system = np.stack([factors.real, -factors.imag], axis=-1).reshape(4, 6)
+    start = np.linalg.lstsq(system, np.abs(shifts) ** 2 / -2.0, rcond=None)[0]
+    basis = np.vstack([start, np.linalg.svd(system)[2][-2:]])
+    pins_, pivots, products = (basis[:, k] + 1j * basis[:, k + 1] for k in (0, 2, 4))
+    conics = np.outer(pins_, pivots.conj())
+    conics[0] -= products
     found: list[BurmesterPair] = []
-    for root in map(complex, whole.trim(1e-14 * np.abs(whole.coef).max()).roots()):
-        if abs(root) == 0.0 or abs(abs(root) - 1.0) > CIRCLE_TOLERANCE:
-            continue
-        x = root / abs(root)
-        top, bottom = (complex(polyval(x, each.coef)) for each in (over, under))
-        if abs(bottom) <= 1e-12 * np.abs(under.coef).sum():
-            continue
-        start = _solve(poses, x, top / bottom)
-        dyad = start and _refine(poses, start)
-        if dyad and _fits(poses, dyad) and not any(_is_same(dyad, each) for each in found):
+    for v in _meeting_points(conics + conics.T):
+        dyad = BurmesterPair(*(poses[0].p + size * complex(v @ x) for x in (pivots, pins_)))
+        if _fits(poses, dyad) and not any(_is_same(dyad, each) for each in found):
             found.append(dyad)
     return found
+
+
+def _meeting_points(conics: ComplexArray) -> Iterable[FloatArray]:
+    """Yield the v = (1, s, t) of v Q v = 0, the conics of the real and the imaginary part of Q."""
+    (a_1, b_1, c_1), (a_2, b_2, c_2) = (
+        (q[2, 2], Polynomial(2.0 * q[:2, 2]), Polynomial([q[0, 0], 2.0 * q[0, 1], q[1, 1]]))
+        for q in (conics.real, conics.imag)
+    )
+    # a t^2 + b t + c = 0: the resultant by t, of s.
+    over, under = a_2 * c_1 - a_1 * c_2, a_1 * b_2 - a_2 * b_1
+    for s in (over * over - under * (b_1 * c_2 - b_2 * c_1)).roots():
+        v = np.array([1.0, s.real, (over(s) / under(s)).real])
+        for _ in range(MAX_REFINEMENTS):
+            slopes = 2.0 * (conics @ v)[1:]
+            value = v @ conics @ v
+            try:
+                step = np.linalg.solve([slopes.real, slopes.imag], [value.real, value.imag])
+            except np.linalg.LinAlgError:
+                break
+            v[1:] -= step
+            if np.abs(step).max() <= 1e-15 * np.abs(v).max():
+                break
+        yield v
 
 
 def _relative(poses: Sequence[PlanePose], count: int) -> tuple[ComplexArray, ComplexArray]:
@@ -252,20 +271,6 @@ def _compatibility(
     """Return D1 to D4 of D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0."""
     d_2, d_3, d_4 = np.cross(rotors - 1.0, shifts).tolist()
     return -d_2 - d_3 - d_4, d_2, d_3, d_4
-
-
-def _in_third_bar(
-    d_1: complex, d_2: complex, d_3: complex, d_4: complex
-) -> tuple[Polynomial, Polynomial, Polynomial]:
-    """
-    Return the polynomials a, b, c in x = e^(i b2) of a + b y + c / y = 0, y = e^(i b3).
-
-    The equation is x (|D1 + D2 x + D3 y|^2 - |D4|^2) = 0 on the unit circle.
-    """
-    middle = abs(d_1) ** 2 + abs(d_2) ** 2 + abs(d_3) ** 2 - abs(d_4) ** 2
-    a = Polynomial([d_1 * d_2.conjugate(), middle, d_1.conjugate() * d_2])
-    b = Polynomial([d_3 * d_2.conjugate(), d_3 * d_1.conjugate()])
-    return a, b, Polynomial([0.0, d_3.conjugate() * d_1, d_3.conjugate() * d_2])
 
 
 def _triangle(known: complex, side: complex, last: float) -> Iterable[complex]:
@@ -294,25 +299,6 @@ def _fits(poses: Sequence[PlanePose], dyad: BurmesterPair) -> bool:
 
 def _size(poses: Sequence[PlanePose]) -> float:
     return max(abs(p - poses[0].p) for p, _ in poses)
-
-
-def _refine(poses: Sequence[PlanePose], dyad: BurmesterPair) -> BurmesterPair:
-    """Return a dyad of five positions after Newton's iteration on |W_j - M|^2 = |W_1 - M|^2."""
-    rotors, _ = _relative(poses, 5)
-    for _ in range(MAX_REFINEMENTS):
-        first, *arms = np.array(pins(poses, dyad.pin)) - dyad.pivot
-        squares, others = np.abs(arms) ** 2 - abs(first) ** 2, np.conj(arms)
-        # Derivatives by pin (turned with the plane) and by pivot, real and imaginary.
-        by_pin, by_pivot = others * rotors - first.conjugate(), first.conjugate() - others
-        columns = [by_pin.real, -by_pin.imag, by_pivot.real, -by_pivot.imag]
-        try:
-            x = np.linalg.solve(2.0 * np.column_stack(columns), -squares)
-        except np.linalg.LinAlgError:
-            break
-        dyad = BurmesterPair(dyad.pivot + complex(x[2], x[3]), dyad.pin + complex(x[0], x[1]))
-        if np.abs(x).max() <= 1e-15 * (abs(dyad.pin) + abs(dyad.pivot)):
-            break
-    return dyad
 
 
 def _is_same(dyad: BurmesterPair, other: BurmesterPair) -> bool:

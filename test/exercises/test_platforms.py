@@ -20,8 +20,10 @@ from klann_ros.exercises import (
     platforms,
     Variant,
 )
+from klann_ros.exercises.calculation import slip_of
+from klann_ros.exercises.marking import reason
 from klann_ros.exercises.sheet import unit_sign
-from klann_ros.exercises.variant import LANGUAGES, reason, texts
+from klann_ros.exercises.variant import LANGUAGES, texts
 from klann_ros.web import browser
 from moodle_rules import imported, MoodleAnswer, MoodleQuestion
 import pytest
@@ -70,7 +72,7 @@ def test_moodle_gives_the_points_and_the_reasons_of_the_marking(name: str, langu
                     if question.name in wrong
                     and variant.is_near(question, float(each.text), wrong[question.name])
                 ]
-                assert each.feedback in {escape(reason(one, language)) for one in fitting}
+                assert each.feedback in {escape(reason(slip_of(one), language)) for one in fitting}
 
 
 def test_moodle_takes_an_angle_as_students_write_it() -> None:
