@@ -24,15 +24,11 @@ DATA_FILE = Path(__file__).with_name('exercises.yaml')
 # SYMBOLS UNIT = EXPRESSION | FORMULA AS SHOWN, and the results of a system.
 ROW = re.compile(r'(\w+)(?: (\S+))? (:?=) (.+?)(?: \| (.*))?')
 RESULTS = re.compile(r'(.+?) (\S+) (:?=) (.*)')
-# Maximum number of iterations; stopping correction, and that of convergence [deg].
-MAX_STUDENT_ITERATIONS, STOP_STEP, CONVERGED_STEP = 12, 1e-2, 1e-7
 HALF_TURN, TURN_DEG = 180.0, 360.0
 # Functions of expressions beside those with a student's mistakes.
 FUNCTIONS = {
     '__builtins__': {}, 'sqrt': sqrt, 'hypot': hypot, 'min': min, 'max': max, 'abs': abs
 }  # fmt: skip
-# Crank angles of a table, and of its printed rows [deg].
-TABLE_STEP, PRINTED_STEP = 6, 30
 
 
 class Step(NamedTuple):
@@ -151,47 +147,45 @@ class Calculation:
     def _solve_system(self, row: Mapping[str, Any]) -> None:
         system = row['solve']
         rows = data()['systems'][system]['phi'] if isinstance(system, str) else system
-        found = self._solution(self._matrix(rows), np.array(self._values(row['right'])))
+        found = self._solution(*self._written(rows, row['right']))
         symbols, unit, becomes, formula = _groups(RESULTS, row['gives'])
         for symbol, value in zip(symbols.split(), found.tolist(), strict=True):
             self._record(symbol, unit, becomes, value, formula)
 
-    def _values(self, expressions: str) -> tuple[float, ...]:
-        return tuple(self._value(f'{expressions},'))
-
-    def _matrix(self, rows: Sequence[str]) -> FloatArray:
-        return np.array([self._values(row) for row in rows])
-
-    def _solution(self, phi: FloatArray, right: FloatArray) -> FloatArray:
-        """Return Phi^-1 right [rad or rad/s], by this student."""
-        solved: Any = np.linalg.solve(self._jacobian(phi), self._left(right))
-        return np.asarray(-solved if self.mistake == 'sign:step' else solved)
-
-    def _jacobian(self, phi: FloatArray) -> FloatArray:
+    def _written(self, rows: Sequence[str], right: str) -> tuple[FloatArray, FloatArray]:
+        """Return matrix and right side of a linear system as this student writes them."""
+        phi, f = (
+            np.array([self._value(f'{each},') for each in expressions])
+            for expressions in (rows, [right])
+        )
         if self._slip == 'phi':
             row, column = map(int, self._place.split(','))
             phi[row, column] *= -1.0
-        return self._all_rounded(phi.T if self.mistake == 'transposed' else phi)
+        elif self._slip == 'f':
+            f[0, int(self._place)] *= -1.0
+        return self._all_rounded(
+            phi.T if self.mistake == 'transposed' else phi
+        ), self._all_rounded(f[0])
 
-    def _left(self, f: FloatArray) -> FloatArray:
-        if self._slip == 'f':
-            f[int(self._place)] *= -1.0
-        return self._all_rounded(f)
+    def _solution(self, phi: FloatArray, f: FloatArray) -> FloatArray:
+        """Return Phi^-1 f [rad or rad/s], by this student."""
+        solved: Any = np.linalg.solve(phi, f)
+        return np.asarray(-solved if self.mistake == 'sign:step' else solved)
 
     def _newton(self, name: str) -> None:
         """
         Iterate x_(k+1) = x_k - Phi^-1 f from a guess [deg].
 
         The answers are f and two entries of Phi at the guess, x_2, the converged x, and the number
-        of iterations up to the first one whose corrections are all at most `STOP_STEP`.
+        of iterations up to the first one whose corrections are all small.
         """
         system = data()['systems'][name]
         names = system['unknowns'].split()
         guess = np.array([self._givens[f'{each}_1'] for each in names], dtype=float)
-        f, phi = self._linearised(system, guess)
-        for k, value in enumerate(self._left(f).tolist(), 1):
+        phi, f = self._linearised(system, guess)
+        for k, value in enumerate(f.tolist(), 1):
             self._record(f'f_{k}', 'mm', ':=', value, f'f_{k}(x_1)')
-        for (row, column), value in np.ndenumerate(self._jacobian(phi)):
+        for (row, column), value in np.ndenumerate(phi):
             shown = f'∂f_{row + 1}/∂x_{column + 1} (x_1)'
             self._record(f'Phi_{row + 1}{column + 1}', 'mm', '=', float(value), shown)
         x, count = self._iterates(system, guess)
@@ -209,24 +203,23 @@ class Calculation:
     def _linearised(
         self, system: Mapping[str, Any], x: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return f and Phi at x, without mistakes of their own."""
+        """Return Phi and f at x."""
         self._scope.update(zip(system['unknowns'].split(), x.tolist(), strict=True))
-        return np.array([self._value(each) for each in system['f']]), self._matrix(system['phi'])
+        return self._written(system['phi'], ', '.join(system['f']))
 
     def _iterates(self, system: Mapping[str, Any], guess: FloatArray) -> tuple[Any, int]:
         """Return the iterates, and the number of the first small correction; 0 if none is."""
-        x, count = [guess], 0
-        while len(x) <= MAX_STUDENT_ITERATIONS:
-            f, phi = self._linearised(system, x[-1])
-            correction = self._solution(phi, f)
+        x, count, limits = [guess], 0, data()['iterations']
+        while len(x) <= limits['most']:
+            correction = self._solution(*self._linearised(system, x[-1]))
             if self.mistake not in ('radians:step', 'radians:trig'):
                 correction = np.degrees(correction)
             x.append(self._all_rounded(x[-1] - correction))
             for name, value in zip(system['unknowns'].split(), x[-1].tolist(), strict=True):
                 self._record(f'{name}_{len(x)}', 'deg', '=', value, 'x_(k+1) = x_k - Φ⁻¹ f')
             largest = np.abs(correction).max()
-            count = count or (len(x) - 1 if largest <= STOP_STEP else 0)
-            if largest <= CONVERGED_STEP:
+            count = count or (len(x) - 1 if largest <= limits['stop'] else 0)
+            if largest <= limits['converged']:
                 break
         return [each.tolist() for each in x], count
 
@@ -238,15 +231,16 @@ class Calculation:
             one.work(formulas)
             return one
 
-        table = {float(angle): at(angle) for angle in range(0, 360, TABLE_STEP)}
-        for angle in range(0, 360, PRINTED_STEP):
+        step, printed = data()['table']['step'], data()['table']['printed']
+        table = {float(angle): at(angle) for angle in range(0, 360, step)}
+        for angle in range(0, 360, printed):
             for name in extremes.values():
                 self._record(name, 'mm', '=', table[angle][name], f'α = {angle}°')
 
         def greatest(name: str, sense: float) -> float:
             near = max(table, key=lambda angle: sense * table[angle][name])
-            ends = near - TABLE_STEP, near + TABLE_STEP
-            return sense * at(peak(lambda angle: sense * at(angle)[name], *ends))[name]
+            most = peak(lambda angle: sense * at(angle)[name], near - step, near + step)
+            return sense * at(most)[name]
 
         for answer, name in extremes.items():
             extent = greatest(name, 1.0) + greatest(name, -1.0)

@@ -29,7 +29,7 @@ from klann_ros.kinematics import (
 )
 import numpy as np
 
-from .calculation import Answer, data, figure_of, STOP_STEP
+from .calculation import Answer, data, figure_of
 from .variant import Kind
 
 Givens = Mapping[str, float]
@@ -86,7 +86,7 @@ def _newton(leg: KlannLeg | FourBar, angle: float, givens: Givens) -> Key:
         'Phi_21': unit * float(phi[1, 0]),
         **dict(zip([f'{name}_2' for name in names], run[1].tolist(), strict=True)),
         **dict(zip(names, run[-1].tolist(), strict=True)),
-        'iterations': float(np.argmax(moved <= STOP_STEP) + 1),
+        'iterations': float(np.argmax(moved <= data()['iterations']['stop']) + 1),
     }
 
 

@@ -18,15 +18,10 @@ import numpy as np
 from .calculation import Answer, Calculation, data, Step, TURN_DEG
 
 LANGUAGES = ('en', 'pt')
-# Longest student number [characters], and tries to draw a suitable variant.
-MAX_STUDENT, MAX_DRAWS = 64, 5000
-# Significant digits asked for. Smaller answers are not asked: their digits are ill-conditioned.
-ASKED_DIGITS = 4
-SMALLEST = {'deg': 3.0, 'mm': 3.0, 'mm/s': 10.0, 'mm/s²': 30.0, 'count': 1.0}
-SMALLEST_NUMBER = 0.03
-# Key and course's formulas agree within this part of their size; rounding to six digits between
-# steps moves no answer by more than this share of its tolerance.
-AGREEMENT, GUARD_DIGITS, GUARD_SHARE = 1e-9, 'rounding:6', 0.2
+# Longest student number [characters].
+MAX_STUDENT = 64
+# Key and course's formulas agree within this part of their size.
+AGREEMENT = 1e-9
 
 
 class ExerciseError(ValueError):
@@ -75,17 +70,15 @@ class Question(NamedTuple):
         'deg', 'mm', ...; '1' for a number, 'count' for a whole one, 'choice' for a word.
     choices : tuple of str
         The words of a choice.
+    smallest : float
+        The least size of an answer; smaller ones are not asked.
 
     """
 
     name: str
     unit: str
     choices: tuple[str, ...] = ()
-
-    @property
-    def smallest(self) -> float:
-        """Return the least size of an answer."""
-        return SMALLEST.get(self.unit, SMALLEST_NUMBER)
+    smallest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +113,9 @@ class Kind:
     @cached_property
     def questions(self) -> tuple[Question, ...]:
         """Return the questions in their order."""
-        choices = data()['choices']
+        choices, smallest = data()['choices'], data()['variants']['smallest']
         return tuple(
-            Question(quantity, unit, tuple(choices.get(quantity, ())))
+            Question(quantity, unit, tuple(choices.get(quantity, ())), smallest.get(unit, 0.0))
             for unit, *quantities in map(str.split, self._own['asked'].split(', '))
             for quantity in quantities
         )
@@ -130,7 +123,7 @@ class Kind:
     @property
     def digits(self) -> int:
         """Return the significant digits asked for."""
-        return int(self._own.get('digits', ASKED_DIGITS))
+        return int(self._own.get('digits', data()['variants']['digits']))
 
     @cached_property
     def mistakes(self) -> tuple[str, ...]:
@@ -255,7 +248,8 @@ class Variant:
             if isinstance(right, str):
                 return right == worked.answers[name] == guarded.answers[name]
             gaps = [difference(question, right, each.answers[name]) for each in (worked, guarded)]
-            allowed = AGREEMENT * max(abs(right), 1.0), GUARD_SHARE * self.tolerance(question)
+            share = data()['variants']['guard']['share']
+            allowed = AGREEMENT * max(abs(right), 1.0), share * self.tolerance(question)
             return gaps[0] <= allowed[0] and gaps[1] <= allowed[1]
 
         return all(map(is_safe, self.kind.questions))
@@ -288,7 +282,7 @@ def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
             f'student {shown!r} is refused: it must be 1 to {MAX_STUDENT} printable characters'
         )
     draw = Draw(f'{kind.name}:{student}')
-    for _ in range(MAX_DRAWS):
+    for _ in range(data()['variants']['draws']):
         variant = _suitable(kind, student, name, kind.draw(draw))
         if variant:
             return variant
@@ -298,7 +292,7 @@ def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
 def _suitable(kind: Kind, student: str, name: str, givens: dict[str, float]) -> Variant | None:
     """Return the variant of givens if it assembles, is well conditioned and has fair answers."""
     worked = kind.calculated(givens)
-    guarded = worked and kind.calculated(givens, GUARD_DIGITS)
+    guarded = worked and kind.calculated(givens, data()['variants']['guard']['mistake'])
     if not worked or not guarded:
         return None
     for question in kind.questions:

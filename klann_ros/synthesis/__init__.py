@@ -7,7 +7,7 @@ Functions               `function_task`, `precision_points`, `function_generator
 Poses and timed paths   `motion_generators` of dyads: `burmester_curve`, `burmester_points`,
                         `dyad_of_pin`, `dyad_of_pivot`, `dyad_of_rotations`,
                         `dyads_of_rotation`
-Limits                  `quick_returns`, `central_crank_rocker`, `toggle_couplers`
+Limits                  `quick_returns`, `toggle_couplers`
 Results                 `PlacedFourBar`: `defects`, `grashof`, `cognates`, `instant_centres`
 ======================  ===================================================================
 """
@@ -31,7 +31,7 @@ from .function import (
     FunctionTask,
     precision_points,
 )
-from .limits import central_crank_rocker, quick_returns, toggle_couplers
+from .limits import quick_returns, toggle_couplers
 from .placed import Defects, place, PlacedFourBar, Position
 
 __all__ = [
@@ -43,7 +43,6 @@ __all__ = [
     'Position',
     'burmester_curve',
     'burmester_points',
-    'central_crank_rocker',
     'dyad_of_pin',
     'dyad_of_pivot',
     'dyad_of_rotations',

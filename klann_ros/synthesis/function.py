@@ -35,15 +35,14 @@ class FunctionTask(NamedTuple):
 
     Attributes
     ----------
-    x, y : numpy.ndarray
-        Precision points and values there, shape (n,).
+    x : numpy.ndarray
+        Precision points, shape (n,).
     input_rotations, output_rotations : numpy.ndarray
         Rotations of crank and rocker from the start of the range, shape (n,) [rad].
 
     """
 
     x: FloatArray
-    y: FloatArray
     input_rotations: FloatArray
     output_rotations: FloatArray
 
@@ -92,7 +91,7 @@ def function_task(
         msg = f'y({start:g}) = {first:g} and y({end:g}) = {last:g}: must be finite and different'
         raise ValueError(msg)
     along, up = (x - start) / (end - start), (np.array(y) - first) / (last - first)
-    return FunctionTask(x, np.array(y), travels[0] * along, travels[1] * up)
+    return FunctionTask(x, travels[0] * along, travels[1] * up)
 
 
 def function_generators(

@@ -2,7 +2,7 @@
 
 from math import cos, isfinite, pi, sin, sqrt
 
-from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
+from klann_ros.kinematics import FourBar, FourBarGeometry
 import numpy as np
 
 # Samples of the crank's length from which the best transmission angle is chosen.
@@ -40,8 +40,8 @@ def quick_returns(
     Raises
     ------
     ValueError
-        A number is out of range. With Q = 1 the crank is C / 2 and the coupler is free: see
-        `central_crank_rocker`.
+        A number is out of range. With Q = 1 the crank is C / 2 and the coupler is free:
+        L1^2 = L3^2 + L4^2 - L2^2.
 
     References
     ----------
@@ -66,20 +66,6 @@ def quick_returns(
                 found.append((min(sin(extremes.least), sin(extremes.greatest)), geometry))
     best = sorted(found, key=lambda each: -each[0])[: 2 if crank else 1]
     return [geometry for _, geometry in best]
-
-
-def central_crank_rocker(swing: float, rocker: float, coupler: float) -> FourBarGeometry:
-    """
-    Return the crank-rocker with the time ratio 1: O2 and both limits of B are on one line.
-
-    L2 = L4 sin(swing / 2), L1^2 = L3^2 + L4^2 - L2^2. Raises a GeometryError where it is none.
-    """
-    crank = rocker * sin(swing / 2.0)
-    square = coupler**2 + rocker**2 - crank**2
-    geometry = FourBarGeometry(sqrt(max(square, 0.0)), crank, coupler, rocker)
-    if Grashof(geometry.lengths).motion != 'crank-rocker':
-        raise GeometryError(f'coupler = {coupler:g} m makes no crank-rocker with this swing')
-    return geometry
 
 
 def toggle_couplers(

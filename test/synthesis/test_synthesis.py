@@ -9,7 +9,6 @@ from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 from klann_ros.synthesis import (
     burmester_curve,
     burmester_points,
-    central_crank_rocker,
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
@@ -193,15 +192,6 @@ def test_a_quick_return_of_common_numbers_is_found() -> None:
         quick_returns(1.0, 1.0)
     with pytest.raises(ValueError, match='between 0 and pi'):
         quick_returns(1.5, 4.0)
-
-
-def test_a_central_crank_rocker_has_the_time_ratio_one() -> None:
-    geometry = central_crank_rocker(radians(60.0), 2.0, 5.0)
-    limits = FourBar(*geometry.lengths).rocker_limits
-    assert limits.time_ratio == pytest.approx(1.0, abs=1e-12)
-    assert limits.swing == pytest.approx(radians(60.0), abs=1e-12)
-    with pytest.raises(GeometryError, match='crank-rocker'):
-        central_crank_rocker(radians(170.0), 2.0, 0.1)
 
 
 @given(theta=st.floats(0.2, 3.0))

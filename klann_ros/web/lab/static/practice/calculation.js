@@ -3,8 +3,7 @@
 
 const ROW = /^(\w+)(?: (\S+))? (:?=) (.+?)(?: \| (.*))?$/;
 const RESULTS = /^(.+?) (\S+) (:?=) (.*)$/;
-const ITERATIONS = { most: 12, stop: 1e-2, converged: 1e-7 };
-const TABLE = { step: 6, printed: 30, rounds: 36 };
+const SEARCH_ROUNDS = 36;
 const GOLDEN_SHARE = (Math.sqrt(5) - 1) / 2;
 const FUNCTIONS = {
   sqrt: (x) => finite(Math.sqrt(x)),
@@ -79,46 +78,37 @@ class Calculation {
 
   solveSystem({ solve, right, gives }) {
     const rows = typeof solve === 'string' ? this.data.systems[solve].phi : solve;
-    const found = this.solution(
-      rows.map((row) => this.values(row)),
-      this.values(right),
-    );
+    const found = this.solution(...this.written(rows, right));
     const [, symbols, unit, becomes, formula] = gives.match(RESULTS);
     symbols.split(' ').forEach((symbol, n) => this.record(symbol, unit, becomes, found[n], formula));
   }
 
-  /** Return Phi^-1 right, by this student. */
-  solution(phi, right) {
-    const solved = solveLinear(this.jacobian(phi), this.left(right));
-    return this.mistake === 'sign:step' ? solved.map((each) => -each) : solved;
-  }
-
-  jacobian(phi) {
-    const own = phi.map((row) => [...row]);
+  /** Return matrix and right side of a linear system as this student writes them. */
+  written(rows, right) {
+    const [phi, [f]] = [rows, [right]].map((each) => each.map((row) => [...this.values(row)]));
     if (this.slip === 'phi') {
       const [row, column] = this.place.split(',').map(Number);
-      own[row][column] *= -1;
-    }
-    const turned =
-      this.mistake === 'transposed' ? own.map((_, n) => own.map((row) => row[n])) : own;
-    return turned.map((row) => row.map((each) => this.rounded(each)));
+      phi[row][column] *= -1;
+    } else if (this.slip === 'f') f[Number(this.place)] *= -1;
+    const own = this.mistake === 'transposed' ? phi.map((_, n) => phi.map((row) => row[n])) : phi;
+    return [...own, f].map((row) => row.map((each) => this.rounded(each)));
   }
 
-  left(f) {
-    const own = [...f];
-    if (this.slip === 'f') own[Number(this.place)] *= -1;
-    return own.map((each) => this.rounded(each));
+  /** Return Phi^-1 f, by this student, for the rows of Phi and f. */
+  solution(...rows) {
+    const solved = solveLinear(rows.slice(0, -1), rows.at(-1));
+    return this.mistake === 'sign:step' ? solved.map((each) => -each) : solved;
   }
 
   newton(name) {
     const system = this.data.systems[name];
     const names = system.unknowns.split(' ');
     const guess = names.map((each) => this.givens[`${each}_1`]);
-    const { f, phi } = this.linearised(system, names, guess);
-    this.left(f).forEach((value, n) => {
+    const phi = this.linearised(system, names, guess);
+    phi.pop().forEach((value, n) => {
       this.record(`f_${n + 1}`, 'mm', ':=', value, `f_${n + 1}(x_1)`);
     });
-    this.jacobian(phi).forEach((row, n) =>
+    phi.forEach((row, n) =>
       row.forEach((value, m) => {
         const shown = `∂f_${n + 1}/∂x_${m + 1} (x_1)`;
         this.record(`Phi_${n + 1}${m + 1}`, 'mm', '=', value, shown);
@@ -143,19 +133,16 @@ class Calculation {
     names.forEach((each, n) => {
       this.scope[each] = x[n];
     });
-    return {
-      f: system.f.map((each) => this.value(each)),
-      phi: system.phi.map((row) => this.values(row)),
-    };
+    return this.written(system.phi, system.f.join());
   }
 
   iterates(system, names, guess) {
+    const { most, stop, converged } = this.data.iterations;
     const x = [guess];
     let count = 0;
-    while (x.length <= ITERATIONS.most) {
+    while (x.length <= most) {
       const at = x.at(-1);
-      const { f, phi } = this.linearised(system, names, at);
-      let correction = this.solution(phi, f);
+      let correction = this.solution(...this.linearised(system, names, at));
       if (this.mistake !== 'radians:step' && !this.isRadian)
         correction = correction.map((each) => each * (180 / Math.PI));
       x.push(at.map((each, n) => this.rounded(each - correction[n])));
@@ -163,8 +150,8 @@ class Calculation {
         this.record(`${each}_${x.length}`, 'deg', '=', x.at(-1)[n], 'x_(k+1) = x_k - Φ⁻¹ f');
       });
       const largest = Math.max(...correction.map(Math.abs));
-      count ||= largest <= ITERATIONS.stop ? x.length - 1 : 0;
-      if (largest <= ITERATIONS.converged) break;
+      count ||= largest <= stop ? x.length - 1 : 0;
+      if (largest <= converged) break;
     }
     return { x, count };
   }
@@ -175,17 +162,18 @@ class Calculation {
       const givens = { ...this.givens, [this.input]: angle };
       return new Calculation(this.data, givens, this.mistake, this.input).work(formulas).scope;
     };
+    const { step, printed } = this.data.table;
     const table = [];
-    for (let angle = 0; angle < 360; angle += TABLE.step) table.push([angle, at(angle)]);
+    for (let angle = 0; angle < 360; angle += step) table.push([angle, at(angle)]);
     for (const [angle, scope] of table)
-      if (angle % TABLE.printed === 0)
+      if (angle % printed === 0)
         for (const name of Object.values(extremes))
           this.record(name, 'mm', '=', scope[name], `α = ${angle}°`);
     for (const [answer, name] of Object.entries(extremes)) {
       const ends = [1, -1].map((sense) => {
         const most = Math.max(...table.map(([, scope]) => sense * scope[name]));
         const [near] = table.find(([, scope]) => sense * scope[name] === most);
-        return greatest((angle) => sense * at(angle)[name], near);
+        return greatest((angle) => sense * at(angle)[name], near - step, near + step);
       });
       this.record(answer, 'mm', ':=', ends[0] + ends[1], `max ${name} - min ${name}`);
     }
@@ -202,11 +190,11 @@ function modulo(value, by) {
   return rest < 0 ? rest + by : rest;
 }
 
-/** Return the greatest value of a function near an angle of the table, by golden section. */
-function greatest(value, near) {
-  let [low, high] = [near - TABLE.step, near + TABLE.step];
+/** Return the greatest value of a function between two angles, by golden section. */
+function greatest(value, ...ends) {
+  let [low, high] = ends;
   let values;
-  for (let round = 0; round < TABLE.rounds; round += 1) {
+  for (let round = 0; round < SEARCH_ROUNDS; round += 1) {
     const left = high - GOLDEN_SHARE * (high - low);
     const right = low + GOLDEN_SHARE * (high - low);
     values = [value(left), value(right)];

@@ -1,12 +1,6 @@
 'use strict';
 /* The exercise of a student, drawn as Python draws it: klann_ros/exercises/variant.py. */
 
-const MAX_DRAWS = 5000;
-const ASKED_DIGITS = 4;
-const SMALLEST = { deg: 3, mm: 3, 'mm/s': 10, 'mm/s²': 30, count: 1 };
-const SMALLEST_NUMBER = 0.03;
-const GUARD = { mistake: 'rounding:6', share: 0.2 };
-
 /** Numbers from a text: FNV-1a gives the seed, mulberry32 the numbers. */
 class Draw {
   constructor(text) {
@@ -31,7 +25,7 @@ class Draw {
 class Kind {
   constructor(data, name) {
     Object.assign(this, { data, name, own: data.kinds[name] });
-    this.digits = this.own.digits ?? ASKED_DIGITS;
+    this.digits = this.own.digits ?? data.variants.digits;
     this.questions = this.own.asked.split(', ').flatMap((group) => {
       const [unit, ...names] = group.split(' ');
       return names.map((each) => ({ name: each, unit, choices: data.choices[each] ?? [] }));
@@ -83,7 +77,7 @@ class Exercise {
   constructor(data, name, student) {
     Object.assign(this, { data, student, kind: new Kind(data, name) });
     const draw = new Draw(`${name}:${student}`);
-    for (let n = 0; n < MAX_DRAWS; n += 1) {
+    for (let n = 0; n < data.variants.draws; n += 1) {
       this.givens = this.kind.draw(draw);
       if (this.isSuitable()) return;
     }
@@ -93,23 +87,22 @@ class Exercise {
   /** Return whether the givens assemble, are well conditioned and have fair answers. */
   isSuitable() {
     this.worked = this.kind.calculated(this.givens);
-    const guarded = this.worked && this.kind.calculated(this.givens, GUARD.mistake);
+    const { smallest, guard } = this.data.variants;
+    const guarded = this.worked && this.kind.calculated(this.givens, guard.mistake);
     if (!guarded) return false;
     this.answers = this.worked.answers;
     return this.kind.questions.every((question) => {
       const [right, rounded] = [this.answers[question.name], guarded.answers[question.name]];
       if (typeof right === 'string') return right === rounded;
-      const isFair = Math.abs(right) >= (SMALLEST[question.unit] ?? SMALLEST_NUMBER);
-      return (
-        isFair && difference(question, rounded, right) <= GUARD.share * this.tolerance(question)
-      );
+      const isFair = Math.abs(right) >= smallest[question.unit];
+      return isFair && difference(question, rounded, right) <= guard.share * this.tolerance(question);
     });
   }
 
   /** Return a unit of the last digit asked for, of the right answer or of a value. */
   tolerance({ name, unit }, value = this.answers[name]) {
     if (typeof value === 'string' || unit === 'count') return 0;
-    const size = Math.max(Math.abs(value), SMALLEST[unit] ?? SMALLEST_NUMBER);
+    const size = Math.max(Math.abs(value), this.data.variants.smallest[unit]);
     return Number(`1e${orderOf(size) + 1 - this.kind.digits}`);
   }
 
