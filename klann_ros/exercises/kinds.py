@@ -12,7 +12,7 @@ R. L. Norton, Design of Machinery; A. G. Erdman, G. N. Sandor, Mechanism Design.
 from cmath import phase
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from math import degrees, pi, radians, sin, tan
+from math import degrees, pi, radians, sin, sqrt, tan
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from klann_ros.kinematics import (
     linkage_from_file,
     LinkageLeg,
 )
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
 from .calculation import Answer, data, figure_of
@@ -170,11 +171,7 @@ def _function(givens: Givens) -> Key:
     """Return the linkage of the greatest tan theta_4_0, and the precision points."""
     found: Key = {}
     if 'n' in givens:
-        domain, n = (givens['x_0'], givens['x_4']), givens['n']
-        travels = radians(givens['dtheta_2']), radians(givens['dtheta_4'])
-        task = synthesis.function_task(lambda x: float(x**n), domain, travels)
-        inputs, outputs = task.input_rotations, task.output_rotations
-        found = {f'x_{k}': float(x) for k, x in enumerate(task.x, 1)}
+        found, inputs, outputs = _power(givens, 3)
     else:
         inputs, outputs = (
             np.radians([0.0, *(givens[f'{name}_{k}'] for k in (2, 3, 4))])
@@ -191,6 +188,25 @@ def _function(givens: Givens) -> Key:
     k_3 = (l_1**2 + l_2**2 - l_3**2 + l_4**2) / (2.0 * l_2 * l_4)
     found |= {'theta_4_0': degrees(angle), 'K_1': l_1 / l_2, 'K_2': l_1 / l_4, 'K_3': k_3}
     return {**found, **_lengths(best.geometry)}
+
+
+def _least_squares(givens: Givens) -> Key:
+    found, inputs, outputs = _power(givens, 5)
+    starts = radians(givens['theta_2_0']), radians(givens['theta_4_0'])
+    k = synthesis.freudenstein(inputs + starts[0], outputs + starts[1]).tolist()
+    l_1, l_2, l_4 = (givens['L_1'] / each for each in (1.0, *k[:2]))
+    found |= {f'K_{n}': each for n, each in enumerate(k, 1)}
+    l_3 = sqrt(l_1**2 + l_2**2 + l_4**2 - 2.0 * l_2 * l_4 * k[2])
+    return {**found, 'L_2': l_2, 'L_3': l_3, 'L_4': l_4}
+
+
+def _power(givens: Givens, count: int) -> tuple[Key, FloatArray, FloatArray]:
+    """Return the precision points of y = x^n, and the rotations of crank and rocker there."""
+    domain, n = (givens['x_0'], givens[f'x_{count + 1}']), givens['n']
+    travels = radians(givens['dtheta_2']), radians(givens['dtheta_4'])
+    task = synthesis.function_task(lambda x: float(x**n), domain, travels, count)
+    points: Key = {f'x_{k}': float(x) for k, x in enumerate(task.x, 1)}
+    return points, task.input_rotations, task.output_rotations
 
 
 def _lengths(geometry: FourBarGeometry) -> Key:
@@ -220,7 +236,8 @@ def _bar(pair: Any, pin: str = 'A', pivot: str = 'O2', bar: str = 'L_2') -> Key:
 
 def _three_poses(givens: Givens) -> Key:
     poses, bars = _poses(givens), (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4'))
-    pairs = [synthesis.dyad_of_pin(poses, _point(givens, names[0])) for names in bars]
+    given, make = (0, synthesis.dyad_of_pin) if 'x_A' in givens else (1, synthesis.dyad_of_pivot)
+    pairs = [make(poses, _point(givens, names[given])) for names in bars]
     return _bar(pairs[0], *bars[0]) | _bar(pairs[1], *bars[1])
 
 
@@ -266,7 +283,8 @@ _KEYS: dict[str, Callable[..., Key]] = {
     'cognates': _cognates,
     'slider-crank quick-return': _sliding,
     'function-generation function-four-points': _function,
-    'three-poses': _three_poses,
+    'function-least-squares': _least_squares,
+    'three-poses three-poses-pivots': _three_poses,
     'four-poses': _four_poses,
     'timed-path': _timed_path,
     'toggle': _toggle,

@@ -19,7 +19,8 @@ slider-crank               the height of the pin over the rod; extremes of the s
 quick-return               direction of the pin from O; extremes of the arm's angle
 function-generation        roots of Chebyshev's polynomial; coupler's length at each point
 function-four-points       coupler's length at each point
-three-poses, four-poses    lengths of the bars in each pose; likewise timed-path
+function-least-squares     residuals orthogonal to the columns; the loop of the lengths
+three-poses, four-poses    lengths of the bars in each pose; likewise timed-path, with pivots
 cognates                   each cognate closes at points of the path of the given four-bar
 instant-centres            points without velocity, and with equal velocities, by differences
 toggle                     crank pin, B and O4 in one line
@@ -426,11 +427,29 @@ def function_generator(g: Givens, a: Givens) -> list[Real]:
     return [*found, *sizes, a['K_3'] * 2 * a['L_2'] * a['L_4'] / squares - 1]
 
 
+def least_squares(g: Givens, a: Givens) -> list[Real]:
+    middle, half = (g['x_0'] + g['x_6']) / 2, (g['x_6'] - g['x_0']) / 2
+    x = middle + half * np.sort(np.polynomial.Chebyshev.basis(5).roots()).astype(Real)
+    y = (x ** Real(g['n']) - g['x_0'] ** Real(g['n'])) / (g['x_6'] ** Real(g['n']) - 1)
+    crank = radians(g['theta_2_0'] + g['dtheta_2'] * (x - g['x_0']) / (2 * half))
+    rocker = radians(g['theta_4_0'] + g['dtheta_4'] * y)
+    columns = np.array([np.cos(rocker), -np.cos(crank), np.ones(5)])
+    residuals = Real(a['K_1']), Real(a['K_2']), Real(a['K_3'])
+    residuals = residuals @ columns - np.cos(crank - rocker)
+    # The residuals of the least squares are orthogonal to the columns.
+    found = [*(columns @ residuals), a['x_1'] - x[0], a['x_5'] - x[4]]
+    pins = a['L_2'] * turned(Real(1)), g['L_1'] + a['L_4'] * turned(Real(2))
+    gap = (abs(pins[1] - pins[0]) ** 2 - a['L_3'] ** 2) / (2 * a['L_2'] * a['L_4'])
+    k = [a[f'K_{n}'] for n in (1, 2, 3)]
+    loop = k[0] * np.cos(Real(2)) - k[1] * np.cos(Real(1)) + k[2] - np.cos(Real(1))
+    return [*found, loop - gap]
+
+
 def three_poses(g: Givens, a: Givens) -> list[Real]:
-    found = []
+    found, all_numbers = [], {**g, **a}
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
-        centre = a[f'x_{pivot}'] + 1j * a[f'y_{pivot}']
-        arm = g[f'x_{pin}'] + 1j * g[f'y_{pin}'] - (g['x_P1'] + 1j * g['y_P1'])
+        arm, centre = (all_numbers[f'x_{n}'] + 1j * all_numbers[f'y_{n}'] for n in (pin, pivot))
+        arm -= g['x_P1'] + 1j * g['y_P1']
         for k in (1, 2, 3):
             psi = radians(g[f'psi_{k}']) if k > 1 else Real(0)
             place = g[f'x_P{k}'] + 1j * g[f'y_P{k}'] + arm * turned(psi)
@@ -517,7 +536,9 @@ def quick_return_design(g: Givens, a: Givens) -> list[Real]:
 
 DESIGNS: dict[str, Callable[[Givens, Givens], list[Real]]] = {
     'function-generation': function_generator,
+    'function-least-squares': least_squares,
     'three-poses': three_poses,
+    'three-poses-pivots': three_poses,
     'function-four-points': four_points,
     'four-poses': four_poses,
     'timed-path': timed_path,
