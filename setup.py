@@ -63,6 +63,7 @@ setup(
     package_data={
         NAME: ['py.typed', 'linkages/*.yaml'],
         f'{NAME}.kinematics.linkage': ['schema.json'],
+        f'{NAME}.export': ['static/*'],
         f'{NAME}.exercises': ['exercises.yaml', 'static/*'],
         f'{NAME}.live': ['static/*'],
         f'{NAME}.datasheet': ['static/*'],

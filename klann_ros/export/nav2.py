@@ -6,11 +6,11 @@ crank rate of 1 rad/s, on the spot the yaw rate at 1 rad/s of both sides against
 """
 
 from math import ceil, hypot, pi
-from typing import Any
+from pathlib import Path
 
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable
-from klann_ros.sanitize.yaml_text import dump
+from klann_ros.sanitize.yaml_text import dump, parse_file, with_values
 from klann_ros.walker import Feet, MotionLimits, Rates, Steering, walk_figures
 import numpy as np
 
@@ -25,6 +25,7 @@ PROGRESS_TIME = 10.0
 FOOT_RADIUS = 0.004
 # Steps of a turn of the cranks.
 GAIT_SAMPLES = 180
+PARAMETERS = Path(__file__).parent / 'static' / 'nav2.yaml'
 _HEAD = """\
 # {name} in Nav2 (Jazzy): merge it into nav2_bringup's nav2_params.yaml.
 # Made by klann_ros from feet and gait; speeds in m/s and rad/s, lengths in m.
@@ -54,76 +55,31 @@ def nav2_parameters(robot: Robot) -> str:
     radius = _up(linear / angular)
     corners, reach = _footprint(robot, steering.feet)
     ahead = _up(max(reach / 2.0, radius / 2.0))
-    inflation = _up(reach)
-    accelerations = limits.max_linear_acceleration, 0.0, limits.max_angular_acceleration
-    stamped = {'enable_stamped_cmd_vel': True}
-    follow = {
-        'plugin': 'nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController',
-        'desired_linear_vel': linear,
-        'lookahead_dist': ahead,
-        'use_velocity_scaled_lookahead_dist': False,
-        'regulated_linear_scaling_min_radius': radius,
-        'regulated_linear_scaling_min_speed': _down(linear / 2.0),
-        'min_approach_linear_velocity': _down(linear / 4.0),
-        'approach_velocity_scaling_dist': ahead,
-        'use_rotate_to_heading': True,
-        'rotate_to_heading_min_angle': 0.4,
-        'rotate_to_heading_angular_vel': angular,
-        'max_angular_accel': limits.max_angular_acceleration,
-        'allow_reversing': False,
+    acceleration, spin_up = limits.max_linear_acceleration, limits.max_angular_acceleration
+    values = {
+        '$linear': linear,
+        '$linear_back': -linear,
+        '$slow': _down(linear / 2.0),
+        '$approach': _down(linear / 4.0),
+        '$acceleration': acceleration,
+        '$deceleration': -acceleration,
+        '$angular': angular,
+        '$angular_back': -angular,
+        '$angular_slow': _down(angular / 2.0),
+        '$angular_acceleration': spin_up,
+        '$angular_deceleration': -spin_up,
+        '$progress': _down(linear * PROGRESS_TIME / 2.0),
+        '$angular_progress': _down(angular * PROGRESS_TIME / 2.0),
+        '$progress_time': PROGRESS_TIME,
+        '$tolerance': _up(linear * REACTION_TIME + sway),
+        '$yaw_tolerance': max(MIN_YAW_TOLERANCE, _up(angular * REACTION_TIME)),
+        '$radius': radius,
+        '$ahead': ahead,
+        '$corners': corners,
+        '$reach': _up(reach),
+        '$width': ceil(2.0 * (reach + ahead)),
     }
-    sections: dict[str, dict[str, Any]] = {
-        'amcl': {'base_frame_id': 'base_link'},
-        'controller_server': {
-            **stamped,
-            'min_x_velocity_threshold': 0.001,
-            'min_theta_velocity_threshold': 0.001,
-            'progress_checker': {
-                'plugin': 'nav2_controller::PoseProgressChecker',
-                'required_movement_radius': _down(linear * PROGRESS_TIME / 2.0),
-                'required_movement_angle': _down(angular * PROGRESS_TIME / 2.0),
-                'movement_time_allowance': PROGRESS_TIME,
-            },
-            'general_goal_checker': {
-                'plugin': 'nav2_controller::SimpleGoalChecker',
-                'stateful': True,
-                'xy_goal_tolerance': _up(linear * REACTION_TIME + sway),
-                'yaw_goal_tolerance': max(MIN_YAW_TOLERANCE, _up(angular * REACTION_TIME)),
-            },
-            'FollowPath': follow,
-        },
-        'planner_server': {
-            'GridBased': {
-                'plugin': 'nav2_smac_planner::SmacPlannerHybrid',
-                # Forward alone, as the controller drives.
-                'motion_model_for_search': 'DUBIN',
-                'minimum_turning_radius': radius,
-            }
-        },
-        'behavior_server': {
-            **stamped,
-            'max_rotational_vel': angular,
-            'min_rotational_vel': _down(angular / 2.0),
-            'rotational_acc_lim': limits.max_angular_acceleration,
-        },
-        'velocity_smoother': {
-            **stamped,
-            'max_velocity': [linear, 0.0, angular],
-            'min_velocity': [-linear, 0.0, -angular],
-            'max_accel': [*accelerations],
-            'max_decel': [-each if each else 0.0 for each in accelerations],
-        },
-        'collision_monitor': {**stamped, 'base_frame_id': 'base_link'},
-    }
-    content: dict[str, Any] = {name: {'ros__parameters': of} for name, of in sections.items()}
-    width = ceil(2.0 * (reach + ahead))
-    for name, size in (
-        ('local_costmap', {'width': width, 'height': width}),
-        ('global_costmap', {}),
-    ):
-        layer = {'inflation_layer': {'inflation_radius': inflation}}
-        costmap = {'footprint': corners, **layer, **size}
-        content[name] = {name: {'ros__parameters': costmap}}
+    content = with_values(parse_file(PARAMETERS), values)
     return f'{_HEAD.format(name=printable(robot.name))}{dump(content)}\n'
 
 

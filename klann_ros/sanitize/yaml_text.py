@@ -6,6 +6,7 @@ Safe reading and writing of YAML, at a cost proportional to the text's length.
 """
 
 from collections.abc import Callable, Hashable, Mapping
+from copy import deepcopy
 from math import isfinite
 import re
 from typing import Any, TypeVar
@@ -113,6 +114,16 @@ def dump(data: object) -> str:
         # A lone surrogate: libyaml refuses it, PyYAML escapes it.
         text = yaml.dump(data, Dumper=yaml.SafeDumper, **options)
     return text.rstrip('\n')
+
+
+def with_values(tree: Any, values: Mapping[str, Any]) -> Any:
+    """Return a tree of mappings and lists with values in the places of their names."""
+    if isinstance(tree, Mapping):
+        return {key: with_values(inner, values) for key, inner in tree.items()}
+    if isinstance(tree, list):
+        return [with_values(inner, values) for inner in tree]
+    # Of its own: YAML would write an alias of a list that appears twice, which ROS does not read.
+    return deepcopy(values.get(tree, tree))
 
 
 def parameter_file(sections: Mapping[str, Mapping[str, Any]]) -> str:

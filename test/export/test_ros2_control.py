@@ -7,7 +7,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from klann_ros.export.command import main
-from klann_ros.export.ros2_control import controllers, cranks_urdf, UPDATE_RATE
+from klann_ros.export.ros2_control import controllers, cranks_urdf
 from klann_ros.robot import robot_of
 from klann_ros.twin import Twin
 from launch_api import NAMES
@@ -68,7 +68,7 @@ def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str
     assert model.body(free.bodyid[0]).name == 'base_link'
     imu = parameter(element.find('sensor'), 'mujoco_sensor_name')
     assert [model.sensor(f'{imu}_{end}').dim[0] for end in ('quat', 'gyro', 'accel')] == [4, 3, 3]
-    assert model.opt.timestep <= 1.0 / UPDATE_RATE
+    assert model.opt.timestep <= 1.0 / 100.0
     assert parameter(element.find('hardware'), 'mujoco_model') == 'robot.xml'
 
 
@@ -117,7 +117,7 @@ def test_every_parameter_is_one_of_the_controllers(exported: tuple[str, Path]) -
     file, folder = exported
     content = yaml.safe_load((folder / 'ros2_control.yaml').read_text(encoding='utf-8'))
     manager = content.pop('controller_manager')['ros__parameters']
-    assert manager.pop('update_rate') == UPDATE_RATE
+    assert manager.pop('update_rate') == 100
     kinds = {name: given['type'] for name, given in manager.items()}
     assert content.pop('walker_node') == {'ros__parameters': {'command_type': 'velocities'}}
     assert kinds.keys() == content.keys()
