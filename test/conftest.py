@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 import gc
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ settings.register_profile(
     'untimed', deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile('untimed')
+# As in the programs, also without scripts/test: see klann_ros/executables.py.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 # Tests of real processes on real DDS: they wait more than they compute, so three of them run side
 # by side, in domains of their own, and no more while others compute, so that none starves.
