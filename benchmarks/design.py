@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 
-from klann_ros.design import search, wish_from
+from klann_ros.design import refine, search, wish_from
 from klann_ros.design.figures import CANDIDATE_ANGLES, judge
 from klann_ros.design.leg_file import leg_text, with_numbers
 from klann_ros.kinematics import (
@@ -31,10 +31,12 @@ from klann_ros.robot import robot_of
 import numpy as np
 from support.aims import exit_code, SMOKE
 
-POSES, CHUNK, CORES = (10**6, 2048, 2) if SMOKE else (10**9, 4096, 2)
-LEGS, ANGLES = (20, 1000) if SMOKE else (10_000, 100_000)
-CASES, CASE_EVALUATIONS = (1, 600) if SMOKE else (100, 8000)
-SEEDS, EVALUATIONS = (1, 600) if SMOKE else (5, 100_000)
+POSES, CHUNK, CORES = (10**5, 256, 2) if SMOKE else (10**9, 4096, 2)
+LEGS, ANGLES = (3, 1000) if SMOKE else (10_000, 100_000)
+CASES, CASE_EVALUATIONS = (1, 480) if SMOKE else (100, 8000)
+SEEDS, EVALUATIONS = (1, 480) if SMOKE else (5, 100_000)
+if SMOKE:
+    refine.MAX_STEPS = 2
 FIGURES = frozenset({'stride', 'lift', 'duty_factor', 'deviation', 'transmission_angle'})
 FIXED = {'move': False, 'turn': False, 'scale': False}
 

@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Any
 
-from klann_ros.design import search, wish_from
+from klann_ros.design import refine, search, wish_from
 from klann_ros.design.target import Target
 from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
 from klann_ros.kinematics.angles import TURN
@@ -24,7 +24,9 @@ from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 from support.aims import exit_code, SMOKE
 
-SEEDS, SECONDS, EVALUATIONS = (1, 0.5, 600) if SMOKE else (20, 8.0, 2000)
+SEEDS, SECONDS, EVALUATIONS = (1, 0.2, 480) if SMOKE else (20, 8.0, 2000)
+if SMOKE:
+    refine.MAX_STEPS = 2
 FRAMES, SPREAD, PARTICLES = 96, 0.2, 100
 JANSEN = shipped_linkage('jansen')
 LENGTHS = [name for name in JANSEN.dimensions if '-' in name]

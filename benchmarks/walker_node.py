@@ -31,7 +31,7 @@ WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.ya
 GIVEN = ('--ros-args', '--params-file', str(WALKER))
 # The aims: CPU as a part of the relay's with typed messages, of a second, and of real time.
 MOST_CPU, MOST_LATENCY, LEAST_FACTOR = 1.0, 1e-3, 0.99
-WARM_UP = 1.0 if SMOKE else 4.0
+WARM_UP = 0.2 if SMOKE else 4.0
 # What may wait to be taken, and how often nothing is found before nothing is there.
 DEPTH, IDLE = 100_000, 20
 
@@ -146,7 +146,7 @@ def cost(command: list[str], seconds: float) -> Cost:
 def main() -> int:
     """Walk, print what it costs, and return whether the aims are met."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seconds', type=float, default=2.0 if SMOKE else 10.0)
+    parser.add_argument('--seconds', type=float, default=1.2 if SMOKE else 10.0)
     seconds = parser.parse_args().seconds
     walk = cost(node('walker_node', *GIVEN, '-p', 'use_imu:=true'), seconds)
     lean, typed = (cost(relay(loop), seconds) for loop in ('lean', 'rclpy'))
