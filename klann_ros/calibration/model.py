@@ -19,10 +19,9 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics import Linkage, linkage_poses
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import wrapped
-from klann_ros.kinematics.linkage.dimension_derivatives import pivot_derivatives
 import numpy as np
 
-from .measurements import MeasuredSeries, moving_points
+from .measurements import MeasuredSeries
 
 PHASE, DELAY, BACKLASH = 'phase', 'delay', 'backlash'
 CAMERA = ('camera x', 'camera y', 'camera rotation')
@@ -94,19 +93,14 @@ class MeasurementModel:
         """Return the parameters of the drawing [m, rad, s]."""
         return np.array([*self.linkage.numbers, self.phase, *[0.0] * len(self.optional)])
 
-    @cached_property
-    def _feet(self) -> dict[str, Linkage]:
-        """Return the linkage with each moving point as its foot."""
-        return {point: self.linkage.with_foot(point) for point in moving_points(self.linkage)}
-
     def value(self, parameters: FloatArray, name: str) -> float:
         """Return a parameter by its name; 0 for one that there is not."""
         return float(parameters[self.names.index(name)]) if name in self.names else 0.0
 
-    def varied(self, parameters: FloatArray, foot: str = '') -> Linkage:
+    def varied(self, parameters: FloatArray) -> Linkage:
         """Return the linkage with the dimensions of parameters; a GeometryError if it is none."""
         numbers = zip(self.linkage.dimensions, parameters[: self.count].tolist(), strict=True)
-        return self._feet.get(foot, self.linkage).varied(dict(numbers))
+        return self.linkage.varied(dict(numbers))
 
     def crank_angles(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the crank angles of a series, shape (n,) [rad]."""
@@ -133,33 +127,28 @@ class MeasurementModel:
 
     def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction in the leg's plane, with derivatives by the dimensions alone."""
-        alphas = self.crank_angles(series, parameters)
-        if series.kind == 'point':
-            return self._point(series.name, alphas, parameters)
-        if series.name in self.linkage.structure.angles:
-            j = self.linkage.structure.angles.index(series.name)
-            poses: Any = linkage_poses(
-                self.varied(parameters), alphas, angles=True, velocities=True, gradients=True
-            )
+        structure, has_angle = self.linkage.structure, series.name in self.linkage.joint_names
+        poses: Any = linkage_poses(
+            self.varied(parameters),
+            self.crank_angles(series, parameters),
+            angles=has_angle,
+            points=not has_angle,
+            velocities=True,
+            gradients=True,
+        )
+        if has_angle:
+            j = structure.angles.index(series.name)
             found = poses.angles, poses.angles_1, poses.angles_gradient
             return Prediction(*(each[:, slice(j - 1, j)] for each in found))
-        ends = (self._point(name, alphas, parameters) for name in series.name.split('-'))
-        apart, slope, gradient = (q - p for p, q in zip(*ends, strict=True))
+        arrays = poses.points, poses.points_1, poses.points_gradient
+        at = [structure.points.index(name) for name in series.name.split('-')]
+        if series.kind == 'point':
+            return Prediction(*(each[:, at[0]] for each in arrays))
+        apart, slope, gradient = (each[:, at[1]] - each[:, at[0]] for each in arrays)
         distance = np.linalg.norm(apart, axis=1, keepdims=True)
         unit = apart / distance
         along = np.einsum('ni,nip->np', unit, gradient)[:, None]
         return Prediction(distance, (unit * slope).sum(axis=1, keepdims=True), along)
-
-    def _point(self, name: str, alphas: FloatArray, parameters: FloatArray) -> Prediction:
-        structure, own = self.linkage.structure, self.varied(parameters, name)
-        if name not in structure.pivots:
-            poses: Any = linkage_poses(own, alphas, velocities=True, gradients=True)
-            return Prediction(poses.h, poses.h_1, poses.h_gradient)
-        place = structure.pivots.index(name)
-        moved = [pivot_derivatives(structure, d)[place] for d in structure.dimensions]
-        fixed = np.array([own.pivots[place], *moved])
-        plane = np.broadcast_to([fixed.real, fixed.imag], (len(alphas), 2, len(fixed)))
-        return Prediction(plane[..., 0], np.zeros((len(alphas), 2)), plane[..., 1:])
 
     def _seen(
         self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
