@@ -14,6 +14,7 @@ from io import StringIO, TextIOWrapper
 import os
 import signal
 import sys
+from typing import NoReturn
 
 from .sanitize.units import report_unit_warnings
 from .stop_signals import StopSignals
@@ -59,6 +60,9 @@ def _tool(name: str, module: str, report_failed: int) -> int:
     is `report_failed`.
     """
     report = StringIO()
+    # As Ctrl-C it removes what is half written; workers end as they did.
+    signal.signal(signal.SIGTERM, _terminate)
+    os.register_at_fork(after_in_child=partial(signal.signal, signal.SIGTERM, signal.SIG_DFL))
     if isinstance(sys.stdout, TextIOWrapper):
         # Letters that the terminal cannot show become their numbers.
         sys.stdout.reconfigure(errors='backslashreplace')
@@ -79,6 +83,12 @@ def _tool(name: str, module: str, report_failed: int) -> int:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         _drop_output()
         return _INTERRUPTED
+
+
+def _terminate(number: int, _: object) -> NoReturn:
+    # A second one ends it at once.
+    signal.signal(number, signal.SIG_DFL)
+    raise SystemExit(128 + number)
 
 
 def _exit_code(name: str, module: str) -> int:

@@ -1,10 +1,17 @@
 """What `calibrate` reads, writes, refuses, and returns."""
 
 from collections.abc import Callable
+import fcntl
 from html import unescape
 import json
+import os
 from pathlib import Path
 import re
+import resource
+import signal
+import subprocess
+import sys
+import time
 from typing import Any
 
 from klann_ros.calibration.command import main
@@ -16,6 +23,10 @@ import numpy as np
 import pytest
 
 ROBOT = Robot(count=400, period=0.0125)
+CODE = (
+    'import sys; from klann_ros import executables; print("ready", flush=True); '
+    'sys.exit(executables.calibrate())'
+)
 POINT = 'geometry_msgs/msg/PointStamped'
 Capture = pytest.CaptureFixture[str]
 
@@ -230,6 +241,58 @@ def test_an_output_that_cannot_be_written_is_one_line(
         (line,) = capsys.readouterr().err.splitlines()
         assert str(place) in line
     assert kept.read_text() == 'precious'
+
+
+def test_a_full_disk_leaves_the_previous_leg_file(
+    table: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    built = tmp_path / 'built.yaml'
+    built.write_text('# by hand')
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        assert main([str(table), '--leg', 'sem104', '-o', str(built)]) == 3
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'built.yaml cannot be written: File too large' in line
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [
+        ('built.yaml', '# by hand')
+    ]
+
+
+@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize('stage', ['fit', 'page'])
+def test_a_signal_leaves_whole_files_only(
+    table: Path, tmp_path: Path, number: int, code: int, stage: str
+) -> None:
+    built, page, pipe = (tmp_path / name for name in ('built.yaml', 'c.html', 'pipe'))
+    # Nothing reads from the pipe, so the process waits at the last of its files.
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    fcntl.fcntl(reader, fcntl.F_SETPIPE_SZ, 4096)
+    files = ['-o', str(built), '--html', str(page), '--json', str(pipe)]
+    process = subprocess.Popen(
+        [sys.executable, '-c', CODE, str(table), '--leg', 'sem104', *files],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == 'ready\n'
+    time.sleep(0.2)
+    while stage == 'page' and not built.exists():
+        time.sleep(0.001)
+    process.send_signal(number)
+    _, error = process.communicate(timeout=60.0)
+    os.close(reader)
+    assert (process.returncode, error) == (code, '')
+    # A file is beside its place until it is whole.
+    assert {file.name for file in tmp_path.iterdir()} <= {'built.yaml', 'c.html', 'pipe'}
+    assert built.exists() == (stage == 'page')
+    if built.exists():
+        assert robot_of(str(built)).legs
+    assert not page.exists() or page.read_text().endswith('</html>\n')
 
 
 def test_hostile_names_in_a_run_are_escaped(tmp_path: Path, capsys: Capture) -> None:
