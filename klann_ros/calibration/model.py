@@ -11,7 +11,7 @@ Every parameter has a unit, the error that a workshop makes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import cos, degrees, radians, sin
 from typing import Any, NamedTuple
@@ -65,6 +65,8 @@ class MeasurementModel:
     direction: int = 1
     phase: float = 0.0
     optional: tuple[str, ...] = ()
+    # The last poses: points are often measured at the same moments.
+    _last: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def count(self) -> int:
@@ -128,14 +130,16 @@ class MeasurementModel:
     def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction in the leg's plane, with derivatives by the dimensions alone."""
         structure, has_angle = self.linkage.structure, series.name in self.linkage.joint_names
-        poses: Any = linkage_poses(
-            self.varied(parameters),
-            self.crank_angles(series, parameters),
-            angles=has_angle,
-            points=not has_angle,
-            velocities=True,
-            gradients=True,
-        )
+        alphas = self.crank_angles(series, parameters)
+        key = has_angle, parameters.tobytes(), alphas.tobytes()
+        if key not in self._last:
+            what: Any = {'angles': has_angle, 'points': not has_angle}
+            varied = self.varied(parameters)
+            self._last.clear()
+            self._last[key] = linkage_poses(
+                varied, alphas, **what, velocities=True, gradients=True
+            )
+        poses = self._last[key]
         if has_angle:
             j = structure.angles.index(series.name)
             found = poses.angles, poses.angles_1, poses.angles_gradient
