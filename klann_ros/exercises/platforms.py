@@ -224,11 +224,12 @@ def notebooks(variants: Sequence[Variant], language: str) -> Files:
         ).encode()
         for question in kind.questions
     }
+    taken: set[str] = set()
     for k, variant in enumerate(variants, 1):
         name = NOT_IN_NAMES.sub('', variant.student) or f'student{k}'
-        path = f'{kind.name}/{name}.ipynb'
-        if path in found:
-            path = f'{kind.name}/{name}_{k}.ipynb'
+        # Small and capital letters are the same name to some file systems.
+        path = f'{kind.name}/{name}{f"_{k}" if name.casefold() in taken else ""}.ipynb'
+        taken.add(name.casefold())
         found[path] = f'{json.dumps(notebook(variant, language), indent=1)}\n'.encode()
     return found
 

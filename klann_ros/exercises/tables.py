@@ -17,6 +17,8 @@ from .variant import ExerciseError, Kind, known, make_variant
 # Largest table [bytes], and students of one.
 MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
 DELIMITERS = ',;\t'
+# First bytes of .xlsx and .ods.
+WORKBOOK = b'PK\x03\x04'
 ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
 # A long student number as a spreadsheet writes it.
@@ -36,14 +38,7 @@ def read_students(path: str) -> dict[str, str]:
     found: dict[str, str] = {}
     twice = []
     for line, row in _rows(path, ('student',)):
-        number = row['student'].strip()
-        if not number:
-            raise ExerciseError(f'{printable(path)}, line {line}: no student number')
-        if SCIENTIFIC.fullmatch(number):
-            raise ExerciseError(
-                f'{printable(path)}, line {line}: student {number} is a number that a spreadsheet '
-                'has rounded; give the column the format text'
-            )
+        number = _number(row, f'{printable(path)}, line {line}')
         if number in found:
             twice.append(number)
         found[number] = row.get('name', '').strip()
@@ -54,6 +49,19 @@ def read_students(path: str) -> dict[str, str]:
     if twice:
         raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
     return found
+
+
+def _number(row: Mapping[str, str], place: str) -> str:
+    """Return the student number of a row."""
+    number = row['student'].strip()
+    if not number:
+        raise ExerciseError(f'{place}: no student number')
+    if SCIENTIFIC.fullmatch(number):
+        raise ExerciseError(
+            f'{place}: student {number} is a number that a spreadsheet has rounded; give the '
+            'column the format text'
+        )
+    return number
 
 
 def has_answers(path: str) -> bool:
@@ -75,17 +83,20 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
     answers: dict[tuple[str, str], dict[str, str]] = {}
     refused = []
     for line, row in _rows(path, ANSWER_COLUMNS):
-        student, kind, question = (row[name].strip() for name in ANSWER_COLUMNS[:3])
+        kind, question = row['kind'].strip(), row['question'].strip()
         try:
-            names = {each.name for each in known(kind, kinds, 'kind').questions}
-            known(question, dict.fromkeys(names), f'question of {kind}')
+            student = _number(row, f'line {line}')
+            names = {each.name for each in known(kind, kinds, f'line {line}: kind').questions}
+            known(question, dict.fromkeys(names), f'line {line}: question of {kind}')
         except ExerciseError as error:
-            refused.append(f'line {line}: {error}')
+            refused.append(str(error))
             continue
         if question in answers.setdefault((student, kind), {}):
             refused.append(f'line {line}: {printable(student)} answers {question} twice')
         else:
             answers[student, kind][question] = row['answer']
+    if not answers and not refused:
+        raise ExerciseError(f'{printable(path)} has no answers')
     marked = {}
     for (student, kind), given in answers.items():
         try:
@@ -97,15 +108,7 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
 
 def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
     """Return the rows of a table with these columns, each with its line number."""
-    try:
-        with open_regular(path) as file:
-            data = file.read(MAX_TABLE + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise ExerciseError(f'{printable(path)} cannot be read: {printable(reason)}') from error
-    if len(data) > MAX_TABLE:
-        raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
-    text = _decoded(data)
+    text = _text(path)
     head, _, rest = text.partition('\n')
     if head.startswith('sep='):
         # The line by which spreadsheets give the separator.
@@ -138,12 +141,24 @@ def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]
                 cells = {name: _plain(cell) for name, cell in row.items()}
                 found.append((reader.line_num, cells))
     except csv.Error as error:
-        raise ExerciseError(f'{printable(path)}, line {reader.line_num}: {error}') from error
+        raise ExerciseError(
+            f'{printable(path)}, line {reader.reader.line_num}: {error}'
+        ) from error
     return found
 
 
-def _decoded(data: bytes) -> str:
+def _text(path: str) -> str:
     """Return the text of a table in an encoding of spreadsheets."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(MAX_TABLE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise ExerciseError(f'{printable(path)} cannot be read: {printable(reason)}') from error
+    if data.startswith(WORKBOOK):
+        raise ExerciseError(f'{printable(path)} is a workbook: save it as CSV')
+    if len(data) > MAX_TABLE:
+        raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
     if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return data.decode('utf-16', errors='replace')
     try:

@@ -66,6 +66,7 @@ def test_the_template_filled_in_is_marked(
         '0012,toggle,Y,1',
         '0012,jump,Z,1',
         '0011,toggle,Z,1',
+        '1.1E+07,toggle,Z,1',
     ]
     answers = tmp_path / 'answers.csv'
     answers.write_text('\n'.join(lines))
@@ -77,7 +78,7 @@ def test_the_template_filled_in_is_marked(
         ('=cmd', '0'),
         ('0012', '0'),
     ]
-    assert shown.count('refused: line ') == 3
+    assert shown.count('refused: line ') == 4
     assert 'toggle: 3 students, 33 %; empty 4, right 3, ' in shown
     marks = [*csv.DictReader((tmp_path / 'marks.csv').read_text('utf-8-sig').splitlines())]
     assert [row['points'] for row in marks] == ['1'] * 3 + ['0'] * 6
@@ -97,7 +98,7 @@ def test_the_template_filled_in_is_marked(
             'a spreadsheet has rounded; give the column the format text',
         ),
         ('student,student\n1,2\n', 'has the column student twice'),
-        ('student,name\n1,"A\n2,B\n', 'unexpected end of data'),
+        ('student,name\n1,"A\n2,B\n', 'line 3: unexpected end of data'),
         ('student\n1\x1b[31m\n', "student '1\\\\x1b[31m' is refused"),
         (f'student\n{"9" * 300}\n', '(300 characters)'),
     ],
@@ -129,13 +130,24 @@ def test_a_class_list_of_any_spreadsheet_is_read(tmp_path: Path, content: bytes)
     assert read_students(str(path)) == {'1': 'João, "o outro"', '2': '=cmd|x'}
 
 
-@pytest.mark.parametrize('name', ['none.csv', '.', 'a\0b'])
+@pytest.mark.parametrize(
+    ('name', 'message'),
+    [
+        ('none.csv', 'cannot be read: '),
+        ('.', 'cannot be read: '),
+        ('a\0b', 'cannot be read: '),
+        ('class.xlsx', 'is a workbook: save it as CSV'),
+        ('empty.csv', 'has no answers'),
+    ],
+)
 def test_answers_that_cannot_be_read_are_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, message: str
 ) -> None:
+    (tmp_path / 'class.xlsx').write_bytes(b'PK\x03\x04\x14')
+    (tmp_path / 'empty.csv').write_text('student,kind,question,answer\n')
     assert main(['mark', f'{tmp_path}/{name}']) == 2
     error = capsys.readouterr().err
-    assert 'cannot be read: ' in error
+    assert message in error
     assert error.count('\n') == 1
 
 
