@@ -12,13 +12,21 @@ from klann_ros.robot import robot_of
 from klann_ros.twin import Twin
 from launch_api import NAMES
 import mujoco
+import numpy as np
 import pytest
 import yaml
 import yourdfpy
 
 ROOT = Path(__file__).resolve().parents[2]
-FREE, HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
-WALKERS = ('walker4', 'walker6', 'walker8_two_motors', 'walker_jansen')
+FREE, HINGE, SLIDE = (
+    int(kind)
+    for kind in (
+        mujoco.mjtJoint.mjJNT_FREE,
+        mujoco.mjtJoint.mjJNT_HINGE,
+        mujoco.mjtJoint.mjJNT_SLIDE,
+    )
+)
+WALKERS = ('walker4', 'walker6', 'walker8_two_motors', 'walker_jansen', 'slotted_leg')
 # By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
 KNOWN = yaml.safe_load((Path(__file__).parent / 'controller_parameters.yaml').read_text())
 
@@ -26,8 +34,15 @@ KNOWN = yaml.safe_load((Path(__file__).parent / 'controller_parameters.yaml').re
 @pytest.fixture(scope='module', params=WALKERS)
 def exported(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """Return a robot's file, and the exported folder."""
-    file = str(ROOT / 'config' / f'{request.param}.yaml')
     folder = tmp_path_factory.mktemp(request.param) / 'control'
+    file = str(ROOT / 'config' / f'{request.param}.yaml')
+    if request.param == 'slotted_leg':
+        text = (ROOT / 'config' / 'walker8_two_motors.yaml').read_text(encoding='utf-8')
+        leg = Path(__file__).with_name('slotted_leg.yaml')
+        file = str(folder.with_name('walker.yaml'))
+        Path(file).write_text(
+            text.replace('    bar_density', f'    linkage: {leg}\n    bar_density')
+        )
     assert main([file, '--ros2-control', str(folder)]) == 0
     return file, folder
 
@@ -49,7 +64,7 @@ def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str
     for n in range(model.njnt):
         joint = model.joint(n)
         assert joint.name
-        assert int(joint.type[0]) in (FREE, HINGE)
+        assert int(joint.type[0]) in (FREE, HINGE, SLIDE)
     assert [model.actuator(n).name for n in range(model.nu)] == cranks
     element = control(folder)
     for joint in element.iter('joint'):
@@ -76,15 +91,21 @@ def test_the_model_is_that_of_sim_node_and_starts_closed(exported: tuple[str, Pa
     file, folder = exported
     model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
     data = mujoco.MjData(model)
-    twin = Twin(robot_of(file))
+    twin = Twin(robot_of(file), time_step=model.opt.timestep)
     assert {joint: state.position for joint, state in twin.cranks().items()} == {
         joint: data.qpos[model.joint(joint).qposadr[0]] for joint in twin.joints
     }
     mujoco.mj_forward(model, data)
     assert abs(data.efc_pos[: data.ne]).max() < 1e-9
-    for _ in range(200):
+    for joint in twin.joints:
+        twin.command(joint, 1.0)
+        data.actuator(joint).ctrl[:] = 1.0
+    twin.step(0.5)
+    while data.time < 0.5:
         mujoco.mj_step(model, data)
-    assert abs(data.qpos[:2]).max() < 0.01
+        assert abs(data.efc_pos[: data.ne]).max() < 5e-3
+    # The motors of the twin follow with a bandwidth.
+    np.testing.assert_allclose(data.body('base_link').xpos, twin.truth().position, atol=0.01)
 
 
 def test_the_urdfs_are_whole_and_differ_in_the_plugin(exported: tuple[str, Path]) -> None:
