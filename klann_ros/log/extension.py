@@ -14,7 +14,6 @@ from pathlib import Path
 import shutil
 from typing import BinaryIO
 
-from klann_ros.sanitize.files import is_within
 from klann_ros.sanitize.outputs import new_folder
 from klann_ros.sanitize.text import printable
 from mcap.opcode import Opcode
@@ -50,7 +49,7 @@ from .read.block import HEAD
 from .read.opening import open_files
 from .read.storage import Storage
 from .records import Topic
-from .recovery import recover
+from .recovery import check_output, recover
 
 # Size of a chunk's messages [bytes].
 _CHUNK_SIZE = 1024 * 1024
@@ -118,9 +117,7 @@ def extend(log: AnyPath, output: AnyPath, messages: Sequence[TopicMessages]) -> 
 
     """
     place = Path(output).absolute()
-    if is_within(place, log):
-        what = f'{printable(output)} is inside {printable(log)}'
-        raise UnwritableError(f'{what}, which is only read')
+    check_output(log, place)
     if os.path.lexists(place):
         raise RunExistsError(output)
     files, found = open_files(log)

@@ -74,7 +74,7 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
     """
     files, found = open_files(log)
     repetitions, qos = Repetitions(), QosTexts()
-    _check_output(log, output)
+    check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
     writer = RunWriter(output, profile=files[0].profile or 'ros2')
     try:
@@ -90,7 +90,8 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
     return recovery
 
 
-def _check_output(log: AnyPath, output: AnyPath) -> None:
+def check_output(log: AnyPath, output: AnyPath) -> None:
+    """Raise an UnwritableError if an output would be inside of the log."""
     if not Path(output).exists() and is_within(output, log):
         raise UnwritableError(
             f'{printable(output)} is inside {printable(log)}, which is not to be changed'

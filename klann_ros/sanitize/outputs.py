@@ -19,7 +19,7 @@ import stat
 from typing import Any, BinaryIO
 
 from .files import is_regular_file, is_within, open_regular
-from .text import printable
+from .text import printable, printable_line
 
 Save = Callable[[BinaryIO], object]
 # First bytes of MCAP, SQLite and zstd files, which hold logs.
@@ -32,6 +32,16 @@ class OutputError(Exception):
     """Outputs that cannot be written; each argument names one and the reason."""
 
 
+@contextmanager
+def reported(option: str, path: str, errors: type[Exception] = OutputError) -> Iterator[None]:
+    """Raise an OutputError of an option for what the disk, an OutputError or `errors` say."""
+    try:
+        yield
+    except (OSError, ValueError, OutputError, errors) as error:
+        reason = printable_line(getattr(error, 'strerror', None) or error)
+        raise OutputError(f'{option} {printable(path)} cannot be written: {reason}') from error
+
+
 @dataclass(frozen=True)
 class Output:
     """An output file: its option, such as '--html', and its path as given."""
@@ -41,7 +51,7 @@ class Output:
 
     def save(self, save: Save) -> None:
         """Write the file; an OutputError leaves the previous one."""
-        with self._reported(), self._opened() as file:
+        with reported(self.option, self.path), self._opened() as file:
             save(file)
 
     def write(self, content: bytes) -> None:
@@ -50,7 +60,7 @@ class Output:
 
     def check(self, inputs: Sequence[str]) -> None:
         """Raise an OutputError if it is an input, or cannot be written."""
-        with self._reported():
+        with reported(self.option, self.path):
             for given in inputs:
                 if is_within(self.path, given):
                     inside = 'inside ' if Path(given).is_dir() else ''
@@ -72,13 +82,6 @@ class Output:
         if _is_special(self.path):
             return False
         return is_within(self.path, other.path) or _place(self.path) == _place(other.path)
-
-    @contextmanager
-    def _reported(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, ValueError, OutputError) as error:
-            raise _cannot_write(self.option, self.path, error) from error
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
@@ -131,24 +134,21 @@ def outputs(
 
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
     """Raise an OutputError if a folder is there already, or would be in an input."""
-    if os.path.lexists(path):
-        is_folder = Path(path).is_dir() or Path(path).is_symlink()
-        raise _cannot_write(option, path, _EXISTS if is_folder else 'it is no folder')
-    for given in filter(None, inputs):
-        if is_within(path, given):
-            reason = f'it is inside {printable(given)}, which is only read'
-            raise _cannot_write(option, path, reason)
+    with reported(option, path):
+        if os.path.lexists(path):
+            is_folder = Path(path).is_dir() or Path(path).is_symlink()
+            raise OutputError(_EXISTS if is_folder else 'it is no folder')
+        for given in filter(None, inputs):
+            if is_within(path, given):
+                raise OutputError(f'it is inside {printable(given)}, which is only read')
 
 
 def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
     """Write a new folder of files, whole or not at all; an OutputError gives the reason."""
-    try:
-        with new_folder(Path(path)) as folder:
-            folder.mkdir()
-            for name, content in contents.items():
-                (folder / name).write_bytes(content)
-    except (OSError, ValueError) as error:
-        raise _cannot_write(option, path, error) from error
+    with reported(option, path), new_folder(Path(path)) as folder:
+        folder.mkdir()
+        for name, content in contents.items():
+            (folder / name).write_bytes(content)
 
 
 @contextmanager
@@ -176,11 +176,6 @@ def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
             errors += error.args
     if errors:
         raise OutputError(*errors)
-
-
-def _cannot_write(option: str, path: str, error: object) -> OutputError:
-    reason = getattr(error, 'strerror', None) or error
-    return OutputError(f'{option} {printable(path)} cannot be written: {printable(reason)}')
 
 
 def _place(path: str) -> Path:

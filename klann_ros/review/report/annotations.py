@@ -17,8 +17,7 @@ from klann_ros.sanitize.cdr import (
     JointStateTemplate,
     PointTemplate,
 )
-from klann_ros.sanitize.outputs import OutputError
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.outputs import reported
 import numpy as np
 
 
@@ -37,22 +36,14 @@ def annotate(review: Review, output: str) -> None:
         It cannot be written: the output exists, the run is annotated already, or the disk refused.
 
     """
-    try:
-        _annotate(review, output)
-    except (LogError, OSError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        what = f'--annotate {printable(output)} cannot be written'
-        raise OutputError(f'{what}: {printable_line(reason)}') from error
-
-
-def _annotate(review: Review, output: str) -> None:
     messages = list(_findings(review, _topic('/findings', 'diagnostic_msgs/msg/DiagnosticArray')))
     for leg in review.legs:
         evaluated, known = leg.evaluated, leg.evaluated.solver.leg
         if known is not None and leg.errors is not None:
             for block in leg.errors.solved or solve_blocks(evaluated, known):
                 messages += _answers(evaluated, block)
-    extend(review.recording.path, output, messages)
+    with reported('--annotate', output, LogError):
+        extend(review.recording.path, output, messages)
 
 
 def _topic(name: str, kind: str) -> Topic:
