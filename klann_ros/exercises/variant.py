@@ -240,20 +240,6 @@ class Variant:
         tolerance = self.tolerance(question, value) * (1.0 + 1e-6)
         return difference(question, answer, value) <= tolerance
 
-    def is_fit(self, worked: Calculation, guarded: Calculation) -> bool:
-        """Return whether the answers are those of the formulas, fair, and safe from rounding."""
-
-        def is_safe(question: Question) -> bool:
-            right, name = self.answers[question.name], question.name
-            if isinstance(right, str):
-                return right == worked.answers[name] == guarded.answers[name]
-            gaps = [difference(question, right, each.answers[name]) for each in (worked, guarded)]
-            share = data()['variants']['guard']['share']
-            allowed = AGREEMENT * max(abs(right), 1.0), share * self.tolerance(question)
-            return gaps[0] <= allowed[0] and gaps[1] <= allowed[1]
-
-        return all(map(is_safe, self.kind.questions))
-
 
 def difference(question: Question, answer: Answer, value: Answer) -> float:
     """Return the distance of two answers, of angles modulo a turn, of words 0 or 1."""
@@ -306,7 +292,14 @@ def _suitable(kind: Kind, student: str, name: str, givens: dict[str, float]) -> 
         # No such linkage, or not one that the kind asks about, such as one without limits.
         return None
     variant = Variant(kind, student, name, givens, answers, tuple(worked.steps))
-    return variant if variant.is_fit(worked, guarded) else None
+    for question in kind.questions:
+        right, own = answers[question.name], question.name
+        size = 1.0 if isinstance(right, str) else max(abs(right), 1.0)
+        rounding = data()['variants']['guard']['share'] * variant.tolerance(question)
+        for calculation, allowed in ((worked, AGREEMENT * size), (guarded, rounding)):
+            if difference(question, right, calculation.answers[own]) > allowed:
+                return None
+    return variant
 
 
 def texts() -> dict[str, Any]:

@@ -169,8 +169,11 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
     """
     d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses, 4))
     x = cmath.rect(1.0, rotation)
-    found = (_solve(poses, x, y) for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)))
-    return [dyad for dyad in found if dyad and _fits(poses, dyad)]
+    found = []
+    for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)):
+        with suppress(GeometryError):
+            found.append(dyad_of_rotations(poses[:3], (rotation, cmath.phase(y))))
+    return [dyad for dyad in found if _fits(poses, dyad)]
 
 
 def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
@@ -280,14 +283,6 @@ def _triangle(known: complex, side: complex, last: float) -> Iterable[complex]:
     square = abs(product) ** 2 - along**2
     if square >= 0.0 and product != 0.0:
         yield from (complex(along, root) / product for root in (square**0.5, -(square**0.5)))
-
-
-def _solve(poses: Sequence[PlanePose], x: complex, y: complex) -> BurmesterPair | None:
-    """Return the dyad whose bar turns by the angles of x and y; None for a singular system."""
-    try:
-        return dyad_of_rotations(poses[:3], (cmath.phase(x), cmath.phase(y)))
-    except GeometryError:
-        return None
 
 
 def _fits(poses: Sequence[PlanePose], dyad: BurmesterPair) -> bool:
