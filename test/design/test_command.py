@@ -117,7 +117,7 @@ def test_a_refusal_is_one_line(
 
 def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(wish: Path) -> None:
     command = [sys.executable, '-c', 'from klann_ros.executables import design; design()']
-    arguments = ['wish.yaml', '--evaluations', '10000000', '--jobs', '2']
+    arguments = ['wish.yaml', '--evaluations', '100000', '--jobs', '2']
     process = subprocess.Popen(
         [*command, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
     )

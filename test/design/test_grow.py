@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import combinations, permutations, product
 from pathlib import Path
 
-from klann_ros.design import search, wish_from, WishError
+from klann_ros.design import refine, search, wish_from, WishError
 from klann_ros.design.grow import shapes
 from klann_ros.design.leg_file import leg_text
 from klann_ros.kinematics import linkage_poses
@@ -94,7 +94,10 @@ def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
 EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28, 0.1)]
 
 
-def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(tmp_path: Path) -> None:
+def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(refine, 'MAX_STEPS', 20)
     wish = wish_from(
         {
             'grow': {'dyads': 1},
@@ -103,7 +106,7 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(tmp_path: Path
             'count': 1,
         }
     )
-    found = search(wish, evaluations=12_000)
+    found = search(wish, evaluations=5000)
     (leg,) = found.legs
     assert leg.linkage.name.startswith('Grown six-bar')
     assert leg.reached['path_error'] < 2e-3

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from klann_ros.datasheet import data_sheet
-from klann_ros.design import Found, search, State, Wish, wish_from
+from klann_ros.design import Found, refine, search, State, Wish, wish_from
 from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text
@@ -136,7 +136,8 @@ def test_a_wish_without_turning_legs_is_reported() -> None:
     assert none.reasons[0].startswith('no candidate turns fully')
 
 
-def test_a_hidden_leg_is_recovered_from_its_path() -> None:
+def test_a_hidden_leg_is_recovered_from_its_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refine, 'MAX_STEPS', 20)
     drawn = shipped_linkage('klann')
     random = np.random.default_rng(2)
     changes = {n: v * random.uniform(0.95, 1.05, 1) for n, v in drawn.dimensions.items()}

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from browser import find
-from klann_ros.design import wish_from_file
+from klann_ros.design import refine, wish_from_file
 from klann_ros.design.command import main as design
 from klann_ros.kinematics import (
     KlannGeometry,
@@ -610,7 +610,10 @@ def draw(lab: Opened, corners: list[tuple[float, float]]) -> None:
 
 
 def test_a_drawn_path_is_saved_as_a_wish_that_design_fulfils(
-    lab: Opened, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lab: Opened,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     draw(lab, [(0.3, 0.6), (0.7, 0.6), (0.6, 0.4), (0.4, 0.4)])
     assert lab.page.locator('#path .recorded-path').get_attribute('d').count('L') == 47
@@ -623,8 +626,9 @@ def test_a_drawn_path_is_saved_as_a_wish_that_design_fulfils(
     assert np.ptp(points[:, 0]) == pytest.approx(0.4e3 * scale, rel=0.02)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     assert np.ptp(np.sort(steps)[6:]) < 0.2 * steps.mean()
+    monkeypatch.setattr(refine, 'MAX_STEPS', 2)
     out = tmp_path / 'out'
-    arguments = ['--jobs', '1', '--evaluations', '600', '-o', str(out)]
+    arguments = ['--jobs', '1', '--evaluations', '480', '-o', str(out)]
     assert design([str(tmp_path / 'wish.yaml'), *arguments]) == 0
     assert 'path_error' in capsys.readouterr().out
 
