@@ -69,9 +69,9 @@ def _styles() -> Markup:
     )
 
 
-def note_page(note: str) -> str:
+def note_page(title: str, note: str) -> str:
     """Return a page with one note."""
-    return _small('Review', element('p', note))
+    return _small(title, element('p', note))
 
 
 def list_page(runs: Sequence[ListedRun], token: str) -> str:

@@ -225,6 +225,8 @@ class LiveServer:
         program = request.match_info.get('program', 'review')
         if program not in PROGRAMS:
             raise web.HTTPNotFound
+        made = PROGRAMS[program]
+        title = made.capitalize()
         page = await self._reviews.page(request.match_info['name'], program)
         if page is None:
             raise web.HTTPNotFound
@@ -233,10 +235,11 @@ class LiveServer:
             text = await asyncio.to_thread(page.file.read_text, encoding='utf-8')
             return web.Response(text=text, content_type='text/html', headers=headers)
         if page.state:
-            return web.Response(text=note_page(page.state), content_type='text/html', status=500)
+            note = note_page(title, page.state)
+            return web.Response(text=note, content_type='text/html', status=500)
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(page.done.wait(), 1.0)
-        note = note_page(f'The {PROGRAMS[program]} is being made; the page comes by itself.')
+        note = note_page(title, f'The {made} is being made; the page comes by itself.')
         return web.Response(text=note, content_type='text/html', headers={'Refresh': '0.2'})
 
     def _check_token(self, request: web.Request) -> None:

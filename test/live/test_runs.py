@@ -94,26 +94,40 @@ def test_a_failed_review_shows_the_reason(tmp_path: Path) -> None:
     with_reviews(tmp_path, stop, '/nowhere/review')
 
 
-def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
-    """The review's scripts get an origin of their own, not the server's."""
-    LegRun().write(tmp_path / 'run')
-    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), str(tmp_path))
+def answers_of(folder: Path, address: str) -> list[tuple[aiohttp.ClientResponse, str]]:
+    """Return all answers of a real server until the page is made, with their texts."""
+    server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), str(folder))
+    found: list[tuple[aiohttp.ClientResponse, str]] = []
 
     async def look() -> None:
-        url = f'http://127.0.0.1:{server.guard.port}/runs/run?token=secret'
+        url = f'http://127.0.0.1:{server.guard.port}/runs/{address}?token=secret'
         async with aiohttp.ClientSession() as session:
-            while True:
+            while not found or 'Refresh' in found[-1][0].headers:
                 async with session.get(url) as answer:
-                    assert answer.status == 200
-                    text = await answer.text()
-                if 'Refresh' not in answer.headers:
-                    break
-        assert '<title>Review of run</title>' in text
-        policy = answer.headers['Content-Security-Policy']
-        assert policy == "sandbox allow-scripts; frame-ancestors 'none'"
+                    found.append((answer, await answer.text()))
 
     run_alone(asyncio.wait_for(look(), 120.0))
     server.close()
+    return found
+
+
+def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
+    """The review's scripts get an origin of their own, not the server's."""
+    LegRun().write(tmp_path / 'run')
+    *_, (answer, text) = answers_of(tmp_path, 'run')
+    assert answer.status == 200
+    assert '<title>Review of run</title>' in text
+    policy = answer.headers['Content-Security-Policy']
+    assert policy == "sandbox allow-scripts; frame-ancestors 'none'"
+
+
+def test_a_run_without_measured_points_is_not_calibrated(tmp_path: Path) -> None:
+    LegRun().write(tmp_path / 'run')
+    answers = answers_of(tmp_path, 'run/calibrate')
+    answer, text = answers[-1]
+    assert answer.status == 500
+    assert 'no topic has the name of a point' in text
+    assert all('<h1>Calibration</h1>' in each for _, each in answers)
 
 
 def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
