@@ -121,12 +121,12 @@ def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
     assert policy == "sandbox allow-scripts; frame-ancestors 'none'"
 
 
-def test_a_run_without_measured_points_is_not_calibrated(tmp_path: Path) -> None:
+def test_a_run_without_a_leg_is_not_calibrated(tmp_path: Path) -> None:
     LegRun().write(tmp_path / 'run')
     answers = answers_of(tmp_path, 'run/calibrate')
     answer, text = answers[-1]
     assert answer.status == 500
-    assert 'no topic has the name of a point' in text
+    assert 'the run does not contain the leg as drawn' in text
     assert all('<h1>Calibration</h1>' in each for _, each in answers)
 
 
