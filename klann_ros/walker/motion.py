@@ -10,11 +10,12 @@ from math import copysign, inf, pi
 
 from .steering import Rates, Twist2D
 
-# The largest correction, as a part of the command; and the largest lag, as a multiple of that.
-MAX_SHARE, MAX_WINDUP = 0.5, 6.0
+# The largest correction, as a part of the command, and that of the yaw rate in curves, whose plan
+# may be off by more; and the largest lag, of which K times makes this part of the command.
+MAX_SHARE, MAX_CURVE_SHARE, MAX_WINDUP = 0.5, 1.0, 3.0
 # K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
 # on the spot, where it comes evenly. Chosen in MuJoCo, as those of `turn_plan`.
-CURVE_GAIN, SPOT_GAIN = 0.5, 2.0
+CURVE_GAIN, SPOT_GAIN = 1.0, 2.0
 # A measurement over a longer time is not used [s].
 MAX_INTERVAL = 0.1
 
@@ -110,7 +111,7 @@ class MotionFeedback:
         """Add the motion of a time [s]."""
         if not (self.gain and 0.0 < seconds <= MAX_INTERVAL):
             return
-        limits = [MAX_WINDUP * MAX_SHARE / self.gain * abs(each) for each in commanded]
+        limits = [MAX_WINDUP / self.gain * abs(each) for each in commanded]
         if _is_on_spot(commanded):
             limits[0] = self._step
         self.lag = Twist2D(
@@ -130,7 +131,8 @@ class MotionFeedback:
             return Twist2D(self.gain * lag.linear, _corrected(angular, gain * lag.angular))
         gain = CURVE_GAIN * self.gain
         return Twist2D(
-            _corrected(linear, self.gain * lag.linear), _corrected(angular, gain * lag.angular)
+            _corrected(linear, self.gain * lag.linear),
+            _corrected(angular, gain * lag.angular, MAX_CURVE_SHARE),
         )
 
 
@@ -138,5 +140,5 @@ def _is_on_spot(commanded: Twist2D) -> bool:
     return commanded.linear == 0.0 and commanded.angular != 0.0
 
 
-def _corrected(wanted: float, correction: float) -> float:
-    return wanted + copysign(min(abs(correction), MAX_SHARE * abs(wanted)), correction)
+def _corrected(wanted: float, correction: float, most: float = MAX_SHARE) -> float:
+    return wanted + copysign(min(abs(correction), most * abs(wanted)), correction)
