@@ -146,7 +146,8 @@ class PinnedDyads:
 
 def _wanted(program: Program, others: AbstractSet[str]) -> dict[str, Sequence[str]]:
     """Return the numbers that the kernel computes besides the foot, by the results."""
-    derivatives = {name for name in others if name.endswith(('_1', '_gradient'))}
+    # In one order, as the source that is compiled and cached has it.
+    derivatives = sorted(name for name in others if name.endswith(('_1', '_gradient')))
     links = [*chain(*program.links)]
     of_links = others & {'angles', 'angles_1', 'transmission_angles'}
     wanted: dict[str, Sequence[str]] = {

@@ -16,7 +16,8 @@ SOLVE = """
 import sys
 from klann_ros.kinematics import klann_poses, KlannGeometry
 import numpy as np
-poses = klann_poses(KlannGeometry(), np.zeros(200_000), kernel={kernel!r})
+wanted = {{'angles': True, 'points': True, 'velocities': True}}
+poses = klann_poses(KlannGeometry(), np.zeros(200_000), kernel={kernel!r}, **wanted)
 print('numba' in sys.modules, poses.h[0].tolist())
 """
 H = '[0.92382725'
@@ -98,13 +99,15 @@ def test_numba_needs_no_place_for_its_cache(tmp_path: Path) -> None:
     assert done.stdout.startswith(f'True {H}')
 
 
-def test_a_broken_kernel_cache_is_rebuilt(tmp_path: Path) -> None:
+def test_a_kernel_is_cached_once_for_all_processes_and_rebuilt_if_broken(tmp_path: Path) -> None:
     cache = tmp_path / 'cache'
-    run(SOLVE.format(kernel='numba'), tmp_path, NUMBA_CACHE_DIR=f'{cache}')
+    folders = {'NUMBA_CACHE_DIR': f'{cache}', 'XDG_CACHE_HOME': f'{cache}'}
+    run(SOLVE.format(kernel='numba'), tmp_path, PYTHONHASHSEED='1', **folders)
     kept = list(cache.rglob('*.nb*'))
     assert kept
     for file in kept:
         file.write_bytes(b'')
-    done = run(SOLVE.format(kernel='numba'), tmp_path, NUMBA_CACHE_DIR=f'{cache}')
+    done = run(SOLVE.format(kernel='numba'), tmp_path, PYTHONHASHSEED='2', **folders)
     assert done.stderr == ''
     assert done.stdout.startswith(f'True {H}')
+    assert len([*cache.rglob('kernel_*.py')]) == 1
