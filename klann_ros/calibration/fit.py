@@ -41,6 +41,8 @@ OUTLIER_GATE, MAD_FACTOR = 5.0, 1.4826
 WEAK_PRIOR, WEAKEST_PRIOR = 100.0, 1000.0
 # Length over which a tolerance makes an error of a bend [m].
 BEND_LENGTH = 0.03
+# Samples of each series at most: derivatives of a million take gigabytes.
+MAX_SAMPLES = 20_000
 # Samples of each series in the robust fit; rounds until the outliers stay the same.
 ROBUST_SAMPLES, MAX_ROUNDS = 200, 6
 # A leg that fits worse than this part of the path's size is another one, as is one with larger
@@ -218,6 +220,7 @@ def calibrate(
     reverse = min((rates > 0.0).sum(), (rates < 0.0).sum()) > MIN_REVERSE_SHARE * len(rates)
     optional = (*CAMERA * camera, *[DELAY] * delay, *[BACKLASH] * bool(reverse))
     model = MeasurementModel(linkage, direction, phase, optional)
+    measured = [subset(series, MAX_SAMPLES) for series in measured]
     check_measurements(model, measured)
     start, _ = start_parameters(model, measured)
     problem = _Problem(model, measured, prior, crank_noise, start)
@@ -259,10 +262,15 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
         others.append(('those of a camera in another pose: try --camera unknown', seen, few))
     mirrored = [replace(s, values=s.values * (1, -1)) if s.kind == 'point' else s for s in few]
     others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
+    if DELAY not in model.names:
+        late = replace(model, optional=(*model.optional, DELAY))
+        others.append(('late, or early: try --delay unknown', late, few))
     starts = []
     for what, other, series in others:
         with suppress(MeasurementError):
             start, misfit = start_parameters(other, series)
+            # A delay shows in the fit alone, so it is tried first.
+            misfit *= DELAY not in other.names or DELAY in model.names
             starts.append((misfit, what, _Problem(other, series, None, 0.0, start)))
     for _, what, problem in sorted(starts, key=lambda each: each[0])[:MAX_EXPLANATIONS]:
         with suppress(MeasurementError):

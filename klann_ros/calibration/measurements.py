@@ -161,6 +161,8 @@ def kind_of(linkage: Linkage, name: str) -> Kind:
 
 def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:
     """Return at most `count` samples of a series, evenly spread."""
+    if len(series.times) <= count:
+        return series
     chosen = np.unique(np.linspace(0, len(series.times) - 1, count).astype(int))
     columns = ('times', 'values', 'crank', 'rate')
     return replace(series, **{name: getattr(series, name)[chosen] for name in columns})

@@ -274,6 +274,33 @@ def test_a_late_clock_is_found_where_the_speed_changes() -> None:
     assert {n for n, _ in even.observability.combinations[0].parts} == {'delay', 'phase'}
 
 
+def test_a_late_clock_that_no_leg_explains_is_named() -> None:
+    # It was taken for a camera in another pose.
+    drawn = shipped_linkage('jansen')
+    noise = 1e-4 * drawn.size
+    robot = Robot(built(1, drawn, length=1e-3 * drawn.size), noise=noise)
+    crank = robot.crank + 0.8 * np.sin(2.0 * robot.times)
+    points = linkage_poses(robot.linkage, crank + robot.phase, points=True).points
+    rng = np.random.default_rng(6)
+    measured = [
+        series_of(
+            'point', name, robot.times + 0.02,
+            points[:, drawn.structure.points.index(name)] + rng.normal(0.0, noise, (1000, 2)),
+            CrankSamples.of(robot.times, crank), noise=noise,
+        )
+        for name in 'XWVUTS'
+    ]  # fmt: skip
+    with pytest.raises(MeasurementError, match='try --delay unknown'):
+        calibrate(drawn, measured)
+    assert calibrate(drawn, measured, delay=True).is_complete
+
+
+def test_of_very_many_samples_an_even_choice_is_used() -> None:
+    found = calibrate(DRAWN, Robot(count=200_000, period=5e-5).measured())
+    assert [len(fit.inliers) for fit in found.series] == [20_000, 20_000]
+    assert found.is_complete
+
+
 def test_part_of_a_turn_gives_larger_errors_or_names_the_unknown() -> None:
     robot = Robot(speed=0.35)
     found = calibrate(DRAWN, robot.measured('HG'))
