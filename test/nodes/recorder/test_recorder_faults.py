@@ -1,5 +1,6 @@
 """recorder_node while its files are removed or changed: reported, never claimed, exit 1."""
 
+from collections.abc import Iterator
 import os
 from pathlib import Path
 import shutil
@@ -105,9 +106,13 @@ def stage(module_ros: Domain) -> Stage:
     return Stage(module_ros)
 
 
-@pytest.fixture
-def ros(stage: Stage) -> Domain:
-    return stage.ros
+@pytest.fixture(autouse=True)
+def ros(stage: Stage) -> Iterator[Domain]:
+    """End the recorders of a test that has failed: the next one waits for its own alone."""
+    yield stage.ros
+    for process in stage.ros._processes:
+        process.release()
+    stage.ros._processes.clear()
 
 
 def test_lost_files_are_reported_counted_and_replaced(stage: Stage) -> None:
