@@ -7,8 +7,6 @@ from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
-from fontTools.pens.recordingPen import RecordingPen
-from fontTools.svgLib.path import parse_path
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import printable, printable_line
@@ -215,6 +213,10 @@ def _svg_points(text: str) -> ComplexArray:
 
 def _svg_path(d: str) -> list[complex]:
     """Return the points of the first part of a path's data; text that is none is a ValueError."""
+    # Of an extra, which other targets do without.
+    from fontTools.pens.recordingPen import RecordingPen  # noqa: PLC0415
+    from fontTools.svgLib.path import parse_path  # noqa: PLC0415
+
     pen, points = RecordingPen(), list[complex]()
     try:
         parse_path(d, pen)
