@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-import csv
-from io import StringIO
 import struct
 from typing import Any, NamedTuple
 
@@ -12,7 +10,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor, read_joint_state, STAMP_SIZE
-from klann_ros.sanitize.files import read_regular
+from klann_ros.sanitize.tables import read_table, TableRow
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -241,11 +239,8 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     not measured. Requests name columns; by default all are read.
     """
     shown = printable(path)
-    try:
-        columns = _columns(read_regular(path, MAX_CSV_SIZE))
-    except (OSError, ValueError, csv.Error) as error:
-        reason = getattr(error, 'strerror', None) or f'it is no table of numbers: {error}'
-        raise MeasurementError(f'{shown} cannot be read: {printable(reason)}') from None
+    names, rows = read_table(path, ('time', 'crank'), MeasurementError, MAX_CSV_SIZE)
+    columns = {name: np.array([_number(row, name) for row in rows]) for name in names}
 
     def column(name: str) -> FloatArray:
         if name not in columns:
@@ -254,7 +249,7 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
         return columns[name]
 
     times, crank = column('time'), CrankSamples.of(column('time'), column('crank'))
-    names = [name.removesuffix('.x') for name in columns if not name.endswith('.y')]
+    names = [name.removesuffix('.x') for name in names if not name.endswith('.y')]
     chosen = list(requests) or [Request(n, n) for n in names if n not in {'time', 'crank'}]
     found = []
     for request in chosen:
@@ -265,8 +260,9 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     return found
 
 
-def _columns(text: str) -> dict[str, FloatArray]:
-    heads, *rows = [row for row in csv.reader(StringIO(text)) if row] or [[]]
-    numbers = np.array([[float(cell or 'nan') for cell in row] for row in rows], dtype=np.float64)
-    table = numbers.reshape(len(rows), len(heads))
-    return dict(zip((head.strip() for head in heads), table.T, strict=True))
+def _number(row: TableRow, name: str) -> float:
+    """Return the number of a cell; not a number if it is empty."""
+    try:
+        return float(row.cells[name].replace(',', '.') or 'nan')
+    except (KeyError, ValueError) as error:
+        raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None

@@ -1,24 +1,18 @@
 """Tables of a class: students, answers and marks, as spreadsheets of any locale write them."""
 
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable, Mapping, Sequence
-import csv
-from io import StringIO, TextIOWrapper
 from pathlib import Path
 import re
 from typing import BinaryIO
 
-from klann_ros.sanitize.files import open_regular
-from klann_ros.sanitize.text import FORMULA_STARTS, listed, printable
+from klann_ros.sanitize.tables import harmless, read_table, TableRow, write_table
+from klann_ros.sanitize.text import listed, printable
 
 from .marking import mark, Marks
 from .variant import ExerciseError, Kind, known, make_variant
 
 # Largest table [bytes], and students of one.
 MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
-DELIMITERS = ',;\t'
-# First bytes of .xlsx and .ods.
-WORKBOOK = b'PK\x03\x04'
 ANSWER_COLUMNS = ('student', 'kind', 'question', 'answer')
 MARK_COLUMNS = (*ANSWER_COLUMNS, 'points', 'reason')
 # A long student number as a spreadsheet writes it.
@@ -37,11 +31,11 @@ def read_students(path: str) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     twice = []
-    for line, row in _rows(path, ('student',)):
-        number = _number(row, f'{printable(path)}, line {line}')
+    for place, _, row in _rows(path, 'student'):
+        number = _number(row, place)
         if number in found:
             twice.append(number)
-        found[number] = row.get('name', '').strip()
+        found[number] = next((row[key] for key in row if key.casefold() == 'name'), '').strip()
     if not 0 < len(found) <= MAX_STUDENTS:
         raise ExerciseError(
             f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
@@ -49,6 +43,12 @@ def read_students(path: str) -> dict[str, str]:
     if twice:
         raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
     return found
+
+
+def _rows(path: str, *columns: str) -> list[TableRow]:
+    """Return the rows of a table; a short one ends with empty cells."""
+    _, rows = read_table(path, columns, ExerciseError, MAX_TABLE)
+    return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
 
 
 def _number(row: Mapping[str, str], place: str) -> str:
@@ -66,8 +66,8 @@ def _number(row: Mapping[str, str], place: str) -> str:
 
 def has_answers(path: str) -> bool:
     """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
-    rows = _rows(path, ANSWER_COLUMNS) if Path(path).is_file() else ()
-    return any(row['answer'].strip() for _, row in rows)
+    rows = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
+    return any(row['answer'].strip() for _, _, row in rows)
 
 
 def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
@@ -82,7 +82,7 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
     """
     answers: dict[tuple[str, str], dict[str, str]] = {}
     refused = []
-    for line, row in _rows(path, ANSWER_COLUMNS):
+    for _, line, row in _rows(path, *ANSWER_COLUMNS):
         kind, question = row['kind'].strip(), row['question'].strip()
         try:
             student = _number(row, f'line {line}')
@@ -106,68 +106,6 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
     return marked, refused
 
 
-def _rows(path: str, columns: Sequence[str]) -> list[tuple[int, dict[str, str]]]:
-    """Return the rows of a table with these columns, each with its line number."""
-    text = _text(path)
-    head, _, rest = text.partition('\n')
-    if head.startswith('sep='):
-        # The line by which spreadsheets give the separator.
-        text, head = rest, rest.partition('\n')[0]
-    delimiter = max(DELIMITERS, key=head.count)
-    reader = csv.DictReader(
-        StringIO(text, newline=''), delimiter=delimiter, strict=True, restval=''
-    )
-    try:
-        heads = [cell.strip().casefold() for cell in reader.fieldnames or ()]
-        missing = [name for name in columns if name not in heads]
-        if missing:
-            raise ExerciseError(
-                f'{printable(path)} has no column {listed(missing)}: its first line must have '
-                f'{", ".join(columns)}'
-            )
-        twice = [name for name in columns if heads.count(name) > 1]
-        if twice:
-            raise ExerciseError(f'{printable(path)} has the column {listed(twice)} twice')
-        reader.fieldnames = heads
-        found = []
-        for row in reader:
-            more = row.pop(None, ())
-            if any(map(str.strip, more)):
-                raise ExerciseError(
-                    f'{printable(path)}, line {reader.line_num}: {len(heads) + len(more)} cells '
-                    f'for {len(heads)} columns; put a number with a comma in quotes'
-                )
-            if any(map(str.strip, row.values())):
-                cells = {name: _plain(cell) for name, cell in row.items()}
-                found.append((reader.line_num, cells))
-    except csv.Error as error:
-        raise ExerciseError(
-            f'{printable(path)}, line {reader.reader.line_num}: {error}'
-        ) from error
-    return found
-
-
-def _text(path: str) -> str:
-    """Return the text of a table in an encoding of spreadsheets."""
-    try:
-        with open_regular(path) as file:
-            data = file.read(MAX_TABLE + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise ExerciseError(f'{printable(path)} cannot be read: {printable(reason)}') from error
-    if data.startswith(WORKBOOK):
-        raise ExerciseError(f'{printable(path)} is a workbook: save it as CSV')
-    if len(data) > MAX_TABLE:
-        raise ExerciseError(f'{printable(path)} is longer than {MAX_TABLE} bytes')
-    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
-        return data.decode('utf-16', errors='replace')
-    try:
-        return data.decode('utf-8-sig')
-    except UnicodeDecodeError:
-        # A spreadsheet's own encoding in western Europe and Brazil; every byte is a letter.
-        return data.decode('cp1252', errors='replace')
-
-
 def save_template(kind: Kind, students: Iterable[str], file: BinaryIO) -> None:
     """Write an empty table of answers."""
     rows = ((each, kind.name, question.name, '') for each in students
@@ -186,22 +124,12 @@ def save_marks(marked: Marks, language: str, file: BinaryIO) -> None:
 
 
 def _save(heads: Sequence[str], rows: Iterable[Sequence[str]], file: BinaryIO) -> None:
-    text = TextIOWrapper(file, encoding='utf-8-sig', newline='')
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(heads)
-    writer.writerows([_harmless(cell) for cell in row] for row in rows)
-    text.flush()
-    text.detach()
+    cells = ([_cell(each) for each in row] for row in rows)
+    # With the mark by which spreadsheets know UTF-8.
+    write_table((heads, *cells), file, encoding='utf-8-sig')
 
 
-def _plain(cell: str) -> str:
-    """Return a cell without the mark of `_harmless`, as a template has it."""
-    return cell[1:] if cell.startswith("'") and cell[1:].startswith(FORMULA_STARTS) else cell
-
-
-def _harmless(cell: str) -> str:
-    """Return a cell that no spreadsheet takes for a formula; a number is none."""
-    number = cell.lstrip('+-').replace(',', '.', 1)
-    if cell.startswith(FORMULA_STARTS) and not number.replace('.', '', 1).isdigit():
-        return f"'{cell}"
-    return cell
+def _cell(text: str) -> str:
+    """Return a cell; a number with a sign is no formula."""
+    number = text.lstrip('+-').replace(',', '.', 1)
+    return text if number.replace('.', '', 1).isdigit() else harmless(text)

@@ -9,9 +9,6 @@ MAX_NAME_LENGTH = 300
 MAX_LINE_LENGTH = 3000
 """Maximum length of a whole message, ten such names [characters]."""
 
-FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
-"""A spreadsheet computes a cell that starts with one of these; a quote keeps it a text."""
-
 
 def printable(text: object, max_length: int = MAX_NAME_LENGTH) -> str:
     r"""

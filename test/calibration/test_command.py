@@ -15,6 +15,7 @@ import time
 from typing import Any
 
 from klann_ros.calibration.command import main
+from klann_ros.calibration.load import load_csv
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
 from klann_ros.robot import robot_of
@@ -149,6 +150,16 @@ def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
     points = _dimensions(numbers)['points']
     assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
     assert main([str(table), '--leg', 'sem104', '--point', 'H=G']) == 2
+
+
+def test_a_table_of_a_spreadsheet_has_the_same_numbers(table: Path, tmp_path: Path) -> None:
+    german = tmp_path / 'german.csv'
+    text = table.read_text().replace(',', ';').replace('.', ',').replace('H,', 'H.')
+    german.write_text(text.replace('G,', 'G.'), encoding='utf-16')
+    leg = robot_of('sem104').legs[0]
+    one, other = (load_csv(str(file), leg) for file in (table, german))
+    for own, same in zip(one, other, strict=True):
+        np.testing.assert_equal(same.values, own.values)
 
 
 def test_a_linkage_file_keeps_its_units(table: Path, tmp_path: Path) -> None:

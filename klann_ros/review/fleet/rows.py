@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
-from io import BytesIO, StringIO, TextIOWrapper
+from io import BytesIO, StringIO
 import json
 from math import isfinite
 import os
@@ -17,7 +17,8 @@ from klann_ros.log.errors import LogError
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.text import counted, FORMULA_STARTS, printable, printable_line
+from klann_ros.sanitize.tables import harmless, write_table
+from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN_NUMBER
 from klann_ros.web.parts import FRAME, Parts, SHARED
 
@@ -134,8 +135,6 @@ def _of_legs(
     return chosen(known) if known else None
 
 
-# Texts that a quote marks: formulas, and those with a quote of their own.
-_QUOTED_STARTS = (*FORMULA_STARTS, "'")
 # Largest table that is read [bytes]: of a million runs.
 _MAX_TABLE_SIZE = 10**10
 
@@ -158,7 +157,8 @@ def save_table(path: str, rows: Iterable[Row], file: BinaryIO) -> None:
     if Path(path).suffix.lower() == '.parquet':
         _save_parquet(rows, file)
     else:
-        _save_csv(rows, file)
+        cells = ([_cell(name, getattr(row, name)) for name in NAMES] for row in rows)
+        write_table((NAMES, *cells), file)
 
 
 def rows_from_table(path: str) -> list[Row]:
@@ -178,22 +178,13 @@ def rows_from_table(path: str) -> list[Row]:
         raise TableError(f'{printable(path)} is no table of runs: {error}') from error
 
 
-def _save_csv(rows: Iterable[Row], file: BinaryIO) -> None:
-    text = TextIOWrapper(file, newline='', encoding='utf-8', errors='replace')
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(NAMES)
-    writer.writerows([_cell(name, getattr(row, name)) for name in NAMES] for row in rows)
-    text.flush()
-    # The file is its opener's to close.
-    text.detach()
-
-
 def _cell(name: str, value: Any) -> str:
     if value is None:
         return ''
     if name not in TEXTS:
         return repr(value)
-    return f"'{value}" if value.startswith(_QUOTED_STARTS) else str(value)
+    # A quote of its own is marked, too.
+    return f"'{value}" if value.startswith("'") else harmless(value)
 
 
 def _csv_rows(data: bytes) -> list[dict[str, Any]]:

@@ -1,10 +1,8 @@
 """A review for other programs: JSON, a picture, and poses as CSV, arrays and data frames."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-import csv
 from dataclasses import asdict
-from io import TextIOWrapper
 import json
 from math import degrees
 from pathlib import Path
@@ -20,7 +18,8 @@ from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
 from klann_ros.sanitize.outputs import finite, OutputError
-from klann_ros.sanitize.text import FORMULA_STARTS, printable
+from klann_ros.sanitize.tables import harmless, write_table
+from klann_ros.sanitize.text import printable
 import numpy as np
 from numpy.typing import NDArray
 
@@ -104,25 +103,21 @@ def save_csv(review: Review, file: BinaryIO) -> None:
     foot H, and the errors against the solved pose. Unknown values are empty fields; reading a
     number gives the same double.
     """
-    text = TextIOWrapper(file, newline='', encoding='utf-8')
-    writer = csv.writer(text, lineterminator='\n')
+    write_table(_rows(review), file)
+
+
+def _rows(review: Review) -> Iterator[Sequence[str]]:
     units, several = _units(review.legs), len(review.legs) > 1
-    leg_head = ['leg'] if several else []
-    writer.writerow([*leg_head, 'log_time [s]', 'stamp [s]', *_heads(units)])
+    yield [*['leg'] * several, 'log_time [s]', 'stamp [s]', *_heads(units)]
     for leg in review.legs:
-        poses, title = leg.recording.poses, [_cell(leg.recording.title)] if several else []
+        poses, title = leg.recording.poses, harmless(printable(leg.recording.title))
         columns = _columns(leg, units)
         for begin in range(0, len(poses), _BLOCK):
             rows = slice(begin, begin + _BLOCK)
             times, stamps = _seconds(poses.times[rows]), _seconds(poses.stamps[rows])
             numbers = np.column_stack([column[rows] for column in columns]).tolist()
-            writer.writerows(
-                [*title, time, stamp, *map(_text, values)]
-                for time, stamp, values in zip(times, stamps, numbers, strict=True)
-            )
-    text.flush()
-    # The caller closes the file.
-    text.detach()
+            for time, stamp, values in zip(times, stamps, numbers, strict=True):
+                yield [*[title] * several, time, stamp, *map(_text, values)]
 
 
 def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
@@ -201,12 +196,6 @@ def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
     )
     numbers = [table.get(joint, unknown) for table in tables for joint in joints]
     return [*numbers, *recording.paired_feet().T, *errors]
-
-
-def _cell(text: str) -> str:
-    """Return a name for a spreadsheet: on one line, and never a formula."""
-    shown = printable(text)
-    return f"'{shown}" if shown.startswith(FORMULA_STARTS) else shown
 
 
 def _seconds(times: IntArray) -> list[str]:

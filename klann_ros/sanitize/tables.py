@@ -1,0 +1,112 @@
+"""Tables as text (CSV), as spreadsheets of any locale write them."""
+
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Iterable, Sequence
+import csv
+from io import StringIO, TextIOWrapper
+from typing import BinaryIO, NamedTuple
+
+from .files import open_regular
+from .text import listed, printable
+
+DELIMITERS = ',;\t'
+# First bytes of .xlsx and .ods.
+WORKBOOK = b'PK\x03\x04'
+_FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
+
+
+class TableRow(NamedTuple):
+    """A row of a table: where it is, such as 'class.csv, line 2', its line, and its cells."""
+
+    place: str
+    line: int
+    cells: dict[str, str]
+
+
+def read_table(
+    path: str, columns: Sequence[str], error_type: type[Exception], max_size: int
+) -> tuple[list[str], list[TableRow]]:
+    """
+    Return all columns of a table with these columns, and its rows but empty ones.
+
+    The names of these columns may be in capitals. The encoding, the delimiter and quotes are those
+    of any spreadsheet. A short row lacks its last columns.
+
+    Raises
+    ------
+    error_type
+        The file cannot be read, is longer than `max_size` bytes, is no table, or has not these
+        columns, once each. One line says which.
+
+    """
+    shown, text = printable(path), _text(path, error_type, max_size)
+    head, _, rest = text.partition('\n')
+    if head.startswith('sep='):
+        # The line by which spreadsheets give the separator.
+        text, head = rest, rest.partition('\n')[0]
+    delimiter = max(DELIMITERS, key=head.count)
+    reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter, strict=True)
+    try:
+        names = [name.strip() for name in next(reader, ())]
+        names = [low if (low := name.casefold()) in columns else name for name in names]
+        if missing := [name for name in columns if name not in names]:
+            raise error_type(
+                f'{shown} has no column {listed(missing)}: its first line must have '
+                f'{", ".join(columns)}'
+            )
+        if twice := [name for name in columns if names.count(name) > 1]:
+            raise error_type(f'{shown} has the column {listed(twice)} twice')
+        found = []
+        for row in reader:
+            if not any(map(str.strip, row)):
+                continue
+            place = f'{shown}, line {reader.line_num}'
+            if any(map(str.strip, row[len(names) :])):
+                raise error_type(
+                    f'{place}: {len(row)} cells for {len(names)} columns; put a number with a '
+                    'comma in quotes'
+                )
+            cells = dict(zip(names, map(_plain, row), strict=False))
+            found.append(TableRow(place, reader.line_num, cells))
+    except csv.Error as error:
+        raise error_type(f'{shown}, line {reader.line_num}: {error}') from error
+    return names, found
+
+
+def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:
+    """Write rows to an open file, which stays open."""
+    text = TextIOWrapper(file, encoding=encoding, errors='replace', newline='')
+    csv.writer(text, lineterminator='\n').writerows(rows)
+    text.flush()
+    text.detach()
+
+
+def harmless(cell: str) -> str:
+    """Return a text that no spreadsheet takes for a formula: with a quote, if need be."""
+    return f"'{cell}" if cell.startswith(_FORMULA_STARTS) else cell
+
+
+def _plain(cell: str) -> str:
+    """Return a cell without the quote of `harmless`."""
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA_STARTS) else cell
+
+
+def _text(path: str, error_type: type[Exception], max_size: int) -> str:
+    """Return the text of a table in an encoding of spreadsheets."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(max_size + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise error_type(f'{printable(path)} cannot be read: {printable(reason)}') from error
+    if data.startswith(WORKBOOK):
+        raise error_type(f'{printable(path)} is a workbook: save it as CSV')
+    if len(data) > max_size:
+        raise error_type(f'{printable(path)} is longer than {max_size} bytes')
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return data.decode('utf-16', errors='replace')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        # A spreadsheet's own encoding in western Europe and Brazil; every byte is a letter.
+        return data.decode('cp1252', errors='replace')
