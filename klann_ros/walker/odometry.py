@@ -34,6 +34,9 @@ consider parameters (S. F. Schmidt, Application of state-space methods to naviga
 law and the loads. With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as
 well), and c_4 is not used.
 
+With a gyro the yaw and its bias are consider parameters of the slip's update: errors of the
+contact model last, so they would be learned as drift.
+
 At standstill the rotation and the acceleration are zero, which measures the biases. The slope
 is a running mean of the measured attitude less that of the body on its feet: the Kalman filter of
 a constant which nothing else depends on.
@@ -106,7 +109,10 @@ ROCKING_ERROR = 0.4
 # carry the body, seen from above, beyond which they cannot [m].
 CHECK_PERIOD, MAX_OUTSIDE = 0.1, 0.01
 STATES, ERRORS = 9, 5
-ACCEL_BIAS = slice(7, 9)
+GYRO_BIAS, ACCEL_BIAS = 6, slice(7, 9)
+# The yaw and its drift, which a gyro measures.
+GYRO_STATES = [2, GYRO_BIAS]
+GYRO_BLOCK = np.ix_(GYRO_STATES, GYRO_STATES)
 
 
 @dataclass(frozen=True)
@@ -254,7 +260,7 @@ class Odometry:
     @property
     def gyro_bias(self) -> float:
         """Return the drift of the heading [rad/s]."""
-        return float(self._state[6])
+        return float(self._state[GYRO_BIAS])
 
     @property
     def innovation(self) -> float:
@@ -355,7 +361,7 @@ class Odometry:
             return
         rate, variance = measured
         if variance:
-            self._update_bias(6, rate, variance)
+            self._update_bias(GYRO_BIAS, rate, variance)
         if taken.delta_velocity is not None and taken.span:
             variance = self.noise.accelerometer_noise**2 / taken.span
             for k in (0, 1):
@@ -473,7 +479,7 @@ class Odometry:
         if self._yaw_rate is None:
             p[5, 5] += noise / self._feet.gyration**2
         else:
-            p[6, 6] += n.gyro_drift**2 * dt
+            p[GYRO_BIAS, GYRO_BIAS] += n.gyro_drift**2 * dt
             if self._imu.last and self._imu.last.yaw is None:
                 p[2, 2] += n.gyro_noise**2 * dt
 
@@ -507,8 +513,11 @@ class Odometry:
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen].dot(inverse_prior)
+        kept = self._state[GYRO_STATES], p[GYRO_BLOCK]
         p -= gain.dot(p[seen, seen] - _square(found.covariance, size)).dot(gain.T)
         self._state += gain.dot(by)[:STATES]
+        if size == 2:
+            self._state[GYRO_STATES], p[GYRO_BLOCK] = kept
         self._slip = found.slid / weight
         if has_slope:
             self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)

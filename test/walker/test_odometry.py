@@ -150,6 +150,18 @@ def test_yaw_is_the_imus_where_there_is_one(two_motors: Feet) -> None:
     assert at.covariance[2][2] >= odometry.noise.heading_error**2
 
 
+def test_slip_of_the_feet_in_a_curve_changes_no_measured_yaw(two_motors: Feet) -> None:
+    """Unequal sides, and an IMU that measures another yaw rate than they make."""
+    odometry = Odometry(two_motors)
+    for k in range(3200):
+        walked = max(0.0, 0.01 * k - 2.0)
+        odometry.imu(ImuReading(0.05 * walked, 0.05 if walked else 0.0, 0.01 * k, (0.0, 0.0)))
+        rates = (0.7, 1.4) if walked else (0.0, 0.0)
+        at = odometry.update((0.7 * walked, 1.4 * walked), rates, 0.01)
+    assert at.yaw == pytest.approx(0.05 * walked, abs=1e-4)
+    assert abs(odometry.gyro_bias) < 1e-6
+
+
 def test_an_orientation_that_trembles_drags_no_feet(two_motors: Feet) -> None:
     rng = np.random.default_rng(3)
     odometry, feet_alone = Odometry(two_motors), Odometry(two_motors)
