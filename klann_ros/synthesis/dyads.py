@@ -154,18 +154,10 @@ def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
 
 def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[BurmesterPair]:
     """
-    Return the dyads of four positions whose bar turns by a given angle to the second one.
+    Return the dyads of four poses whose bar turns by beta_2 = `rotation` to the second one [rad].
 
     The compatibility equation D1 + D2 e^(i b2) + D3 e^(i b3) + D4 e^(i b4) = 0 is a triangle with
     at most two solutions: D3 e^(i b3) is to the left of D1 + D2 e^(i b2), then to its right.
-
-    Parameters
-    ----------
-    poses : sequence of PlanePose
-        Four poses.
-    rotation : float
-        beta_2 [rad].
-
     """
     d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses, 4))
     x = cmath.rect(1.0, rotation)
@@ -178,20 +170,9 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
 
 def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
     """
-    Return dyads of four positions: samples of the centre-point and circle-point curves.
+    Return dyads of four poses: samples of the centre-point and circle-point curves.
 
-    Parameters
-    ----------
-    poses : sequence of PlanePose
-        Four poses.
-    count : int
-        Number of values of beta_2 over a turn.
-
-    Returns
-    -------
-    list of BurmesterPair
-        In the order of beta_2; empty where no bar fits.
-
+    They are in the order of beta_2, of which `count` values over a turn are tried; no bar may fit.
     """
     rotations = (np.arange(0.5, count) * 2.0 * np.pi / count).tolist()
     return [dyad for rotation in rotations for dyad in dyads_of_rotation(poses, rotation)]
@@ -199,7 +180,7 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Burmes
 
 def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     """
-    Return all dyads of five positions: none, two or four.
+    Return all dyads of five poses: none, two or four, each of which fits all poses to rounding.
 
     With W and M from the first task point and r_j = e^(i alpha_j), one length of the bars is
 
@@ -207,17 +188,6 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
 
     linear in W, M and W conj(M): two numbers s and t are free. That the last one is the product
     of the others are two conics of s and t, which meet in four points.
-
-    Parameters
-    ----------
-    poses : sequence of PlanePose
-        Five poses.
-
-    Returns
-    -------
-    list of BurmesterPair
-        Each fits all poses to rounding.
-
     """
     size, (rotors, shifts) = _size(poses), _relative(poses, 5)
     shifts = shifts / size
