@@ -174,7 +174,9 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
         if value is None:
             slip = UNREADABLE if text else EMPTY
         elif question.name in fitting:
-            slip = _slip(variant, question, value, fitting[question.name], weights)
+            fits = fitting[question.name]
+            # The first of equal ones, in the order of the mistakes.
+            slip = slip_of(min(fits, key=lambda each: (-weights[each], fits[each])))
         else:
             slip = RIGHT
         carried = slip in texts()['slips'] and any(each.slip == slip for each in marks)
@@ -183,35 +185,23 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
     return marks
 
 
-def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, float]:
+def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, int]:
     """
-    Return the mistakes that give an answer, and their distances from it.
+    Return the mistakes that give an answer, and their distances from it; else rounding or WRONG.
 
     A distance is in thousandths of the last digit: noise must not decide between equal ones.
     """
     values = {mistake: wrong.get(question.name) for mistake, wrong in variant.mistaken.items()}
-    return {
+    found = {
         mistake: round(
             1e3 * difference(question, answer, value) / (variant.tolerance(question, value) or 1.0)
         )
         for mistake, value in values.items()
         if value is not None and variant.is_near(question, answer, value)
     }
-
-
-def _slip(
-    variant: Variant,
-    question: Question,
-    answer: Answer,
-    fitting: Mapping[str, float],
-    weights: Mapping[str, int],
-) -> str:
-    if fitting:
-        # The first of equal ones, in the order of the mistakes.
-        return slip_of(min(fitting, key=lambda each: (-weights[each], fitting[each])))
     reach = ROUNDING_REACH * variant.tolerance(question)
     is_near = difference(question, answer, variant.answers[question.name]) <= reach
-    return 'rounding' if is_near else WRONG
+    return found or {'rounding' if is_near else WRONG: 0}
 
 
 def statistics(marked: Marks) -> dict[str, dict[str, float]]:
