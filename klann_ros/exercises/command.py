@@ -1,19 +1,19 @@
 """`exercise`: exercises of both courses for a class, their keys, and the marking of answers."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path
-from klann_ros.sanitize.outputs import Output, OutputError, outputs, save_all
+from klann_ros.sanitize.outputs import Output, outputs, reported, save_all
 from klann_ros.sanitize.text import counted, printable
 from klann_ros.web.browser import print_page, PrintError
 
 from .kinds import KINDS
 from .marking import statistics
-from .platforms import moodle, notebooks, prairielearn
+from .platforms import Files, moodle, notebooks, prairielearn
 from .sheet import answer_text, key, sheets, unit_sign, with_unit
 from .tables import has_answers, mark_answers, read_students, save_marks, save_template
 from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
@@ -27,8 +27,6 @@ know the usual slips."""
 EXIT_CODES = """\
 Exit code: 0 done, 1 rows of ANSWERS are refused (listed), 2 an input or an
 argument is refused, 3 an OUT cannot be written."""
-# A file of a format: its path within the folder, and its content.
-Files = Mapping[str, bytes]
 Format = Callable[[Sequence[Variant], str], Files]
 
 
@@ -53,13 +51,10 @@ def _make(options: argparse.Namespace) -> int:
     folder = Path(options.output)
     places = [Output('-o', str(folder / name)) for name in files]
     template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
-    try:
-        for place in (*places, template):
+    for place in (*places, template):
+        with reported('-o', options.output):
             Path(place.path).parent.mkdir(parents=True, exist_ok=True)
-            place.check([options.students])
-    except OSError as error:
-        reason = f'-o {printable(options.output)} cannot be written: {error.strerror}'
-        raise OutputError(reason) from error
+        place.check([options.students])
     is_filled = has_answers(template.path)
     for place, content in zip(places, files.values(), strict=True):
         place.write(content)

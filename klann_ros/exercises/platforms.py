@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
 from klann_ros.sanitize.yaml_text import parse_file
-from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web.markup import element, joined, Markup, table_row
 
 from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS
@@ -20,6 +20,7 @@ from .marking import credit_of, mark, reason
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, unit_sign
 from .variant import known, make_variant, Question, texts, Variant
 
+# Paths within a folder, and their contents.
 Files = dict[str, bytes]
 # Answers of a Moodle question at most; marks that end a part of a Cloze field.
 MAX_ALTERNATIVES = 14
@@ -66,8 +67,7 @@ def moodle(variants: Sequence[Variant], language: str) -> Files:
             words, digits = question_markup(question, language), asked(variant, question, language)
             answers = _alternatives(variant, question, language)
             sign = unit_sign(question.unit)
-            cells = Markup(cloze_field(answers)), sign, digits
-            rows.append(element('tr', element('th', words), *(element('td', x) for x in cells)))
+            rows.append(table_row(words, Markup(cloze_field(answers)), sign, digits))
             text = joined([content, element('p', words, f' {sign and f"[{sign}] "}({digits})')])
             kind = 'multichoice' if question.choices else 'numerical'
             title = f'{name} {variant.student} {question.name}'

@@ -6,7 +6,7 @@ from pathlib import Path
 import re
 
 from klann_ros.kinematics.svg import pose_svg
-from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web.markup import element, joined, Markup, table_row
 from klann_ros.web.parts import Parts
 import numpy as np
 
@@ -61,7 +61,7 @@ def problem(variant: Variant, language: str) -> Markup:
     """Return the text of an exercise with its givens and its drawing."""
     words = texts()
     rows = [
-        _row(symbol(name), with_unit(value, unit_of(name), language), first='th')
+        table_row(symbol(name), with_unit(value, unit_of(name), language))
         for name, value in variant.givens.items()
     ]
     starts = range(0, len(rows), GIVEN_ROWS)
@@ -75,11 +75,6 @@ def problem(variant: Variant, language: str) -> Markup:
             element('div', picture(variant), *givens, class_='given'),
         ]
     )
-
-
-def _row(*cells: str, first: str = 'td') -> Markup:
-    head, *others = cells
-    return element('tr', element(first, head), *(element('td', cell) for cell in others))
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
@@ -114,7 +109,7 @@ def _steps(variant: Variant, language: str) -> Markup:
     for step in variant.steps:
         formula = SINE.sub(r'\1sen', step.formula) if language == 'pt' else step.formula
         value = with_unit(step.value, step.unit, language)
-        rows.append(_row(rich(formula.replace('asen', 'arcsen')), symbol(step.symbol), value))
+        rows.append(table_row(rich(formula.replace('asen', 'arcsen')), symbol(step.symbol), value))
     return element('table', *rows, class_='steps')
 
 

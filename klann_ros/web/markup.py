@@ -60,12 +60,14 @@ def _attribute(key: str, value: str | float | bool) -> str:
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     """Return a table, which scrolls where it is too wide; each row begins with its heading."""
     head = element('tr', *(element('th', text, scope='col') for text in heads))
-    table = element('table', element('thead', head), element('tbody', *map(_row, rows)))
+    table = element(
+        'table', element('thead', head), element('tbody', *(table_row(*row) for row in rows))
+    )
     # What scrolls must be reached by keys.
     return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
 
 
-def _row(texts: Sequence[str]) -> Markup:
-    first, *others = texts
-    cells = (element('td', text) for text in others)
-    return element('tr', element('th', first, scope='row'), *cells)
+def table_row(heading: str, *cells: str) -> Markup:
+    """Return a row of a table that begins with its heading."""
+    others = (element('td', cell) for cell in cells)
+    return element('tr', element('th', heading, scope='row'), *others)
