@@ -263,6 +263,8 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
 def _number(row: TableRow, name: str) -> float:
     """Return the number of a cell; not a number if it is empty."""
     try:
-        return float(row.cells[name].replace(',', '.') or 'nan')
+        cell = row.cells[name]
+        # Between commas a comma may group thousands.
+        return float((cell if row.delimiter == ',' else cell.replace(',', '.')) or 'nan')
     except (KeyError, ValueError) as error:
         raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None

@@ -16,11 +16,12 @@ _FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
 
 
 class TableRow(NamedTuple):
-    """A row of a table: where it is, such as 'class.csv, line 2', its line, and its cells."""
+    """A row of a table: its place, such as 'class.csv, line 2', its cells and their delimiter."""
 
     place: str
     line: int
     cells: dict[str, str]
+    delimiter: str
 
 
 def read_table(
@@ -67,7 +68,7 @@ def read_table(
                     'comma in quotes'
                 )
             cells = dict(zip(names, map(_plain, row), strict=False))
-            found.append(TableRow(place, reader.line_num, cells))
+            found.append(TableRow(place, reader.line_num, cells, delimiter))
     except csv.Error as error:
         raise error_type(f'{shown}, line {reader.line_num}: {error}') from error
     return names, found

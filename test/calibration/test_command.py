@@ -222,6 +222,8 @@ def test_unusable_input_is_refused_in_one_line(
         (lambda text: text.replace('time,', 'stamp,'), 'has no column time'),
         (lambda text: text + '\n1,2,three,4,5,6', 'is no table of numbers'),
         (lambda text: text + '\n1,2', 'is no table of numbers'),
+        # 1.234, or one thousand?
+        (lambda text: text + '\n"1,234",2,3,4,5,6', 'is no table of numbers'),
         (lambda _: '', 'has no column time'),
         (lambda text: text.replace('G.y', 'G.z'), 'has no column G.y'),
         (lambda text: text.replace('H.x', 'K.x').replace('H.y', 'K.y'), 'K is no point'),
