@@ -1,8 +1,12 @@
 """Write the findings of a review, and the right answer of every pose, beside the messages."""
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
 import struct
 
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.log.errors import LogError
 from klann_ros.log.extension import extend, TopicMessages
 from klann_ros.log.records import ANNOTATION, Topic
@@ -19,6 +23,7 @@ from klann_ros.sanitize.cdr import (
 )
 from klann_ros.sanitize.outputs import reported
 import numpy as np
+from numpy.typing import NDArray
 
 
 def annotate(review: Review, output: str) -> None:
@@ -37,11 +42,16 @@ def annotate(review: Review, output: str) -> None:
 
     """
     messages = list(_findings(review, _topic('/findings', 'diagnostic_msgs/msg/DiagnosticArray')))
+    # Legs of one JointState have poses of the same times: one message has their answers, too.
+    of_message = defaultdict[tuple[str, bytes], list[_Answers]](list)
     for leg in review.legs:
         evaluated, known = leg.evaluated, leg.evaluated.solver.leg
         if known is not None and leg.errors is not None:
             for block in leg.errors.solved or solve_blocks(evaluated, known):
-                messages += _answers(evaluated, block)
+                answers = _answers(evaluated, block)
+                messages.append(_feet(answers))
+                of_message[evaluated.namespace, answers.digest()].append(answers)
+    messages += map(_states, of_message.values())
     with reported('--annotate', output, LogError):
         extend(review.recording.path, output, messages)
 
@@ -71,28 +81,57 @@ def _diagnostics(finding: Finding, time: int) -> bytes:
     return CDR_HEADER + struct.pack('<iI', *divmod(time, 10**9)) + head
 
 
-def _answers(recording: LegRecording, block: SolvedBlock) -> Iterator[TopicMessages]:
-    """Yield the solved angles and feet of the poses with a reachable crank angle."""
-    place = f'{recording.namespace}/{recording.name}'.rstrip('/')
-    joints = recording.solver.published_joints(recording.name)
-    state = JointStateTemplate(joints)
-    foot = PointTemplate(f'{recording.name}/leg_plane'.lstrip('/'))
+@dataclass(frozen=True, eq=False)
+class _Answers:
+    """The solved poses of a block with a reachable crank angle."""
+
+    leg: LegRecording
+    times: IntArray  # log times, shape (n,) [ns]
+    stamps: NDArray[np.uint32]  # shape (n, 2): seconds and nanoseconds
+    angles: FloatArray  # shape (n, number of angles) [rad]
+    feet: FloatArray  # shape (n, 2) [m]
+
+    def digest(self) -> bytes:
+        """Return a digest of its log times and stamps."""
+        return sha256(self.times.tobytes() + self.stamps.tobytes()).digest()
+
+
+def _answers(leg: LegRecording, block: SolvedBlock) -> _Answers:
     finite = np.isfinite(block.solved)
     # Mostly all of them, which spares the copies.
     reached = slice(None) if finite.all() else np.flatnonzero(finite.all(axis=1))
-    times = recording.poses.times[block.rows][reached]
-    stamps = recording.poses.stamps[block.rows][reached]
+    stamps = leg.poses.stamps[block.rows][reached]
     seconds = stamps // 10**9
-    stamp = np.column_stack([seconds, stamps - 10**9 * seconds]).astype('<u4')
-    yield TopicMessages(
-        _topic(f'{recording.namespace}/joint_states', 'sensor_msgs/msg/JointState'),
-        times,
-        state.fill(0, 0, [0.0] * len(joints)),
-        {HEADER_SIZE: stamp, state.values_at: block.solved[reached]},
+    return _Answers(
+        leg,
+        leg.poses.times[block.rows][reached],
+        np.column_stack([seconds, stamps - 10**9 * seconds]).astype('<u4'),
+        block.solved[reached],
+        block.solved_feet[reached],
     )
-    yield TopicMessages(
+
+
+def _states(answers: Sequence[_Answers]) -> TopicMessages:
+    """Return the angles of all legs of a message."""
+    first = answers[0]
+    names = [name for one in answers for name in one.leg.solver.published_joints(one.leg.name)]
+    state = JointStateTemplate(names)
+    changes: dict[int, NDArray[np.generic]] = {HEADER_SIZE: first.stamps}
+    offset = state.values_at
+    for one in answers:
+        changes[offset] = one.angles
+        offset += one.angles.itemsize * one.angles.shape[1]
+    topic = _topic(f'{first.leg.namespace}/joint_states', 'sensor_msgs/msg/JointState')
+    return TopicMessages(topic, first.times, state.fill(0, 0, [0.0] * len(names)), changes)
+
+
+def _feet(answers: _Answers) -> TopicMessages:
+    leg = answers.leg
+    foot = PointTemplate(f'{leg.name}/leg_plane'.lstrip('/'))
+    place = f'{leg.namespace}/{leg.name}'.rstrip('/')
+    return TopicMessages(
         _topic(f'{place}/point_h', 'geometry_msgs/msg/PointStamped'),
-        times,
+        answers.times,
         foot.fill(0, 0, 0.0, 0.0),
-        {HEADER_SIZE: stamp, foot.values_at: block.solved_feet[reached]},
+        {HEADER_SIZE: answers.stamps, foot.values_at: answers.feet},
     )

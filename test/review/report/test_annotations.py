@@ -12,6 +12,7 @@ from klann_ros.log.recovery import recover
 from klann_ros.review.command import main
 from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
+from leg_runs import LegRun
 from mcap.reader import make_reader, NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
@@ -167,6 +168,26 @@ def test_existing_files_and_the_input_are_refused_as_output(
     with pytest.raises(SystemExit):
         main([str(faulty), str(copy), '--annotate', str(tmp_path / 'two')])
     assert '--annotate takes one run' in capsys.readouterr().err
+
+
+def test_the_angles_of_all_legs_are_one_message_in_the_order_of_time(tmp_path: Path) -> None:
+    names = ['left', 'right']
+    parameters = {**KlannGeometry().as_dict(), 'legs': names}
+    run = LegRun({name: KlannLeg() for name in names}, {'right': 1.0}, parameters)
+    file = annotated(run.write(tmp_path / 'run'), tmp_path / 'out')
+    with file.open('rb') as stream:
+        reader = NonSeekingReader(stream, decoder_factories=[DecoderFactory()])
+        # As they stand in the file.
+        decoded = [
+            (c.topic, (m.log_time, d.name, d.position))
+            for _, c, m, d in reader.iter_decoded_messages(
+                ['/joint_states', OWN[1]], log_time_order=False
+            )
+        ]
+    states = [[state for name, state in decoded if name == of] for of in ('/joint_states', OWN[1])]
+    for recorded, right in zip(*states, strict=True):
+        assert right[:2] == recorded[:2]
+        np.testing.assert_allclose(right[2], recorded[2], atol=1e-12)
 
 
 def test_poses_that_are_not_kept_are_solved_again(faulty: Path, tmp_path: Path) -> None:
