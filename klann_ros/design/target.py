@@ -213,16 +213,14 @@ def _svg_points(text: str) -> ComplexArray:
 
 def _svg_path(d: str) -> list[complex]:
     """Return the points of the first part of a path's data; text that is none is a ValueError."""
-    # Of an extra, which other targets do without.
-    from fontTools.pens.recordingPen import RecordingPen  # noqa: PLC0415
+    from fontTools.pens.recordingPen import RecordingPen  # noqa: PLC0415 - an extra
     from fontTools.svgLib.path import parse_path  # noqa: PLC0415
 
     pen, points = RecordingPen(), list[complex]()
     try:
         parse_path(d, pen)
     except ValueError as error:
-        msg = f'the path of the SVG: {printable_line(str(error)[:100])}'
-        raise ValueError(msg) from None
+        raise ValueError(f'the path of the SVG: {printable_line(str(error)[:100])}') from None
     for operation, corners in pen.value:
         ends = [complex(*corner) for corner in corners]
         if operation == 'moveTo':

@@ -62,7 +62,7 @@ def read_table(
             if not any(map(str.strip, row)):
                 continue
             place = f'{shown}, line {reader.line_num}'
-            if any(map(str.strip, row[len(names) :])):
+            if any(map(str.strip, row[slice(len(names), None)])):
                 raise error_type(
                     f'{place}: {len(row)} cells for {len(names)} columns; put a number with a '
                     'comma in quotes'

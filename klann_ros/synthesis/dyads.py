@@ -184,7 +184,7 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
 
     With W and M from the first task point and r_j = e^(i alpha_j), one length of the bars is
 
-        |delta_j|^2 / 2 + Re(conj(delta_j) (r_j W - M)) = Re((r_j - 1) W conj(M)),    j = 2 .. 5,
+        delta_j conj(delta_j) / 2 + Re(conj(delta_j) (r_j W - M)) = Re((r_j - 1) W conj(M)), j > 1,
 
     linear in W, M and W conj(M): two numbers s and t are free. That the last one is the product
     of the others are two conics of s and t, which meet in four points.

@@ -513,11 +513,11 @@ class Odometry:
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen].dot(inverse_prior)
-        kept = self._state[GYRO_STATES], p[GYRO_BLOCK]
+        saved = self._state[GYRO_STATES], p[GYRO_BLOCK]
         p -= gain.dot(p[seen, seen] - _square(found.covariance, size)).dot(gain.T)
         self._state += gain.dot(by)[:STATES]
         if size == 2:
-            self._state[GYRO_STATES], p[GYRO_BLOCK] = kept
+            self._state[GYRO_STATES], p[GYRO_BLOCK] = saved
         self._slip = found.slid / weight
         if has_slope:
             self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)
