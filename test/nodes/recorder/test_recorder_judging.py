@@ -39,7 +39,8 @@ class Stage:
         )
         self.crank: Process = self.turn()
         self.until(lambda: self.judged() is not None)
-        ros.probe.spin(4.0)
+        subscribers = ros.probe.node.count_subscribers
+        self.until(lambda: subscribers('joint_states') and subscribers('point_h'))
 
     def turn(self) -> Process:
         return self.ros.start('crank_node', rate=RATE, speed=2.0, min_subscribers=2)
@@ -86,10 +87,13 @@ class Stage:
         """Ask for an event where none is under way; return those before, and the answer."""
         while True:
             self.await_idle()
-            before, answer = self.events(), self.call('trigger')
+            before = self.events()
+            # What it holds for `pre_trigger` begins again behind an event.
+            self.ros.probe.spin(4.0)
+            answer, events = self.call('trigger'), self.events()
             self.await_idle()
-            # A machine that stalled may just have begun one.
-            if not answer.message.endswith(' (extended)'):
+            # A machine that stalled may have begun one.
+            if events == [*before, Path(answer.message)]:
                 return before, answer
 
     def call(self, name: str) -> Trigger.Response:
