@@ -17,8 +17,8 @@ SHEET_PARTS = Parts(styles=(Path(__file__).parent / 'static' / 'sheet.css',), sc
 SUBSCRIPT = re.compile(r'_(\([^)]*\)|[A-Za-z0-9α-ω]+(?:,[A-Za-z0-9]+)*)')
 SINE = re.compile(r'\b(a?)sin\b')
 SUBSCRIPTS = str.maketrans('1234', '₁₂₃₄')
-# Rows of a column of givens.
-GIVEN_ROWS = 9
+# Rows of a column of givens; rounding errors, in any unit that is printed.
+GIVEN_ROWS, ROUNDING = 9, 1e-9
 
 
 def sheets(variants: Sequence[Variant], language: str) -> str:
@@ -141,7 +141,8 @@ def localised(number: str, language: str) -> str:
 
 
 def with_unit(value: float, unit: str, language: str) -> str:
-    """Return a number with its unit."""
+    """Return a number with its unit; rounding errors are 0."""
+    value = value if abs(value) > ROUNDING else 0.0
     number = localised(f'{value:.6g}' if abs(value) < 1e6 else f'{value:.0f}', language)
     sign = unit_sign(unit)
     return f'{number}{sign}' if sign in ('', '°') else f'{number} {sign}'

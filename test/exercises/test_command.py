@@ -7,7 +7,7 @@ import re
 
 from klann_ros.exercises import KINDS, make_variant
 from klann_ros.exercises.command import main
-from klann_ros.exercises.sheet import picture
+from klann_ros.exercises.sheet import picture, with_unit
 from klann_ros.exercises.tables import read_students
 import pytest
 
@@ -244,6 +244,12 @@ def test_a_key_shows_every_step(capsys: pytest.CaptureFixture[str]) -> None:
     shown = capsys.readouterr().out
     for name in ('Phi_44', 'gamma_2', 'theta_3', 'iterations'):
         assert re.search(rf'^{name} = ', shown, re.MULTILINE)
+
+
+@pytest.mark.parametrize('value', [-7.96e-15, -0.0])
+def test_rounding_errors_are_shown_as_0(value: float) -> None:
+    assert with_unit(value, 'mm', 'pt') == '0 mm'
+    assert with_unit(value, 'deg', 'en') == '0°'
 
 
 def test_the_kinds_are_listed_in_portuguese(capsys: pytest.CaptureFixture[str]) -> None:

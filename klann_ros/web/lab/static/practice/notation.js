@@ -30,9 +30,12 @@ function localised(number) {
   return language.now === 'pt' ? text.replaceAll('.', ',') : text;
 }
 
+// Rounding errors, in any unit that is shown.
+const ROUNDING_ERROR = 1e-9;
+
 function withUnit({ units }, value, unit) {
   const sign = units[unit] ?? unit;
-  const number = localised(general(value));
+  const number = localised(general(Math.abs(value) > ROUNDING_ERROR ? value : 0));
   return ['', '°'].includes(sign) ? number + sign : `${number} ${sign}`;
 }
 
