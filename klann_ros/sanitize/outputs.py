@@ -73,9 +73,8 @@ class Output:
                 _check_old(self.path)
             if Path(self.path).is_symlink():
                 raise OutputError('it is a symbolic link: name the file itself')
-            descriptor, probe = _new_beside(_place(self.path))
-            os.close(descriptor)
-            probe.unlink()
+            with _new_beside(_place(self.path)) as (descriptor, _):
+                os.close(descriptor)
 
     def is_same(self, other: 'Output') -> bool:
         """Return whether both are one file."""
@@ -93,16 +92,12 @@ class Output:
                 yield file
             return
         place = _place(self.path)
-        descriptor, beside = _new_beside(place)
-        try:
+        with _new_beside(place) as (descriptor, beside):
             with os.fdopen(descriptor, 'wb') as file:
                 yield file
                 file.flush()
                 os.fsync(descriptor)
             beside.replace(place)
-        except BaseException:
-            beside.unlink(missing_ok=True)
-            raise
 
 
 def outputs(
@@ -155,8 +150,8 @@ def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
 def new_folder(place: Path) -> Iterator[Path]:
     """Yield a path for a folder of the same name, which moves to its place at the end."""
     beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
-    beside.mkdir()
     try:
+        beside.mkdir()
         yield beside / place.name
         # An empty folder made meanwhile would be replaced.
         if os.path.lexists(place):
@@ -183,8 +178,9 @@ def _place(path: str) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _new_beside(place: Path) -> tuple[int, Path]:
-    """Open a temporary file beside the target."""
+@contextmanager
+def _new_beside(place: Path) -> Iterator[tuple[int, Path]]:
+    """Yield a temporary file beside the target, open; it is removed, unless it was renamed."""
     old = place.stat() if place.exists() else None
     if old is not None and not stat.S_ISREG(old.st_mode):
         raise OutputError('it is a folder' if place.is_dir() else 'it is no regular file')
@@ -192,11 +188,15 @@ def _new_beside(place: Path) -> tuple[int, Path]:
         raise OutputError(f'there is no folder {printable(place.parent)}')
     beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
-    descriptor = os.open(beside, flags, 0o666)
-    if old is not None:
-        with suppress(OSError):
-            os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
-    return descriptor, beside
+    try:
+        # A signal may come as soon as it is there.
+        descriptor = os.open(beside, flags, 0o666)
+        if old is not None:
+            with suppress(OSError):
+                os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
+        yield descriptor, beside
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def _is_special(path: str) -> bool:
