@@ -60,7 +60,7 @@ def _tool(name: str, module: str, report_failed: int) -> int:
     is `report_failed`.
     """
     report = StringIO()
-    # As Ctrl-C it removes what is half written; workers end as they did.
+    # Unfinished files are removed as by Ctrl-C; workers end by the default action.
     signal.signal(signal.SIGTERM, _terminate)
     os.register_at_fork(after_in_child=partial(signal.signal, signal.SIGTERM, signal.SIG_DFL))
     if isinstance(sys.stdout, TextIOWrapper):

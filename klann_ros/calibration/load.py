@@ -10,7 +10,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor, read_joint_state, STAMP_SIZE
-from klann_ros.sanitize.tables import read_table, TableRow
+from klann_ros.sanitize.tables import read_table, Table
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -239,8 +239,8 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     not measured. Requests name columns; by default all are read.
     """
     shown = printable(path)
-    names, rows = read_table(path, ('time', 'crank'), MeasurementError, MAX_CSV_SIZE)
-    columns = {name: np.array([_number(row, name) for row in rows]) for name in names}
+    table = read_table(path, ('time', 'crank'), MeasurementError, MAX_CSV_SIZE)
+    columns = {name: _numbers(table, name) for name in table.columns}
 
     def column(name: str) -> FloatArray:
         if name not in columns:
@@ -249,7 +249,7 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
         return columns[name]
 
     times, crank = column('time'), CrankSamples.of(column('time'), column('crank'))
-    names = [name.removesuffix('.x') for name in names if not name.endswith('.y')]
+    names = [name.removesuffix('.x') for name in table.columns if not name.endswith('.y')]
     chosen = list(requests) or [Request(n, n) for n in names if n not in {'time', 'crank'}]
     found = []
     for request in chosen:
@@ -260,11 +260,14 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     return found
 
 
-def _number(row: TableRow, name: str) -> float:
-    """Return the number of a cell; not a number if it is empty."""
-    try:
-        cell = row.cells[name]
-        # Between commas a comma may group thousands.
-        return float((cell if row.delimiter == ',' else cell.replace(',', '.')) or 'nan')
-    except (KeyError, ValueError) as error:
-        raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None
+def _numbers(table: Table, name: str) -> FloatArray:
+    """Return the numbers of a column; not a number where a cell is empty."""
+    # Between commas a comma may group thousands.
+    comma = ',' if table.delimiter == ',' else '.'
+    found = np.empty(len(table.rows))
+    for n, row in enumerate(table.rows):
+        try:
+            found[n] = float(row.cells[name].replace(',', comma) or 'nan')
+        except (KeyError, ValueError) as error:  # noqa: PERF203, RUF100 - of each row
+            raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None
+    return found

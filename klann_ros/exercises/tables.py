@@ -31,7 +31,7 @@ def read_students(path: str) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     twice = []
-    for place, _, row, _ in _rows(path, 'student'):
+    for place, _, row in _rows(path, 'student'):
         number = _number(row, place)
         if number in found:
             twice.append(number)
@@ -47,7 +47,7 @@ def read_students(path: str) -> dict[str, str]:
 
 def _rows(path: str, *columns: str) -> list[TableRow]:
     """Return the rows of a table; a short one ends with empty cells."""
-    _, rows = read_table(path, columns, ExerciseError, MAX_TABLE)
+    rows = read_table(path, columns, ExerciseError, MAX_TABLE).rows
     return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
 
 
@@ -67,7 +67,7 @@ def _number(row: Mapping[str, str], place: str) -> str:
 def has_answers(path: str) -> bool:
     """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
     rows = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
-    return any(row['answer'].strip() for _, _, row, _ in rows)
+    return any(row['answer'].strip() for _, _, row in rows)
 
 
 def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
@@ -82,7 +82,7 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
     """
     answers: dict[tuple[str, str], dict[str, str]] = {}
     refused = []
-    for _, line, row, _ in _rows(path, *ANSWER_COLUMNS):
+    for _, line, row in _rows(path, *ANSWER_COLUMNS):
         kind, question = row['kind'].strip(), row['question'].strip()
         try:
             student = _number(row, f'line {line}')

@@ -16,19 +16,26 @@ _FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
 
 
 class TableRow(NamedTuple):
-    """A row of a table: its place, such as 'class.csv, line 2', its cells and their delimiter."""
+    """A row of a table: where it is, such as 'class.csv, line 2', its line, and its cells."""
 
     place: str
     line: int
     cells: dict[str, str]
+
+
+class Table(NamedTuple):
+    """A table: the names of its columns, the delimiter of its cells, and its rows."""
+
+    columns: list[str]
     delimiter: str
+    rows: list[TableRow]
 
 
 def read_table(
     path: str, columns: Sequence[str], error_type: type[Exception], max_size: int
-) -> tuple[list[str], list[TableRow]]:
+) -> Table:
     """
-    Return all columns of a table with these columns, and its rows but empty ones.
+    Return a table with these columns and any others, without its empty rows.
 
     The names of these columns may be in capitals. The encoding, the delimiter and quotes are those
     of any spreadsheet. A short row lacks its last columns.
@@ -68,10 +75,10 @@ def read_table(
                     'comma in quotes'
                 )
             cells = dict(zip(names, map(_plain, row), strict=False))
-            found.append(TableRow(place, reader.line_num, cells, delimiter))
+            found.append(TableRow(place, reader.line_num, cells))
     except csv.Error as error:
         raise error_type(f'{shown}, line {reader.line_num}: {error}') from error
-    return names, found
+    return Table(names, delimiter, found)
 
 
 def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:
