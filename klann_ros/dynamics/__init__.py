@@ -9,14 +9,14 @@ Dynamics of linkages with one crank: torque, energies and joint reactions; witho
 >>> round(float(turn.torque.min()), 3), round(float(turn.torque.max()), 3)
 (-3.537, 1.58)
 
-`Masses` of a linkage: `rods` computes those of slender rods, `masses_from_file` reads a linkage's
+`Masses` of a linkage: `rods` computes those of slender rods, `masses_from_text` reads a linkage's
 file. `Dynamics` has crank torque, reduced inertia, energies and joint reactions, at many crank
 angles at once (inverse dynamics); `simulate` integrates the motion by a torque (forward dynamics).
 """
 
 from .balance import Reactions
 from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, TurnOfForces
-from .masses import BodyMass, MassError, Masses, masses_from_file, masses_from_text, rods, Spring
+from .masses import BodyMass, MassError, Masses, masses_from_text, rods, Spring
 
 __all__ = [
     'GRAVITY',
@@ -29,7 +29,6 @@ __all__ = [
     'Simulation',
     'Spring',
     'TurnOfForces',
-    'masses_from_file',
     'masses_from_text',
     'rods',
     'simulate',

@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.linkage.equations import body_points
-from klann_ros.kinematics.linkage.file import LENGTH_UNITS, linkage_text
+from klann_ros.kinematics.linkage.file import LENGTH_UNITS
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.yaml_text import parse
@@ -145,15 +144,6 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     foot = given.structure.foot
     owner = given.structure.first_owner(foot)
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
-
-
-def masses_from_file(path: str | Path, linkage: Linkage) -> Masses:
-    """
-    Return the masses in a linkage's file; parameters and errors as `masses_from_text`.
-
-    Raises a LinkageFileError if the file cannot be read.
-    """
-    return masses_from_text(linkage_text(path), linkage, str(path))
 
 
 def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:

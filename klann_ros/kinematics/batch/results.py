@@ -75,7 +75,7 @@ class LinkagePoses:
     points_gradient : numpy.ndarray, shape (..., p, 2, d), or None
         The same of the points if both are requested.
     h_1_gradient : numpy.ndarray, shape (..., 2, d), or None
-        The same of h_1 if both are requested; of a torque see `crank_torque_gradient`.
+        The same of h_1 if both are requested.
     dimension_names : tuple of str
         The names of the d dimensions, as in `Linkage.dimensions`, if gradients are requested.
 
@@ -132,35 +132,14 @@ class LinkagePoses:
             The velocities were not requested, or the force does not fit.
 
         """
-        f = self._force(force)
-        h_1 = self._foot_rates()
-        # From 0.0, to give 0.0 and not -0.0 without force.
-        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
-        return torque
-
-    def crank_torque_gradient(self, force: ArrayLike) -> FloatArray:
-        """
-        Return the derivatives of `crank_torque` by each dimension, shape (..., d).
-
-        Raises
-        ------
-        ValueError
-            Velocities and gradients were not both requested, or the force does not fit.
-
-        """
-        if self.h_1_gradient is None:
-            msg = 'request both: linkage_poses(..., velocities=True, gradients=True)'
-            raise ValueError(msg)
-        f = self._force(force)
-        torques: FloatArray = -np.einsum('...i,...id->...d', f, self.h_1_gradient)
-        return torques
-
-    def _force(self, force: ArrayLike) -> FloatArray:
         f = np.asarray(force, dtype=np.float64)
         if f.shape[-1:] != (2,):
             msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
             raise ValueError(msg)
-        return f
+        h_1 = self._foot_rates()
+        # From 0.0, to give 0.0 and not -0.0 without force.
+        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        return torque
 
     def _foot_rates(self) -> FloatArray:
         if self.h_1 is None:

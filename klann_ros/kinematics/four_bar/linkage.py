@@ -94,10 +94,6 @@ class FourBarPose(LinkagePose):
         """Return the distance of Z from | L3 - L4 | and L3 + L4, where it is singular [m]."""
         return self.clearances[0]
 
-    def coupler_point(self, u: float, v: float) -> tuple[float, float]:
-        """Return a point (x, y) of the coupler: u from A along AB, v to the left of it [m]."""
-        return _coupler_point(self, u, v)
-
 
 class FourBarMotion(LinkageMotion):
     """The velocity or the acceleration of a pose, by the course's names [rad/s, rad/s^2]."""
@@ -107,17 +103,6 @@ class FourBarMotion(LinkageMotion):
     theta2 = PoseEntry('joints', 0)
     theta3 = PoseEntry('joints', 1)
     theta4 = PoseEntry('joints', 2)
-
-    def coupler_point(self, u: float, v: float) -> tuple[float, float]:
-        """Return that of the pose's coupler point at u, v (x, y) [m/s] or [m/s^2]."""
-        return _coupler_point(self, u, v)
-
-
-def _coupler_point(moving: Any, u: float, v: float) -> tuple[float, float]:
-    """Return A + (u + i v) u_3 of a pose, or of its derivative."""
-    x, y = moving.points[1].tolist()
-    along = complex(u, v) * complex(moving.vectors[1])
-    return x + along.real, y + along.imag
 
 
 class TransmissionExtremes(NamedTuple):

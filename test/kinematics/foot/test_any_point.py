@@ -10,6 +10,7 @@ from klann_ros.kinematics import (
     LinkageLeg,
     shipped_linkage,
 )
+from klann_ros.kinematics.klann import JOINTS
 import numpy as np
 import pytest
 
@@ -22,18 +23,6 @@ def test_a_four_bars_foot_is_b() -> None:
     np.testing.assert_allclose(path.h, expected, rtol=0, atol=1e-14)
     # There and back: where it turns the quadrature loses digits.
     assert path.length == pytest.approx(2 * 0.15 * BAR.rocker_limits.swing, rel=1e-5)
-
-
-@pytest.mark.parametrize(('u', 'v'), [(0.1, 0.05), (0.3, -0.02), (-0.1, 0.0), (0.0, 0.0)])
-def test_a_coupler_curve_is_that_of_the_coupler_point(u: float, v: float) -> None:
-    path = foot_path(BAR, point=('theta3', u, v))
-    expected = [BAR.closed_form(alpha).coupler_point(u, v) for alpha in path.alphas.tolist()]
-    np.testing.assert_allclose(path.h, expected, rtol=0, atol=1e-14)
-    moved = [
-        BAR.velocity(BAR.closed_form(alpha), 1.0).coupler_point(u, v)
-        for alpha in path.alphas.tolist()
-    ]
-    np.testing.assert_allclose(path.h_1, moved, rtol=0, atol=1e-13)
 
 
 def test_chebyshevs_coupler_curve_is_the_path_of_the_shipped_foot() -> None:
@@ -52,21 +41,24 @@ def test_every_point_that_moves_has_its_path(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ('name', 'body', 'ends'),
+    ('name', 'body', 'ends', 'place'),
     [
-        ('klann', 'alpha', 'AB'),
-        ('klann', 'gamma', 'BC'),
-        ('klann', 'beta', 'DC'),
-        ('klann', 'delta', 'EF'),
-        ('klann', 'theta', 'FG'),
-        ('stephenson', 'epsilon', 'CD'),
+        *(
+            ('klann', *pair, (0.13, -0.07))
+            for pair in zip(JOINTS, ['AB', 'BC', 'DC', 'EF', 'FG'], strict=True)
+        ),
+        ('klann', 'gamma', 'BC', (0.0, 0.0)),
+        ('stephenson', 'epsilon', 'CD', (0.13, -0.07)),
+        ('four_bar', 'theta3', 'AB', (-0.1, 0.0)),
     ],
 )
-def test_a_body_point_is_placed_by_its_first_bar_and_side(name: str, body: str, ends: str) -> None:
-    leg, (u, v) = LinkageLeg(shipped_linkage(name)), (0.13, -0.07)
+def test_a_body_point_is_placed_by_its_first_bar_and_side(
+    name: str, body: str, ends: str, place: tuple[float, float]
+) -> None:
+    leg, (u, v) = LinkageLeg(shipped_linkage(name)), place
+    places = [leg.linkage.structure.points.index(end) for end in ends]
     path = foot_path(leg, point=(body, u, v), samples=64)
     assert path.full_turn
-    places = [leg.linkage.structure.points.index(end) for end in ends]
     for alpha, h in zip(path.alphas.tolist(), path.h, strict=True):
         start, end = leg.solve(alpha).points[places]
         along = (end - start) / math.dist(end, start)

@@ -7,7 +7,6 @@ from typing import Any
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import foot_path, klann_poses, KlannGeometry, KlannLeg
 from klann_ros.kinematics.foot.inverse import distinct, turning_points
-from klann_ros.kinematics.foot.track import Coordinate
 import numpy as np
 import pytest
 from strategies import legs
@@ -32,7 +31,7 @@ def apart(alpha: float, beta: float) -> float:
 
 def test_two_turning_points_between_two_samples_are_found() -> None:
     """At 80 deg to x the foot turns back twice between neighbouring samples of 32."""
-    along = Coordinate((math.cos(math.radians(80.0)), math.sin(math.radians(80.0))))
+    along = math.cos(math.radians(80.0)), math.sin(math.radians(80.0))
     few, many = (foot_path(KlannLeg(), samples=samples)._tracks[0] for samples in (32, 3000))
     assert turning_points(few, along) == pytest.approx(turning_points(many, along), abs=1e-9)
     assert len(turning_points(few, along)) == 4
@@ -142,37 +141,3 @@ def test_a_singular_end_is_solved_to_the_last_digits(half_circle: Any) -> None:
         alpha = math.sqrt(0.25 - y * y)
         expected = sorted([6.0 - alpha, (6.0 + alpha) % TURN])
         assert path.crank_angles_at_height(y) == pytest.approx(expected, abs=1e-12)
-
-
-@settings(max_examples=40)
-@given(geometry=legs(), where=fractions)
-def test_the_nearest_angle_of_a_foot_is_its_own(geometry: KlannGeometry, where: float) -> None:
-    leg = KlannLeg(geometry)
-    pose = leg.solve(reachable(leg, where))
-    assume(min(pose.sines) > 1e-3)
-    assume(math.hypot(*leg.velocity(pose, 1.0).h) > 1e-3)
-    nearest = foot_path(leg).nearest_crank_angle(pose.h)
-    assert nearest.distance <= 1e-12
-    assert min(apart(tie, pose.alpha) for tie in nearest.ties) <= 1e-9
-    assert nearest.alpha == nearest.ties[0]
-
-
-@settings(max_examples=40)
-@given(geometry=legs(), x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
-def test_no_sample_is_nearer_than_the_nearest(geometry: KlannGeometry, x: float, y: float) -> None:
-    leg = KlannLeg(geometry)
-    path = foot_path(leg)
-    nearest = path.nearest_crank_angle((x, y))
-    assert nearest.distance <= np.hypot(*(path.h - (x, y)).T).min() + 1e-12
-    # Near the end of an arc the last digit of the angle counts.
-    foot = leg.solve(nearest.alpha)
-    limit = 1e-12 + 1e-14 / max(1e-8, min(foot.sines))
-    assert math.dist(foot.h, (x, y)) == pytest.approx(nearest.distance, abs=limit)
-
-
-def test_all_ties_are_returned(ellipse: Callable[[float, float], Any]) -> None:
-    path = foot_path(ellipse(0.5, 0.25))
-    nearest = path.nearest_crank_angle((1.0, -2.0))
-    assert nearest.distance == pytest.approx(0.25, abs=1e-15)
-    assert nearest.ties == pytest.approx((math.pi / 2, 3 * math.pi / 2), abs=1e-9)
-    assert path.nearest_crank_angle((3.0, -2.0)).distance == pytest.approx(1.5, abs=1e-15)
