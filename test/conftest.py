@@ -22,6 +22,26 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # by side, in domains of their own, and no more while others compute, so that none starves.
 LINES = 3
 ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
+# Few tests that take long, in files that would otherwise come last, for one worker.
+LONG = (
+    'test/test_benchmarks.py',
+    'test/calibration/',
+    'test/design/',
+    'test/viewing/test_launched_',
+    'test/review/test_',
+    'test/nodes/recorder/',
+    'test/nodes/view/',
+    'test/nodes/walker/',
+    'test/docs/test_',
+    'test/log/test_',
+    'test/log/read/test_bombs.py',
+    'test/web/lab/test_in_browser.py',
+    'test/fuzzing/',
+    'test/kinematics/foot/',
+    'test/synthesis/',
+    'test/datasheet/',
+    'test/twin/',
+)
 # What a browser does for nobody.
 FLAGS = [
     '--no-sandbox',
@@ -55,11 +75,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         """A file is a scope; some workers take those of real processes first, some last."""
 
         def _assign_work_unit(self, node: Any) -> None:
-            first = int(node.gateway.id.removeprefix('gw')) < LINES
-            for scope in self.workqueue:
-                if any(part in scope for part in ONE_BY_ONE) == first:
-                    self.workqueue.move_to_end(scope, last=False)
-                    break
+            takes_real = int(node.gateway.id.removeprefix('gw')) < LINES
+
+            def rank(scope: str) -> tuple[bool, bool]:
+                is_real = any(part in scope for part in ONE_BY_ONE)
+                return is_real == takes_real, scope.startswith(LONG)
+
+            # Of equals the first one, which has the most tests.
+            self.workqueue.move_to_end(max(self.workqueue, key=rank), last=False)
             super()._assign_work_unit(node)
 
         def _split_scope(self, nodeid: str) -> str:
