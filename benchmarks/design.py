@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 
-from klann_ros.design import refine, search, wish_from
+from klann_ros.design import refine, requirements_from, search
 from klann_ros.design.figures import CANDIDATE_ANGLES, judge
 from klann_ros.design.leg_file import leg_text, with_numbers
 from klann_ros.kinematics import (
@@ -116,11 +116,13 @@ def recovery() -> bool:
         if found.reason.any():
             continue
         path = {'points': found.h[0].tolist(), **FIXED}
-        wish = wish_from({'linkage': 'klann', 'vary': 20, 'path': path, 'count': 1})
+        requirements = requirements_from(
+            {'linkage': 'klann', 'vary': 20, 'path': path, 'count': 1}
+        )
         begin = time.perf_counter()
-        legs = search(wish, evaluations=CASE_EVALUATIONS).legs
+        legs = search(requirements, evaluations=CASE_EVALUATIONS).legs
         seconds.append(time.perf_counter() - begin)
-        size = wish.target.size if wish.target else 1.0
+        size = requirements.target.size if requirements.target else 1.0
         errors.append(min((leg.reached['path_error'] / size for leg in legs), default=1.0))
         print(f'  {100.0 * errors[-1]:.4f} % of the size, {seconds[-1]:.1f} s', flush=True)
     good = sum(error <= 1e-3 for error in errors)
@@ -160,7 +162,7 @@ def jansen() -> bool:
     for seed in range(SEEDS):
         content = {'linkage': other_jansen(seed), 'vary': vary, 'count': 1}
         content['path'] = {'points': path.tolist(), 'timing': 'prescribed', **FIXED}
-        legs = search(wish_from(content), seed=seed, evaluations=EVALUATIONS).legs
+        legs = search(requirements_from(content), seed=seed, evaluations=EVALUATIONS).legs
         # His units are centimetres here.
         errors.append(min((100.0 * leg.reached['path_error'] for leg in legs), default=np.inf))
         print(f'  RMSE {errors[-1]:.4g}', flush=True)

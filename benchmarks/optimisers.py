@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Any
 
-from klann_ros.design import refine, search, wish_from
+from klann_ros.design import refine, requirements_from, search
 from klann_ros.design.target import Target
 from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
 from klann_ros.kinematics.angles import TURN
@@ -86,7 +86,7 @@ def ours(path: FloatArray, seed: int) -> float:
     }
     fixed = {'timing': 'prescribed', 'move': False, 'turn': False, 'scale': False}
     content = {'linkage': 'jansen', 'vary': vary, 'path': {'points': path.tolist(), **fixed}}
-    found = search(wish_from({**content, 'count': 1}), seed=seed, evaluations=EVALUATIONS)
+    found = search(requirements_from({**content, 'count': 1}), seed=seed, evaluations=EVALUATIONS)
     if not found.legs:
         return 1.0
     return measured(path, linkage_poses(found.legs[0].linkage, ALPHAS).h)

@@ -162,5 +162,5 @@ describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_fail
 calibrate = partial(_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
 # Makes and marks the exercises of a class.
 exercise = partial(_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)
-# Searches for legs that fulfil a wish.
+# Searches for legs that fulfil requirements.
 design = partial(_tool, 'design', 'klann_ros.design.command', report_failed=3)

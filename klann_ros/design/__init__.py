@@ -1,9 +1,10 @@
 """
-The search for legs that fulfil a wish; each one found is proven to turn.
+The search for legs that fulfil requirements; each one found is proven to turn.
 
->>> from klann_ros.design import search, wish_from
->>> wish = wish_from({'linkage': 'klann', 'figures': {'stride': 'maximize', 'lift': 'maximize'}})
->>> found = search(wish, evaluations=2000)
+>>> from klann_ros.design import requirements_from, search
+>>> figures = {'stride': 'maximize', 'lift': 'maximize'}
+>>> requirements = requirements_from({'linkage': 'klann', 'figures': figures})
+>>> found = search(requirements, evaluations=2000)
 >>> found.legs[0].reached['stride'] > 0.49  # [m], SEM 104's
 True
 
@@ -11,9 +12,9 @@ All values are in SI units. A figure is the one that `klann_ros.datasheet` repor
 """
 
 from .proof import FoundLeg
+from .requirements import Aim, Limit, Requirements, requirements_from, requirements_from_file
 from .search import Found, Progress, search, State
-from .space import Space, WishError
-from .wish import Aim, Limit, Wish, wish_from, wish_from_file
+from .space import RequirementsError, Space
 
 __all__ = [
     'Aim',
@@ -21,11 +22,11 @@ __all__ = [
     'FoundLeg',
     'Limit',
     'Progress',
+    'Requirements',
+    'RequirementsError',
     'Space',
     'State',
-    'Wish',
-    'WishError',
+    'requirements_from',
+    'requirements_from_file',
     'search',
-    'wish_from',
-    'wish_from_file',
 ]

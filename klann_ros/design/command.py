@@ -1,4 +1,4 @@
-"""`design`: the search for legs that fulfil a wish."""
+"""`design`: the search for legs that fulfil requirements."""
 
 import argparse
 from collections.abc import Sequence
@@ -23,45 +23,45 @@ from klann_ros.sanitize.text import printable
 
 from .leg_file import leg_text, parameter_text
 from .page import page
-from .report import figure_text, leg_name, report, text
+from .report import leg_name, report, text
+from .requirements import Requirements, requirements_from_file
 from .search import DEFAULT_EVALUATIONS, Found, Progress, search, State
-from .space import WishError
-from .wish import Wish, wish_from_file
+from .space import RequirementsError
 
 NONE_FOUND, INTERRUPTED = 1, 130
-DESIGN_ERRORS = {WishError: NOT_READ, EngineError: NOT_READ}
 STATE = 'search.json'
 MAX_STATE_SIZE = 100_000_000
 DESCRIPTION = """\
-Search for legs that fulfil a wish. Every leg found is proven to turn fully in one assembly mode.
+Search for legs that fulfil requirements. Every leg found is proven to turn fully in one assembly
+mode.
 
-WISH is YAML: linkage (a name, a file or a list), vary (a percentage, or ranges by dimension),
-figures (each minimize, maximize, at_least, at_most or near) and path (points, CSV or SVG).
-FOLDER gets leg_001.yaml ..., which every program takes, design.json and index.html."""
+REQUIREMENTS is a YAML file: linkage (a name, a file or a list), vary (a percentage, or ranges by
+dimension), figures (each minimize, maximize, at_least, at_most or near) and path (points, CSV or
+SVG). FOLDER gets leg_001.yaml ..., which every program takes, design.json and index.html."""
 EPILOG = """\
 The same seed and evaluations give the same files, for any number of jobs. Ctrl-C keeps the
 legs found; --resume continues, also after a crash.
-Exit code: 0 found, 1 no leg fulfils the wish (the report names the figure that fails), 2 WISH is
-refused, 3 FOLDER cannot be written."""
+Exit code: 0 found, 1 no leg fulfils the requirements (the report names the figure that fails), 2
+REQUIREMENTS are refused, 3 FOLDER cannot be written."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Search for legs; return the exit code."""
-    return _parser().run(_design, DESIGN_ERRORS, argv)
+    return _parser().run(_design, {RequirementsError: NOT_READ, EngineError: NOT_READ}, argv)
 
 
 def _design(options: argparse.Namespace) -> int:
-    wish = wish_from_file(options.wish)
-    folder = Path(options.output or f'{Path(options.wish).stem}_legs')
+    requirements = requirements_from_file(options.requirements)
+    folder = Path(options.output or f'{Path(options.requirements).stem}_legs')
     state = _opened(folder, resume=options.resume)
 
     def on_round(state: State, progress: Progress) -> None:
         _save(folder, STATE, json.dumps(state.content()))
-        print(_line(wish, progress), file=sys.stderr, flush=True)
+        print(_line(requirements, progress), file=sys.stderr, flush=True)
 
     try:
         found = search(
-            wish,
+            requirements,
             seed=options.seed,
             evaluations=options.evaluations,
             time_limit=options.time,
@@ -110,8 +110,8 @@ def _write(folder: Path, found: Found) -> None:
     for number, leg in enumerate(found.legs):
         name = leg_name(number)
         figures = [
-            f'#   {figure}: {figure_text(found.wish.units, figure, leg.reached.get(figure))}'
-            for figure in found.wish.figures
+            f'#   {figure}: {found.requirements.figure_text(figure, leg.reached.get(figure))}'
+            for figure in found.requirements.figures
         ]
         head = '\n'.join(['# Found by design; its figures:', *figures]) + '\n'
         _save(folder, f'{name}.yaml', head + leg_text(leg.leg))
@@ -133,10 +133,10 @@ def _save(folder: Path, name: str, content: str) -> None:
     Output('-o', os.fspath(place)).write(content.encode(errors='replace'))
 
 
-def _line(wish: Wish, progress: Progress) -> str:
+def _line(requirements: Requirements, progress: Progress) -> str:
     """Return the progress of a search in a line."""
     best = [
-        f'{name} {figure_text(wish.units, name, value)}' for name, value in progress.best.items()
+        f'{name} {requirements.figure_text(name, value)}' for name, value in progress.best.items()
     ]
     state = ', '.join(best) or 'no leg holds the limits yet'
     return (
@@ -148,8 +148,8 @@ def _line(wish: Wish, progress: Progress) -> str:
 def _parser() -> ArgumentParser:
     parser = ArgumentParser('design', DESCRIPTION, EPILOG)
     add = parser.add_argument
-    add('wish', metavar='WISH', type=path, help='the wish')
-    out = 'for the result (default: the name of WISH and _legs); a new one'
+    add('requirements', metavar='REQUIREMENTS', type=path, help='their file')
+    out = 'for the result (default: the name of REQUIREMENTS and _legs); a new one'
     add('-o', '--output', metavar='FOLDER', type=path, help=out)
     seed = number_type(lambda n: 0 <= n < 2**53, 'a whole number, 0 or more', int)
     add('--seed', metavar='N', type=seed, default=0, help='of the search, 0')

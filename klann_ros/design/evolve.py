@@ -1,4 +1,4 @@
-"""Candidates of a wish: judged in bulk, sampled, and evolved (NSGA-II, differential evolution)."""
+"""Candidates: judged in bulk, sampled, and evolved (NSGA-II, differential evolution)."""
 
 from typing import Any, NamedTuple
 
@@ -6,8 +6,8 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
 from .figures import judge
+from .requirements import Requirements
 from .space import Space
-from .wish import Wish
 
 POPULATION = 120
 # Candidates sampled for each of the first population, and judged at once: too few poses for a
@@ -23,7 +23,7 @@ class Scores(NamedTuple):
     """
     Losses and violations of candidates, 0 or less if they hold, shapes (n, m) and (n, g).
 
-    `figures` are those of the wish by name, shape (n,).
+    `figures` are those of the requirements by name, shape (n,).
     """
 
     losses: FloatArray
@@ -41,12 +41,12 @@ class Scores(NamedTuple):
         return np.asarray(np.lexsort([self.losses.sum(axis=1), self.total]), dtype=np.intp)
 
 
-def scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
+def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
     starts = range(0, len(x), MAX_JUDGED)
-    parts = [_scores(wish, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
+    parts = [_scores(requirements, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
     if not parts:
-        return _scores(wish, space, np.empty((0, len(space.names))))
+        return _scores(requirements, space, np.empty((0, len(space.names))))
     names = parts[0].figures
     return Scores(
         np.concatenate([part.losses for part in parts]),
@@ -55,22 +55,21 @@ def scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
     )
 
 
-def _scores(wish: Wish, space: Space, x: FloatArray) -> Scores:
+def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     variants = space.variants(x)
-    names = frozenset(wish.figures)
-    found = judge(variants, names, wish.load)
+    names = frozenset(requirements.figures)
+    found = judge(variants, names, requirements.load)
     figures = found.figures
-    if wish.target is not None:
+    if requirements.target is not None:
         figures['path_error'] = np.full(len(x), np.nan)
         turning = np.flatnonzero(found.turns)
-        figures['path_error'][turning] = wish.target.fit(found.h[turning]).error
-    losses = [
-        np.where(found.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in wish.cheap_aims
-    ]
+        figures['path_error'][turning] = requirements.target.fit(found.h[turning]).error
+    aims = requirements.cheap_aims
+    losses = [np.where(found.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in aims]
     # Without a cheap aim any candidate that holds the limits is as good.
     losses = losses or [np.where(found.turns, 0.0, WORST_LOSS)]
     violations = [found.jam]
-    for limit in wish.cheap_limits:
+    for limit in requirements.cheap_limits:
         scale = abs(limit.value) or 1.0
         shortfall = limit.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
         violations.append(np.where(found.turns, shortfall, 10.0))
@@ -82,10 +81,10 @@ class Island(NamedTuple):
     """
     A population that evolves by itself for a while; without one it is sampled first.
 
-    The wish has its space alone.
+    Its requirements have its space alone.
     """
 
-    wish: Wish
+    requirements: Requirements
     population: FloatArray | None
     seed: tuple[int, ...]
     evaluations: int
@@ -93,15 +92,15 @@ class Island(NamedTuple):
 
 def evolve(island: Island) -> FloatArray:
     """Return the population of an island after its evaluations, shape (p, d)."""
-    wish, (space,) = island.wish, island.wish.spaces
+    requirements, (space,) = island.requirements, island.requirements.spaces
     random = np.random.default_rng(island.seed)
     x, spent = island.population, 0
     if x is None:
         spent = min(POPULATION * SAMPLES_PER_CANDIDATE, max(POPULATION, island.evaluations))
         x = space.sample(random, spent)
-        x = x[_chosen(scores(wish, space, x))]
+        x = x[_chosen(scores(requirements, space, x))]
     generations = (island.evaluations - spent) // POPULATION
-    return _evolved(wish, space, x, random, generations) if generations > 0 else x
+    return _evolved(requirements, x, random, generations) if generations > 0 else x
 
 
 def _chosen(found: Scores) -> IndexArray:
@@ -117,7 +116,7 @@ def _chosen(found: Scores) -> IndexArray:
 
 
 def _evolved(
-    wish: Wish, space: Space, x: FloatArray, random: np.random.Generator, generations: int
+    requirements: Requirements, x: FloatArray, random: np.random.Generator, generations: int
 ) -> FloatArray:
     # It takes a second to load, and only a search needs it.
     from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
@@ -125,17 +124,18 @@ def _evolved(
     from pymoo.core.problem import Problem  # noqa: PLC0415
     from pymoo.optimize import minimize  # noqa: PLC0415
 
-    first = scores(wish, space, x[:1])
+    (space,) = requirements.spaces
+    first = scores(requirements, space, x[:1])
     aims, limits = first.losses.shape[1], first.violations.shape[1]
 
-    class WishProblem(Problem):  # type: ignore[misc]  # pymoo has no types
-        """The wish as pymoo has it."""
+    class _Problem(Problem):  # type: ignore[misc]  # pymoo has no types
+        """The requirements as pymoo has them."""
 
         def _evaluate(self, x: Any, out: Any, *_: Any, **__: Any) -> None:
-            found = scores(wish, space, x)
+            found = scores(requirements, space, x)
             out['F'], out['G'] = found.losses, found.violations
 
-    problem = WishProblem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
+    problem = _Problem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
     kind = DE if aims == 1 else NSGA2
     algorithm = kind(pop_size=len(x), sampling=x)
     seed = int(random.integers(2**31))

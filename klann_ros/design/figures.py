@@ -1,4 +1,4 @@
-"""The figures of a wish: names, units and bounds; in bulk, and as `describe` reports them."""
+"""The figures of a leg: names, units and bounds; in bulk, and as `describe` reports them."""
 
 from math import inf, pi
 from typing import Any, NamedTuple, TypeAlias
@@ -22,10 +22,10 @@ BISECTIONS = 24
 
 class FigureKind(NamedTuple):
     """
-    A figure of a wish.
+    A figure that requirements may name.
 
     `unit` is 'm', 'rad', '' or another SI unit, `least` and `greatest` its bounds. A costly one is
-    computed of survivors alone. `needs` is the key of the wish that defines it.
+    computed of survivors alone. `needs` is the key of the requirements that defines it.
     """
 
     text: str

@@ -21,7 +21,7 @@ from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump
 import numpy as np
 
-from .space import Space, Units, WishError
+from .space import RequirementsError, Space, Units
 from .target import Target
 
 GROUND, CRANK, AXLE = 0, 1, 'A'
@@ -115,11 +115,11 @@ def grown_spaces(
     wanted: Mapping[str, Any], units: Units, target: Target | None
 ) -> tuple[Space, ...]:
     """
-    Return the spaces of the key `grow` of a wish, one for each structure.
+    Return the spaces of the key `grow` of requirements, one for each structure.
 
     Raises
     ------
-    WishError
+    RequirementsError
         The crank has no range.
 
     """
@@ -127,11 +127,12 @@ def grown_spaces(
     if 'crank' in wanted:
         low, high = (size * end for end in wanted['crank'])
         if not low <= high:
-            raise WishError(f'grow.crank: the range [{low / size:g}, {high / size:g}] is empty')
+            shown = f'[{low / size:g}, {high / size:g}]'
+            raise RequirementsError(f'grow.crank: the range {shown} is empty')
     elif target is not None and target.can_scale:
         low = high = CRANK_PART * target.size
     else:
-        raise WishError(
+        raise RequirementsError(
             f'grow.crank is missing: the range of its length [{units.length}], which decides how '
             'large the leg is'
         )

@@ -14,7 +14,7 @@ import numpy as np
 
 from .figures import crank_angles, FIGURES
 from .proof import FoundLeg
-from .report import figure_text, leg_name, shown_figures
+from .report import leg_name, shown_figures
 from .search import Found
 
 _STATIC = Path(__file__).resolve().parent / 'static'
@@ -28,17 +28,17 @@ ANIMATION_POSES = 120
 
 def page(found: Found) -> str:
     """Return the page of a result."""
-    wish = found.wish
-    title = 'Legs that fulfil the wish' if found.legs else 'No leg fulfils the wish'
+    units, target = found.requirements.units, found.requirements.target
+    title = f'{"Legs that fulfil" if found.legs else "No leg fulfils"} the requirements'
     about = f'{counted(len(found.legs), "leg")} of {found.state.evaluations} candidates'
     header = element('header', element('div', element('h1', title), element('p', about)))
     reasons = [element('li', reason) for reason in found.reasons]
     why = element('section', element('ul', *reasons, class_='findings')) if reasons else Markup()
     if not found.legs:
         return PAGE_PARTS.page(title, header, why)
-    names = shown_figures(wish)
+    names = shown_figures(found.requirements)
     axes = [
-        {'name': name, 'unit': wish.units.name(FIGURES[name].unit)}
+        {'name': name, 'unit': units.name(FIGURES[name].unit)}
         for name in names
         if all(isfinite(leg.reached.get(name, np.nan)) for leg in found.legs)
     ]
@@ -46,7 +46,7 @@ def page(found: Found) -> str:
     data = {
         'axes': axes,
         'legs': [_leg(found, leg, leg_name(n)) for n, leg in enumerate(found.legs)],
-        'target': [[z.real, z.imag] for z in wish.target.points.tolist()] if wish.target else None,
+        'target': target and [[z.real, z.imag] for z in target.points.tolist()],
     }
     return PAGE_PARTS.page(
         title,
@@ -66,11 +66,10 @@ def page(found: Found) -> str:
 
 
 def _table(found: Found, names: list[str]) -> Markup:
-    units = found.wish.units
     rows = [
         (
             leg_name(n),
-            *(figure_text(units, name, leg.reached.get(name)) for name in names),
+            *(found.requirements.figure_text(name, leg.reached.get(name)) for name in names),
             f'{100.0 * leg.non_turning_fraction:.1f} %',
             leg.linkage.name,
         )
@@ -81,7 +80,7 @@ def _table(found: Found, names: list[str]) -> Markup:
 
 
 def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
-    units = found.wish.units
+    units = found.requirements.units
     poses: Any = linkage_poses(leg.linkage, crank_angles(ANIMATION_POSES), points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
     since = (crank_angles(ANIMATION_POSES) - stance.start) % TURN
@@ -98,8 +97,8 @@ def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
         'rows': [
             [
                 key.replace('_', ' '),
-                figure_text(units, key, leg.expected.get(key)),
-                figure_text(units, key, value),
+                found.requirements.figure_text(key, leg.expected.get(key)),
+                found.requirements.figure_text(key, value),
             ]
             for key, value in leg.reached.items()
         ],

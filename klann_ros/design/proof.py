@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.datasheet import data_sheet, SheetError
 from klann_ros.kinematics import KinematicsError, Linkage, tolerance_study
@@ -15,20 +15,30 @@ import numpy as np
 
 from .figures import sheet_figures
 from .leg_file import walker_parameters, with_numbers
+from .requirements import Limit, Requirements
 from .space import Space
-from .wish import Limit, Wish
 
-# Relative half-width of all lengths where the wish has no tolerance.
+_Content: TypeAlias = Mapping[str, Any]
+_Figures: TypeAlias = dict[str, float]
+# Relative half-width of all lengths where the requirements have no tolerance.
 DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS, STUDY_ANGLES = 1000, 180
 # Crank angles of the comparison of a leg with its path.
 PROOF_ANGLES = 1024
 
 
+class Candidate(NamedTuple):
+    """A linkage from a space, with its figures in the search (SI)."""
+
+    space: Space
+    linkage: Linkage
+    expected: dict[str, float]
+
+
 @dataclass(frozen=True, eq=False)
 class FoundLeg:
     """
-    A leg that fulfils the wish.
+    A leg that fulfils the requirements.
 
     Attributes
     ----------
@@ -41,7 +51,7 @@ class FoundLeg:
     margins : mapping of str to (float, float)
         The range of each dimension in which it turns, all others unchanged [m, rad].
     tolerance : float
-        Half-width of the lengths in the study: relative, or in m where the wish has one.
+        Half-width of the lengths in the study: relative, or in m where the requirements have one.
     non_turning_fraction : float
         Of the legs within the tolerance.
     assembly : tuple of int
@@ -79,7 +89,7 @@ class ProofError(ValueError):
         self.limit, self.value = limit, value
 
 
-def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]) -> FoundLeg:
+def prove(requirements: Requirements, candidate: Candidate) -> FoundLeg:
     """
     Return a leg with its proof.
 
@@ -91,13 +101,13 @@ def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]
     """
     try:
         # As its file has it, without masses: the torque is that of the load alone.
-        leg = with_numbers(space.leg, linkage)
+        leg = with_numbers(candidate.space.leg, candidate.linkage)
         linkage = leg.linkage
         sheet = data_sheet(
             Robot('leg', (RobotLeg('', linkage),)),
-            speed=wish.speed,
-            load=wish.load,
-            motor=wish.motor,
+            speed=requirements.speed,
+            load=requirements.load,
+            motor=requirements.motor,
             margins=True,
             samples=360,
         )
@@ -109,29 +119,32 @@ def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]
     reached = sheet_figures(sheet, linkage)
     if not reached['transmission_angle'] > 0.0:
         raise ProofError('links are in line')
-    if wish.target is not None:
+    if requirements.target is not None:
         h = foot_path(LinkageLeg(linkage), samples=PROOF_ANGLES).h[None]
         # In place: it may neither be moved nor turned nor scaled any more.
-        fixed = replace(wish.target, can_move=False, can_turn=False, can_scale=False)
+        fixed = replace(requirements.target, can_move=False, can_turn=False, can_scale=False)
         reached['path_error'] = float(fixed.fit(h).error[0])
     dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
     lengths = {d.name: number for d, number in dimensions if d.is_length}
-    width = wish.tolerance or DEFAULT_TOLERANCE
-    tolerances = {name: width if wish.tolerance else width * own for name, own in lengths.items()}
+    is_absolute, width = bool(requirements.tolerance), requirements.tolerance or DEFAULT_TOLERANCE
+    tolerances = {name: width if is_absolute else width * own for name, own in lengths.items()}
     try:
         study = tolerance_study(linkage, tolerances, samples=STUDY_LEGS, crank_angles=STUDY_ANGLES)
     except ValueError as error:
         raise ProofError(str(error)) from error
     reached['turning_fraction'] = 1.0 - study.non_turning_fraction
-    walker = _walker(wish, leg, reached)
-    for limit in wish.limits:
+    walker = None
+    if requirements.walker is not None:
+        walker, figures = _walker(leg, requirements.walker, requirements.speed)
+        reached |= figures
+    for limit in requirements.limits:
         value = reached.get(limit.figure, np.nan)
         if not limit.shortfall(value) <= 0.0:
             raise ProofError(f'{limit.figure} does not hold', limit, float(value))
     return FoundLeg(
         leg,
-        space,
-        expected,
+        candidate.space,
+        candidate.expected,
         {name: value for name, value in reached.items() if np.isfinite(value)},
         {bar.name: (bar.margin.least, bar.margin.greatest) for bar in of.bars if bar.margin},
         width,
@@ -141,16 +154,13 @@ def prove(wish: Wish, space: Space, linkage: Linkage, expected: dict[str, float]
     )
 
 
-def _walker(wish: Wish, leg: RobotLeg, reached: dict[str, float]) -> Mapping[str, Any] | None:
-    if wish.walker is None:
-        return None
+def _walker(leg: RobotLeg, wanted: Mapping[str, Any], speed: float) -> tuple[_Content, _Figures]:
     try:
-        parameters = walker_parameters(leg, wish.walker)
+        parameters = walker_parameters(leg, wanted)
         walk: Any = walk_figures(robot_from_parameters(parameters))
     except (NoWalkerError, KinematicsError) as error:
         raise ProofError(str(error)) from error
-    reached['speed'] = walk.speed * wish.speed
-    reached['static_margin'] = walk.least_margin
+    figures = {'speed': walk.speed * speed, 'static_margin': walk.least_margin}
     if walk.stable_fraction:
-        reached['height_variation'] = walk.height_variation
-    return parameters
+        figures['height_variation'] = walk.height_variation
+    return parameters, figures

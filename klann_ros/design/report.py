@@ -9,13 +9,12 @@ from klann_ros.sanitize.text import counted, printable_line
 
 from .figures import FIGURES
 from .proof import FoundLeg
+from .requirements import Requirements
 from .search import Found
-from .space import Units
-from .wish import Wish
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12
-# Figures in the text beside those of the wish.
+# Figures in the text beside those of the requirements.
 ALSO_SHOWN = ('transmission_angle', 'margin')
 
 
@@ -24,14 +23,9 @@ def leg_name(number: int) -> str:
     return f'leg_{number + 1:03d}'
 
 
-def shown_figures(wish: Wish) -> list[str]:
-    """Return the figures that a report shows: those of the wish, then others."""
-    return [*dict.fromkeys((*wish.figures, *ALSO_SHOWN))]
-
-
-def figure_text(units: Units, name: str, value: float | None) -> str:
-    """Return a figure in the wish's unit, or an empty text."""
-    return '' if value is None else units.text(value, FIGURES[name].unit)
+def shown_figures(requirements: Requirements) -> list[str]:
+    """Return the figures that a report shows: those of the requirements, then others."""
+    return [*dict.fromkeys((*requirements.figures, *ALSO_SHOWN))]
 
 
 def text(found: Found, folder: str) -> str:
@@ -40,16 +34,16 @@ def text(found: Found, folder: str) -> str:
 
 
 def _lines(found: Found, folder: str) -> Iterator[str]:
-    wish, state = found.wish, found.state
+    requirements, state = found.requirements, found.state
     if not found.legs:
-        yield f'No leg fulfils the wish, of {state.evaluations} candidates:'
+        yield f'No leg fulfils the requirements, of {state.evaluations} candidates:'
         yield from (f'  {printable_line(reason)}' for reason in found.reasons)
         return
     yield f'{counted(len(found.legs), "leg")} of {state.evaluations} candidates, in {folder}'
-    names = shown_figures(wish)
+    names = shown_figures(requirements)
     table = [('', *names, 'linkage')]
     for number, leg in enumerate(found.legs[:MAX_SHOWN]):
-        own = [figure_text(wish.units, name, leg.reached.get(name)) for name in names]
+        own = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
         table.append((leg_name(number), *own, leg.linkage.name))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:
@@ -64,9 +58,9 @@ def _lines(found: Found, folder: str) -> Iterator[str]:
 
 def report(found: Found) -> str:
     """Return the result as JSON, in SI units."""
-    wish, state = found.wish, found.state
+    requirements, state = found.requirements, found.state
     content = {
-        'wish': json.loads(wish.text),
+        'requirements': json.loads(requirements.text),
         'seed': found.seed,
         'evaluations': state.evaluations,
         'hypervolumes': list(state.hypervolumes),

@@ -1,13 +1,14 @@
-"""The search of a wish: islands that evolve in any number of processes, then the proof."""
+"""The search of a leg: islands that evolve in any number of processes, then the proof."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 import hashlib
 from time import monotonic
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
-from klann_ros.kinematics import GeometryError, Linkage
+from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.sanitize.text import counted
 import numpy as np
@@ -23,10 +24,9 @@ from .evolve import (
     spread,
     WORST_LOSS,
 )
-from .figures import FIGURES
-from .proof import FoundLeg, ProofError, prove
+from .proof import Candidate, FoundLeg, ProofError, prove
 from .refine import refined
-from .wish import Limit, Wish
+from .requirements import Aim, Limit, Requirements
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
@@ -40,8 +40,12 @@ BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
-# Space, candidates and scores of each island.
+_Population: TypeAlias = FloatArray | None
+# Space, candidates and scores of each island; space, x, losses and figures of a candidate.
 _Scored: TypeAlias = Sequence[tuple[int, FloatArray, Scores]]
+_Row: TypeAlias = tuple[int, FloatArray, FloatArray, dict[str, float]]
+# Calls a function of each item in processes; returns the answers.
+_Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 
 class State(NamedTuple):
@@ -94,8 +98,8 @@ class Found:
 
     Attributes
     ----------
-    wish : Wish
-        The wish.
+    requirements : Requirements
+        The requirements.
     legs : tuple of FoundLeg
         The Pareto set, or a part of it that is spread out; by the first aim.
     reasons : tuple of str
@@ -111,7 +115,7 @@ class Found:
 
     """
 
-    wish: Wish
+    requirements: Requirements
     legs: tuple[FoundLeg, ...]
     reasons: tuple[str, ...]
     state: State
@@ -121,7 +125,7 @@ class Found:
 
 
 def search(
-    wish: Wish,
+    requirements: Requirements,
     *,
     seed: int = 0,
     evaluations: int = DEFAULT_EVALUATIONS,
@@ -132,12 +136,12 @@ def search(
     on_round: Callable[[State, Progress], object] | None = None,
 ) -> Found:
     """
-    Search for the legs that fulfil a wish, and prove each.
+    Search for the legs that fulfil the requirements, and prove each.
 
     Parameters
     ----------
-    wish : Wish
-        The wish.
+    requirements : Requirements
+        The requirements.
     seed : int
         The same seed and evaluations give the same legs, for any number of jobs.
     evaluations : int
@@ -149,7 +153,7 @@ def search(
     engine : str
         'local', or 'ray' for a cluster.
     state : State, optional
-        Where an earlier search of this wish and seed ended.
+        Where an earlier search of these requirements and this seed ended.
     on_round : callable, optional
         Called after each round; a KeyboardInterrupt ends the search with what it has.
 
@@ -161,35 +165,32 @@ def search(
         The engine is unavailable, or no worker answers.
 
     """
-    key = search_key(wish, seed)
-    count = max(ISLANDS, len(wish.spaces))
+    # Of all that a search depends on.
+    key = hashlib.sha256(f'{seed}\n{requirements.text}'.encode()).hexdigest()
+    count = max(ISLANDS, len(requirements.spaces))
     now = state or State(key, 0, 0, (None,) * count)
     if now.key != key or len(now.populations) != count:
-        raise ValueError('the search to resume is of another wish or seed')
+        raise ValueError('the search to resume has other requirements or another seed')
     start, is_interrupted = monotonic(), False
+    run = partial(_in_order, jobs=jobs, engine=engine)
     try:
         while now.evaluations < evaluations:
-            now, every = _next_round(wish, now, seed, evaluations, jobs=jobs, engine=engine)
+            now, every = _next_round(requirements, now, seed, evaluations, run)
             if on_round is not None:
                 seconds = monotonic() - start
-                on_round(now, _progress(wish, now, every, seconds))
+                on_round(now, _progress(requirements.cheap_aims, now, every, seconds))
             if time_limit is not None and monotonic() - start > time_limit:
                 break
     except KeyboardInterrupt:
         if not any(x is not None for x in now.populations):
             raise
         is_interrupted = True
-    found = _found(wish, now, seed, jobs=jobs, engine=engine)
+    found = _found(requirements, now, seed, run)
     return replace(found, is_interrupted=is_interrupted)
 
 
-def search_key(wish: Wish, seed: int) -> str:
-    """Return a digest of what a search depends on."""
-    return hashlib.sha256(f'{seed}\n{wish.text}'.encode()).hexdigest()
-
-
 def _next_round(
-    wish: Wish, state: State, seed: int, evaluations: int, *, jobs: int | None, engine: str
+    requirements: Requirements, state: State, seed: int, evaluations: int, run: _Run
 ) -> tuple[State, _Scored]:
     """Return the state after a round, and the scores of its populations."""
     numbers = [n for n, x in enumerate(state.populations) if x is None or len(x)]
@@ -197,14 +198,14 @@ def _next_round(
     islands = [
         # Of many spaces a worker needs its own alone.
         Island(
-            replace(wish, spaces=(wish.spaces[n % len(wish.spaces)],)),
+            replace(requirements, spaces=(requirements.space(n),)),
             state.populations[n],
             (seed, state.rounds, n),
             share,
         )
         for n in numbers
     ]
-    answers = _in_order(evolve, islands, jobs, engine)
+    answers = run(evolve, islands)
     failed = [answer for answer in answers if isinstance(answer, str)]
     if len(failed) == len(answers):
         raise EngineError(f'the search failed: {failed[0]}')
@@ -213,12 +214,12 @@ def _next_round(
         # Of an island whose worker died twice the population stays as it was.
         if not isinstance(answer, str):
             populations[n] = answer
-    populations = _migrated(wish, populations)
+    populations = _migrated(requirements, populations)
     rounds, spent = state.rounds + 1, state.evaluations + share * len(islands)
     state = state._replace(rounds=rounds, evaluations=spent, populations=tuple(populations))
-    every = _all_scores(wish, state)
+    every = _all_scores(requirements, state)
     state = _with_hypervolume(state, every)
-    if len(numbers) > ISLANDS and len(wish.spaces) > ISLANDS:
+    if len(numbers) > ISLANDS and len(requirements.spaces) > ISLANDS:
         # The island of a space has its number.
         better = _better_half(state, every)
         pairs = enumerate(state.populations)
@@ -226,29 +227,27 @@ def _next_round(
     return state, every
 
 
-def _migrated(wish: Wish, populations: Sequence[FloatArray | None]) -> list[FloatArray | None]:
+def _migrated(requirements: Requirements, populations: Sequence[_Population]) -> list[_Population]:
     """Return the populations, the worst of each replaced by the best of the one before it."""
-    spaces = len(wish.spaces)
-    orders = [
-        scores(wish, wish.spaces[n % spaces], x).order if x is not None and len(x) else None
+    spaces = len(requirements.spaces)
+    ranked = {
+        n: x[scores(requirements, requirements.space(n), x).order]
         for n, x in enumerate(populations)
-    ]
-    moved: list[FloatArray | None] = []
-    for n, (x, order) in enumerate(zip(populations, orders, strict=True)):
+        if x is not None and len(x)
+    }
+    moved = [*populations]
+    for n, x in ranked.items():
         same = [k for k in range(n % spaces, len(populations), spaces) if k != n]
         before = max([k for k in same if k < n], default=same[-1] if same else n)
-        other, guests = populations[before], orders[before]
-        if x is None or order is None or other is None or guests is None or not same:
-            moved.append(x)
-            continue
-        moved.append(np.concatenate([x[order[:-MIGRANTS]], other[guests[:MIGRANTS]]]))
+        if before != n and before in ranked:
+            moved[n] = np.concatenate([x[:-MIGRANTS], ranked[before][:MIGRANTS]])
     return moved
 
 
-def _all_scores(wish: Wish, state: State) -> _Scored:
+def _all_scores(requirements: Requirements, state: State) -> _Scored:
     """Return the scores of each island that has a population."""
     return [
-        (n % len(wish.spaces), x, scores(wish, wish.spaces[n % len(wish.spaces)], x))
+        (n % len(requirements.spaces), x, scores(requirements, requirements.space(n), x))
         for n, x in enumerate(state.populations)
         if x is not None and len(x)
     ]
@@ -288,9 +287,9 @@ def _better_half(state: State, every: _Scored) -> list[int]:
     return [n for n, _, _ in sorted(every, key=rank)[:count]]
 
 
-def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progress:
+def _progress(aims: Sequence[Aim], state: State, every: _Scored, seconds: float) -> Progress:
     best = {}
-    for aim in wish.cheap_aims:
+    for aim in aims:
         values = [s.figures[aim.figure][s.total <= 0.0] for _, _, s in every]
         known = np.concatenate(values)
         known = known[np.isfinite(known)]
@@ -299,30 +298,27 @@ def _progress(wish: Wish, state: State, every: _Scored, seconds: float) -> Progr
     return Progress(state.evaluations, seconds, state.hypervolumes[-1], best)
 
 
-def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str) -> Found:
-    every = _all_scores(wish, state)
+def _found(requirements: Requirements, state: State, seed: int, run: _Run) -> Found:
+    every = _all_scores(requirements, state)
     rows = [
         (space, x[i], s.losses[i], {name: float(v[i]) for name, v in s.figures.items()})
         for space, x, s in every
         for i in np.flatnonzero(s.total <= 0.0).tolist()
     ]
     if not rows:
-        return Found(wish, (), tuple(failing_figures(wish, every)), state, seed, {})
-    chosen = [rows[k] for k in _chosen(wish, rows).tolist()]
-    items = [(wish, row[0], row[1], row[3]) for row in chosen]
-    made = _in_order(_made, items, jobs, engine)
-    pairs = zip(made, chosen, strict=True)
-    ready = [
-        (wish, row[0], linkage, row[3], error)
-        for (linkage, error), row in (pair for pair in pairs if not isinstance(pair[0], str))
-    ]
-    if wish.target is not None:
-        ready.sort(key=lambda item: item[-1])
+        reasons = failing_figures(requirements, every)
+        return Found(requirements, (), tuple(reasons), state, seed, {})
+    chosen = [rows[k] for k in _chosen(requirements, rows).tolist()]
+    made = run(partial(_made, requirements), chosen)
+    ready = [candidate for candidate in made if not isinstance(candidate, str)]
+    if requirements.target is not None:
+        ready.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
     refused: dict[str, int] = {}
     nearest: dict[Limit, float] = {}
-    for start in range(0, len(ready), wish.count):
-        for answer in _in_order(_proven, ready[slice(start, start + wish.count)], jobs, engine):
+    for start in range(0, len(ready), requirements.count):
+        batch = ready[slice(start, start + requirements.count)]
+        for answer in run(partial(_proven, requirements), batch):
             if isinstance(answer, FoundLeg):
                 legs.append(answer)
                 continue
@@ -333,16 +329,16 @@ def _found(wish: Wish, state: State, seed: int, *, jobs: int | None, engine: str
                 # A figure without a value (NaN) is the farthest.
                 misses = np.nan_to_num(limit.shortfall(np.array(values)), nan=np.inf)
                 nearest[limit] = values[int(misses.argmin())]
-        if len(legs) >= wish.count:
+        if len(legs) >= requirements.count:
             break
-    legs = _best(wish, legs[: wish.count])
-    reasons = [_shortfall(wish, limit, value) for limit, value in nearest.items()]
+    legs = _best(requirements.aims, legs[: requirements.count])
+    reasons = [_shortfall(requirements, limit, value) for limit, value in nearest.items()]
     reasons += [f'{text}: {counted(n, "leg")}' for text, n in refused.items()]
     reasons = [] if legs else reasons
-    return Found(wish, tuple(legs), tuple(reasons), state, seed, refused)
+    return Found(requirements, tuple(legs), tuple(reasons), state, seed, refused)
 
 
-def _in_order(function: Any, items: Sequence[Any], jobs: int | None, engine: str) -> list[Any]:
+def _in_order(function: Any, items: Sequence[Any], *, jobs: int | None, engine: str) -> list[Any]:
     """Return the answers in the order of the items; an item without one has its reason."""
     if jobs == 1 and engine == 'local':
         return list(map(function, items))
@@ -351,61 +347,59 @@ def _in_order(function: Any, items: Sequence[Any], jobs: int | None, engine: str
     return [answer.reason if isinstance(answer, TaskError) else answer for answer in found]
 
 
-def _chosen(wish: Wish, rows: Sequence[Any]) -> Any:
+def _chosen(requirements: Requirements, rows: Sequence[Any]) -> Any:
     """Return the candidates to prove: far apart on the front, or of one aim among the best."""
     losses = np.array([row[2] for row in rows])
     if losses.shape[1] > 1:
         front = pareto_front(losses)
         front = front[np.argsort(losses[front, 0], kind='stable')]
-        return front[spread(losses[front], PROVEN_PER_LEG * wish.count)]
+        return front[spread(losses[front], PROVEN_PER_LEG * requirements.count)]
     best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES]
     # Only those of one linkage can be compared.
     same = best[[rows[k][0] == rows[best[0]][0] for k in best.tolist()]]
     x = np.array([rows[k][1] for k in same.tolist()])
-    some = same[spread(x, max(wish.count, REFINED_CANDIDATES))]
+    some = same[spread(x, max(requirements.count, REFINED_CANDIDATES))]
     return some[np.argsort(losses[some, 0], kind='stable')]
 
 
-def _made(item: tuple[Wish, int, FloatArray, dict[str, float]]) -> tuple[Linkage, float] | str:
-    """Return the linkage of a candidate, refined on a path, and its error; or why it is none."""
-    wish, space_index, x, _ = item
-    space = wish.spaces[space_index]
+def _made(requirements: Requirements, row: _Row) -> Candidate | str:
+    """Return a candidate, refined on a path; or why it is no linkage."""
+    number, x, _, expected = row
+    space, target = requirements.spaces[number], requirements.target
     try:
-        if wish.target is not None:
-            return refined(wish.target, space, x)
-        return space.variants(x[None])[0], 0.0
+        if target is None:
+            return Candidate(space, space.variants(x[None])[0], expected)
+        linkage, distance = refined(target, space, x)
     except GeometryError as error:
         return str(error)
+    return Candidate(space, linkage, {**expected, 'path_error': distance})
 
 
 def _proven(
-    item: tuple[Wish, int, Linkage, dict[str, float], float],
+    requirements: Requirements, candidate: Candidate
 ) -> FoundLeg | tuple[str, Limit | None, float]:
     """Return a leg with its proof; or why it is none, the limit that fails and the figure."""
-    wish, space_index, linkage, expected, error = item
-    if wish.target is not None:
-        expected = {**expected, 'path_error': error}
     try:
-        return prove(wish, wish.spaces[space_index], linkage, expected)
+        return prove(requirements, candidate)
     except ProofError as refusal:
         return str(refusal), refusal.limit, refusal.value
 
 
-def _best(wish: Wish, legs: Sequence[FoundLeg]) -> list[FoundLeg]:
+def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     """Return the legs that no other dominates by the figures of their sheets, by the first aim."""
     if not legs:
         return []
-    rows = [[aim.loss(leg.reached.get(aim.figure, np.inf)) for aim in wish.aims] for leg in legs]
+    rows = [[aim.loss(leg.reached.get(aim.figure, np.inf)) for aim in aims] for leg in legs]
     table = np.array(rows, dtype=np.float64)
-    if len(wish.aims) == 1:
+    if len(aims) == 1:
         return [legs[k] for k in np.argsort(table[:, 0], kind='stable').tolist()]
     table = np.nan_to_num(table, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
     front = pareto_front(table)
     return [legs[k] for k in front[np.argsort(table[front, 0], kind='stable')].tolist()]
 
 
-def failing_figures(wish: Wish, every: _Scored) -> list[str]:
-    """Return why no candidate fulfils a wish: the figure that fails, and by how much."""
+def failing_figures(requirements: Requirements, every: _Scored) -> list[str]:
+    """Return why no candidate fulfils the requirements: the figure that fails, and by how much."""
     turning = [s.violations[:, 0] <= 0.0 for _, _, s in every]
     if not any(t.any() for t in turning):
         least = min(float(s.violations[:, 0].min()) for _, _, s in every)
@@ -420,26 +414,26 @@ def failing_figures(wish: Wish, every: _Scored) -> list[str]:
     _, n, i = nearest
     found = every[n][2]
     reasons = []
-    for limit in wish.cheap_limits:
+    for limit in requirements.cheap_limits:
         values = [s.figures[limit.figure][t] for (_, _, s), t in zip(every, turning, strict=True)]
         known = np.concatenate(values)
         known = known[np.isfinite(known)]
         own = float(found.figures[limit.figure][i])
         if limit.shortfall(own) <= 0.0:
             continue
-        reason = _shortfall(wish, limit, own)
+        reason = _shortfall(requirements, limit, own)
         if len(known):
             best = float(known[limit.shortfall(known).argmin()])
-            reason += f'; alone it reaches {wish.units.text(best, FIGURES[limit.figure].unit)}'
+            reason += f'; alone it reaches {requirements.figure_text(limit.figure, best)}'
         reasons.append(reason)
     return reasons or ['the limits hold only within rounding: relax one of them a little']
 
 
-def _shortfall(wish: Wish, limit: Limit, value: float) -> str:
+def _shortfall(requirements: Requirements, limit: Limit, value: float) -> str:
     """Return by how much a figure misses a limit."""
-    unit, text = FIGURES[limit.figure].unit, wish.units.text
-    wanted = f'{limit.sense.replace("_", " ")} {text(limit.value, unit)}'
+    text = partial(requirements.figure_text, limit.figure)
+    wanted = f'{limit.sense.replace("_", " ")} {text(limit.value)}'
     if np.isnan(value):
         return f'{limit.figure} has no value where {wanted} is wanted'
-    miss = text(float(limit.shortfall(value)), unit)
-    return f'{limit.figure} is {text(value, unit)} where {wanted} is wanted, {miss} short'
+    miss = text(float(limit.shortfall(value)))
+    return f'{limit.figure} is {text(value)} where {wanted} is wanted, {miss} short'

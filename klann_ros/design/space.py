@@ -1,4 +1,4 @@
-"""The dimensions of a linkage that vary, and their ranges; units, and why a wish is refused."""
+"""The dimensions of a linkage that vary, and their ranges; units, and the error."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,28 +15,28 @@ import numpy as np
 DEFAULT_PERCENT = 20.0
 
 
-class WishError(ValueError):
-    """A wish that is refused; the text says why."""
+class RequirementsError(ValueError):
+    """Requirements that are refused; the text says why."""
 
 
 class Units(NamedTuple):
-    """Names of a wish's units, and their sizes in m and rad."""
+    """Names of the units of requirements, and their sizes in m and rad."""
 
     length: str = 'm'
     angle: str = 'rad'
 
     def size(self, unit: str) -> float:
-        """Return the size of the wish's unit for an SI unit."""
+        """Return the size of its unit for an SI unit."""
         if unit == 'm':
             return LENGTH_UNITS[self.length]
         return radians(1.0) if unit == 'rad' and self.angle == 'deg' else 1.0
 
     def name(self, unit: str) -> str:
-        """Return the name of the wish's unit for an SI unit."""
+        """Return the name of its unit for an SI unit."""
         return {'m': self.length, 'rad': self.angle}.get(unit, unit)
 
     def text(self, value: float, unit: str) -> str:
-        """Return a value (SI) in the wish's unit."""
+        """Return a value (SI) in its unit."""
         return f'{value / self.size(unit):.4g} {self.name(unit)}'.rstrip()
 
 
@@ -104,13 +104,13 @@ def varied_space(
     leg: RobotLeg, content: Mapping[str, Any], units: Units, *, several: bool
 ) -> Space:
     """
-    Return the space of a linkage by the keys `vary`, `tie` and `scale` of a wish.
+    Return the space of a linkage by the keys `vary`, `tie` and `scale` of requirements.
 
     With `several` linkages a name need not be a dimension of this one.
 
     Raises
     ------
-    WishError
+    RequirementsError
         A range is empty, or a dimension unknown.
 
     """
@@ -120,7 +120,7 @@ def varied_space(
     ties = dict(_ties(content.get('tie', {}), dimensions, several=several))
     for name in ranges:
         if name != 'all' and name not in dimensions and not several:
-            raise WishError(f'vary: {_unknown(name, dimensions)}')
+            raise RequirementsError(f'vary: {_unknown(name, dimensions)}')
     found = {}
     for name, dimension in dimensions.items():
         own = leg.linkage.dimensions[name]
@@ -133,10 +133,10 @@ def varied_space(
     if 'scale' in content:
         low, high = content['scale']
         if not low < high:
-            raise WishError(f'scale: the range [{low:g}, {high:g}] is empty')
+            raise RequirementsError(f'scale: the range [{low:g}, {high:g}] is empty')
         found['scale'] = low, high
     if not found:
-        raise WishError('vary leaves nothing to vary: give a percentage above 0, or ranges')
+        raise RequirementsError('vary leaves nothing to vary: give a percentage > 0, or ranges')
     ends = np.array([*found.values()], dtype=np.float64)
     return Space(leg, tuple(found), ends[:, 0], ends[:, 1], ties)
 
@@ -150,9 +150,9 @@ def _range(dimension: Any, own: float, given: Any, units: Units) -> tuple[float,
     low, high = size * given[0], size * given[1]
     shown = f'[{given[0]:g}, {given[1]:g}] {units.name(dimension.unit)}'
     if not low < high:
-        raise WishError(f'vary.{name}: the range {shown} is empty')
+        raise RequirementsError(f'vary.{name}: the range {shown} is empty')
     if dimension.is_length and low <= 0.0:
-        raise WishError(f'vary.{name}: a length must be > 0, but the range is {shown}')
+        raise RequirementsError(f'vary.{name}: a length must be > 0, but the range is {shown}')
     return low, high
 
 
@@ -165,9 +165,9 @@ def _ties(
         if missing and several:
             continue
         if missing:
-            raise WishError(f'tie: {_unknown(missing[0], dimensions)}')
+            raise RequirementsError(f'tie: {_unknown(missing[0], dimensions)}')
         if other == name or other in given:
-            raise WishError(f'tie.{printable(name)}: {printable(other)} is tied itself')
+            raise RequirementsError(f'tie.{printable(name)}: {printable(other)} is tied itself')
         yield name, (other, sign)
 
 

@@ -146,7 +146,7 @@ def resampled(z: ComplexArray, *, by_length: bool) -> ComplexArray:
 
 def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Target:
     """
-    Return the target of the key `path` of a wish, in units of `metre`.
+    Return the target of the key `path` of requirements, in units of `metre`.
 
     Raises
     ------

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 
-from klann_ros.design import search, wish_from
+from klann_ros.design import requirements_from, search
 from klann_ros.design.command import main
 from klann_ros.design.figures import FIGURES
 from klann_ros.design.report import report
@@ -21,7 +21,7 @@ import pytest
 
 PROGRAM = 'import sys; from klann_ros.executables import design; sys.exit(design())'
 COMMAND = [sys.executable, '-c', PROGRAM]
-WISH = """\
+REQUIREMENTS = """\
 linkage: klann
 vary: 10
 figures: {stride: maximize, lift: maximize, transmission_angle: {at_least: 0.3}}
@@ -31,20 +31,20 @@ EVALUATIONS = 960
 
 
 @pytest.fixture
-def wish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def requirements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    file = tmp_path / 'wish.yaml'
-    file.write_text(WISH)
+    file = tmp_path / 'requirements.yaml'
+    file.write_text(REQUIREMENTS)
     return file
 
 
 @pytest.fixture(scope='module')
 def undisturbed() -> str:
-    return report(search(wish_from(parse(WISH)), evaluations=EVALUATIONS))
+    return report(search(requirements_from(parse(REQUIREMENTS)), evaluations=EVALUATIONS))
 
 
 def started(*options: str) -> subprocess.Popen[str]:
-    arguments = ['wish.yaml', '-o', 'out', '--evaluations', str(EVALUATIONS), *options]
+    arguments = ['requirements.yaml', '-o', 'out', '--evaluations', str(EVALUATIONS), *options]
     return subprocess.Popen(
         [*COMMAND, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
     )
@@ -65,7 +65,7 @@ def workers(process: subprocess.Popen[str]) -> list[int]:
 
 
 def test_two_jobs_find_the_same_legs_though_a_worker_is_killed(
-    wish: Path, undisturbed: str
+    requirements: Path, undisturbed: str
 ) -> None:
     process = started('--jobs', '2')
     wait_until(process, lambda: bool(workers(process)))
@@ -73,29 +73,31 @@ def test_two_jobs_find_the_same_legs_though_a_worker_is_killed(
     _, error = process.communicate(timeout=300)
     assert process.returncode == 0
     assert 'Traceback' not in error
-    assert (wish.parent / 'out' / 'design.json').read_text() == undisturbed
+    assert (requirements.parent / 'out' / 'design.json').read_text() == undisturbed
 
 
 def test_a_killed_search_is_resumed(
-    wish: Path, undisturbed: str, capsys: pytest.CaptureFixture[str]
+    requirements: Path, undisturbed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     process = started('--jobs', '1')
-    wait_until(process, (wish.parent / 'out' / 'search.json').exists)
+    wait_until(process, (requirements.parent / 'out' / 'search.json').exists)
     process.kill()
     process.communicate(timeout=300)
     assert process.returncode == -signal.SIGKILL
     options = ['-o', 'out', '--evaluations', str(EVALUATIONS), '--jobs', '1', '--resume']
-    assert main(['wish.yaml', *options]) == 0
-    assert (wish.parent / 'out' / 'design.json').read_text() == undisturbed
-    wish.write_text(WISH.replace('0.3', '0.4'))
+    assert main(['requirements.yaml', *options]) == 0
+    assert (requirements.parent / 'out' / 'design.json').read_text() == undisturbed
+    requirements.write_text(REQUIREMENTS.replace('0.3', '0.4'))
     with pytest.raises(SystemExit, match='2'):
-        main(['wish.yaml', *options])
-    assert 'the search to resume is of another wish or seed' in capsys.readouterr().err
+        main(['requirements.yaml', *options])
+    assert 'the search to resume has other requirements or another seed' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('stage', ['first round', 'proof'])
-def test_ctrl_c_at_the_begin_and_at_the_end_leaves_no_traceback(wish: Path, stage: str) -> None:
-    out = wish.parent / 'out'
+def test_ctrl_c_at_the_begin_and_at_the_end_leaves_no_traceback(
+    requirements: Path, stage: str
+) -> None:
+    out = requirements.parent / 'out'
     process = started('--jobs', '1')
 
     def holds() -> bool:
@@ -114,19 +116,19 @@ def test_ctrl_c_at_the_begin_and_at_the_end_leaves_no_traceback(wish: Path, stag
 # Bytes that a file may have.
 @pytest.mark.parametrize('room', [20_000, 100])
 def test_a_full_disk_is_one_line_and_the_search_can_be_resumed(
-    wish: Path, undisturbed: str, capsys: pytest.CaptureFixture[str], room: int
+    requirements: Path, undisturbed: str, capsys: pytest.CaptureFixture[str], room: int
 ) -> None:
     options = ['-o', 'out', '--evaluations', str(EVALUATIONS), '--jobs', '1']
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
     try:
-        assert main(['wish.yaml', *options]) == 3
+        assert main(['requirements.yaml', *options]) == 3
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     error = capsys.readouterr().err
     assert 'cannot be written: File too large' in error.splitlines()[-1]
-    assert main(['wish.yaml', *options, '--resume']) == 0
-    assert (wish.parent / 'out' / 'design.json').read_text() == undisturbed
+    assert main(['requirements.yaml', *options, '--resume']) == 0
+    assert (requirements.parent / 'out' / 'design.json').read_text() == undisturbed
 
 
 @pytest.mark.parametrize(
@@ -147,7 +149,7 @@ def test_a_full_disk_is_one_line_and_the_search_can_be_resumed(
 def test_degenerate_linkages_give_legs_that_close_or_reasons(
     content: Mapping[str, object],
 ) -> None:
-    found = search(wish_from({**content, 'count': 3}), evaluations=480)
+    found = search(requirements_from({**content, 'count': 3}), evaluations=480)
     assert found.legs or found.reasons
     for leg in found.legs:
         alphas = np.linspace(0.0, 2.0 * np.pi, 2000)
@@ -160,10 +162,10 @@ def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) 
         if kind.is_costly or name == 'path_error':
             continue
         wanted = min(1e4, 0.999 * kind.greatest)
-        wish = wish_from(
+        requirements = requirements_from(
             {'linkage': linkage, 'vary': 5, 'load': 1, 'figures': {name: {'at_least': wanted}}}
         )
-        found = search(wish, evaluations=480)
+        found = search(requirements, evaluations=480)
         assert not found.legs
         assert any(name in reason for reason in found.reasons), (name, found.reasons)
         assert 'nan' not in ' '.join(found.reasons)

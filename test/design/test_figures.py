@@ -3,7 +3,7 @@
 from klann_ros.datasheet import data_sheet
 from klann_ros.design.evolve import scores
 from klann_ros.design.figures import FIGURES, judge, sheet_figures
-from klann_ros.design.wish import wish_from
+from klann_ros.design.requirements import requirements_from
 from klann_ros.kinematics import LinkageLeg, shipped_linkage, turns_fully, Variants
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
@@ -35,10 +35,12 @@ def test_a_candidate_turns_where_its_leg_does() -> None:
 
 
 def test_different_candidates_are_different_geometries_in_the_solver() -> None:
-    wish = wish_from({'linkage': 'klann', 'vary': 1, 'figures': {'lift': 'maximize'}})
-    (space,) = wish.spaces
+    requirements = requirements_from(
+        {'linkage': 'klann', 'vary': 1, 'figures': {'lift': 'maximize'}}
+    )
+    (space,) = requirements.spaces
     x = np.random.default_rng(1).uniform(size=(8, len(space.names)))
-    lifts = scores(wish, space, x).figures['lift']
+    lifts = scores(requirements, space, x).figures['lift']
     assert len(set(lifts.tolist())) == 8
     alphas = np.linspace(0.0, 6.0, 200)
     for i in range(8):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import combinations, permutations, product
 from pathlib import Path
 
-from klann_ros.design import refine, search, wish_from, WishError
+from klann_ros.design import refine, requirements_from, RequirementsError, search
 from klann_ros.design.grow import shapes
 from klann_ros.design.leg_file import leg_text
 from klann_ros.kinematics import linkage_poses
@@ -77,8 +77,10 @@ def test_the_six_bars_are_watts_and_stephensons() -> None:
 
 @pytest.mark.parametrize('sliders', [False, True])
 def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
-    wish = wish_from({'grow': {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}})
-    for space in wish.spaces:
+    requirements = requirements_from(
+        {'grow': {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}}
+    )
+    for space in requirements.spaces:
         x = space.sample(np.random.default_rng(0), 200)
         variants = space.variants(x)
         assert not variants.error_codes.any()
@@ -98,7 +100,7 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 20)
-    wish = wish_from(
+    requirements = requirements_from(
         {
             'grow': {'dyads': 1},
             'units': {'length': 'mm'},
@@ -106,7 +108,7 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
             'count': 1,
         }
     )
-    found = search(wish, evaluations=5000)
+    found = search(requirements, evaluations=5000)
     (leg,) = found.legs
     assert leg.linkage.name.startswith('Grown six-bar')
     assert leg.reached['path_error'] < 2e-3
@@ -118,7 +120,7 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
 
 
 def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
-    wish = wish_from(
+    requirements = requirements_from(
         {
             'grow': {'dyads': 0, 'sliders': True, 'crank': [20, 30]},
             'units': {'length': 'mm', 'angle': 'deg'},
@@ -126,7 +128,7 @@ def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
             'count': 3,
         }
     )
-    found = search(wish, evaluations=2000)
+    found = search(requirements, evaluations=2000)
     assert found.legs
     for leg in found.legs:
         assert 0.02 <= leg.linkage.dimensions['A-C'] <= 0.03
@@ -144,6 +146,6 @@ def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
     ],
 )
 def test_a_growth_is_refused_in_one_line(content: dict[str, object], message: str) -> None:
-    with pytest.raises(WishError) as error:
-        wish_from({'units': {'length': 'mm'}, **content})
+    with pytest.raises(RequirementsError) as error:
+        requirements_from({'units': {'length': 'mm'}, **content})
     assert message in str(error.value)

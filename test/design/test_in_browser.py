@@ -6,7 +6,7 @@ from pathlib import Path
 
 from browser import find
 from hostile_leg import LINKAGE
-from klann_ros.design import Found, search, wish_from
+from klann_ros.design import Found, requirements_from, search
 from klann_ros.design.page import page
 from opened_page import OpenedPage
 import pytest
@@ -21,8 +21,10 @@ FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'),
 
 @pytest.fixture(scope='module')
 def found() -> Found:
-    wish = wish_from({'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6})
-    return search(wish, evaluations=2400)
+    requirements = requirements_from(
+        {'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6}
+    )
+    return search(requirements, evaluations=2400)
 
 
 @pytest.fixture(scope='module')
@@ -30,7 +32,9 @@ def pages(found: Found, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     folder = tmp_path_factory.mktemp('designs')
     file = folder / 'hostile.yaml'
     file.write_text(LINKAGE)
-    hostile = search(wish_from({'linkage': str(file), 'vary': 1, 'count': 2}), evaluations=480)
+    hostile = search(
+        requirements_from({'linkage': str(file), 'vary': 1, 'count': 2}), evaluations=480
+    )
     results = {
         'legs': found,
         'none': replace(found, legs=(), reasons=('stride is 1 m <b>short</b>',)),

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from klann_ros.datasheet import data_sheet
-from klann_ros.design import Found, refine, search, State, Wish, wish_from
+from klann_ros.design import Found, refine, Requirements, requirements_from, search, State
 from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text
@@ -32,12 +32,12 @@ TOY = {
 
 
 @pytest.fixture(scope='module')
-def toy() -> Wish:
-    return wish_from(TOY)
+def toy() -> Requirements:
+    return requirements_from(TOY)
 
 
 @pytest.fixture(scope='module')
-def found(toy: Wish) -> Found:
+def found(toy: Requirements) -> Found:
     return search(toy, evaluations=EVALUATIONS)
 
 
@@ -88,12 +88,12 @@ def test_a_walker_of_a_leg_walks_forward(found: Found, tmp_path: Path) -> None:
     assert leg.reached['speed'] == pytest.approx(walk.speed * 2.0 * np.pi)
 
 
-def test_another_seed_gives_other_legs(toy: Wish, found: Found) -> None:
+def test_another_seed_gives_other_legs(toy: Requirements, found: Found) -> None:
     other = search(toy, evaluations=480, seed=1)
     assert [leg.linkage for leg in other.legs] != [leg.linkage for leg in found.legs]
 
 
-def test_a_resumed_search_ends_as_an_uninterrupted_one(toy: Wish, found: Found) -> None:
+def test_a_resumed_search_ends_as_an_uninterrupted_one(toy: Requirements, found: Found) -> None:
     states: list[State] = []
 
     def stop(state: State, _: object) -> None:
@@ -108,13 +108,13 @@ def test_a_resumed_search_ends_as_an_uninterrupted_one(toy: Wish, found: Found) 
     assert report(search(toy, evaluations=EVALUATIONS, state=stored)) == report(found)
 
 
-def test_a_search_of_another_wish_is_not_resumed(toy: Wish, found: Found) -> None:
-    with pytest.raises(ValueError, match='another wish or seed'):
+def test_a_search_of_other_requirements_is_not_resumed(toy: Requirements, found: Found) -> None:
+    with pytest.raises(ValueError, match='other requirements or another seed'):
         search(replace(toy, text='other'), state=found.state)
 
 
 def test_a_wish_that_no_leg_fulfils_names_the_figure_and_by_how_much() -> None:
-    wish = wish_from(
+    requirements = requirements_from(
         {
             'linkage': 'klann',
             'units': {'length': 'mm'},
@@ -122,7 +122,7 @@ def test_a_wish_that_no_leg_fulfils_names_the_figure_and_by_how_much() -> None:
             'figures': {'stride': {'at_least': 900}, 'lift': {'at_least': 100}},
         }
     )
-    none = search(wish, evaluations=1000)
+    none = search(requirements, evaluations=1000)
     assert none.legs == ()
     (reason,) = none.reasons
     assert reason.startswith('stride is ')
@@ -130,8 +130,8 @@ def test_a_wish_that_no_leg_fulfils_names_the_figure_and_by_how_much() -> None:
 
 
 def test_a_wish_without_turning_legs_is_reported() -> None:
-    wish = wish_from({'linkage': 'klann', 'vary': {'B-C': [0.2, 0.22]}})
-    none = search(wish, evaluations=600)
+    requirements = requirements_from({'linkage': 'klann', 'vary': {'B-C': [0.2, 0.22]}})
+    none = search(requirements, evaluations=600)
     assert none.legs == ()
     assert none.reasons[0].startswith('no candidate turns fully')
 
@@ -144,20 +144,22 @@ def test_a_hidden_leg_is_recovered_from_its_path(monkeypatch: pytest.MonkeyPatch
     h = linkage_poses(Variants(drawn, changes), np.linspace(0.0, 6.28, 300)).h[0]
     turned = h @ (1.0, 1j) * 2.0 * np.exp(0.5j) + 1.0
     points = [[z.real, z.imag] for z in turned.tolist()]
-    wish = wish_from({'linkage': 'klann', 'vary': 10, 'path': {'points': points}, 'count': 1})
-    (leg,) = search(wish, evaluations=1440).legs
-    assert wish.target is not None
-    assert leg.reached['path_error'] < 1e-3 * wish.target.size
+    requirements = requirements_from(
+        {'linkage': 'klann', 'vary': 10, 'path': {'points': points}, 'count': 1}
+    )
+    (leg,) = search(requirements, evaluations=1440).legs
+    assert requirements.target is not None
+    assert leg.reached['path_error'] < 1e-3 * requirements.target.size
     foot = linkage_poses(leg.linkage, np.linspace(0.0, 6.28, 300)).h @ (1.0, 1j)
     nearest = np.abs(foot[:, None] - turned).min(axis=0)
-    assert nearest.max() < 2e-2 * wish.target.size
+    assert nearest.max() < 2e-2 * requirements.target.size
 
 
 @pytest.mark.parametrize('name', ['slider_crank', 'stephenson'])
 def test_legs_that_slide_or_have_coupled_loops_are_found_and_read_back(
     name: str, tmp_path: Path
 ) -> None:
-    found = search(wish_from({'linkage': name, 'vary': 3, 'count': 1}), evaluations=480)
+    found = search(requirements_from({'linkage': name, 'vary': 3, 'count': 1}), evaluations=480)
     (leg,) = found.legs
     file = tmp_path / 'leg.yaml'
     file.write_text(leg_text(leg.leg))
@@ -176,10 +178,10 @@ def test_the_front_is_that_of_all_pairs() -> None:
 
 @pytest.mark.parametrize('known', [[], [0.3]])
 def test_a_figure_without_a_value_is_a_reason_in_words(known: list[float]) -> None:
-    wish = wish_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
+    requirements = requirements_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
     values = np.array([np.nan, np.nan, *known])
     violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(known))
     own = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
-    (reason,) = failing_figures(wish, [(0, np.zeros((len(values), 1)), own)])
+    (reason,) = failing_figures(requirements, [(0, np.zeros((len(values), 1)), own)])
     alone = '; alone it reaches 0.3 m' if known else ''
     assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from engine_functions import fragile, squared
-from klann_ros.design import search, wish_from
+from klann_ros.design import requirements_from, search
 from klann_ros.design.report import report
 from klann_ros.engines import parallel_map
 import klann_ros.review.fleet.command as each
@@ -34,8 +34,10 @@ def test_each_item_has_the_same_answer(tmp_path: Path) -> None:
 
 
 def test_a_search_finds_the_same_legs() -> None:
-    wish = wish_from({'linkage': 'klann', 'figures': {'stride': 'maximize'}, 'count': 1})
-    found = [search(wish, evaluations=480, engine=name) for name in ('local', 'ray')]
+    requirements = requirements_from(
+        {'linkage': 'klann', 'figures': {'stride': 'maximize'}, 'count': 1}
+    )
+    found = [search(requirements, evaluations=480, engine=name) for name in ('local', 'ray')]
     assert found[0].legs
     assert report(found[0]) == report(found[1])
 

@@ -170,7 +170,8 @@ class DurableFile:
             self.flush()
         return len(data)
 
-    def tell(self) -> int:
+    @property
+    def size(self) -> int:
         """Return the size of all data so far, the buffer included [bytes]."""
         return self._flushed + len(self._buffer)
 

@@ -171,7 +171,7 @@ class McapFile:
                 f'{create_time} ns must be within 0 and 2^64 - 1 ns'
             )
         name, kind, data = attachment.name, attachment.media_type, attachment.data
-        offset = self._file.tell()
+        offset = self._file.size
         record = AttachmentRecord(create_time, log_time, name, kind, data)
         length = self._file.write(encoded(record))
         index = AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
@@ -180,7 +180,7 @@ class McapFile:
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
         """Add a metadata record."""
         self._file.raise_failure()
-        offset = self._file.tell()
+        offset = self._file.size
         length = self._file.write(encoded(Metadata(name, dict(mapping))))
         self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(offset, length, name)))
 
@@ -197,7 +197,7 @@ class McapFile:
         self._file.write(encoded(DataEnd(0)))
         counts = {each.number: each.count for each in self._channels.values() if each.number}
         times = self._start_time, self._end_time
-        self._file.write(encoded_end(self._file.tell(), self._summary, counts, times))
+        self._file.write(encoded_end(self._file.size, self._summary, counts, times))
         self._file.sync()
 
     def close(self) -> None:
@@ -207,7 +207,7 @@ class McapFile:
     @property
     def size(self) -> int:
         """Return its size without the open chunk [bytes]."""
-        return self._file.tell()
+        return self._file.size
 
     @property
     def message_count(self) -> int:
@@ -282,7 +282,7 @@ class McapFile:
         first = min(min(channel.index[::2]) for channel in indexed)
         last = max(max(channel.index[::2]) for channel in indexed)
         entries = {channel.number: channel.take_entries() for channel in indexed}
-        start = self._file.tell()
+        start = self._file.size
         chunk, indexes, index = encoded_chunk(start, data, packed, (first, last), entries)
         self._chunk = bytearray()
         # Before writing, which may flush.

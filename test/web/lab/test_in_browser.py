@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from browser import find
-from klann_ros.design import refine, wish_from_file
+from klann_ros.design import refine, requirements_from_file
 from klann_ros.design.command import main as design
 from klann_ros.kinematics import (
     KlannGeometry,
@@ -617,9 +617,9 @@ def test_a_drawn_path_is_saved_as_a_wish_that_design_fulfils(
 ) -> None:
     draw(lab, [(0.3, 0.6), (0.7, 0.6), (0.6, 0.4), (0.4, 0.4)])
     assert lab.page.locator('#path .recorded-path').get_attribute('d').count('L') == 47
-    wish = parse(saved_by(lab, '#save-wish', tmp_path))
-    assert wish['linkage'] == 'klann'
-    points = np.array(wish['path']['points'])
+    requirements = parse(saved_by(lab, '#save-requirements', tmp_path))
+    assert requirements['linkage'] == 'klann'
+    points = np.array(requirements['path']['points'])
     assert len(points) == 48
     # As wide as it was drawn, at even steps.
     scale = lab.page.evaluate('pathPanel.drawing.plane.width / pathPanel.drawing.plane.scale')
@@ -629,23 +629,23 @@ def test_a_drawn_path_is_saved_as_a_wish_that_design_fulfils(
     monkeypatch.setattr(refine, 'MAX_STEPS', 2)
     out = tmp_path / 'out'
     arguments = ['--jobs', '1', '--evaluations', '480', '-o', str(out)]
-    assert design([str(tmp_path / 'wish.yaml'), *arguments]) == 0
+    assert design([str(tmp_path / 'requirements.yaml'), *arguments]) == 0
     assert 'path_error' in capsys.readouterr().out
 
 
 def test_a_path_is_written_with_the_keyboard_and_in_portuguese(
     lab: Opened, tmp_path: Path
 ) -> None:
-    lab.page.locator('#save-wish').click()
+    lab.page.locator('#save-requirements').click()
     assert 'there is no path' in lab.text('#refusal')
     lab.page.locator('[data-language=pt]').click()
     lab.page.locator('#path-points').fill('0 0\n50,5 0\n50,5 20')
     lab.page.locator('#path-structure').select_option('new')
     lab.page.locator('#path-turn').click()
-    wish = parse(saved_by(lab, '#save-wish', tmp_path))
-    assert wish['path']['points'] == [[0, 0], [50.5, 0], [50.5, 20]]
-    assert wish['grow'] == {'dyads': 1}
-    assert not wish['path']['turn']
+    requirements = parse(saved_by(lab, '#save-requirements', tmp_path))
+    assert requirements['path']['points'] == [[0, 0], [50.5, 0], [50.5, 20]]
+    assert requirements['grow'] == {'dyads': 1}
+    assert not requirements['path']['turn']
     lab.page.locator('#path-points').fill('0 0\n50.5 0')
     assert 'use a vírgula decimal' in lab.text('#refusal')
     lab.page.locator('[data-language=en]').click()
@@ -661,6 +661,8 @@ def test_the_wish_for_a_changed_linkage_names_the_file_that_is_saved(
     lab.drag('C', 12, -20)
     lab.page.locator('#name').fill('My leg')
     lab.page.locator('#path-points').fill('0 0\n50 0\n50 20')
-    assert parse(saved_by(lab, '#save-wish', tmp_path))['linkage'] == 'my_leg.yaml'
+    assert parse(saved_by(lab, '#save-requirements', tmp_path))['linkage'] == 'my_leg.yaml'
     saved_by(lab, '#save-linkage', tmp_path)
-    assert wish_from_file(tmp_path / 'wish.yaml').spaces[0].linkage.name == 'My leg'
+    assert (
+        requirements_from_file(tmp_path / 'requirements.yaml').spaces[0].linkage.name == 'My leg'
+    )

@@ -198,10 +198,10 @@ function save(textOf, name) {
   });
 }
 
-/** Return the wish for the drawn path: of a shipped linkage as it is, or of the saved file. */
-function wishText() {
+/** Return the requirements for the drawn path: of a shipped linkage as it is, or of the saved file. */
+function requirementsText() {
   const isShipped = Object.hasOwn(lab.shipped, lab.source) && lab.linkage === lab.read.linkage;
-  return pathPanel.wish(isShipped ? lab.source : `${fileStem()}.yaml`);
+  return pathPanel.requirements(isShipped ? lab.source : `${fileStem()}.yaml`);
 }
 
 function showText() {
@@ -277,7 +277,7 @@ function listen() {
   });
   on('save-linkage', 'click', () => save(() => textToSave(false), fileStem()));
   on('save-parameters', 'click', () => save(() => textToSave(true), `${fileStem()}_parameters`));
-  on('save-wish', 'click', () => save(wishText, 'wish'));
+  on('save-requirements', 'click', () => save(requirementsText, 'requirements'));
   on('load-text', 'click', () => loadText(byId('text').value, ''));
   on('name', 'input', () => {
     lab.begin();

@@ -1,5 +1,5 @@
 'use strict';
-/* A path for the foot, drawn by hand or written as points, and the wish for `design` that asks for it. */
+/* A path for the foot, drawn by hand or written as points, and the requirements of it for `design`. */
 
 // Points of a saved path, and of the plane around the present path.
 const PATH_POINTS = 48;
@@ -110,8 +110,8 @@ class PathPanel {
     this.fit();
   }
 
-  /** Return the wish as YAML; `linkage` is the name or the file of the lab's linkage. */
-  wish(linkage) {
+  /** Return the requirements as YAML; `linkage` is the name or the file of the lab's linkage. */
+  requirements(linkage) {
     const points = pointsOf(byId('path-points').value);
     refuseUnless(new Set(points.map(String)).size > 2, TEXTS.en.noPath, TEXTS.pt.noPath);
     const isNew = byId('path-structure').value === 'new';

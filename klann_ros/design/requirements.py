@@ -1,8 +1,8 @@
-"""A wish: the linkages, what may vary, and the figures that are aimed at or limited."""
+"""Requirements: the linkages, what may vary, and the figures that are aimed at or limited."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import resources
 import json
 from math import inf
@@ -20,7 +20,7 @@ import numpy as np
 
 from .figures import FIGURES
 from .grow import grown_spaces
-from .space import Space, Units, varied_space, WishError
+from .space import RequirementsError, Space, Units, varied_space
 from .target import Target, target_from
 
 AIMS = ('minimize', 'maximize')
@@ -56,9 +56,9 @@ class Limit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
+class Requirements:
     """
-    A wish, in SI units; made by `wish_from` or `wish_from_file`.
+    The requirements of a search (SI); made by `requirements_from` or `requirements_from_file`.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Wish:
     count : int
         The greatest number of legs returned.
     text : str
-        The wish as it was given, by which a search is resumed.
+        The requirements as they were given, by which a search is resumed.
 
     """
 
@@ -98,11 +98,19 @@ class Wish:
     count: int = DEFAULT_COUNT
     text: str = ''
 
+    def space(self, island: int) -> Space:
+        """Return the space of an island."""
+        return self.spaces[island % len(self.spaces)]
+
     @property
     def figures(self) -> tuple[str, ...]:
         """Return the names of the figures that it names."""
         aims = [aim.figure for aim in self.aims]
         return tuple(dict.fromkeys([*aims, *(limit.figure for limit in self.limits)]))
+
+    def figure_text(self, figure: str, value: float | None) -> str:
+        """Return a figure (SI) in its unit, or an empty text."""
+        return '' if value is None else self.units.text(value, FIGURES[figure].unit)
 
     @property
     def cheap_aims(self) -> tuple[Aim, ...]:
@@ -115,39 +123,40 @@ class Wish:
         return tuple(each for each in self.limits if not FIGURES[each.figure].is_costly)
 
 
-def wish_from_file(path: str | Path) -> Wish:
+def requirements_from_file(path: str | Path) -> Requirements:
     """
-    Return the wish in a YAML file; `schema.json` is its format.
+    Return the requirements in a YAML file; `schema.json` is its format.
 
     Raises
     ------
-    WishError
+    RequirementsError
         It cannot be read, or is refused.
 
     """
     folder = Path(path).parent
-    return content_of_file(path, lambda content: wish_from(content, folder), 'wish', WishError)
+    read = partial(requirements_from, folder=folder)
+    return content_of_file(path, read, 'requirements', RequirementsError)
 
 
-def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
+def requirements_from(content: Mapping[str, Any], folder: Path | None = None) -> Requirements:
     """
-    Return the wish of a mapping such as a file's; names of files are first sought in `folder`.
+    Return the requirements of a file's content; its files are first sought in `folder`.
 
     Raises
     ------
-    WishError
+    RequirementsError
         It is refused; the text says why.
 
     """
     wrong = schema_error(content, _schema())
     if wrong:
-        raise WishError(wrong)
+        raise RequirementsError(wrong)
     units = Units(**content.get('units', {}))
     place = folder or Path()
     given = content.get('linkage', [])
     names = [given] if isinstance(given, str) else given
     if not names and 'grow' not in content:
-        raise WishError('linkage is missing, or grow in its place')
+        raise RequirementsError('linkage is missing, or grow in its place')
     legs = [_leg(name, place) for name in names]
     aims, limits = _figures(content.get('figures', {}), units)
     metre = units.size('m')
@@ -162,8 +171,8 @@ def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
         try:
             motor = motor_from_file(_beside(content['motor'], place))
         except MotorFileError as error:
-            raise WishError(f'motor: {error}') from error
-    wish = Wish(
+            raise RequirementsError(f'motor: {error}') from error
+    requirements = Requirements(
         spaces=spaces,
         # Without an aim the best leg is the one farthest from jamming.
         aims=aims or (Aim('transmission_angle', 'maximize'),),
@@ -178,40 +187,40 @@ def wish_from(content: Mapping[str, Any], folder: Path | None = None) -> Wish:
         count=content.get('count', DEFAULT_COUNT),
         text=json.dumps(content, sort_keys=True),
     )
-    _check_needs(wish, content)
+    _check_needs(requirements, content)
     if 'length' not in content.get('units', {}):
-        _warn_of_lengths(wish, content)
-    return wish
+        _warn_of_lengths(requirements, content)
+    return requirements
 
 
-def _warn_of_lengths(wish: Wish, content: Mapping[str, Any]) -> None:
+def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> None:
     """Warn of lengths that were probably given in millimetres."""
     vary = content.get('vary')
     ranges = {f'vary.{k}': v for k, v in vary.items()} if isinstance(vary, Mapping) else {}
     ranges['grow.crank'] = content.get('grow', {}).get('crank')
-    every = [d for space in wish.spaces for d in space.linkage.structure.dimensions]
+    every = [d for space in requirements.spaces for d in space.linkage.structure.dimensions]
     named = {'grow.crank', *(f'vary.{d.name}' for d in every if d.unit == 'm')}
     lengths = {
         name: max(ends, key=abs)
         for name, ends in ranges.items()
         if name in named and isinstance(ends, list)
     }
-    for figure, sense, value in (*wish.aims, *wish.limits):
+    for figure, sense, value in (*requirements.aims, *requirements.limits):
         if FIGURES[figure].unit == 'm':
             lengths[f'figures.{figure}.{sense}'] = value
-    lengths['tolerance'] = wish.tolerance
-    lengths['the size of path'] = wish.target.size if wish.target is not None else 0.0
-    angle = ', angle: deg' if wish.units.angle == 'deg' else ''
+    lengths['tolerance'] = requirements.tolerance
+    lengths['the size of path'] = requirements.target.size if requirements.target else 0.0
+    angle = ', angle: deg' if requirements.units.angle == 'deg' else ''
     warn_of_lengths(lengths, f'write units: {{length: mm{angle}}}')
 
 
-def _check_needs(wish: Wish, content: Mapping[str, Any]) -> None:
-    for name in wish.figures:
+def _check_needs(requirements: Requirements, content: Mapping[str, Any]) -> None:
+    for name in requirements.figures:
         needs = FIGURES[name].needs
         if needs and needs not in content:
-            raise WishError(f'figures.{name} needs {needs}, which is missing')
-    if wish.motor is not None and not wish.load:
-        raise WishError('motor needs load [N], on the foot in stance, which is missing')
+            raise RequirementsError(f'figures.{name} needs {needs}, which is missing')
+    if requirements.motor is not None and not requirements.load:
+        raise RequirementsError('motor needs load [N], on the foot in stance, which is missing')
 
 
 def _target(
@@ -223,9 +232,9 @@ def _target(
     try:
         target = target_from(content['path'], metre, folder)
     except (OSError, ValueError) as error:
-        raise WishError(f'path: {getattr(error, "strerror", None) or error}') from error
+        raise RequirementsError(f'path: {getattr(error, "strerror", None) or error}') from error
     if not all(leg.description for leg in legs):
-        raise WishError('path needs a linkage with pivots of its own, such as klann')
+        raise RequirementsError('path needs a linkage with pivots of its own, such as klann')
     return target
 
 
@@ -237,7 +246,7 @@ def _schema() -> dict[str, Any]:
 
 
 def _beside(name: str, folder: Path) -> str:
-    """Return a file's path, beside the wish if it is there."""
+    """Return a file's path, beside the file of requirements if it is there."""
     return str(folder / name) if (folder / name).is_file() else name
 
 
@@ -245,9 +254,9 @@ def _leg(name: str, folder: Path) -> RobotLeg:
     try:
         legs = robot_of(_beside(name, folder)).legs
     except RobotFileError as error:
-        raise WishError(f'linkage: {error}{did_you_mean(name, preset_names())}') from error
+        raise RequirementsError(f'linkage: {error}{did_you_mean(name, preset_names())}') from error
     if any(leg.linkage != legs[0].linkage for leg in legs):
-        raise WishError(f'linkage: {printable(name)} has several different legs')
+        raise RequirementsError(f'linkage: {printable(name)} has several different legs')
     leg = legs[0]
     return RobotLeg('', leg.linkage, masses=leg.masses, description=leg.description)
 
@@ -257,49 +266,41 @@ def _figures(given: Mapping[str, Any], units: Units) -> tuple[tuple[Aim, ...], t
     limits: list[Limit] = []
     for name, wanted in given.items():
         if name not in FIGURES:
-            hint = did_you_mean(name, FIGURES)
-            raise WishError(
-                f'figures: {printable(name)} is none: these are {", ".join(FIGURES)}{hint}'
-            )
+            these = f'{", ".join(FIGURES)}{did_you_mean(name, FIGURES)}'
+            raise RequirementsError(f'figures: {printable(name)} is none: these are {these}')
+        place = f'figures.{name}'
         words: Mapping[str, Any] = {wanted: None} if isinstance(wanted, str) else wanted
         for word, value in words.items():
-            if word in AIMS and (value is None or value is True):
-                aims.append(Aim(name, word))
-            elif word in AIMS:
-                raise WishError(f'figures.{name}.{word} takes no value')
-            elif word in (*LIMITS, 'near'):
-                number = _number(name, word, value, units)
-                if word == 'near':
-                    aims.append(Aim(name, word, number))
-                else:
-                    limits.append(Limit(name, word, number))
-            else:
+            if word in LIMITS:
+                limits.append(Limit(name, word, _number(name, word, value, units)))
+            elif word == 'near':
+                aims.append(Aim(name, word, _number(name, word, value, units)))
+            elif word not in AIMS:
                 known = (*AIMS, *LIMITS, 'near')
-                hint = did_you_mean(word, known)
-                shown = (
-                    f'figures.{name}: {printable(word)} must be one of {", ".join(known)}{hint}'
-                )
-                raise WishError(shown)
+                these = f'{", ".join(known)}{did_you_mean(word, known)}'
+                raise RequirementsError(f'{place}: {printable(word)} must be one of {these}')
+            elif value is None or value is True:
+                aims.append(Aim(name, word))
+            else:
+                raise RequirementsError(f'{place}.{word} takes no value')
         own = {each.sense: each.value for each in limits if each.figure == name}
         if own.get('at_least', -inf) > own.get('at_most', inf):
-            raise WishError(f'figures.{name}: at_least is above at_most, which no leg fulfils')
+            raise RequirementsError(f'{place}: at_least is above at_most, which no leg fulfils')
         if [aim.figure for aim in aims].count(name) > 1:
-            raise WishError(f'figures.{name}: one of {", ".join(AIMS)} and near, not several')
+            raise RequirementsError(f'{place}: one of {", ".join(AIMS)} and near, not several')
     return tuple(aims), tuple(limits)
 
 
 def _number(name: str, word: str, value: Any, units: Units) -> float:
-    kind = FIGURES[name]
+    kind, place = FIGURES[name], f'figures.{name}.{word}'
     unit = units.name(kind.unit)
     if isinstance(value, bool) or not isinstance(value, int | float):
         of = f' [{unit}]' if unit else ''
-        raise WishError(f'figures.{name}.{word}: {printable(repr(value))} must be a number{of}')
+        raise RequirementsError(f'{place}: {printable(repr(value))} must be a number{of}')
     number = float(value) * units.size(kind.unit)
     if not kind.least <= number <= kind.greatest:
         ends = [units.text(end, kind.unit) for end in (kind.least, kind.greatest)]
         hint = f'; {DEGREES_HINT}' if kind.unit == 'rad' and units.angle == 'rad' else ''
-        raise WishError(
-            f'figures.{name}.{word}: {value:g} {unit}'.rstrip()
-            + f' is out of its bounds, {ends[0]} to {ends[1]}{hint}'
-        )
+        shown = f'{place}: {value:g} {unit}'.rstrip()
+        raise RequirementsError(f'{shown} is out of its bounds, {ends[0]} to {ends[1]}{hint}')
     return number

@@ -1,18 +1,22 @@
-"""What a wish may say, and the line by which it is refused."""
+"""What requirements may say, and the line by which they are refused."""
 
 from collections.abc import Mapping
 from math import pi, radians
 from pathlib import Path
 from typing import Any
 
+from klann_ros.design.requirements import (
+    requirements_from,
+    requirements_from_file,
+    RequirementsError,
+)
 from klann_ros.design.target import PATH_POINTS, PIXEL, Target, target_from
-from klann_ros.design.wish import wish_from, wish_from_file, WishError
 from klann_ros.sanitize.units import UnitWarning
 import numpy as np
 import pytest
 
 LEG = {'linkage': 'klann'}
-EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'wishes').glob('*.yaml'))
+EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'requirements').glob('*.yaml'))
 
 
 @pytest.mark.parametrize(
@@ -46,19 +50,19 @@ EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'wishes').glob('*.ya
     ],
 )
 def test_a_wish_is_refused_in_one_line(content: Mapping[str, Any], message: str) -> None:
-    with pytest.raises(WishError) as error:
-        wish_from(content)
+    with pytest.raises(RequirementsError) as error:
+        requirements_from(content)
     assert message in str(error.value)
     assert '\n' not in str(error.value)
 
 
 @pytest.mark.parametrize('file', EXAMPLES, ids=lambda file: file.stem)
-def test_the_examples_are_wishes(file: Path) -> None:
-    assert wish_from_file(file).spaces
+def test_the_examples_are_accepted(file: Path) -> None:
+    assert requirements_from_file(file).spaces
 
 
 def test_numbers_are_in_the_units_of_the_wish() -> None:
-    wish = wish_from(
+    requirements = requirements_from(
         {
             **LEG,
             'units': {'length': 'mm', 'angle': 'deg'},
@@ -66,14 +70,14 @@ def test_numbers_are_in_the_units_of_the_wish() -> None:
             'figures': {'lift': {'at_least': 60}, 'transmission_angle': {'near': 40}},
         }
     )
-    (space,), (limit,), (aim,) = wish.spaces, wish.limits, wish.aims
+    (space,), (limit,), (aim,) = requirements.spaces, requirements.limits, requirements.aims
     assert space.low.tolist() == pytest.approx([0.1, radians(-5)])
     assert limit.value == pytest.approx(0.06)
     assert aim.value == pytest.approx(radians(40))
 
 
 def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
-    wish = wish_from(
+    requirements = requirements_from(
         {
             **LEG,
             'vary': {'D-C': [0.1, 0.2]},
@@ -81,7 +85,7 @@ def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
             'scale': [0.5, 2],
         }
     )
-    (space,) = wish.spaces
+    (space,) = requirements.spaces
     variants = space.variants(np.array([[0.5, 1.0], [0.0, 0.0]]))
     found = dict(zip(space.linkage.dimensions, variants.numbers, strict=True))
     assert found['D-C'].tolist() == pytest.approx([0.3, 0.05])
@@ -92,12 +96,14 @@ def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
-    file = tmp_path / 'wish.yaml'
+    file = tmp_path / 'requirements.yaml'
     file.write_text('linkage: [klann')
-    with pytest.raises(WishError, match=r'wish\.yaml holds no wish: line 1'):
-        wish_from_file(file)
-    with pytest.raises(WishError, match='cannot be read: No such file'):
-        wish_from_file(tmp_path / 'none.yaml')
+    with pytest.raises(
+        RequirementsError, match=r'requirements\.yaml holds no requirements: line 1'
+    ):
+        requirements_from_file(file)
+    with pytest.raises(RequirementsError, match='cannot be read: No such file'):
+        requirements_from_file(tmp_path / 'none.yaml')
 
 
 def test_a_path_is_read_from_points_csv_and_svg(tmp_path: Path) -> None:
@@ -146,8 +152,8 @@ def test_an_arc_of_an_svg_is_a_circle(tmp_path: Path) -> None:
 )
 def test_a_damaged_path_is_refused(name: str, content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text(content)
-    with pytest.raises(WishError, match=message):
-        wish_from({**LEG, 'path': {'file': name}}, tmp_path)
+    with pytest.raises(RequirementsError, match=message):
+        requirements_from({**LEG, 'path': {'file': name}}, tmp_path)
 
 
 @pytest.mark.parametrize('is_timed', [False, True])
@@ -183,9 +189,9 @@ def test_a_path_is_fitted_up_to_the_allowed_transformations(
 def test_warns_of_lengths_without_units_that_look_like_millimetres(
     content: Mapping[str, Any], name: str, recwarn: pytest.WarningsRecorder
 ) -> None:
-    wish_from({**content, 'units': {'length': 'mm', 'angle': 'deg'}})
+    requirements_from({**content, 'units': {'length': 'mm', 'angle': 'deg'}})
     assert not recwarn.list
-    wish_from({**content, 'units': {'angle': 'deg'}})
+    requirements_from({**content, 'units': {'angle': 'deg'}})
     (warning,) = recwarn.list
     assert warning.category is UnitWarning
     assert str(warning.message).startswith(f'{name} is read as')
