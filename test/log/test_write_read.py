@@ -65,7 +65,7 @@ def contents(draw):
     return draw(st.lists(message, max_size=30)), draw(st.sets(st.integers(0, 29)))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     contents(),
     st.sampled_from(['zstd', 'lz4', 'none']),

@@ -61,7 +61,7 @@ def test_an_unclosed_file_is_read_and_reported(run_file) -> None:
 def test_a_rotten_summary_costs_nothing(run_file) -> None:
     data = run_file.read_bytes()
     ((_, end),) = spans_of(data, DATA_END)
-    for position in range(end, len(data), 7):
+    for position in range(end, len(data), 29):
         rotten = bytearray(data)
         rotten[position] ^= 1 << position % 8
         run_file.write_bytes(rotten)

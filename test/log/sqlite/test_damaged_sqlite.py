@@ -166,11 +166,11 @@ def test_hostile_names_are_reported_in_one_line(tmp_path) -> None:
     assert str(caught.value).isprintable()
 
 
-def test_500_mutations_of_pages_are_read_or_refused_in_one_line(tmp_path) -> None:
+def test_mutated_pages_are_read_or_refused_in_one_line(tmp_path) -> None:
     path = make_db3(tmp_path / 'x.db3', count=400, size=150)
     original = path.read_bytes()
     outcomes = set()
-    for seed in range(500):
+    for seed in range(150):
         chance = random.Random(seed)  # noqa: S311 - no secret
         data = bytearray(original)
         for _ in range(chance.randint(1, 3)):

@@ -42,7 +42,7 @@ def test_messages_beyond_the_queue_of_a_slow_disk_are_counted(tmp_path, monkeypa
         assert dropped(background, name) > 1000
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(capacity=st.integers(1, 100), counts=st.lists(st.integers(0, 60), min_size=1, max_size=8))
 def test_nothing_that_is_put_is_neither_written_nor_counted(
     tmp_path_factory, capacity, counts
@@ -82,7 +82,7 @@ def test_messages_beyond_the_format_limits_are_counted(tmp_path) -> None:
     assert dropped(background, '/crank_angle') == 1
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     # Successful writes, and messages before a split and during its delay.
     numbers=st.tuples(st.integers(0, 20), st.integers(0, 60), st.integers(0, 30)),
