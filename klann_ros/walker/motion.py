@@ -14,7 +14,7 @@ from .steering import Rates, Twist2D
 # may be off by more; and the largest lag, of which K times makes this part of the command.
 MAX_SHARE, MAX_CURVE_SHARE, MAX_WINDUP = 0.5, 1.0, 3.0
 # K of the yaw rate, as a multiple of that of the speed: in curves, whose yaw comes in bursts, and
-# on the spot, where it comes evenly. Chosen in MuJoCo, as those of `turn_plan`.
+# on the spot, where it comes evenly. Chosen in MuJoCo, as those of `phase_map`.
 CURVE_GAIN, SPOT_GAIN = 1.0, 2.0
 # A measurement over a longer time is not used [s].
 MAX_INTERVAL = 0.1

@@ -14,15 +14,14 @@ from klann_ros.kinematics.angles import TURN
 import numpy as np
 
 from .feet import Array, Feet
-from .gait_map import are_mirrored, phase_map, PhasePoses
-from .turn_plan import TurnPlan
+from .phase_map import phase_map, phase_twists, TurnPlan
 
 # Slower turns are none [rad/s].
 MIN_YAW_RATE = 1e-9
 # Phases of the gait, straight on.
 STRAIGHT_POINTS = 720
-# How far feet may be from each other's mirror image, as a part of the robot's size.
-MIRROR_TOLERANCE = 1e-5
+# Relative error of the means of a map, see `phase_map.MAP_POINTS`.
+MAP_ERROR = 0.005
 
 
 class Twist2D(NamedTuple):
@@ -106,23 +105,15 @@ class Steering:
     def speed(self) -> float:
         """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
         phases = np.linspace(0.0, TURN, STRAIGHT_POINTS, endpoint=False)
-        poses = PhasePoses(self.feet, *self._sides, np.stack([phases, phases], axis=-1))
-        return float(poses.twists(1.0, 1.0)[:, 0].mean())
+        both = np.stack([phases, phases], axis=-1)
+        (twists,) = phase_twists(self.feet, *self._sides, both, (1.0, 1.0))
+        return float(twists[:, 0].mean())
 
     @property
     def _sides(self) -> tuple[Array, Array]:
         """Return the rotation of each crank when the left, or the right side turns by 1 rad."""
         left, right = np.array(self._shares).T
         return left, right
-
-    @cached_property
-    def is_mirrored(self) -> bool:
-        """Return whether its right side is its left one in a mirror, but for the phase."""
-        feet = self.feet
-        of_leg = feet.sides[feet.crank_of]
-        left, right = self._sides
-        sides = [(left, of_leg > 0.0), (right, of_leg < 0.0)]
-        return are_mirrored(feet, sides, MIRROR_TOLERANCE * feet.reach)
 
     @cached_property
     def _maps(self) -> tuple[Array, Array]:
@@ -132,7 +123,17 @@ class Steering:
     def _gains(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return speed and yaw at 1 rad/s of both sides, and of the right against the left."""
         (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in self._maps)
-        return ((v, 0.0), (0.0, y)) if self.is_mirrored else ((v, w), (x, y))
+        # Cross gains within the error of the map are those of a mirrored walker: none.
+        reach, least = self.feet.reach, MAP_ERROR
+        if abs(w) * reach < least * abs(v) and abs(x) < least * abs(y) * reach:
+            w = x = 0.0
+        return (v, w), (x, y)
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Return whether its right side is its left one in a mirror, but for the phase."""
+        (_, w), (x, _) = self._gains
+        return w == x == 0.0
 
     @cached_property
     def turn_plan(self) -> TurnPlan:
@@ -169,7 +170,7 @@ class Steering:
         """
         Return the rates of the sides for a motion, at crank angles [rad].
 
-        The motion is their mean over a cycle of phases, see `turn_plan`.
+        The motion is their mean over a cycle of phases, see `TurnPlan`.
         With `on_spot` the mean phase stays where turning is the most effective.
         """
         mean = self.rates(wanted)

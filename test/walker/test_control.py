@@ -20,10 +20,9 @@ from klann_ros.walker import (
 )
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback
-from klann_ros.walker.gait_map import MAP_POINTS, phase_map
 from klann_ros.walker.motion import MotionFeedback
 from klann_ros.walker.phase_lock import PhaseLock
-from klann_ros.walker.turn_plan import TurnPlan
+from klann_ros.walker.phase_map import MAP_POINTS, phase_map, TurnPlan
 import numpy as np
 import pytest
 

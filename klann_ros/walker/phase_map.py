@@ -1,0 +1,316 @@
+"""
+The motion of a walker's body by the phases of its left and right cranks, and how it turns by it.
+
+With a and b for the phases of left and right, p = (a + b) / 2 is their mean and q = (b - a) / 2
+half their difference. At each (p, q) the body rests on the most upright facet of its feet and
+moves so that frictional dissipation is minimal, as in `stance.minimize_slip`. In the mean over q
+the twist is linear in p' and q' within a few per cent: speed comes from p' and yaw from q'.
+
+The yaw for q' depends on p by up to 30 times: where the standing feet of both sides are at the
+wrong ends of the body, their drives cancel. On the spot p stands still, so a walker may hardly
+turn for minutes; in a tight curve one side hardly turns, to the same effect. So q moves where
+turning is effective,
+
+    q' = w s(p) G(p) / (M d(p) max(g(p, q), MIN_RATIO G(p))),   p' = v / (V d(p)),
+
+g being the yaw gain, G its mean over q, V the speed gain, s ~ G^SHARPNESS with mean 1, M the mean
+of s G, and d = 1 - T + T s G / M the relative time at a phase, with mean 1: T of the time is for
+turning, the rest for walking on. On the spot p stays at the greatest G; walking there makes up for
+the drift of the body.
+"""
+
+from itertools import combinations
+from math import floor
+
+from klann_ros.kinematics.angles import TURN
+import numpy as np
+from numpy.typing import NDArray
+
+from .feet import Array, Feet
+
+# Points of a map in a turn of p, and of q: its means are within 0.5 % of those of 192.
+MAP_POINTS = 64
+# Step of phase derivatives [rad].
+PHASE_STEP = 1e-5
+# A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
+MIN_PROJECTED_AREA, ROUNDING = 1e-6, 1e-9
+# Iteratively reweighted least squares: steps, and the relative slip of a foot that sticks.
+ITERATIONS, STICK_TOLERANCE = 12, 1e-3
+# The constants were chosen in MuJoCo on walker6_two_motors and walker8_two_motors.
+# Exponent of the gain: how narrow the range of p is in which a walker turns.
+SHARPNESS = 2.0
+# Least ratio of local to mean gain that q' is raised for.
+MIN_RATIO = 0.2
+# Standard deviation of the gains' low-pass filter over p and q [rad].
+GAIN_FILTER = 0.1
+# p' in phases in which it cannot turn, at least, as a part of the rate for turning.
+PASSING_RATE = 0.6
+# p' towards the best phase, on the spot, likewise; the distance from which on it is slower [rad];
+# and the part of it that walking on the spot may have, so that p stays near.
+SEEKING_RATE, SEEKING_RANGE, HOLD_SHARE = 2.0, 0.3, 1.2
+# Multiple of the variation of the speed over q by which walking on the spot follows it.
+STEP_SWING = 1.5
+# Phases with this part of the greatest gain are as good.
+PEAK_RATIO = 0.9
+# Least relative time at a phase.
+MIN_DENSITY = 0.02
+
+
+def phase_twists(
+    feet: Feet, left: Array, right: Array, phases: Array, *rates: tuple[float, float]
+) -> list[Array]:
+    """
+    Return speed [m/s] and yaw rate [rad/s] in pairs of phases, for each pair of rates.
+
+    Parameters
+    ----------
+    feet : Feet
+        The walker's.
+    left, right : numpy.ndarray, shape (c,)
+        Rotation of each crank when the left, or the right side turns by 1 rad.
+    phases : numpy.ndarray, shape (..., 2)
+        Phases of the left and the right side [rad].
+    rates : (float, float)
+        Of the left and the right side [rad/s].
+
+    Returns
+    -------
+    list of numpy.ndarray, shape (..., 2)
+        Zero where the body does not rest.
+
+    """
+    cranks = phases.reshape(-1, 2) @ [left, right]
+    placed = feet.at(cranks)
+    facets, loads = _facets(placed.feet, placed.centre)
+    rests = np.asarray(loads.any(axis=1))
+    cranks, facets, loads = cranks[rests], facets[rests], loads[rests]
+    # Seen from the ground, so that a tilt moves no foot.
+    ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
+
+    def level(angles: Array) -> Array:
+        at = feet.at(angles)
+        chosen = np.arange(len(facets))[:, None], facets
+        return _level(at.feet[chosen] - ground) + at.rolled[chosen]
+
+    flat = level(cranks)
+    arms = np.stack([-flat[..., 1], flat[..., 0]], axis=-1)
+    slopes = [
+        (level(cranks + PHASE_STEP * each) - level(cranks - PHASE_STEP * each))
+        / (2.0 * PHASE_STEP)
+        for each in (left, right)
+    ]
+    found = []
+    for a, b in rates:
+        twists = np.zeros((len(rests), 2))
+        twists[rests] = _least_slip(loads, a * slopes[0] + b * slopes[1], arms)
+        found.append(twists.reshape(phases.shape))
+    return found
+
+
+def phase_map(
+    feet: Feet, left: Array, right: Array, points: int = MAP_POINTS
+) -> tuple[Array, Array]:
+    """
+    Return the twist on a grid of p and q, at p' = 1 rad/s and at q' = 1 rad/s.
+
+    Parameters
+    ----------
+    feet, left, right
+        As in `phase_twists`.
+    points : int
+        Points in a turn of p, and of q, even: the middles of as many equal intervals from 0 on.
+
+    Returns
+    -------
+    straight, turning : numpy.ndarray, shape (points, points, 2)
+        Speed [m/rad] and rotation [rad/rad], by p and by q.
+
+    """
+    at, half = (np.arange(points) + 0.5) * (TURN / points), points // 2
+    p, q = np.meshgrid(at[:half], at, indexing='ij')
+    phases = np.stack([p - q, p + q], axis=-1)
+    # Half a turn of both p and q is a turn of the right side.
+    straight, turning = (
+        np.concatenate([twists, np.roll(twists, half, axis=1)])
+        for twists in phase_twists(feet, left, right, phases, (1.0, 1.0), (-1.0, 1.0))
+    )
+    return straight, turning
+
+
+class TurnPlan:
+    """
+    Rates of p and q, by p and q.
+
+    Parameters
+    ----------
+    speed, yaw : numpy.ndarray, shape (n, n)
+        Speed at p' = 1 rad/s, and yaw rate at q' = 1 rad/s, by p and q, in the middles of n equal
+        intervals of a turn.
+
+    Attributes
+    ----------
+    is_possible : bool
+        Whether there are phases in which q' turns it to the left.
+
+    """
+
+    def __init__(self, speed: Array, yaw: Array) -> None:
+        smooth = _low_pass(yaw)
+        gain = np.maximum(smooth.mean(axis=1), 0.0)
+        self.is_possible = bool(gain.any() and yaw.mean() > 0.0)
+        if not self.is_possible:
+            return
+        self._count = len(yaw)
+        share = gain**SHARPNESS / (gain**SHARPNESS).mean()
+        effective = float((share * gain).mean())
+        # The part of q' that is needed where turning is effective.
+        self._part = float(yaw.mean()) / effective
+        self._turning = _Circle(share * self._part)
+        self._time = _Circle(share * gain / effective)
+        ratio = smooth / np.maximum(gain, np.finfo(float).tiny)[:, None]
+        self._boost = _Torus(1.0 / np.maximum(ratio, MIN_RATIO))
+        steps = _low_pass(speed) / speed.mean()
+        self._step = _Torus(1.0 + STEP_SWING * (steps - steps.mean(axis=1)[:, None]))
+        is_peak = (gain >= np.roll(gain, 1)) & (gain > np.roll(gain, -1))
+        peaks = np.flatnonzero(is_peak & (gain >= PEAK_RATIO * gain.max()))
+        self._peaks: list[float] = ((peaks + 0.5) * (TURN / self._count)).tolist()
+
+    def rates(
+        self, p: float, q: float, walking: float, turning: float, *, on_spot: bool = False
+    ) -> tuple[float, float]:
+        """
+        Return p' and q' [rad/s].
+
+        Parameters
+        ----------
+        p, q : float
+            Mean phase of left and right, and half their difference [rad].
+        walking, turning : float
+            p' and q' for the motion in the mean over all phases [rad/s].
+        on_spot : bool
+            Whether p is to stay at the best phase.
+
+        """
+        if not turning:
+            return walking, 0.0
+        effective = abs(turning) * self._part
+        share = 1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (PASSING_RATE * effective))
+        time = max(MIN_DENSITY, 1.0 + share * (self._time.at(p) - 1.0))
+        turns = turning * self._turning.at(p) * self._boost.at(p, q) / time
+        if not on_spot:
+            return walking / time, turns
+        most = SEEKING_RATE * effective
+        # Walking in phases in which a step is long, and back where it is short.
+        walks = _clip(walking * self._step.at(p, q), HOLD_SHARE * most)
+        away = min((_wrapped(peak - p) for peak in self._peaks), key=abs)
+        return walks + most * _clip(away / SEEKING_RANGE, 1.0), turns
+
+
+def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
+    count = len(feet)
+    best = np.full(count, np.inf)
+    facets, loads = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
+    for triple in combinations(range(feet.shape[1]), 3):
+        a, b, c = (feet[:, i] for i in triple)
+        normal = np.cross(b - a, c - a)
+        is_facet = np.abs(normal[:, 2]) > MIN_PROJECTED_AREA
+        slope = normal[:, :2] / np.where(is_facet, normal[:, 2], np.inf)[:, None]
+        level = a[:, 2] + _dot(a[:, :2], slope)
+        steepness = 1.0 + _dot(slope, slope)
+        above = (feet[..., 2] + _dot(feet[..., :2], slope[:, None])).min(axis=1)
+        found = np.flatnonzero(is_facet & (above >= level - ROUNDING) & (steepness < best))
+        middle, tilt = centre[found], slope[found]
+        height = (middle[:, 2] + _dot(middle[:, :2], tilt) - level[found]) / steepness[found]
+        over = middle[:, :2] - height[:, None] * tilt
+        p, q, r = (feet[found, i, :2] - over for i in triple)
+        shares = np.stack([_cross(q, r), _cross(r, p), _cross(p, q)], axis=-1)
+        shares /= shares.sum(axis=-1, keepdims=True)
+        holds = shares.min(axis=-1) >= -ROUNDING
+        found = found[holds]
+        best[found], facets[found], loads[found] = steepness[found], triple, shares[holds]
+    return facets, np.maximum(loads, 0.0)
+
+
+def _level(feet: Array) -> Array:
+    """Return three feet in the frame in which their plane is level, seen from above, (k, 3, 2)."""
+    normal = np.cross(feet[:, 1] - feet[:, 0], feet[:, 2] - feet[:, 0])
+    normal *= (np.sign(normal[:, 2]) / np.linalg.norm(normal, axis=1))[:, None]
+    nx, ny, nz = (n[:, None] for n in normal.T)
+    across = np.hypot(ny, nz)
+    x, y, z = np.moveaxis(feet, -1, 0)
+    return np.stack([across * x - nx * (ny * y + nz * z) / across, (nz * y - ny * z) / across], -1)
+
+
+def _least_slip(loads: Array, moves: Array, arms: Array) -> Array:
+    """Return speed and yaw rate of bodies on three feet each, shape (k, 2)."""
+    scale = np.abs(moves).sum(axis=-1).max(axis=-1, keepdims=True)
+    least = (STICK_TOLERANCE * scale) ** 2 + np.finfo(float).tiny
+    motion, yaw = _balance(loads, moves, arms)
+    for _ in range(ITERATIONS):
+        slides = moves + motion[:, None] + yaw[:, None, None] * arms
+        motion, yaw = _balance(loads / np.sqrt((slides**2).sum(axis=-1) + least), moves, arms)
+    return np.stack([motion[:, 0], yaw], axis=-1)
+
+
+def _balance(weights: Array, moves: Array, arms: Array) -> tuple[Array, Array]:
+    """Return d and psi of the weighted least squares of moves + d + psi arms."""
+    whole = weights.sum(axis=-1)
+    by = weights[..., None]
+    along, arm = (by * moves).sum(axis=1), (by * arms).sum(axis=1)
+    below = (by * arms * arms).sum(axis=(1, 2)) - _dot(arm, arm) / whole
+    yaw = (_dot(arm, along) / whole - (by * arms * moves).sum(axis=(1, 2))) / below
+    return -(along + yaw[:, None] * arm) / whole[:, None], yaw
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a * b).sum(axis=-1), dtype=np.float64)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], dtype=np.float64)
+
+
+class _Circle:
+    """Linear interpolation of a periodic function, given in the middles of equal intervals."""
+
+    def __init__(self, values: Array) -> None:
+        self._values, self._count = values.tolist(), len(values)
+
+    def at(self, angle: float) -> float:
+        low, high, part = _between(angle, self._count)
+        a, b = float(self._values[low]), float(self._values[high])
+        return a + part * (b - a)
+
+
+class _Torus:
+    """Bilinear interpolation of a function of two angles, likewise."""
+
+    def __init__(self, values: Array) -> None:
+        self._rows = [_Circle(row) for row in values]
+
+    def at(self, p: float, q: float) -> float:
+        low, high, part = _between(p, len(self._rows))
+        a = self._rows[low].at(q)
+        return a + part * (self._rows[high].at(q) - a)
+
+
+def _between(angle: float, count: int) -> tuple[int, int, float]:
+    at = angle / TURN * count - 0.5
+    low = floor(at)
+    return low % count, (low + 1) % count, at - low
+
+
+def _low_pass(values: Array) -> Array:
+    """Return a periodic map through a Gaussian filter."""
+    order = np.fft.fftfreq(len(values), 1.0 / len(values)) * GAIN_FILTER
+    weights = np.exp(-0.5 * (order[:, None] ** 2 + order**2))
+    return np.asarray(np.fft.ifft2(np.fft.fft2(values) * weights).real, dtype=np.float64)
+
+
+def _clip(value: float, most: float) -> float:
+    return max(-most, min(most, value))
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + TURN / 2.0) % TURN - TURN / 2.0
