@@ -6,16 +6,12 @@ An error-state Kalman filter (J. Sola, Quaternion kinematics for the error-state
 
     x, y, psi            pose of base_link in odom,
     v_x, v_y, w          velocity of base_link over ground, in its level frame,
-    b_w, b_x, b_y        biases of the gyro's yaw rate and of the level acceleration,
-    c_1 ... c_5          errors of the contact model, constant along a walk.
+    b_w, b_x, b_y        biases of the gyro's yaw rate and of the level acceleration.
 
-Prediction over a time t, with the measured velocity change dv [m/s] and rotation dpsi [rad], the
-load-weighted slip s [m/s], and e [m/s], e_w [rad/s], the differences between the motion of least
-squares of the slip and the estimate:
+Prediction over a time t, with the measured velocity change dv [m/s] and rotation dpsi [rad]:
 
-    (x, y)' = (x, y) + R(psi) (v + c_1 v + (c_2, c_3) s + c_5 e) t,
-    psi' = psi + (w + c_4 s / reach + c_5 e_w) t,
-    v' = R(-w t) v + dv - b t,     w = dpsi / t - b_w.
+    (x, y)' = (x, y) + R(psi) v t,   psi' = psi + w t,
+    v' = R(-w t) v + dv - b t,       w = dpsi / t - b_w.
 
 Without an accelerometer dv is that of the momentum of the centre of mass on the slope, without a
 gyro w stays, and friction may change both within the step: the variance of v grows by mu g / K,
@@ -29,10 +25,18 @@ slope, or where the body is accelerated, the median of the slip is not zero: fri
 that force.
 
 The errors of the contact model are alike from step to step, so they do not average out. They are
-consider parameters (S. F. Schmidt, Application of state-space methods to navigation problems,
-1966): never estimated, but correlated with the pose. e is large where much depends on the friction
-law and the loads. With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as
-well), and c_4 is not used.
+consider parameters c_1 ... c_5 (S. F. Schmidt, Application of state-space methods to navigation
+problems, 1966): constants that are never estimated, but that the covariance of the pose contains,
+
+    v + c_1 v + (c_2, c_3) s + c_5 e   and   w + c_4 s / reach + c_5 e_w
+
+being the velocity and the yaw rate, with the load-weighted slip s [m/s] and the differences
+e [m/s], e_w [rad/s] between the motion of least squares of the slip and the estimate, which are
+large where much depends on the friction law and the loads. In circles they turn the heading by
+more than a radian, where the pose is not linear in them any more: so the pose is followed for
+sigma points of each (S. J. Julier, J. K. Uhlmann, Unscented filtering and nonlinear estimation,
+2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as well), and
+c_4 is not used.
 
 With a gyro the yaw and its bias are consider parameters of the slip's update: errors of the
 contact model last, so they would be learned as drift.
@@ -108,7 +112,10 @@ ROCKING_ERROR = 0.4
 # Time between checks of the support [s], and the distance of the centre of mass from the feet that
 # carry the body, seen from above, beyond which they cannot [m].
 CHECK_PERIOD, MAX_OUTSIDE = 0.1, 0.01
-STATES, ERRORS = 9, 5
+STATES = 9
+# Sigma points of a normal distribution in one dimension, and their weights: with more of them the
+# covariance of a circle changes by less than a hundredth.
+SIGMA_POINTS, SIGMA_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 GYRO_BIAS, ACCEL_BIAS = 6, slice(7, 9)
 # The yaw and its drift, which a gyro measures.
 GYRO_STATES = [2, GYRO_BIAS]
@@ -233,9 +240,14 @@ class Odometry:
         self._cranks: list[float] | None = None
         self._rates: list[float] = []
         self._state = np.zeros(STATES)
-        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2 + [n.advance_error]
-        deviations += [n.slip_error] * 2 + [n.slip_yaw_error, n.contact_error]
+        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
         self._covariance = np.diag(np.square(deviations))
+        # Sigma points of the consider parameters, and the pose by each, from the state on.
+        errors = n.advance_error, n.slip_error, n.slip_error, n.slip_yaw_error, n.contact_error
+        self._errors = np.kron(np.diag(errors), SIGMA_POINTS).astype(np.complex128)
+        self._weights = np.tile(SIGMA_WEIGHTS / SIGMA_WEIGHTS.sum(), len(errors))
+        self._moved = np.zeros(len(self._weights), dtype=np.complex128)
+        self._turned = np.zeros(len(self._weights))
         self._attitude: tuple[float, float] | None = None
         self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
         self.support_violation, self._next_check = 0.0, 0.0
@@ -486,7 +498,7 @@ class Odometry:
     def _propagate(self, first: int, row: Sequence[complex], yaw: Sequence[float]) -> None:
         """Propagate the covariance: three rows of the Jacobian, the first two as x + jy."""
         # `dot` takes half the time of @ on matrices this small.
-        p, f, rows = self._covariance, np.zeros((3, STATES + ERRORS)), slice(first, first + 3)
+        p, f, rows = self._covariance, np.zeros((3, STATES)), slice(first, first + 3)
         both = np.array(row, dtype=np.complex128)
         f[0, : len(row)], f[1, : len(row)], f[2, : len(yaw)] = both.real, both.imag, yaw
         changed = f.dot(p)
@@ -560,17 +572,21 @@ class Odometry:
         doubt = max(1.0, sqrt(self._innovation_square) / USUAL_INNOVATION)
         self._scale = scale = scale * doubt
         least, turn = least_squares(standing, self._yaw_rate) if standing else (motion, w)
-        contact, slip = along * scale * (least - motion) * dt, along * scale * self._slip * dt
-        side, yaw_row = along * dt, [0.0, 0.0, 1.0, 0.0, 0.0, dt]
-        row = [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt, 0, 0, 0]
-        if not has_gyro:
-            yaw_row += [0.0] * 6 + [abs(slip) / self._feet.reach, (turn - w) * dt]
-        self._propagate(0, [*row, doubt * step, slip, 1j * slip, 0, contact], yaw_row)
+        side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
+        self._propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
+        # The pose by the errors of the contact model.
+        slip, contact = scale * self._slip, scale * (least - motion)
+        yaws = (0.0, 0.0) if has_gyro else (slip / self._feet.reach, turn - w)
+        effects = (doubt * motion, slip, 1j * slip, 0.0, contact), (0.0, 0.0, 0.0, *yaws)
+        moves, turns = np.array(effects).dot(self._errors)
+        self._moved += along * dt * (np.exp(1j * self._turned) * (motion + moves) - motion)
+        self._turned += turns.real * dt
 
     def _estimate(self) -> OdometryEstimate:
         rest, reading, n = self.support, self._imu.last, self.noise
         px, py, yaw, vx, vy, angular = self._state[:6].tolist()
-        p = self._covariance[:3, :3].tolist()
+        away = np.array([self._moved.real, self._moved.imag, self._turned])
+        p = (self._covariance[:3, :3] + (self._weights * away).dot(away.T)).tolist()
         p[2][2] += self._heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
         var_x, var_y, var_w = np.diagonal(self._covariance)[3:6].tolist()

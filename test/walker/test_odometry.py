@@ -1,13 +1,16 @@
 """Where a walker is, from the angles of its cranks alone."""
 
 from math import atan, hypot, inf, nan, pi
+from pathlib import Path
 
+from klann_ros.robot import robot_of
 from klann_ros.walker import (
     DiagnosticLevel,
     Feet,
     ImuReading,
     Odometry,
     OdometryEstimate,
+    OdometryNoise,
     Steering,
     Walker,
 )
@@ -16,6 +19,7 @@ from klann_ros.walker.steering import Twist2D
 import numpy as np
 import pytest
 
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 # Two feet in the middle, and one at each end that is higher.
 SEESAW = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
 
@@ -116,6 +120,20 @@ def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
     expected = turn @ np.array(east.covariance) @ turn.T
     assert abs(expected[0, 2]) > 1e-5
     assert np.array(north.covariance) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_a_heading_that_is_unknown_by_a_radian_leaves_a_circle_of_poses() -> None:
+    odometry = Odometry(
+        Feet(robot_of(str(CONFIG / 'walker_jansen.yaml'))), OdometryNoise(slip_yaw_error=0.3)
+    )
+    path = []
+    for k in range(900):
+        at = odometry.update((0.015 * k, 0.075 * k), (0.3, 1.5))
+        path.append((at.x, at.y))
+    diameter = np.ptp(path, axis=0).mean()
+    assert at.covariance[2][2] > 1.0
+    least, most = np.sqrt(np.linalg.eigvalsh(np.array(at.covariance)[:2, :2]))
+    assert 0.25 * diameter < least < most < diameter
 
 
 def test_a_crank_that_disagrees_with_its_rate_is_not_filtered(two_motors: Feet) -> None:
