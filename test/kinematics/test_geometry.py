@@ -17,7 +17,6 @@ from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import pytest
 
 Make = Callable[..., Any]
-FULL_TURN = [(0.0, 2 * math.pi)]
 
 
 def four_bar(**changes: Any) -> FourBar:
@@ -135,14 +134,6 @@ def test_the_classes_of_all_results_are_exported() -> None:
 def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(GeometryError, match='at no crank angle do both dyads close'):
         KlannGeometry(**change)
-
-
-def test_the_limit_of_the_full_turn_is_where_the_textbook_leg_has_it() -> None:
-    # BD reaches 481.39 of BC + DC = 490 mm.
-    limit = 0.12 + math.hypot(0.35, 0.09) - 0.14
-    assert limit / 0.35 == pytest.approx(1 - 0.0246, abs=1e-4)
-    assert reachable_arcs(KlannGeometry(l_bc=limit + 1e-9)) == FULL_TURN
-    assert reachable_arcs(KlannGeometry(l_bc=limit - 1e-6)) != FULL_TURN
 
 
 @pytest.mark.parametrize(

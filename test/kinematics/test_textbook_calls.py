@@ -94,10 +94,10 @@ def test_an_angle_without_any_assembly_is_reported() -> None:
         bar.newton(1.0, [0.1, 0.2], max_iterations=1)
 
 
-@pytest.mark.parametrize('call', ['f', 'phi', 'correction'])
+@pytest.mark.parametrize('call', ['f', 'phi', 'correction', 'newton'])
 def test_invalid_angles_are_refused(call: str) -> None:
     for leg in (KLANN[0], BAR[0]):
-        with pytest.raises(ValueError, match=r'x = .* is refused: .*(two|four) finite numbers'):
+        with pytest.raises(ValueError, match=r' = .* is refused: .*(two|four) finite numbers'):
             getattr(leg, call)(ALPHA, [1.0])
         with pytest.raises(CrankAngleError):
             getattr(leg, call)(math.nan, [1.0] * (len(leg.joint_names) - 1))

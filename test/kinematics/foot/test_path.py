@@ -94,7 +94,7 @@ def test_a_path_is_frozen() -> None:
     assert path != path_of(KlannGeometry())
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(geometry=legs(), factor=st.sampled_from([0.001, 3.0, 1000.0]))
 def test_scaled_lengths_scale_the_path(geometry: KlannGeometry, factor: float) -> None:
     path, scaled = path_of(geometry), path_of(geometry.scaled(factor))
@@ -104,7 +104,7 @@ def test_scaled_lengths_scale_the_path(geometry: KlannGeometry, factor: float) -
     assert scaled.lift == pytest.approx(factor * path.lift, rel=near, abs=near * factor)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(geometry=legs(change=0.1))
 def test_a_mirrored_leg_has_a_mirrored_path(geometry: KlannGeometry) -> None:
     path, other = path_of(geometry), path_of(geometry.mirrored())

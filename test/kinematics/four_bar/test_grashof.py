@@ -24,7 +24,7 @@ def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
     assert grashof.inversions['ground'] == grashof
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(bar=four_bars())
 @example(FourBar(3, 1, 3, 1))
 @example(FourBar(1, 3, 1, 3))

@@ -103,7 +103,7 @@ def test_a_number_that_is_0_has_no_relative_change() -> None:
     assert margin.relative == (-math.inf, math.inf)
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(geometry=legs(change=0.15), name=st.sampled_from(NUMBERS), share=shares)
 def test_between_the_margins_the_crank_turns_fully(
     geometry: KlannGeometry, name: str, share: float

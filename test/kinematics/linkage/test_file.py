@@ -122,11 +122,6 @@ def test_a_folder_hides_no_shipped_linkage(
     assert linkage_from_file('jansen') == shipped_linkage('jansen')
 
 
-def test_a_linkage_that_is_not_shipped_is_refused_with_those_that_are() -> None:
-    with pytest.raises(LinkageFileError, match=r'called hoeken is shipped: there are .*jansen'):
-        shipped_linkage('hoeken')
-
-
 def test_units_are_those_of_the_file() -> None:
     metres = WATT.replace('{length: mm, angle: deg}', '{}')
     metres = metres.replace('link: 90, other_arm: 180', f'link: {math.pi / 2}, other_arm: 3.14159')
