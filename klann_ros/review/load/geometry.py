@@ -3,13 +3,13 @@
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 import json
 from math import isfinite
 import sys
 from typing import Any, NamedTuple
-from xml.parsers import expat
+from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
@@ -151,7 +151,7 @@ def _dynamics(robot: Robot, name: str) -> Dynamics | None:
 
 NAME = 'robot_description'
 # Longest description that is read [characters], and bytes of its message beside the text.
-MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 4 * 1024 * 1024, 16
+MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 1024 * 1024, 16
 # Different descriptions of one namespace that are read.
 _MAX_DESCRIPTIONS = 32
 
@@ -221,23 +221,6 @@ def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> K
         return None
 
 
-_Vector = tuple[float, ...]
-_ZERO = (0.0, 0.0, 0.0)
-
-
-@dataclass
-class _Joint:
-    """A joint of a URDF; an axis that is not given is x."""
-
-    kind: str
-    parent: str = ''
-    child: str = ''
-    xyz: _Vector = _ZERO
-    rpy: _Vector = _ZERO
-    axis: _Vector = (1.0, 0.0, 0.0)
-    mimics: tuple[str, float, float] | None = None
-
-
 class _ExpectedJoint(NamedTuple):
     """
     A joint that `klann.urdf.xacro` generates.
@@ -273,10 +256,6 @@ _JOINTS = (
 _BAR_LENGTHS = {'l_dc': 'beta', 'l_cg': 'bend_c'}
 
 
-class _ForeignUrdfError(ValueError):
-    """A URDF that `klann.urdf.xacro` did not generate."""
-
-
 def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
     """
     Return the lengths [m], pivots [m] and bends [rad] of the legs in a URDF, by the legs' names.
@@ -285,105 +264,74 @@ def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
     other robots, and of an invalid URDF, nothing is returned. The text is untrusted: a document
     type declaration is refused, so nothing is expanded or fetched.
     """
-    if len(text) > MAX_DESCRIPTION_SIZE:
+    if len(text) > MAX_DESCRIPTION_SIZE or '<!DOCTYPE' in text:
         return {}
-    urdf = _Urdf()
     try:
-        urdf.read(text)
-    except (_ForeignUrdfError, expat.ExpatError, UnicodeEncodeError):
+        # The text is decoded already, whatever encoding it declares.
+        parser = XMLParser(encoding='utf-8')  # noqa: S314 - it cannot declare an entity
+        robot = fromstring(text.encode(), parser)  # noqa: S314 - as above
+    except (ParseError, UnicodeEncodeError):
         return {}
+    named = [(joint.get('name', ''), joint) for joint in robot.iterfind('joint')]
+    joints, boxes = dict(named), {}
+    if robot.tag != 'robot' or len(joints) < len(named):
+        return {}
+    for link in robot.iterfind('link'):
+        boxes[link.get('name')] = link.find('visual/geometry/box')
     crank = _JOINTS[0].name
-    prefixes = (name.removesuffix(crank) for name in urdf.joints if name.endswith(crank))
+    prefixes = (name.removesuffix(crank) for name in joints if name.endswith(crank))
     found = {}
     for prefix in (each for each in prefixes if not each or each[-1] in SEPARATORS):
         # Joints of another robot may have such names.
-        with suppress(KeyError, _ForeignUrdfError):
-            found[prefix[:-1]] = urdf.dimensions(prefix)
+        with suppress(KeyError, ValueError):
+            found[prefix[:-1]] = _dimensions(joints, boxes, prefix)
     return found
 
 
-class _Urdf:
-    """The joints of a URDF, and the lengths of the boxes that show its links."""
-
-    def __init__(self) -> None:
-        self.joints: dict[str, _Joint] = {}
-        self._boxes: dict[str, float] = {}
-        self._path: list[str] = []
-        self._joint = _Joint('')
-        self._link = ''
-
-    def read(self, text: str) -> None:
-        # The text is decoded already, whatever encoding it declares.
-        parser = expat.ParserCreate('utf-8')
-        parser.StartElementHandler = self._begin
-        parser.EndElementHandler = lambda _: self._path.pop()
-        parser.StartDoctypeDeclHandler = self._refuse
-        parser.Parse(text.encode(), True)
-
-    def dimensions(self, prefix: str) -> dict[str, float]:
-        """Return the dimensions of the leg whose joints have a prefix."""
-        joints = self.joints
-        plane = joints[f'{prefix}{_JOINTS[0].name}'].parent
-        found: dict[str, float] = {}
-        for made in _JOINTS:
-            joint = joints[f'{prefix}{made.name}']
-            on = joints[f'{prefix}{made.on}'].child if made.on else plane
-            mimics = (f'{prefix}{made.back}', -1.0, 0.0) if made.back else None
-            kind = 'continuous' if made.turns else 'fixed'
-            # The axis of a fixed joint is arbitrary.
-            axis = (0.0, 0.0, float(made.turns)) if made.turns else joint.axis
-            if (joint.parent, joint.kind, joint.axis, joint.mimics) != (on, kind, axis, mimics):
-                raise _ForeignUrdfError(made.name)
-            places = (made.x, made.y, '', '', '', made.bend)
-            for name, value in zip(places, (*joint.xyz, *joint.rpy), strict=True):
-                if name:
-                    found[name] = value
-                elif value:
-                    raise _ForeignUrdfError(made.name)
-            if made.bend_sign < 0:
-                found[made.bend] *= -1
-        for name, on in _BAR_LENGTHS.items():
-            found[name] = self._boxes[joints[f'{prefix}{on}'].child]
-        return found
-
-    def _refuse(self, *_: object) -> None:
-        raise _ForeignUrdfError('a document type')
-
-    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
-        self._path.append(tag)
-        if len(self._path) > 5:
-            return
-        try:
-            self._take('/'.join(self._path), attributes)
-        except (KeyError, ValueError):
-            raise _ForeignUrdfError(tag) from None
-
-    def _take(self, path: str, attributes: dict[str, str]) -> None:
-        joint = self._joint
-        if path == 'robot/link':
-            self._link = attributes['name']
-        elif path == 'robot/link/visual/geometry/box':
-            self._boxes.setdefault(self._link, _numbers(attributes['size'])[0])
-        elif path == 'robot/joint':
-            self._joint = _Joint(attributes['type'])
-            if self.joints.setdefault(attributes['name'], self._joint) is not self._joint:
-                raise ValueError('two joints of one name')
-        elif path == 'robot/joint/parent':
-            joint.parent = attributes['link']
-        elif path == 'robot/joint/child':
-            joint.child = attributes['link']
-        elif path == 'robot/joint/origin':
-            joint.xyz = _numbers(attributes.get('xyz', '0 0 0'))
-            joint.rpy = _numbers(attributes.get('rpy', '0 0 0'))
-        elif path == 'robot/joint/axis':
-            joint.axis = _numbers(attributes['xyz'])
-        elif path == 'robot/joint/mimic':
-            factor, offset = attributes.get('multiplier', '1'), attributes.get('offset', '0')
-            multiplier, angle, _ = _numbers(f'{factor} {offset} 0')
-            joint.mimics = attributes['joint'], multiplier, angle
+def _dimensions(
+    joints: Mapping[str, Element], boxes: Mapping[str | None, Element | None], prefix: str
+) -> dict[str, float]:
+    """Return the dimensions of the leg whose joints have a prefix; a ValueError for another."""
+    plane = _link(joints[f'{prefix}{_JOINTS[0].name}'], 'parent')
+    found: dict[str, float] = {}
+    for made in _JOINTS:
+        joint = joints[f'{prefix}{made.name}']
+        on = _link(joints[f'{prefix}{made.on}'], 'child') if made.on else plane
+        mimics = (f'{prefix}{made.back}', -1.0, 0.0) if made.back else None
+        kind = 'continuous' if made.turns else 'fixed'
+        # The axis of a fixed joint is arbitrary.
+        axis = _numbers(joint.find('axis'), 'xyz', '1 0 0') if made.turns else (0.0, 0.0, 0.0)
+        actual = _link(joint, 'parent'), joint.get('type'), axis, _mimicked(joint)
+        origin = joint.find('origin')
+        places = (made.x, made.y, '', '', '', made.bend)
+        values = _numbers(origin, 'xyz', '0 0 0') + _numbers(origin, 'rpy', '0 0 0')
+        others = [value for name, value in zip(places, values, strict=True) if not name]
+        if actual != (on, kind, (0.0, 0.0, float(made.turns)), mimics) or any(others):
+            raise ValueError(f'{made.name} is a joint of another robot')
+        found |= {name: value for name, value in zip(places, values, strict=True) if name}
+        if made.bend_sign < 0:
+            found[made.bend] *= -1
+    for name, on in _BAR_LENGTHS.items():
+        box = boxes[_link(joints[f'{prefix}{on}'], 'child')]
+        found[name] = _numbers(box, 'size', '')[0]
+    return found
 
 
-def _numbers(text: str) -> _Vector:
+def _link(joint: Element, end: str) -> str | None:
+    link = joint.find(end)
+    return None if link is None else link.get('link')
+
+
+def _mimicked(joint: Element) -> tuple[str | None, float, float] | None:
+    mimic = joint.find('mimic')
+    if mimic is None:
+        return None
+    factor, offset = mimic.get('multiplier', '1'), mimic.get('offset', '0')
+    return mimic.get('joint'), float(factor), float(offset)
+
+
+def _numbers(element: Element | None, name: str, default: str) -> tuple[float, ...]:
+    text = default if element is None else element.get(name, default)
     numbers = tuple(map(float, text.split()))
     if len(numbers) != 3 or not all(map(isfinite, numbers)):
         raise ValueError('these are not three numbers')

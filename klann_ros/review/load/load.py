@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log.read.block import MessageBlock
@@ -15,12 +14,10 @@ from klann_ros.log.run_parameters import (
     PAUSE_RECORD,
     recorded_finding,
     recorded_pause,
-    SolverParameters,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
 from klann_ros.review.model.times import (
-    Interval,
     is_simulated,
     is_time_of_log,
     LAST_TIME,
@@ -33,7 +30,7 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .geometry import Descriptions, Metadata, with_dynamics
+from .geometry import Descriptions, with_dynamics
 from .legs import ALL_JOINTS, LegCollector
 from .series import (
     ArrayPool,
@@ -44,54 +41,23 @@ from .series import (
 )
 from .topics import recorded_losses, TopicCollector
 
+if TYPE_CHECKING:
+    from klann_ros.log.reader import Log
+    from klann_ros.review.live.judge import Window
+
 RecordT = TypeVar('RecordT')
 # A larger latency mixes two clocks [s].
 MAX_LATENCY = 3600.0
 
 
-class _Loadable(Protocol):
-    """
-    A source of messages: a `klann_ros.log.reader.Log`, or the window of a recording.
-
-    Times are log times [ns]; `gaps` are the damaged intervals, `problems` the faults.
-    """
-
-    path: Path
-
-    @property
-    def metadata(self) -> Metadata: ...
-
-    @property
-    def solvers(self) -> Sequence[SolverParameters]: ...
-
-    @property
-    def paths(self) -> Sequence[Path]: ...
-
-    @property
-    def start_time(self) -> int: ...
-
-    @property
-    def end_time(self) -> int: ...
-
-    @property
-    def problems(self) -> tuple[str, ...]: ...
-
-    @property
-    def gaps(self) -> tuple[Interval, ...]: ...
-
-    def blocks(
-        self, progress: Callable[[float], object] | None = None
-    ) -> Iterator[MessageBlock]: ...
-
-
 def load(
-    log: _Loadable,
+    log: 'Log | Window',
     robot: Robot | None = None,
     *,
     rates: str = '',
     progress: Callable[[float], object] | None = None,
 ) -> RunRecording:
-    """Decode a log; see `review_run`. `progress` gets the read share, 0 to 1."""
+    """Decode a log, or a window; see `review_run`. `progress` gets the read share, 0 to 1."""
     records = log.solvers
     legs_ = LegCollector(records, robot, rates=rates)
     topics_, iterations, descriptions = TopicCollector(), IterationCollector(), Descriptions()
@@ -143,7 +109,7 @@ def load(
 
 
 def _records(
-    log: _Loadable, name: str, parse: Callable[[Mapping[str, str]], RecordT]
+    log: 'Log | Window', name: str, parse: Callable[[Mapping[str, str]], RecordT]
 ) -> Iterator[RecordT]:
     """Yield the valid records of the recorder of one kind."""
     for record in log.metadata.get(name, ()):
@@ -163,7 +129,7 @@ def _drives(
             yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
-def _file_faults(log: _Loadable, key: str) -> str:
+def _file_faults(log: 'Log | Window', key: str) -> str:
     """Return the file faults that the recorder noted, in one line."""
     found = (record.get(key, '') for record in log.metadata.get(FAULT_RECORD, ()))
     return printable_line('; '.join(filter(None, found)))
