@@ -57,39 +57,30 @@ class PoseArtists:
         self, ax: 'Axes', pose: LinkagePose, *, letters: bool = True, width: float = BAR_WIDTH
     ) -> None:
         drawn = PoseDrawing.of(pose)
-        self.bodies, self.plates = [], []
-        for body in drawn.bodies:
-            style: dict[str, Any] = {'color': body.colour, 'solid_capstyle': 'round'}
-            line = ax.plot(*drawn.line(body).T, lw=width, label=body.label, **style)
-            self.bodies += line
-            if len(body.points) > 2:
-                self.plates += ax.fill(*drawn.outline(body).T, color=body.colour, alpha=0.2, lw=0)
-        self.guides, self.blocks = [], []
-        for body, guide, block in _sliding(drawn, pose):
-            self.guides += ax.plot(*guide.T, '--', color=body.colour, lw=0.35 * width, zorder=1)
-            at = drawn.at(body.line[1:] if body.line else ())
-            self.blocks += ax.plot(*at.T, marker=block, **_block_style(body, width))
-        self.joints = {
-            kind: ax.plot(*drawn.at(names).T, ls='', zorder=3, **_joint_style(kind, width))[0]
-            for kind, names in drawn.joints.items()
-        }
-        beside: dict[str, Any] = {
-            'textcoords': 'offset points',
-            'ha': 'center',
-            'va': 'center',
-            'zorder': 4,
-        }
         self._far = 10.0 + width
-        self.letters = {
-            name: ax.annotate(
-                name,
-                tuple(at),
-                xytext=self._offset(drawn, name),
-                fontsize=9 + 0.75 * width,
-                **beside,
-            )
-            for name, at in (drawn.points.items() if letters else ())
+        self.bodies, self.plates, self.guides, self.blocks = [], [], [], []
+        for body in drawn.bodies:
+            colour: dict[str, Any] = {'color': body.colour}
+            style = {'lw': width, 'label': body.label, 'solid_capstyle': 'round'}
+            self.bodies += ax.plot([], **colour, **style)
+            if len(body.points) > 2:
+                self.plates += ax.fill(*drawn.outline(body).T, **colour, alpha=0.2, lw=0)
+            if body.line:
+                self.guides += ax.plot([], ls='--', **colour, lw=0.35 * width, zorder=1)
+                self.blocks += ax.plot([], **_block_style(body, width))
+        self.joints = {
+            kind: ax.plot([], ls='', zorder=3, **_joint_style(kind, width))[0]
+            for kind in drawn.joints
         }
+        beside: dict[str, Any] = {'ha': 'center', 'va': 'center', 'zorder': 4}
+        beside |= {'xytext': (0.0, 0.0), 'textcoords': 'offset points'}
+        self.letters = {
+            name: ax.annotate(name, (0.0, 0.0), fontsize=9 + 0.75 * width, **beside)
+            for name in (drawn.points if letters else ())
+        }
+        self.move(pose)
+        ax.relim()
+        ax.autoscale_view()
 
     def move(self, pose: LinkagePose) -> 'list[Artist]':
         """Show another pose of the linkage; return the moved artists."""

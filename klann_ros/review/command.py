@@ -26,7 +26,7 @@ from .fleet import command as each
 from .page import save
 from .report import text
 from .report.annotations import annotate
-from .report.data import picture_format, save_csv, save_json, save_picture
+from .report.data import save_csv, save_json
 from .reviewing import Progress, review_run
 
 # Delay of the progress bar [s].
@@ -83,10 +83,9 @@ def _review(options: argparse.Namespace) -> int:
         folder = tempfile.mkdtemp(prefix='klann_ros-review-')
         options.html = str(Path(folder, f'{Path(options.log).name or "run"}.html'))
     inputs = options.log, options.log2, options.geometry, options.limits
-    files = outputs(options, ('json', 'html', 'csv', 'picture'), inputs)
+    files = outputs(options, ('json', 'html', 'csv'), inputs)
     if options.annotate:
         check_new_folder('--annotate', options.annotate, inputs)
-    form = picture_format(options.picture) if options.picture else ''
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
     if options.follow:
@@ -118,7 +117,6 @@ def _review(options: argparse.Namespace) -> int:
             '--json': partial(save_json, reviews[0], comparison),
             '--html': partial(save, reviews, comparison),
             '--csv': partial(save_csv, reviews[0]),
-            '--picture': partial(save_picture, reviews[0], form),
         },
     )
     if options.open and not is_opened((page := Path(options.html).absolute()).as_uri()):
@@ -167,6 +165,4 @@ def _parser() -> ArgumentParser:
     geometry = f'hold the run against this leg: {sources}, or one of {", ".join(preset_names())}'
     add('--geometry', metavar='FILE', help=geometry)
     add('--limits', metavar='FILE', help='other limits of the checks')
-    picture = 'draw the leg and the path of its foot (.png, .svg)'
-    add('--picture', metavar='FILE', help=picture)
     return parser

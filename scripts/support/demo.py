@@ -102,7 +102,6 @@ def main(arguments: list[str]) -> int:
 
 The leg made {TURNS} turns. Output:
   {here}.html    page for a browser: animated leg and charts
-  {here}.png    picture: leg and foot path
   {here}    recorded run (MCAP; also for Foxglove and ros2 bag)
 Play it back:      {player} {quote(here)}
 Review it again:   {review} {quote(here)}""")
@@ -166,13 +165,12 @@ def _record(recording: Path, programs: Path, variables: dict[str, str], work: Pa
 
 
 def _review(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> str:
-    """Return the report of `review`, which also writes the picture and the page."""
+    """Return the report of `review`, which also writes the page."""
     # Beside the run: its folder holds recorded data only.
-    options = ['--picture', f'{recording}.png', '--html', f'{recording}.html']
-    command = [programs / 'review', recording, *options]
+    command = [programs / 'review', recording, '--html', f'{recording}.html']
     output = work / 'review.txt'
     code = run(command, variables, output, TIMEOUT)
     # A finding, such as a gap on a busy machine, is a valid report.
-    if code not in (0, 1) or not Path(f'{recording}.png').is_file():
+    if code not in (0, 1) or not Path(f'{recording}.html').is_file():
         raise CommandError(f'review failed: {last_lines(output, 12)}')
     return last_lines(output, 1000)

@@ -63,8 +63,7 @@ def back_and_forth(review: Review, leg: LegRecording) -> IndexArray:
 
 
 def _is_shared(review: Review, leg: LegRecording) -> bool:
-    topics = leg.crank_topics
-    return len(topics) > 1 or any(t.shared for t in review.recording.topics if t.name in topics)
+    return len(leg.crank_topics) > 1 or review.recording.is_shared(leg.crank_topics)
 
 
 def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Finding:

@@ -253,7 +253,7 @@ def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 def _unstamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield several solvers in a run without stamped inputs."""
     evaluated = leg.evaluated
-    if not any(t.shared for t in review.recording.topics if t.name in evaluated.pose_topics):
+    if not review.recording.is_shared(evaluated.pose_topics):
         return
     if evaluated.solver.sim_time:
         yield from _by_number(review, leg)

@@ -50,65 +50,50 @@ def find_runs(paths: Iterable[str]) -> list[FoundRun]:
     """
     found: dict[str, FoundRun] = {}
     for path in paths:
-        for run in _runs(path, ()):
+        for run in _runs(Path(path), ()):
             found.setdefault(os.path.realpath(run.path) + run.fault, run)
     return list(found.values())
 
 
 def _runs(
-    path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool = False
+    path: Path, above: tuple[tuple[int, int], ...], *, is_linked: bool = False
 ) -> Iterator[FoundRun]:
+    """Yield the runs at a path; `above` are device and inode of the folders that it is in."""
     try:
-        status = Path(path).stat()
-        if not stat.S_ISDIR(status.st_mode):
-            yield FoundRun(path)
-            return
-        here = status.st_dev, status.st_ino
-        if here in above:
-            yield FoundRun(path, f'{printable(path)} leads back to a folder that it is in')
-            return
-        with os.scandir(path) as entries:
-            names = sorted((entry.name for entry in entries), key=lambda name: natural(Path(name)))
+        status = path.stat()
+        is_folder = stat.S_ISDIR(status.st_mode)
+        entries = sorted(path.iterdir(), key=natural) if is_folder else []
     except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        yield FoundRun(path, f'{printable(path)} cannot be read: {reason}')
+        # A link in a folder may lead nowhere.
+        if not above or not isinstance(error, FileNotFoundError):
+            reason = getattr(error, 'strerror', None) or error
+            yield FoundRun(str(path), f'{printable(path)} cannot be read: {reason}')
         return
-    visible = [name for name in names if not name.startswith('.')]
-    logs = [name for name in visible if is_log_name(Path(name))]
-    if FILE_NAME in names or (logs and _are_one(logs)):
-        yield FoundRun(path)
-        return
-    for name in visible:
-        inner = str(Path(path) / name)
-        if name in logs:
-            yield FoundRun(inner)
-        else:
-            yield from _below(inner, (*above, here), is_linked=is_linked)
-    if above and not names:
-        yield FoundRun(path, f'{printable(path)} is an empty folder: there is no log in it')
+    here, is_link = (status.st_dev, status.st_ino), bool(above) and path.is_symlink()
+    faults = {
+        'is a link in a linked folder, not followed': is_link and is_linked,
+        'leads back to a folder that it is in': here in above,
+        'is an empty folder: there is no log in it': above and not entries,
+    }
+    fault = next((text for text, holds in faults.items() if holds and is_folder), '')
+    if fault:
+        yield FoundRun(str(path), f'{printable(path)} {fault}')
+    elif is_folder and not _is_run(entries):
+        for entry in (each for each in entries if not each.name.startswith('.')):
+            if is_log_name(entry):
+                yield FoundRun(str(entry))
+            else:
+                yield from _runs(entry, (*above, here), is_linked=is_linked or is_link)
+    elif is_folder or not above:
+        yield FoundRun(str(path))
 
 
-def _below(
-    path: str, above: tuple[tuple[int, int], ...], *, is_linked: bool
-) -> Iterator[FoundRun]:
-    try:
-        is_folder = stat.S_ISDIR(Path(path).stat().st_mode)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        yield FoundRun(path, f'{printable(path)} cannot be read: {error.strerror}')
-        return
-    is_link = Path(path).is_symlink()
-    if is_folder and is_link and is_linked:
-        yield FoundRun(path, f'{printable(path)} is a link in a linked folder, not followed')
-    elif is_folder:
-        yield from _runs(path, above, is_linked=is_linked or is_link)
-
-
-def _are_one(logs: Iterable[str]) -> bool:
-    """Return whether files are numbered parts of one run, as recorders name them."""
-    parts = [re.fullmatch(r'(.+)_\d+', run_name(Path(name))) for name in logs]
-    return len({part and part[1] for part in parts}) == 1 and None not in parts
+def _is_run(entries: Sequence[Path]) -> bool:
+    """Return whether a folder is one run: by its metadata, or as recorders number its files."""
+    logs = [entry for entry in entries if is_log_name(entry) and not entry.name.startswith('.')]
+    parts = [re.fullmatch(r'(.+)_\d+', run_name(log)) for log in logs]
+    is_one = len({part and part[1] for part in parts}) == 1 and None not in parts
+    return is_one or any(entry.name == FILE_NAME for entry in entries)
 
 
 CHECK, BASELINE = 'expected', 'baseline'

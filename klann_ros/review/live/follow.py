@@ -42,46 +42,41 @@ def follow(path: str, limits: Limits, *, found: Report, on_status: Report) -> No
     each change of state. Raises a NotALogError if it is no run of MCAP files, and an OSError if it
     cannot be read.
     """
-    judge = _FollowJudge(limits, found)
+    # By the clock of the log, as fast as the run can be read.
+    judge, waiting, last, due = LiveJudge(limits), list[Message](), 0, 0
     for record in _FileFollower(Path(path), on_status).records():
-        judge.take(record)
-    judge.report()
+        if isinstance(record, Message):
+            waiting.append(record)
+            last = max(last, min(record.log_time, _MAX_TIME))
+            due = due or last + _STEP
+        else:
+            _note(judge, record)
+        if due and last >= due:
+            _report(judge, waiting, last, found)
+            due = last + _STEP
+    _report(judge, waiting, last, found)
 
 
-class _FollowJudge:
-    """Judges by the clock of the log, as fast as the run can be read."""
+def _note(judge: LiveJudge, record: NamedRecord) -> None:
+    """Give a record of the recorder to the judge; an invalid one is ignored."""
+    name, content = record
+    with suppress(ValueError):
+        if name == SOLVER_RECORD:
+            judge.set_solver(solver_parameters(content))
+        elif name == PAUSE_RECORD:
+            judge.excuse(recorded_pause(content))
 
-    def __init__(self, limits: Limits, found: Report) -> None:
-        self._judge, self._found = LiveJudge(limits), found
-        self._waiting: list[Message] = []
-        self._last = self._due = 0
 
-    def take(self, record: Message | NamedRecord) -> None:
-        if not isinstance(record, Message):
-            name, content = record
-            with suppress(ValueError):
-                if name == SOLVER_RECORD:
-                    self._judge.set_solver(solver_parameters(content))
-                elif name == PAUSE_RECORD:
-                    self._judge.excuse(recorded_pause(content))
-            return
-        self._waiting.append(record)
-        self._last = max(self._last, min(record.log_time, _MAX_TIME))
-        self._due = self._due or self._last + _STEP
-        if self._last >= self._due:
-            self.report()
-
-    def report(self) -> None:
-        self._judge.add_all(self._waiting)
-        self._waiting.clear()
-        self._due = self._last + _STEP
-        for finding in self._judge.findings(self._last):
-            if finding.is_new:
-                time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
-                shown = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
-                severity, of = finding.severity.name, f'{printable(finding.leg)}: '
-                text = f'{of if finding.leg else ""}{finding.text}'
-                self._found(f'{shown} {severity} {finding.check}: {text}')
+def _report(judge: LiveJudge, waiting: list[Message], now: int, found: Report) -> None:
+    """Judge the waiting messages, and report the new findings."""
+    judge.add_all(waiting)
+    waiting.clear()
+    for finding in judge.findings(now):
+        if finding.is_new:
+            time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
+            shown = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
+            of = f'{printable(finding.leg)}: ' if finding.leg else ''
+            found(f'{shown} {finding.severity.name} {finding.check}: {of}{finding.text}')
 
 
 class _FileFollower:

@@ -169,6 +169,10 @@ class RunRecording:
         restarts = (t.restarts.tolist() for t in self.topics if t.name in names)
         return [(begin, end) for pairs_ in restarts for begin, end in pairs_]
 
+    def is_shared(self, names: Collection[str]) -> bool:
+        """Return whether several publishers were active at once on one of some topics."""
+        return any(topic.shared for topic in self.topics if topic.name in names)
+
     def lost_on(self, names: Collection[str]) -> int:
         """Return the known number of lost messages on some topics."""
         return sum(topic.lost or 0 for topic in self.topics if topic.name in names)

@@ -5,7 +5,6 @@ from enum import IntEnum
 from functools import cached_property
 
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.web.markup import element, joined, scrolling_table
 import numpy as np
 
 from .answers import Answers, Unanswered
@@ -127,20 +126,6 @@ class Review:
     limits: Limits
     walks: tuple[WalkFigures, ...] = ()
     findings: tuple[Finding, ...] = ()
-
-    def _repr_html_(self) -> str:
-        """Return its findings and figures as a notebook shows them."""
-        findings = [
-            (each.severity.name, each.check, each.text, each.meaning) for each in self.findings
-        ]
-        legs = [(leg.recording.title or 'leg', f'{leg.figures.turns:.3f}') for leg in self.legs]
-        return joined(
-            [
-                element('p', 'healthy' if self.is_healthy else 'faults were found'),
-                scrolling_table('findings', ('severity', 'check', 'finding', 'meaning'), findings),
-                scrolling_table('legs', ('leg', 'turns of the crank'), legs),
-            ]
-        )
 
     @property
     def topics(self) -> tuple[TopicFigures, ...]:

@@ -1,23 +1,16 @@
-"""A review for other programs: JSON, a picture, and poses as CSV, arrays and data frames."""
+"""A review for other programs: JSON, and poses as CSV, arrays and data frames."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict
 import json
-from math import degrees
-from pathlib import Path
 from typing import Any, BinaryIO, TYPE_CHECKING
 
 from klann_ros import __version__
-from klann_ros.kinematics import AnyLeg, KinematicsError, LinkagePose
 from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.plotting import plot_pose
-from klann_ros.plotting.plane import legend_beside, PALE
 from klann_ros.review.model.answers import Cause
 from klann_ros.review.model.compare import Comparison
-from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.sanitize.outputs import finite, OutputError
+from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.tables import harmless, write_table
 from klann_ros.sanitize.text import printable
 import numpy as np
@@ -208,60 +201,3 @@ def _seconds(times: IntArray) -> list[str]:
 
 def _text(value: float) -> str:
     return '' if value != value else repr(value)  # noqa: PLR0124 - NaN is not itself
-
-
-# matplotlib cannot scale an axis to the largest doubles.
-LARGEST = 1e60
-
-
-class NoPictureError(OutputError):
-    """A picture that cannot be made; the text says why."""
-
-
-def picture_format(path: str) -> str:
-    """Return the format of a picture by the ending of its path; a NoPictureError for none."""
-    try:
-        from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 - as below
-    except ModuleNotFoundError:
-        msg = "a picture needs matplotlib: pip install 'klann_ros[plot]'"
-        raise NoPictureError(msg) from None
-    known = FigureCanvasBase.get_supported_filetypes()
-    ending = Path(path).suffix.removeprefix('.').lower() or 'png'
-    if ending not in known:
-        msg = f'there is no picture of the format {printable(ending)}: {", ".join(sorted(known))}'
-        raise NoPictureError(msg)
-    return ending
-
-
-def save_picture(review: Review, form: str, file: BinaryIO) -> None:
-    """Write a picture of a run's first leg; a NoPictureError if it closes at none of its poses."""
-    if not review.legs:
-        raise NoPictureError('there is no leg in the run')
-    recording = review.legs[0].evaluated
-    if recording.solver.leg is None:
-        raise NoPictureError('a picture needs a geometry, and the run has none: --geometry FILE')
-    pose = _last_that_closes(recording, recording.solver.leg)
-    from matplotlib.figure import Figure  # noqa: PLC0415 - optional, and slow to import
-
-    figure = Figure(figsize=(8.0, 6.0), layout='constrained')
-    axes = figure.add_subplot()
-    feet = recording.feet.values
-    # NaN fails the comparison as well.
-    drawn = feet[(np.abs(feet) <= LARGEST).all(axis=1)]
-    label = f'path of the foot, {len(drawn)} points'
-    axes.plot(*drawn.T, color=PALE, lw=1.5, zorder=1, label=label)
-    plot_pose(pose, ax=axes)
-    axes.set_title(f'crank angle {degrees(pose.crank_angle) % 360.0:.1f} deg')
-    legend_beside(axes)
-    try:
-        figure.savefig(file, format=form, dpi=120)
-    except ValueError as error:
-        raise NoPictureError(str(error)) from error
-
-
-def _last_that_closes(recording: LegRecording, leg: AnyLeg) -> LinkagePose:
-    for alpha in reversed(recording.poses.values[:, 0].tolist()):
-        with suppress(KinematicsError):
-            pose: LinkagePose = leg.closed_form(alpha)
-            return pose
-    raise NoPictureError('the leg closes at none of the recorded crank angles')

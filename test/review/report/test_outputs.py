@@ -11,7 +11,7 @@ from klann_ros.review.command import main
 from klann_ros.sanitize.files import is_within
 import pytest
 
-OPTIONS = ('--html', '--json', '--csv', '--picture')
+OPTIONS = ('--html', '--json', '--csv')
 
 
 @pytest.fixture
@@ -112,7 +112,6 @@ def test_an_unwritable_output_is_refused_at_once(run: Path, refused, tmp_path: P
         error = refused(run, '--html', path)
         assert reason in error
         assert 'cannot be written: ' in error
-    assert 'there is no picture of the format nothing' in refused(run, '--picture', 'a.nothing')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['file', 'run']
 
 
