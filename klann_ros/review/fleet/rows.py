@@ -14,7 +14,7 @@ from urllib.parse import quote
 from xml.etree.ElementTree import Element, ElementTree, indent, SubElement
 
 from klann_ros.log.errors import LogError
-from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.tables import harmless, write_table
@@ -90,7 +90,7 @@ def reviewed_row(
     values: dict[str, Any] = {
         'run': printable(path),
         'verdict': FINDINGS if faults else OK,
-        'reason': _line(faults[0]) if faults else '',
+        'reason': f'{faults[0].check}: {located(faults[0].leg, faults[0].text)}' if faults else '',
         **{
             f'{severity.name.lower()}s': sum(each.severity == severity for each in judged)
             for severity in Severity
@@ -115,11 +115,6 @@ def reviewed_row(
 
 
 _MAXIMA = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
-
-
-def _line(finding: Finding) -> str:
-    leg = f'{printable(finding.leg)}: ' if finding.leg else ''
-    return printable_line(f'{finding.check}: {leg}{finding.text}')
 
 
 def _finding_values(finding: Finding, allowed: frozenset[str]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
+from klann_ros.review.model.review import located
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
@@ -75,8 +76,8 @@ def _report(judge: LiveJudge, waiting: list[Message], now: int, found: Report) -
         if finding.is_new:
             time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
             shown = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
-            of = f'{printable(finding.leg)}: ' if finding.leg else ''
-            found(f'{shown} {finding.severity.name} {finding.check}: {of}{finding.text}')
+            text = located(finding.leg, finding.text)
+            found(f'{shown} {finding.severity.name} {finding.check}: {text}')
 
 
 class _FileFollower:

@@ -4,7 +4,6 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import time_ns
 from typing import NamedTuple
 
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
@@ -220,10 +219,6 @@ class LiveJudge:
         self._before: set[tuple[str, str]] = set()
         self._changes: list[LiveFinding] = []
 
-    def add(self, message: Message) -> None:
-        """Add a message."""
-        self._window.new.append(message)
-
     def add_all(self, messages: Iterable[Message]) -> None:
         """Add messages in the order of reception."""
         self._window.new.extend(messages)
@@ -247,7 +242,7 @@ class LiveJudge:
 
     def findings(
         self,
-        now: int | None = None,
+        now: int,
         published: Collection[str] | None = None,
         lost: Mapping[str, int] | None = None,
     ) -> list[LiveFinding]:
@@ -256,15 +251,14 @@ class LiveJudge:
 
         Parameters
         ----------
-        now : int, optional
-            Time of the log [ns since the epoch]; by default that of this machine.
+        now : int
+            Time of the log [ns since the epoch].
         published : collection of str, optional
             The topics with a publisher: one that left in order is not waited for.
         lost : mapping of str to int, optional
             Lost messages of each topic so far; by default counted here.
 
         """
-        now = time_ns() if now is None else now
         found = [*self._changes, *self._losses(now, lost)]
         self._window.move(now)
         self._changes.clear()

@@ -14,9 +14,17 @@ from klann_ros.review.model.times import nanoseconds
 from klann_ros.robot import Robot
 import numpy as np
 
-from .decode import COMMAND, CRANK_ANGLE, DecodedRows, FOOT, JOINT_STATE, TopicReader
+from .decode import (
+    COMMAND,
+    CRANK_ANGLE,
+    DecodedRows,
+    FOOT,
+    JOINT_STATE,
+    ODOMETRY,
+    TopicReader,
+)
 from .geometry import leg_solvers, parent, published_legs, REFERENCE, reference_leg
-from .series import GrowingArray, SeriesColumns
+from .series import GrowingArray, POSES, SeriesColumns
 
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
 # Key of crank_angle, the input of all legs, among the joints.
@@ -32,7 +40,7 @@ def is_leg_topic(topic: Topic) -> bool:
 
 
 class LegCollector:
-    """Collects the data of legs, block by block; parameters as `review_run`."""
+    """Reads the messages of legs and walkers, and collects those of legs, block by block."""
 
     def __init__(
         self,
@@ -101,7 +109,7 @@ class LegCollector:
                     self._add_crank(topic.name, ALL_JOINTS, block, piece, 0)
                 elif topic.type == JOINT_STATE:
                     self._add_joint_state(topic.name, block, piece)
-                else:
+                elif topic.type == FOOT:
                     foot = piece.values[:, :2]
                     self.feet[parent(topic.name)].add(piece.times, piece.stamps, foot)
                 taken.append(piece)
@@ -130,7 +138,9 @@ class LegCollector:
 
     def _reader(self, topic: Topic) -> TopicReader | None:
         if topic not in self._readers:
-            self._readers[topic] = TopicReader(topic) if is_leg_topic(topic) else None
+            is_pose = topic.type == ODOMETRY and topic.name.rpartition('/')[2] in POSES
+            is_read = is_pose or is_leg_topic(topic)
+            self._readers[topic] = TopicReader(topic) if is_read else None
         return self._readers[topic]
 
     def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:

@@ -71,7 +71,7 @@ def load(
             iterations.add(topic, block, rows)
             descriptions.add(topic, block, rows)
             simulated.add(topic, block, rows)
-            walks.add(topic, block, rows, pieces)
+            walks.add(topic, pieces)
             points.add(topic, block, rows)
     # Damage is known after reading only.
     pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
@@ -94,7 +94,7 @@ def load(
         end=min(log.end_time, LAST_TIME),
         topics=tuple(replace(topic, times=shared.one(topic.times)) for topic in topics),
         problems=log.problems,
-        undecoded=(*legs_.undecoded(), *walks.undecoded()),
+        undecoded=tuple(legs_.undecoded()),
         unrecorded=unrecorded,
         stalls=tuple(pause for pause in pauses if pause.reason),
         clock=clock,

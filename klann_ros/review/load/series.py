@@ -16,12 +16,12 @@ from klann_ros.calibration.load import (
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
-from klann_ros.review.model.recording import Undecoded, WalkRecording
+from klann_ros.review.model.recording import WalkRecording
 from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, ODOMETRY, TopicReader
+from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, ODOMETRY
 
 _INITIAL_ROWS = 1024
 # Measured points of a topic that a review reads.
@@ -126,7 +126,8 @@ class PointCollector:
 
 
 STATE = 'crank_state'
-ODOMETRY_NAME, TRUTH_NAME = 'odom', 'ground_truth'
+# Names of odometry and ground truth.
+POSES = ('odom', 'ground_truth')
 
 
 class WalkCollector:
@@ -137,16 +138,12 @@ class WalkCollector:
         self._cranks: dict[tuple[str, str, str], SeriesColumns] = defaultdict(
             partial(SeriesColumns, 1)
         )
-        self._readers: dict[Topic, TopicReader] = {}
 
-    def add(
-        self, topic: Topic, block: MessageBlock, rows: IndexArray, pieces: Iterable[DecodedRows]
-    ) -> None:
-        """Add the messages of a topic in a block; joint states come decoded."""
+    def add(self, topic: Topic, pieces: Iterable[DecodedRows]) -> None:
+        """Add decoded messages of a topic."""
         space, _, name = topic.name.rpartition('/')
-        if topic.type == ODOMETRY and name in (ODOMETRY_NAME, TRUTH_NAME):
-            reader = self._readers.setdefault(topic, TopicReader(topic))
-            for piece in reader.read(block, rows):
+        if topic.type == ODOMETRY:
+            for piece in pieces:
                 poses = _planar(piece.values)
                 known, columns = np.isfinite(poses).all(axis=1), self._poses[space, name]
                 columns.add(piece.times[known], piece.stamps[known], poses[known])
@@ -170,15 +167,8 @@ class WalkCollector:
                 {joint: s for (*at, joint), s in cranks.items() if at == [space, name]}
                 for name in (COMMAND, STATE)
             )
-            odometry, truth = (
-                poses.get((space, name), no_series(3)) for name in (ODOMETRY_NAME, TRUTH_NAME)
-            )
+            odometry, truth = (poses.get((space, name), no_series(3)) for name in POSES)
             yield WalkRecording(space, odometry, truth, commands, states)
-
-    def undecoded(self) -> Iterator[Undecoded]:
-        """Yield the topics with undecodable messages."""
-        for reader in self._readers.values():
-            yield from reader.undecoded
 
 
 def _planar(poses: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from enum import IntEnum
 from functools import cached_property
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.text import printable, printable_line
 import numpy as np
 
 from .answers import Answers, Unanswered
@@ -13,6 +14,11 @@ from .poses import leg_figures, LegFigures, PoseErrors
 from .recording import LegRecording, RunRecording
 from .topics import Gap, TopicFigures
 from .walks import WalkFigures
+
+
+def located(leg: str, text: str) -> str:
+    """Return a text as a printable line, after its leg, if any."""
+    return f'{printable(leg)}: {printable_line(text)}' if leg else printable_line(text)
 
 
 class Severity(IntEnum):

@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.poses import LegFigures
-from klann_ros.review.model.review import Finding, Review, Severity
+from klann_ros.review.model.review import Finding, located, Review, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import counted, printable
@@ -118,7 +118,7 @@ def differences(comparison: Comparison | None) -> Markup:
         return Markup()
     items = []
     for found in comparison.differences:
-        text = element('span', f'{_of(found.leg)}{found.text}')
+        text = element('span', located(found.leg, found.text))
         items.append(element('li', element('strong', found.what), ' ', text, class_='warning'))
     content = element('ul', *items, class_='findings')
     if not items:
@@ -165,7 +165,7 @@ def _finding(finding: Finding) -> Markup:
     parts = [
         element('strong', f'{finding.severity.name.capitalize()}: {finding.check}'),
         ' ',
-        element('span', f'{_of(finding.leg)}{finding.text}'),
+        element('span', located(finding.leg, finding.text)),
         element('em', finding.meaning),
     ]
     if finding.time is None:
@@ -200,10 +200,6 @@ def _number(value: float, factor: float, digits: int) -> str:
 
 def _of_run(what: str, number: int, of: int) -> str:
     return f'{what} of run {"AB"[number]}' if of > 1 else what
-
-
-def _of(title: str) -> str:
-    return f'{title}: ' if title else ''
 
 
 def figures(reviews: Sequence[Review]) -> Markup:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from math import degrees, isnan
 
 from klann_ros.review.model.compare import Comparison
-from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
+from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.review.model.walks import WalkFigures
 from klann_ros.sanitize.text import counted, printable, printable_line
@@ -46,7 +46,7 @@ def differences(comparison: Comparison, *, colour: bool = False) -> str:
     paint: _Paint = _painted if colour else lambda text, _: text
     word = paint('DIFFERS', _DIFFERENT)
     lines = [
-        f'{word} {printable(found.what)}: {_of(found.leg)}{printable_line(found.text)}'
+        f'{word} {printable(found.what)}: {located(found.leg, found.text)}'
         for found in comparison.differences
     ]
     if not lines:
@@ -113,22 +113,16 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
         left_out = len(leg.recording.poses) - len(leg.evaluated.poses)
         if left_out:
             since = review.since_start(leg.recording.solver.leg_time)
-            yield (
-                f'{_of(leg.recording.title)}the leg changed during the run; poses before '
-                f'{since:.2f} s were not judged'
-            )
+            text = f'the leg changed during the run; poses before {since:.2f} s were not judged'
+            yield located(leg.recording.title, text)
 
 
 def _finding(finding: Finding, paint: _Paint) -> Iterator[str]:
     word, colour = _WORDS[finding.severity]
     when = '' if finding.time is None else f' (first at {finding.time:.3f} s)'
-    text = f'{_of(finding.leg)}{printable_line(finding.text)}'
-    yield f'{paint(word, colour)} {finding.check}: {text}{when}'
+    text = f'{finding.check}: {located(finding.leg, finding.text)}'
+    yield f'{paint(word, colour)} {text}{when}'
     yield paint(f'    {printable_line(finding.meaning)}', _FAINT)
-
-
-def _of(title: str) -> str:
-    return f'{printable(title)}: ' if title else ''
 
 
 def _nothing(review: Review) -> str:

@@ -36,8 +36,8 @@ def judged(
     for now in range(START + step, START + until + step, step):
         while later and later[0].time <= now:
             judge.set_solver(later.pop(0))
-        while left and left[0].log_time <= now:
-            judge.add(left.pop(0))
+        judge.add_all(m for m in left if m.log_time <= now)
+        left = [m for m in left if m.log_time > now]
         found += [((now - START) / 1e9, each) for each in judge.findings(now, published)]
     return found
 
@@ -172,6 +172,5 @@ def test_other_topics_of_any_content_give_no_finding() -> None:
 def test_a_window_keeps_no_more_than_it_may() -> None:
     judge = LiveJudge()
     (message, *_) = LegRun(count=2).messages()
-    for _ in range(100_000):
-        judge.add(message)
+    judge.add_all([message] * 100_000)
     assert len(judge._window) == 40_000
