@@ -61,8 +61,8 @@ class PoseArtists:
         self.bodies, self.plates, self.guides, self.blocks = [], [], [], []
         for body in drawn.bodies:
             colour: dict[str, Any] = {'color': body.colour}
-            style = {'lw': width, 'label': body.label, 'solid_capstyle': 'round'}
-            self.bodies += ax.plot([], **colour, **style)
+            style: dict[str, Any] = {'lw': width, 'solid_capstyle': 'round'}
+            self.bodies += ax.plot([], **colour, label=body.label, **style)
             if len(body.points) > 2:
                 self.plates += ax.fill(*drawn.outline(body).T, **colour, alpha=0.2, lw=0)
             if body.line:
