@@ -1,6 +1,6 @@
 """Runs of any legs by the real solver and the real writer, without ROS: messages as CDR."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 import math
@@ -90,13 +90,11 @@ class LegRun:
             positions += pose.joints
             velocities += [rate, *(rate * x for x in pose.coefficients)]
             place = f'/{name}' if name else ''
-            found.append(
-                self._message(f'{place}/point_h', POINT, time, number, self._point(h, time))
-            )
+            found.append(self._message(f'{place}/point_h', POINT, time, number, foot_at(time, h)))
         if number in self.garbled:
             positions = velocities = [self.garbled[number]] * len(positions)
         if self.poses:
-            state = self._state(names, positions, velocities if self.rates else [], time)
+            state = joint_state(time, names, positions, velocities if self.rates else ())
             found.append(self._message('/joint_states', STATE, time, number, state))
         if self.iterations and number % 40 == 0:
             found.append(
@@ -110,24 +108,6 @@ class LegRun:
         data = bytes(STORE.serialize_cdr(content, kind))
         late = 150_000 + 20_000 * (number % 7)
         return Message(topic_of(name, kind), data, time + late, time, number + 1)
-
-    def _header(self, time: int) -> Any:
-        stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
-        return make('std_msgs/msg/Header', stamp=stamp, frame_id='leg_plane')
-
-    def _point(self, h: tuple[float, float], time: int) -> Any:
-        point = make('geometry_msgs/msg/Point', x=h[0], y=h[1], z=0.0)
-        return make(POINT, header=self._header(time), point=point)
-
-    def _state(self, names: Any, positions: Any, velocities: Any, time: int) -> Any:
-        return make(
-            STATE,
-            header=self._header(time),
-            name=names,
-            position=np.array(positions, dtype=float),
-            velocity=np.array(velocities, dtype=float),
-            effort=np.array([]),
-        )
 
     def _report(self, time: int, number: int) -> Any:
         status = [
@@ -145,8 +125,26 @@ class LegRun:
             )
             for name in self.legs
         ]
-        return make(REPORT, header=self._header(time), status=status)
+        return make(REPORT, header=header(time), status=status)
 
 
 def make(kind: str, **fields: Any) -> Any:
     return STORE.types[kind](**fields)
+
+
+def header(time: int, frame: str = 'leg_plane') -> Any:
+    stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
+    return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame)
+
+
+def joint_state(
+    time: int, names: Sequence[str], positions: Any, velocities: Any = (), efforts: Any = ()
+) -> Any:
+    numbers = {'position': positions, 'velocity': velocities, 'effort': efforts}
+    arrays = {name: np.array(values, dtype=float) for name, values in numbers.items()}
+    return make(STATE, header=header(time), name=[*names], **arrays)
+
+
+def foot_at(time: int, h: Sequence[float]) -> Any:
+    point = make('geometry_msgs/msg/Point', x=h[0], y=h[1], z=0.0)
+    return make(POINT, header=header(time), point=point)

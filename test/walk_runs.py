@@ -7,19 +7,14 @@ from typing import Any
 
 from klann_ros.log.records import Message
 from klann_ros.log.write.writer import RunWriter
-from leg_runs import STORE, topic_of
+from leg_runs import header, joint_state, make, START, STATE, STORE, topic_of
 import numpy as np
 
-START = 1_700_000_000_000_000_000
-ODOMETRY, STATE = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
+ODOMETRY = 'nav_msgs/msg/Odometry'
 JOINTS = ['left_crank', 'right_crank']
 # So fast [m/s], for so many messages of each topic, at 100 Hz.
 SPEED, COUNT = 0.5, 400
 WAY = SPEED * (COUNT - 1) / 100
-
-
-def make(kind: str, **fields: Any) -> Any:
-    return STORE.types[kind](**fields)
 
 
 @dataclass
@@ -66,10 +61,6 @@ class Walking:
             topic_of(f'{self.space}{name}', kind), data, stamp + 200_000, stamp, number + 1
         )
 
-    def _header(self, stamp: int) -> Any:
-        time = make('builtin_interfaces/msg/Time', sec=stamp // 10**9, nanosec=stamp % 10**9)
-        return make('std_msgs/msg/Header', stamp=time, frame_id='odom')
-
     def _odometry(
         self, name: str, stamp: int, number: int, at: tuple[float, float], yaw: float
     ) -> Message:
@@ -80,7 +71,7 @@ class Walking:
         zero = make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=0.0)
         content = make(
             ODOMETRY,
-            header=self._header(stamp),
+            header=header(stamp, 'odom'),
             child_frame_id='base_link',
             pose=make(
                 'geometry_msgs/msg/PoseWithCovariance',
@@ -96,13 +87,4 @@ class Walking:
         return self._message(name, ODOMETRY, stamp, number, content)
 
     def _cranks(self, name: str, stamp: int, number: int, turned: Any) -> Message:
-        empty = np.empty(0)
-        content = make(
-            STATE,
-            header=self._header(stamp),
-            name=JOINTS,
-            position=turned,
-            velocity=empty,
-            effort=empty,
-        )
-        return self._message(name, STATE, stamp, number, content)
+        return self._message(name, STATE, stamp, number, joint_state(stamp, JOINTS, turned))

@@ -26,21 +26,13 @@ from klann_ros.log.run_parameters import (
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
-from leg_runs import make, START, STORE, topic_of
-import numpy as np
+from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 import pytest
 
 PERIOD = 5_000_000
-
-
 CRANK = topic_of('/crank_angle', 'std_msgs/msg/Float64')
-POSES = topic_of('/joint_states', 'sensor_msgs/msg/JointState')
-FEET = topic_of('/point_h', 'geometry_msgs/msg/PointStamped')
-
-
-def header(stamp: int, frame: str) -> Any:
-    time = make('builtin_interfaces/msg/Time', sec=stamp // 10**9, nanosec=stamp % 10**9)
-    return make('std_msgs/msg/Header', stamp=time, frame_id=frame)
+POSES = topic_of('/joint_states', STATE)
+FEET = topic_of('/point_h', POINT)
 
 
 @dataclass
@@ -191,39 +183,21 @@ def crank(topic: Topic, stamp: int, alpha: float) -> Any:
     return joint_state(stamp, ['crank'], [alpha])
 
 
-def joint_state(
-    stamp: int,
-    names: list[str],
-    angles: list[float],
-    rates: Sequence[float] = (),
-    efforts: Sequence[float] = (),
-) -> Any:
-    return make(
-        POSES.type,
-        header=header(stamp, ''),
-        name=names,
-        position=np.array(angles, dtype=float),
-        velocity=np.array(rates, dtype=float),
-        effort=np.array(efforts, dtype=float),
-    )
-
-
 def _answer(script: Script, answer: Answer) -> Iterator[Message]:
     time, number = answer.stamp, answer.sequence
     stamp = time if answer.header_stamp is None else answer.header_stamp
     names = [script.prefix + joint for joint in JOINTS]
-    point = make('geometry_msgs/msg/Point', x=answer.foot[0], y=answer.foot[1], z=0.0)
-    of_foot = header(stamp if answer.foot_stamp is None else answer.foot_stamp, 'leg_plane')
+    of_foot = stamp if answer.foot_stamp is None else answer.foot_stamp
     asked = crank(script.crank, stamp, answer.alpha)
     if len(script.crank_efforts):
         efforts = [77.0, script.crank_efforts[number - 1]]
-        asked = joint_state(stamp, ['wheel', 'crank'], [0.0, answer.alpha], efforts=efforts)
+        asked = joint_state(stamp, ['wheel', 'crank'], [0.0, answer.alpha], (), efforts)
     first = number - 1
     of_legs = [float(each) for each in script.pose_efforts[first:number]] * len(names)
     for topic, content in (
         (script.crank, asked),
         (script.poses, joint_state(stamp, names, answer.pose, script.rates, of_legs)),
-        (script.feet, make(FEET.type, header=of_foot, point=point)),
+        (script.feet, foot_at(of_foot, answer.foot)),
     ):
         yield message(topic, time, number, content, script.latency)
 

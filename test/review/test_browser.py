@@ -8,32 +8,28 @@ import sys
 
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
-import pytest
 
 REVIEW = """
 import json, sys
 sys.modules.update(dict.fromkeys(('fcntl', 'resource', 'lz4', 'zstandard')))
 from klann_ros.review import review_run
-review = review_run(sys.argv[1])
-print(json.dumps([[topic.count for topic in review.topics], [f.text for f in review.findings]]))
+reviews = map(review_run, sys.argv[1:])
+print(json.dumps([[[t.count for t in r.topics], [f.text for f in r.findings]] for r in reviews]))
 """
 
 
-@pytest.mark.parametrize('compression', ['none', 'lz4', 'zstd'])
-def test_uncompressed_runs_are_reviewed_and_compressed_chunks_reported(
-    compression: str, tmp_path: Path
-) -> None:
-    run = LegRun().write(tmp_path / 'run', compression)
+def test_uncompressed_runs_are_reviewed_and_compressed_chunks_reported(tmp_path: Path) -> None:
+    kinds = ('none', 'lz4', 'zstd')
+    runs = [LegRun().write(tmp_path / kind, kind) for kind in kinds]
     done = subprocess.run(
-        [sys.executable, '-c', REVIEW, run],
+        [sys.executable, '-c', REVIEW, *runs],
         capture_output=True,
         check=True,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
     )
-    counts, findings = json.loads(done.stdout)
-    if compression == 'none':
-        review = review_run(run)
-        assert counts == [topic.count for topic in review.topics]
-        assert findings == [finding.text for finding in review.findings]
-    else:
-        assert any(f"the compression '{compression}' is not known" in text for text in findings)
+    (counts, findings), *others = json.loads(done.stdout)
+    review = review_run(runs[0])
+    assert counts == [topic.count for topic in review.topics]
+    assert findings == [finding.text for finding in review.findings]
+    for kind, (_, texts) in zip(kinds[1:], others, strict=True):
+        assert any(f"the compression '{kind}' is not known" in text for text in texts)

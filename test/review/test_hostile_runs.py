@@ -128,7 +128,7 @@ def write(path: Path, contents, metadata) -> None:
         writer.finish()
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.lists(messages(), max_size=25), records)
 def test_a_review_ends_with_a_report(contents, metadata) -> None:
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():

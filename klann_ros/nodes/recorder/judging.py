@@ -13,7 +13,8 @@ from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameter
 from klann_ros.nodes.endpoints import create_steady_timer, diagnostic_status
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
-from klann_ros.review.live.judge import LiveFinding, LiveJudge, MAX_MESSAGES, STEP
+from klann_ros.review.live.judge import LiveFinding, LiveJudge, STEP
+from klann_ros.review.load.window import MAX_MESSAGES
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.model.review import Severity
 from klann_ros.sanitize.text import printable

@@ -1,38 +1,30 @@
 """Findings in the passing messages: repeated reviews of the last seconds."""
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
-from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.records import Message, Topic
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause, SolverParameters
 from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.checks.completeness import answer_topics, check_losses
 from klann_ros.review.load.geometry import leg_solvers, parent
-from klann_ros.review.load.legs import is_leg_topic
 from klann_ros.review.load.load import load
+from klann_ros.review.load.window import LENGTH, Window
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.compare import leg_dimensions
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import RunRecording
 from klann_ros.review.model.review import Severity
-from klann_ros.review.model.times import Interval, median, merge_intervals, time_steps
+from klann_ros.review.model.times import median, merge_intervals, time_steps
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.review.reviewing import review_recording
 from klann_ros.sanitize.text import counted, printable, verb
-import numpy as np
 
-# Length of the window, and period of reviews [s]: a short gap falls into one window, and a fault
-# is found within a second.
-LENGTH, STEP = 1.0, 0.7
-# Largest window [messages], [bytes].
-MAX_MESSAGES, MAX_BYTES = 40_000, 64_000_000
-# Largest channel number of a block.
-_MAX_CHANNEL = 2**16 - 1
+# Period of reviews [s]: a fault is found within a second.
+STEP = 0.7
 # Checks that need a whole run, or are replaced here.
 _EXCLUDED_CHECKS = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
 _CHECKS = tuple(check for check in CHECKS if check not in (check_clocks, check_losses))
@@ -88,120 +80,6 @@ class _SequenceNumbers:
             self._gaps.append((self._ordered + _MIN_ORDERED, number - before - 1))
         while self._gaps and self._gaps[0][0] <= self._ordered:
             self.lost += self._gaps.popleft()[1]
-
-
-class Window:
-    """
-    The last messages, which a review loads like a log.
-
-    New messages become a block once, as consecutive windows share most messages.
-    """
-
-    path = Path('window')
-    paths: tuple[Path, ...] = ()
-    problems: tuple[str, ...] = ()
-    metadata: Mapping[str, list[dict[str, str]]] = {}
-
-    def __init__(self) -> None:
-        self.solvers: Sequence[SolverParameters] = ()
-        # Intervals without reception, log times [ns].
-        self.gaps: tuple[Interval, ...] = ()
-        # The messages since the last move.
-        self.new: deque[Message] = deque(maxlen=MAX_MESSAGES)
-        self._blocks: deque[MessageBlock] = deque()
-        # By the object, as to compare topics takes long; and the topic stays alive.
-        self._channels: dict[int, tuple[int, Topic]] = {}
-        self._topics: dict[int, Topic] = {}
-        self.types: dict[str, str] = {}
-        # By node: the last two parameter sets.
-        self._solvers: dict[str, list[SolverParameters]] = {}
-
-    def clear(self) -> None:
-        """Forget all messages."""
-        self.new.clear()
-        self._blocks.clear()
-
-    def __len__(self) -> int:
-        return sum(map(len, self._blocks)) + len(self.new)
-
-    @property
-    def start_time(self) -> int:
-        """Return the log time of the earliest message [ns]."""
-        return min(int(block.heads['log_time'].min()) for block in self._blocks)
-
-    @property
-    def end_time(self) -> int:
-        """Return the log time of the latest message [ns]."""
-        return max(int(block.heads['log_time'].max()) for block in self._blocks)
-
-    def set_solver(self, solver: SolverParameters) -> None:
-        """Set the parameters of a solver."""
-        # The previous one holds for older messages in the window.
-        known = [*self._solvers.get(solver.node, ())[-1:], solver]
-        self._solvers[solver.node] = known
-        records = [each for sets in self._solvers.values() for each in sets]
-        self.solvers = sorted(records, key=lambda each: each.time)
-
-    def solver(self, node: str) -> SolverParameters | None:
-        """Return the parameters of a solver, if known."""
-        return self._solvers[node][-1] if node in self._solvers else None
-
-    def move(self, now: int) -> None:
-        """Move the window to a time: add new messages, drop old ones."""
-        if self.new:
-            self._blocks.append(self._block([*self.new]))
-            self.new.clear()
-        begin = now - round(LENGTH * 1e9)
-        current = (_since(block, begin) for block in self._blocks)
-        self._blocks = deque(block for block in current if len(block))
-        self.gaps = tuple(gap for gap in self.gaps if gap[1] >= begin)
-        while len(self._blocks) > 1 and self._is_too_much():
-            self._blocks.popleft()
-
-    def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
-        """Yield all messages."""
-        if progress is not None:
-            progress(0.0)
-        yield from self._blocks
-
-    def _is_too_much(self) -> bool:
-        size = sum(len(block.data) for block in self._blocks)
-        return len(self) > MAX_MESSAGES or size > MAX_BYTES
-
-    def _block(self, messages: Sequence[Message]) -> MessageBlock:
-        ids = [id(message.topic) for message in messages]
-        if not self._channels.keys() >= set(ids):
-            for message in messages:
-                self._know(message.topic)
-        channels = self._channels
-        heads = np.zeros(len(messages), HEAD)
-        heads['channel'] = numbers = [channels[key][0] for key in ids]
-        heads['sequence'] = [m.sequence & 0xFFFFFFFF for m in messages]
-        heads['log_time'] = [m.log_time for m in messages]
-        heads['publish_time'] = [m.publish_time for m in messages]
-        topics, data = self._topics, [m.data for m in messages]
-        if any(not topic.type for topic in topics.values()):
-            data = [d if topics[n].type else b'' for n, d in zip(numbers, data, strict=True)]
-        return block_of_messages(heads, data, topics)
-
-    def _know(self, topic: Topic) -> None:
-        """Add a topic; only topics of legs keep their data."""
-        if id(topic) not in self._channels:
-            number = len(self._channels)
-            if number > _MAX_CHANNEL:
-                raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
-            self._channels[id(topic)] = number, topic
-            self.types[topic.name] = topic.type
-            self._topics[number] = topic if is_leg_topic(topic) else Topic(topic.name, '')
-
-
-def _since(block: MessageBlock, time: int) -> MessageBlock:
-    """Return the messages of a block that were received since a time [ns]."""
-    times = block.heads['log_time']
-    if not len(times) or times.min() >= time:
-        return block
-    rows = times >= time
-    return replace(block, heads=block.heads[rows], starts=block.starts[rows])
 
 
 class LiveJudge:

@@ -43,7 +43,8 @@ from .topics import recorded_losses, TopicCollector
 
 if TYPE_CHECKING:
     from klann_ros.log.reader import Log
-    from klann_ros.review.live.judge import Window
+
+    from .window import Window
 
 RecordT = TypeVar('RecordT')
 # A larger latency mixes two clocks [s].

@@ -131,7 +131,7 @@ def read_one(kind, data):
     return stamp, tuple(names), *found
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(st.lists(serialized(), max_size=6), st.randoms())
 def test_bulk_reading_is_that_of_the_library(families, random) -> None:
     given_messages = [message for family in families for message in family]

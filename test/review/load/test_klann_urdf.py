@@ -106,7 +106,7 @@ def test_invalid_urdfs_have_no_legs(text: str) -> None:
     assert klann_legs_in_urdf(text) == {}
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(
     st.integers(0, len(URDF) - 1),
     st.integers(0, 60),

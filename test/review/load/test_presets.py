@@ -26,7 +26,8 @@ ROOT = Path(__file__).resolve().parents[3]
 OTHERS = {'motor_example.yaml', 'ros2_control.yaml', 'ekf.yaml', 'nav2_walker.yaml'}
 CONFIGS = [p for p in sorted((ROOT / 'config').glob('*.yaml')) if p.name not in OTHERS]
 LINKAGES = sorted((ROOT / 'klann_ros' / 'linkages').glob('*.yaml'))
-PERIOD = 10_000_000
+# Of the messages: more than a check needs, and steps below those of a jump.
+PERIOD, COUNT = 10_000_000, 60
 
 
 def flat(parameters: dict) -> dict:
@@ -58,7 +59,7 @@ def crank_angles(leg: RobotLeg, count: int) -> list[float]:
     return np.linspace(start + margin, end - margin, count).tolist()
 
 
-def write(folder: Path, namespace: str, robot: Robot, recorded: dict, count: int = 120) -> Path:
+def write(folder: Path, namespace: str, robot: Robot, recorded: dict, count: int = COUNT) -> Path:
     """Write a run of a solver with such parameters, as solver_node publishes."""
     legs = [(leg, LinkageLeg(leg.linkage)) for leg in robot.legs]
     crank = topic_of(f'{namespace}/crank_angle', 'std_msgs/msg/Float64')
@@ -107,10 +108,13 @@ def test_shipped_configurations_give_a_healthy_run(tmp_path, path, namespace) ->
     for leg in review.legs:
         assert leg.errors is not None
         assert (
-            len(leg.evaluated.poses) == len(leg.evaluated.feet) == len(leg.evaluated.cranks) == 120
+            len(leg.evaluated.poses)
+            == len(leg.evaluated.feet)
+            == len(leg.evaluated.cranks)
+            == COUNT
         )
         assert leg.figures.worst_foot_error < 1e-12
-        first, *_, last = crank_angles(robot.legs[0], 120)
+        first, *_, last = crank_angles(robot.legs[0], COUNT)
         assert abs(leg.figures.turns) == pytest.approx((last - first) / (2 * np.pi))
 
 

@@ -131,7 +131,7 @@ def alphas(run: Path) -> list[float]:
     return [float(alpha) for alpha in leg.recording.poses.values[:, 0]]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(fate=fates())
 @example(fate=Fates(set(), range(0), set(), range(0), set()))
 @example(fate=Fates({50}, range(60, 90), {120, 121}, range(150, 160), {51, 170}))
@@ -163,7 +163,7 @@ def test_questions_within_0_2_s_of_a_pause_are_at_holes(runs: Runs) -> None:
     assert (leg.unanswered.unrecorded, leg.unanswered.unexplained) == (2, 2)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(single=st.sets(INSIDE, max_size=40), at_once=st.integers(1, 7))
 def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
     runs: Runs, single: set[int], at_once: int

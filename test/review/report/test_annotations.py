@@ -1,11 +1,10 @@
 """An annotated run has every message of the log byte for byte, and the truth beside it."""
 
 from pathlib import Path
-import subprocess
-import sys
 from typing import Any
 
 from findings import checks
+from fork_server import called, PYTHON
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log import open_log
 from klann_ros.log.recovery import recover
@@ -201,9 +200,8 @@ def test_a_full_disk_leaves_no_half_copy(faulty: Path, tmp_path: Path) -> None:
     # As a full disk does, these let a file grow no further: before and after the run's bytes.
     for limit in (file.stat().st_size // 2, file.stat().st_size + 500):
         code = f'import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit}))\n'
-        code += 'import sys; from klann_ros.review.command import main; sys.exit(main())'
-        arguments = [sys.executable, '-c', code, faulty, '--annotate', tmp_path / 'copy']
-        done = subprocess.run(arguments, capture_output=True, check=False, text=True)
+        code += 'import sys; from klann_ros.executables import review; sys.exit(review())'
+        done = called(PYTHON, '-c', code, faulty, '--annotate', tmp_path / 'copy')
         reason = f'--annotate {tmp_path}/copy cannot be written: File too large'
         assert (done.returncode, done.stderr) == (3, f'review: {reason}\n')
         assert not (tmp_path / 'copy').exists()
