@@ -1,23 +1,21 @@
 """The Klann leg: its dimensions, with the two legs of the literature, and its solution."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.units import warn_of_lengths
 
-from . import validation
 from .angles import wrap
 from .errors import GeometryError
 from .linkage.assemblies import assemblies
 from .linkage.leg import Leg
-from .linkage.linkage import Linkage
+from .linkage.linkage import Linkage, NamedGeometry
 from .linkage.pose import LinkageMotion, LinkagePose, PoseEntry
 from .linkage.reach import closes_somewhere
-from .linkage.structure import Bar, Body, Dimension, dimension_places, Structure
+from .linkage.structure import Bar, Body, Dimension, Structure
 
 LENGTHS = ('l_ab', 'l_bc', 'l_dc', 'l_cg', 'l_ef', 'l_fg', 'l_gh')
 COORDINATES = ('x_d', 'y_a', 'x_e', 'y_e')
@@ -60,7 +58,7 @@ JOINTS = STRUCTURE.angles
 
 
 @dataclass(frozen=True, kw_only=True)
-class KlannGeometry:
+class KlannGeometry(NamedGeometry):
     """
     Lengths, pivots, bends and assembly of a Klann leg; the defaults are those of SEM 104.
 
@@ -91,6 +89,8 @@ class KlannGeometry:
     R. Nicoletti, SEM 104 Mecanismos, lecture 7.
 
     """
+
+    structure: ClassVar[Structure] = STRUCTURE
 
     l_ab: float = 0.120
     l_bc: float = 0.350
@@ -161,34 +161,6 @@ class KlannGeometry:
         numbers = [getattr(self, name) for name in NUMBERS]
         return Linkage(STRUCTURE, numbers, assembly=self.assembly, name='Klann leg')
 
-    def varied(
-        self, changes: Mapping[str, float] | None = None, **numbers: float
-    ) -> 'KlannGeometry':
-        """
-        Return the leg with some of its numbers replaced.
-
-        Parameters
-        ----------
-        changes : mapping of str to float, optional
-            By name, such as `l_bc` or `angle_bcg` [m, rad].
-        **numbers
-            The same as keywords: `varied(l_bc=0.36)`.
-
-        Raises
-        ------
-        GeometryError
-            It is no leg any more, or there is no such number.
-
-        """
-        new: dict[str, Any] = {**(changes or {}), **numbers}
-        dimension_places(STRUCTURE.dimensions, new)
-        return replace(self, **new)
-
-    def scaled(self, factor: float) -> 'KlannGeometry':
-        """Return the leg scaled by a factor; raises a GeometryError unless it is positive."""
-        factor = validation.factor(factor)
-        return self.varied({name: factor * getattr(self, name) for name in LENGTHS + COORDINATES})
-
     def mirrored(self) -> 'KlannGeometry':
         """
         Return the leg mirrored in the x axis: every angle has the other sign, the crank's too.
@@ -199,14 +171,9 @@ class KlannGeometry:
         first, second = self.assembly
         return replace(self, **turned, assembly=(-first, -second))
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the linkage: it is made on first use."""
-        return self.as_dict()
-
     def as_dict(self) -> dict[str, Any]:
         """Return the fields by name, ready for a file: lengths [m], bends [rad], assembly."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {**values, 'assembly': list(self.assembly)}
+        return {**self.__getstate__(), 'assembly': list(self.assembly)}
 
 
 PRESETS = {'sem104': KlannGeometry.sem104, 'patent': KlannGeometry.patent}

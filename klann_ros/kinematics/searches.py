@@ -201,5 +201,5 @@ def parabola_peak(before: FloatArray, own: FloatArray, after: FloatArray) -> Flo
     with np.errstate(all='ignore'):
         bend = before - 2.0 * own + after
         rise = (after - before) ** 2 / (-8.0 * bend)
-    inside = (own >= before) & (own >= after) & (bend < 0.0)
+    inside = (own >= before) & (own >= after) & (bend < 0.0) & np.isfinite(rise)
     return np.asarray(own + np.where(inside, rise, 0.0), dtype=np.float64)

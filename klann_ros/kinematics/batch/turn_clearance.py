@@ -15,7 +15,7 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.kinematics.errors import GeometryError, KinematicsError
 from klann_ros.kinematics.linkage.reach import is_driven, reachable_arcs
 from klann_ros.kinematics.linkage.variants import Variants
-from klann_ros.kinematics.searches import minimum_near
+from klann_ros.kinematics.searches import minimum_near, parabola_peak
 import numpy as np
 
 from .blockwise import Blockwise
@@ -181,11 +181,7 @@ def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray)
 
 def _lowest(values: FloatArray) -> IndexArray:
     """Return the sample nearest to the minimum, by a parabola through each three."""
-    values = np.where(np.isnan(values), np.inf, values)
-    before, after = np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)
-    with np.errstate(invalid='ignore'):
-        bend = before - 2.0 * values + after
-        dips = (values <= before) & (values <= after) & (bend > 0.0) & np.isfinite(bend)
-        deeper = (after - before) ** 2 / (8.0 * np.where(dips, bend, np.inf))
-    lowest: IndexArray = (values - np.where(dips, deeper, 0.0)).argmin(axis=1)
+    height = -np.where(np.isnan(values), np.inf, values)
+    before, after = np.roll(height, 1, axis=1), np.roll(height, -1, axis=1)
+    lowest: IndexArray = parabola_peak(before, height, after).argmax(axis=1)
     return lowest

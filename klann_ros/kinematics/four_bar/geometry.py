@@ -1,20 +1,18 @@
 """The dimensions of a four-bar linkage."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
-from typing import Any
+from typing import Any, ClassVar
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
-from klann_ros.kinematics.linkage.linkage import Linkage
+from klann_ros.kinematics.linkage.linkage import Linkage, NamedGeometry
 from klann_ros.kinematics.linkage.reach import length_rounding
 from klann_ros.kinematics.linkage.structure import (
     Bar,
     Body,
     Dimension,
-    dimension_places,
     Structure,
 )
 from klann_ros.sanitize.text import did_you_mean
@@ -39,7 +37,7 @@ STRUCTURE = Structure(
 
 
 @dataclass(frozen=True)
-class FourBarGeometry:
+class FourBarGeometry(NamedGeometry):
     """
     The four lengths and the assembly of a four-bar linkage.
 
@@ -61,6 +59,8 @@ class FourBarGeometry:
         +1 or -1, or one link is as long as the other three together. A ValueError.
 
     """
+
+    structure: ClassVar[Structure] = STRUCTURE
 
     ground: float
     crank: float
@@ -95,35 +95,6 @@ class FourBarGeometry:
         """Return it as a linkage, the form that is solved."""
         return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
 
-    def varied(
-        self, changes: Mapping[str, float] | None = None, **numbers: float
-    ) -> 'FourBarGeometry':
-        """
-        Return it with some of its lengths replaced.
-
-        Parameters
-        ----------
-        changes : mapping of str to float, optional
-            By name: 'ground', 'crank', 'coupler' or 'rocker' [m].
-        **numbers
-            The same as keywords.
-
-        Raises
-        ------
-        GeometryError
-            It is no four-bar any more, or there is no such length.
-
-        """
-        new = {**(changes or {}), **numbers}
-        dimension_places(STRUCTURE.dimensions, new)
-        lengths = dict(zip(LENGTHS, self.lengths, strict=True)) | new
-        return FourBarGeometry(**lengths, assembly=self.assembly)
-
-    def scaled(self, factor: float) -> 'FourBarGeometry':
-        """Return it scaled by a factor; raises a GeometryError unless it is positive."""
-        factor = validation.factor(factor)
-        return self.varied({name: factor * getattr(self, name) for name in LENGTHS})
-
     def mirrored(self) -> 'FourBarGeometry':
         """Return it mirrored in its ground: every angle has the other sign."""
         return replace(self, assembly=-self.assembly)
@@ -138,10 +109,6 @@ class FourBarGeometry:
         sign = self.assembly if assembly is None else assembly
         held, driven, across, other = self.lengths[first:] + self.lengths[:first]
         return FourBarGeometry(held, driven, across, other, sign)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the linkage: it is made on first use."""
-        return {**dict(zip(LENGTHS, self.lengths, strict=True)), 'assembly': self.assembly}
 
     def crank_pin(self, theta2: float) -> tuple[float, float]:
         """Return A (x, y) at a crank angle [rad] [m]."""

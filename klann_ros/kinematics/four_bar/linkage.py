@@ -1,6 +1,6 @@
 """The four-bar as the course asks of it: its pose by its names, its class, limits and merit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, dist, inf, nan, pi, radians, sqrt
 from typing import Any, NamedTuple
@@ -228,18 +228,6 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """Return the linkage's lengths and assembly."""
         return self._geometry
 
-    def varied(self, changes: Mapping[str, float] | None = None, **numbers: float) -> 'FourBar':
-        """Return the four-bar with some of its lengths replaced: see `FourBarGeometry.varied`."""
-        return self._made(self._geometry.varied(changes, **numbers))
-
-    def scaled(self, factor: float) -> 'FourBar':
-        """Return the four-bar scaled by a factor; raises a GeometryError unless it is positive."""
-        return self._made(self._geometry.scaled(factor))
-
-    def mirrored(self) -> 'FourBar':
-        """Return the four-bar mirrored in its ground, which is its other assembly."""
-        return self._made(self._geometry.mirrored())
-
     def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBar':
         """
         Return the four-bar with another of its links held: see `FourBarGeometry.inversion`.
@@ -250,12 +238,10 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         class I, double crank: ground fixed, crank rotates, coupler rotates, rocker rotates
 
         """
-        return self._made(self._geometry.inversion(fixed, assembly))
-
-    def _made(self, geometry: FourBarGeometry) -> 'FourBar':
-        tolerance, max_crank_step, _ = self._settings
+        geometry, (tolerance, max_crank_step, _) = self._geometry, self._settings
+        held = geometry.inversion(fixed, assembly)
         settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
-        return FourBar(*geometry.lengths, geometry.assembly, **settings)
+        return FourBar(*held.lengths, held.assembly, **settings)
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """

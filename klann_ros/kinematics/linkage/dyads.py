@@ -47,7 +47,7 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
     Returns
     -------
     tuple of float or None
-        J = (x, y) [m]; None where the circles do not meet (see `dyad_clearance`), and where P
+        J = (x, y) [m]; None where the circles do not meet, and where P
         and Q coincide, so that they meet nowhere or everywhere.
 
     """
@@ -60,16 +60,6 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
     h = sign * sqrt(heron) / (2.0 * d)
     ux, uy = (qx - px) / d, (qy - py) / d
     return px + a * ux - h * uy, py + a * uy + h * ux
-
-
-def dyad_clearance(p: Point, q: Point, r_p: float, r_q: float) -> float:
-    """
-    Return the clearance of the ends P and Q within the dyad's reach [m]; negative outside.
-
-    The reach is |r_p - r_q| <= |PQ| <= r_p + r_q. Parameters as in `dyad_joint`.
-    """
-    d = dist(p, q)
-    return min(r_p + r_q - d, d - abs(r_p - r_q))
 
 
 # Rounding of a loop, as a part of its longest vector.
@@ -159,10 +149,8 @@ class TwoCircles:
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return the clearance of the ends within its reach [m]; negative outside."""
-        if isinstance(closure, np.ndarray):
-            r_a, r_b = self.radii
-            return np.minimum(r_a + r_b - abs(closure), abs(closure) - abs(r_a - r_b))
-        return dyad_clearance((0.0, 0.0), (closure.real, closure.imag), *self.radii)
+        (r_a, r_b), d = self.radii, abs(closure)
+        return np.minimum(r_a + r_b - d, d - abs(r_a - r_b))
 
     def is_too_far(self, closure: Any) -> Any:
         """Return whether it is too far, rather than too near, for it to close."""

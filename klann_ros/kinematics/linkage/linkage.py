@@ -2,9 +2,10 @@
 
 from cmath import phase
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from math import degrees
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
@@ -19,6 +20,7 @@ from .structure import dimension_places, Structure
 MAX_START_ITERATIONS = 50
 # Of |sin| between two links at the start: below it the assembly mode is undefined.
 MIN_START_SINE = 1e-6
+GeometryT = TypeVar('GeometryT', bound='NamedGeometry')
 
 
 class Linkage(LoopEquations):
@@ -281,6 +283,46 @@ class Linkage(LoopEquations):
             msg = 'its start pose is singular, which leaves the branch open: give another'
             raise NotAssembledError(msg)
         return tuple(1 if sine > 0.0 else -1 for sine in sines)
+
+
+@dataclass(frozen=True)
+class NamedGeometry:
+    """The common part of geometries, whose fields are the dimensions of a structure."""
+
+    structure: ClassVar[Structure]
+
+    def varied(  # noqa: PYI019 - typing has Self since 3.11
+        self: GeometryT, changes: Mapping[str, float] | None = None, **numbers: float
+    ) -> GeometryT:
+        """
+        Return it with some of its numbers replaced.
+
+        Parameters
+        ----------
+        changes : mapping of str to float, optional
+            By name, such as 'l_bc', 'angle_bcg' or 'coupler' [m, rad].
+        **numbers
+            The same as keywords: `varied(l_bc=0.36)`.
+
+        Raises
+        ------
+        GeometryError
+            It is no such linkage any more, or there is no such number.
+
+        """
+        new: dict[str, Any] = {**(changes or {}), **numbers}
+        dimension_places(self.structure.dimensions, new)
+        return replace(self, **new)
+
+    def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - as above
+        """Return it scaled by a factor; raises a GeometryError unless it is positive."""
+        factor = validation.factor(factor)
+        lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
+        return self.varied({name: factor * getattr(self, name) for name in lengths})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the linkage: it is made on first use."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def as_linkage(given: Any) -> Linkage:
