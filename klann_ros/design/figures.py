@@ -100,7 +100,7 @@ def judge(
     """Return the named figures of candidates; those that are not computed in bulk are left out."""
     has_box = not names.isdisjoint({'width', 'height'})
     turns = whole_turns(variants, count, box=has_box, kernel=kernel)
-    jam = np.where(variants.error_codes, 2.0, turns.missing)
+    jam = np.where(variants.refused, 2.0, turns.missing)
     if variants.base.two_circles:
         with np.errstate(invalid='ignore'):
             lacking = np.maximum(0.0, -driven_clearances(variants) / variants.base.size)

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .balance import Reactions, reactions
-from .masses import MassError, Masses, place_of, Spring
+from .masses import MassError, Masses, Spring
 from .motion import body_motion, body_motion_at, BodyMotion
 
 # Standard gravity [m/s^2].
@@ -148,7 +148,7 @@ class Dynamics:
         bodies = len(self.linkage.structure.bodies)
         if len(masses.bodies) != bodies:
             raise MassError(f'there are {len(masses.bodies)} masses for {bodies} bodies')
-        self.gravity = place_of(gravity)
+        self.gravity = complex(*gravity)
 
     @cached_property
     def _leg(self) -> LinkageLeg:
@@ -287,7 +287,7 @@ def _end(end: Any, moving: BodyMotion) -> tuple[Any, Any]:
         at, at_1, _ = moving.point(end)
         return at, at_1
     zero = np.zeros(moving.alphas.size) + 0j
-    return zero + place_of(end), zero
+    return zero + complex(*end), zero
 
 
 def _elongation(spring: Spring, moving: BodyMotion) -> tuple[Any, Any]:

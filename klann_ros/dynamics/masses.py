@@ -188,7 +188,7 @@ def _by_density(content: Mapping[str, Any], linkage: Linkage, name: str, metre: 
 
 
 def _body(content: Mapping[str, Any], metre: float) -> BodyMass:
-    centre = metre * place_of(content.get('centre', (0.0, 0.0)))
+    centre = metre * complex(*content.get('centre', (0.0, 0.0)))
     return BodyMass(float(content['mass']), centre, float(content.get('inertia', 0.0)))
 
 
@@ -210,9 +210,3 @@ def _spring(content: Mapping[str, Any], linkage: Linkage, metre: float) -> Sprin
 def _not_negative(name: str, value: Any, unit: str) -> None:
     if not isinstance(value, int | float) or not isfinite(value) or value < 0.0:
         raise MassError(f'{name} = {value!r} {unit} is refused: it must be a number >= 0')
-
-
-def place_of(given: Any) -> complex:
-    """Return a fixed point as a complex number [m]."""
-    x, y = given
-    return complex(x, y)

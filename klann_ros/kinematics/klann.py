@@ -5,9 +5,9 @@ from functools import cached_property
 import math
 from typing import Any, ClassVar
 
-from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.units import warn_of_lengths
 
+from . import validation
 from .angles import wrap
 from .errors import GeometryError
 from .linkage.assemblies import assemblies
@@ -108,7 +108,7 @@ class KlannGeometry(NamedGeometry):
     assembly: tuple[int, int] = (1, 1)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'assembly', _signs(self.assembly))
+        object.__setattr__(self, 'assembly', validation.signs(self.assembly, 2))
         for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
             object.__setattr__(self, name, number)
         warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})
@@ -250,18 +250,6 @@ class KlannLeg(Leg[KlannPose, KlannMotion]):
     def geometry(self) -> KlannGeometry:
         """Return the leg's dimensions."""
         return self._geometry
-
-
-def _signs(assembly: Any) -> tuple[int, int]:
-    try:
-        # By place, since a set has no first.
-        signs = [int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1)]
-    except (TypeError, ValueError, LookupError):
-        signs = []
-    if len(signs) != 2 or len(assembly) != 2:
-        shown = printable(repr(assembly), 100)
-        raise GeometryError(f'assembly = {shown} is refused: it must be two signs, each +1 or -1')
-    return signs[0], signs[1]
 
 
 def _direction(p: tuple[float, float], q: tuple[float, float]) -> float:

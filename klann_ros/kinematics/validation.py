@@ -6,6 +6,7 @@ from numbers import Integral, Real
 from typing import Any
 
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.sanitize.text import printable
 import numpy as np
 
 from .angles import TURN
@@ -61,6 +62,22 @@ def bend(name: str, angle: float) -> None:
             f'if {angle:g} deg are meant, give {math.radians(angle):.6g} rad'
         )
         raise GeometryError(msg)
+
+
+def signs(assembly: Any, count: int) -> tuple[int, ...]:
+    """Return an assembly mode as a tuple; a GeometryError unless it is so many signs, +1 or -1."""
+    try:
+        # By place, since a set has no first.
+        found = tuple(int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1))
+        whole = len(found) == len(assembly) == count
+    except (TypeError, ValueError, LookupError):
+        whole = False
+    if not whole:
+        many = 'one sign,' if count == 1 else f'{_WORDS.get(count, count)} signs, each'
+        shown = printable(repr(assembly), 100)
+        msg = f'assembly = {shown} is refused: it must be {many} +1 or -1'
+        raise GeometryError(msg)
+    return found
 
 
 def setting(name: str, value: float, maximum: float = math.inf) -> float:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 import re
@@ -38,10 +37,6 @@ _PARAMETERS = 'ros__parameters'
 # Parameters that define a robot, in no other node's section.
 _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
 _BODY = ('body_mass', 'body_size', 'body_centre')
-
-
-# A linkage's text is parsed once for all legs of a walker.
-_parsed_linkage = lru_cache(maxsize=16)(linkage_from_text)
 
 
 class RobotFileError(ValueError):
@@ -197,7 +192,7 @@ def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, 
         )
         text = linkage_text(file)
     if text:
-        return _parsed_linkage(text, file or _DESCRIPTION), text, file
+        return linkage_from_text(text, file or _DESCRIPTION), text, file
     numbers = {name: own[name] for name in _GEOMETRY if name in own}
     if not numbers and not own.get('legs'):
         msg = f'none of {", ".join(_GEOMETRY)} is in it'

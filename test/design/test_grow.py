@@ -83,7 +83,7 @@ def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
     for space in requirements.spaces:
         x = space.sample(np.random.default_rng(0), 200)
         variants = space.variants(x)
-        assert not variants.error_codes.any()
+        assert not variants.refused.any()
         alphas = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
         reached = linkage_poses(variants, alphas, kernel='numpy').reason == 0
         assert reached.any(axis=1).mean() > 0.95

@@ -65,7 +65,7 @@ def test_lengths_beyond_all_measure_are_refused(
             for signs in ((0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-'), {1, -1}, {})
         ),
         *(
-            (four_bar, sign, r'assembly = .* must be \+1 or -1')
+            (four_bar, sign, r'assembly = .* must be one sign, \+1 or -1')
             for sign in (0, 2, None, '+', (1,), [1, -1], math.nan)
         ),
     ],

@@ -102,7 +102,7 @@ def test_many_at_once_are_the_same_as_one_by_one(
     # Of numba's kernels batch/test_velocities.py claims the same.
     poses = linkage_poses(variants, at, angles=True, points=True, kernel='numpy')
     for i, j in np.ndindex(*poses.reason.shape):
-        if variants.error_codes[i]:
+        if variants.refused[i]:
             continue
         try:
             pose = leg_of(variants[i]).closed_form(at[j])

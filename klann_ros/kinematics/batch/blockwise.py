@@ -219,7 +219,7 @@ def fill_blockwise(
     """Compute and store the poses of some of the variants; of coupled loops those of one."""
     angles = np.asarray(alphas, dtype=np.float64)[None, :]
     within = np.abs(angles) <= MAX_CRANK_ANGLE
-    refused = variants.error_codes[rows] != 0
+    refused = variants.refused[rows]
     try:
         linkages = None if refused.all() else Blockwise(variants, rows)
     except GeometryError:

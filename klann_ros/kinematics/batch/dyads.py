@@ -69,7 +69,7 @@ class PinnedDyads:
         if gone is not None:
             h[gone] = np.nan
             reason[gone] = self._reasons(rows, crank)[gone]
-            reason[self._variants.error_codes[rows] != 0] = Reason.REFUSED
+            reason[self._variants.refused[rows]] = Reason.REFUSED
         for array in self._store(rows, columns, found[2:]):
             if gone is not None:
                 array[gone] = np.nan

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
@@ -74,7 +74,7 @@ class FourBarGeometry(NamedGeometry):
         for name in LENGTHS:
             validation.positive(name, getattr(self, name))
             validation.representable(name, getattr(self, name))
-        object.__setattr__(self, 'assembly', _sign(self.assembly))
+        object.__setattr__(self, 'assembly', validation.signs((self.assembly,), 1)[0])
         longest = max(self.lengths)
         others = sum(sorted(self.lengths)[:3])
         if longest >= others - length_rounding(self.lengths):
@@ -113,10 +113,3 @@ class FourBarGeometry(NamedGeometry):
     def crank_pin(self, theta2: float) -> tuple[float, float]:
         """Return A (x, y) at a crank angle [rad] [m]."""
         return self.crank * cos(theta2), self.crank * sin(theta2)
-
-
-def _sign(assembly: Any) -> int:
-    if isinstance(assembly, float | int) and assembly in (-1, 1):
-        return int(assembly)
-    msg = f'assembly = {assembly!r} is refused: it must be +1 or -1'
-    raise GeometryError(msg)

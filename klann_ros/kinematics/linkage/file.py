@@ -1,7 +1,7 @@
 """A linkage from a YAML file: the only place in the kinematics that reads files."""
 
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import lru_cache
 from importlib import resources
 from math import radians
 from pathlib import Path
@@ -60,12 +60,6 @@ def shipped_linkage(name: str) -> Linkage:
         hint = did_you_mean(name, names)
         msg = f'no linkage called {printable(name)} is shipped: there are {", ".join(names)}{hint}'
         raise LinkageFileError(msg)
-    return _parsed(name)
-
-
-@cache
-def _parsed(name: str) -> Linkage:
-    """Return a shipped linkage, whose file is parsed once: neither of the two changes."""
     return linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
 
 
@@ -119,6 +113,8 @@ def is_linkage(content: Any) -> bool:
     return isinstance(content, Mapping) and not _KEYS.isdisjoint(content)
 
 
+# Linkages do not change: a text is parsed once for all legs of a walker.
+@lru_cache(maxsize=32)
 def linkage_from_text(text: str, name: str) -> Linkage:
     """
     Return the linkage in a YAML text.

@@ -63,7 +63,11 @@ class Linkage(LoopEquations):
         super().__init__(structure, numbers)
         self.name, self.source = name, source
         self.start_guess = None if start is None else tuple(map(float, start))
-        self.assembly = self._signs() if assembly is None else self._checked_signs(assembly)
+        self.assembly = (
+            self._signs()
+            if assembly is None
+            else validation.signs(assembly, len(structure.groups))
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Linkage) and self._key == other._key
@@ -261,19 +265,6 @@ class Linkage(LoopEquations):
         ]
         start = [self.start[j] for j in self.prefix_bodies]
         return Linkage(structure, numbers, assembly=self.assembly[:count], start=start)
-
-    def _checked_signs(self, assembly: Sequence[int]) -> tuple[int, ...]:
-        """Return signs as a tuple, if there is one for each block."""
-        count = len(self.structure.groups)
-        signs = tuple(assembly)
-        if len(signs) != count or any(sign not in (-1, 1) for sign in signs):
-            many = 'one sign' if count == 1 else f'{count} signs'
-            msg = (
-                f'assembly = {list(signs)} is refused: it must be {many}, +1 or -1 for each of '
-                f'the loops that are solved one after the other'
-            )
-            raise GeometryError(msg)
-        return tuple(map(int, signs))
 
     def _signs(self) -> tuple[int, ...]:
         u = self.vectors(self.start[0], self.start[1:])

@@ -5,25 +5,15 @@ from functools import cached_property
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import BoolArray, ByteArray, IndexArray
+from klann_ros.kinematics.arrays import BoolArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.validation import MAX_MAGNITUDE, MIN_MAGNITUDE
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .equations import link_vectors, NO_TRIANGLE
+from .equations import link_vectors
 from .linkage import Linkage
 from .structure import dimension_places
-
-# Error codes of a variant; `Variants.reason` has their texts.
-NOT_FINITE, NOT_POSITIVE, BEYOND_MEASURE, OPEN, BEYOND_TURN = 1, 2, 3, 4, 5
-_WHY = {
-    NOT_FINITE: 'it must be a finite number',
-    NOT_POSITIVE: 'a length must be > 0',
-    BEYOND_MEASURE: f'it must be within {MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m',
-    OPEN: NO_TRIANGLE,
-    BEYOND_TURN: 'a bend must be within +-2 pi rad: are degrees meant?',
-}
 
 
 class Variants:
@@ -47,10 +37,8 @@ class Variants:
     ----------
     numbers : numpy.ndarray, shape (number of dimensions, n)
         Their numbers [m, rad].
-    error_codes : numpy.ndarray of uint8, shape (n,)
-        0 for a valid linkage, else the code of its error: see `reason`.
-    invalid_dimensions : numpy.ndarray of int, shape (n,)
-        Index of the dimension that is invalid.
+    refused : numpy.ndarray of bool, shape (n,)
+        Whether each is no valid linkage: see `reason`.
 
     Raises
     ------
@@ -61,8 +49,8 @@ class Variants:
     --------
     >>> from klann_ros.kinematics import KlannGeometry
     >>> variants = Variants(KlannGeometry.sem104().linkage, {'l_bc': [0.34, 0.35, -1.0]})
-    >>> len(variants), variants.error_codes.tolist(), variants.reason(2)
-    (3, [0, 0, 2], 'l_bc = -1.0 is refused: a length must be > 0')
+    >>> len(variants), variants.refused.tolist(), variants.reason(2)
+    (3, [False, False, True], 'l_bc = -1 m is refused: a length must be > 0')
 
     """
 
@@ -90,7 +78,7 @@ class Variants:
         signs = base.assembly if assembly is None else assembly
         table = np.asarray(signs, dtype=np.float64)
         self.signs = np.repeat(table[:, None], count[0], axis=1) if table.ndim == 1 else table
-        self.error_codes, self.invalid_dimensions = self._check()
+        self.refused = self._refused()
 
     @classmethod
     def of(cls, linkages: Iterable[Linkage]) -> 'Variants':
@@ -111,8 +99,7 @@ class Variants:
         made.numbers = np.array([one.numbers for one in every]).T
         made.signs = np.array([one.assembly for one in every], dtype=np.float64).T
         # Each was checked when it was made.
-        made.error_codes = np.zeros(len(every), dtype=np.uint8)
-        made.invalid_dimensions = np.zeros(len(every), dtype=np.intp)
+        made.refused = np.zeros(len(every), dtype=bool)
         return made
 
     def __len__(self) -> int:
@@ -128,44 +115,31 @@ class Variants:
 
     def reason(self, i: int) -> str:
         """Return the error message of one of them; empty for a valid linkage."""
-        code = int(self.error_codes[i])
-        if not code:
-            return ''
-        dimension = self.base.structure.dimensions[self.invalid_dimensions[i]]
-        value = float(self.numbers[self.invalid_dimensions[i], i])
-        return f'{dimension.name} = {value!r} is refused: {_WHY[code]}'
+        try:
+            _ = self.refused[i] and self[i]
+        except GeometryError as error:
+            return str(error)
+        return ''
 
     @cached_property
     def vectors(self) -> tuple[list[Any], list[Any]]:
         """Return their pivots and bars: see `link_vectors`; NaN for invalid ones."""
         numbers = self.numbers
-        if self.error_codes.any():
-            numbers = np.where(self.error_codes, np.nan, numbers)
+        if self.refused.any():
+            numbers = np.where(self.refused, np.nan, numbers)
         return link_vectors(self.base.structure, [*numbers])
 
-    def _check(self) -> tuple[ByteArray, IndexArray]:
-        """Return the error code of each, and the index of its invalid dimension."""
-        refused, structure = np.zeros(len(self), dtype=np.uint8), self.base.structure
-        which = np.zeros(len(self), dtype=np.intp)
-
-        def refuse(place: int, wrong: BoolArray, code: int) -> None:
-            new = wrong & (refused == 0)
-            refused[new], which[new] = code, place
-
-        for place, dimension in enumerate(structure.dimensions):
-            values = self.numbers[place]
-            refuse(place, ~np.isfinite(values), NOT_FINITE)
-            if dimension.is_length:
-                refuse(place, ~(values > 0.0), NOT_POSITIVE)
-            if dimension.unit == 'm':
-                size = np.abs(values)
-                within = (values == 0.0) | ((size >= MIN_MAGNITUDE) & (size <= MAX_MAGNITUDE))
-                refuse(place, ~within, BEYOND_MEASURE)
-            else:
-                refuse(place, ~(np.abs(values) <= TURN), BEYOND_TURN)
+    def _refused(self) -> BoolArray:
+        """Return whether each is invalid, by the rules of a single linkage."""
+        structure, numbers, size = self.base.structure, self.numbers, np.abs(self.numbers)
+        dimensions = structure.dimensions
+        is_angle = np.array([[dimension.unit == 'rad'] for dimension in dimensions])
+        is_length = np.array([[dimension.is_length] for dimension in dimensions])
+        # NaN fails every comparison.
+        within = (numbers == 0.0) | ((size >= MIN_MAGNITUDE) & (size <= MAX_MAGNITUDE))
+        valid = np.where(is_angle, size <= TURN, within) & ((numbers > 0.0) | ~is_length)
         with np.errstate(all='ignore'):
-            _, bars = link_vectors(structure, [*self.numbers])
-        for place, dimension in enumerate(structure.dimensions):
-            if dimension.kind == 'brace':
-                refuse(place, np.isnan(bars[dimension.place]), OPEN)
-        return refused, which
+            _, bars = link_vectors(structure, [*numbers])
+        open_ = [np.isnan(bars[d.place]) for d in dimensions if d.kind == 'brace']
+        refused: BoolArray = ~valid.all(axis=0) | np.any(open_, axis=0)
+        return refused

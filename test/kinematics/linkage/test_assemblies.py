@@ -77,7 +77,7 @@ def test_a_leg_that_does_not_close_names_the_assemblies_that_do() -> None:
 
 @pytest.mark.parametrize('signs', [(), (1,), (1, 0), (1, 1, 1), (True, 2)])
 def test_invalid_assembly_signs_are_refused(signs: tuple[int, ...]) -> None:
-    with pytest.raises(GeometryError, match=r'it must be 2 signs, \+1 or -1'):
+    with pytest.raises(GeometryError, match=r'it must be two signs, each \+1 or -1'):
         KlannGeometry().linkage.in_assembly(signs)
 
 
