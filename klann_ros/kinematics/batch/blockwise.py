@@ -15,9 +15,8 @@ from klann_ros.kinematics.arrays import AnyArray, ByteArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.blocks import Block, blocks_of, solve_openings
-from klann_ros.kinematics.linkage.dimension_derivatives import bar_derivatives, pivot_derivatives
+from klann_ros.kinematics.linkage.dimension_derivatives import vector_derivatives
 from klann_ros.kinematics.linkage.equations import path_terms
-from klann_ros.kinematics.linkage.pose import LinkagePose
 from klann_ros.kinematics.linkage.step import MAX_BRANCH_JUMP
 from klann_ros.kinematics.linkage.topology import Path
 from klann_ros.kinematics.linkage.variants import Variants
@@ -51,7 +50,11 @@ class Blockwise:
             self.blocks = blocks_of(structure, loops)
         else:
             one = variants[rows.start] if len(variants) > 1 else variants.base
-            self._linkage, self._vectors, self.blocks = one, (one.pivots, one.bars), one.blocks
+            self._linkage, self.blocks = one, one.blocks
+            self._vectors = (
+                [*np.reshape(one.pivots, (-1, 1, 1))],
+                [*np.reshape(one.bars, (-1, 1, 1))],
+            )
             _ = one.branch
 
     def place(self, alphas: FloatArray, count: int | None = None) -> list[Any]:
@@ -140,27 +143,26 @@ class Blockwise:
     ) -> None:
         """Store the derivatives by the dimensions, by the implicit function theorem."""
         (u, x_1, u_1), structure = poses, self.structure
-        arrays = {n: each for n, each in results.arrays().items() if n.endswith('_gradient')}
-        singular = np.isnan(np.sum(x_1, axis=0))
-        for place, dimension in enumerate(structure.dimensions):
-            # Of the pivots and the bars.
-            moved = (
-                pivot_derivatives(structure, dimension),
-                bar_derivatives(structure, self._vectors[1], dimension),
-            )
-            opened = self._openings(moved, u, 1.0)
-            x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened)
+        # Each has the dimensions along its first axis, of all poses.
+        arrays = {
+            name: np.moveaxis(each, -1, 0)
+            for name, each in results.arrays().items()
+            if name.endswith('_gradient')
+        }
+        moved = vector_derivatives(structure, self._vectors[1])
+        opened = self._openings(moved, u, 1.0)
+        x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened)
+        for name in arrays.keys() - {'h_1_gradient'}:
             end = partial(self._moved_end, moved, u, du, 1.0)
-            for name in arrays.keys() - {'h_1_gradient'}:
-                self._put(name, arrays[name][..., place], x.__getitem__, end)
-            if 'h_1_gradient' in arrays:
-                bent = joints.velocity_product(structure, u, x_1, x)
-                opened = self._openings(moved, u_1, 0.0)
-                x, du_1 = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
-                end = partial(self._moved_end, moved, u_1, du_1, 0.0)
-                self._put('h_1', arrays['h_1_gradient'][..., place], x.__getitem__, end)
+            self._put(name, arrays[name], x.__getitem__, end)
+        if 'h_1_gradient' in arrays:
+            bent = joints.velocity_product(structure, u, x_1, x)
+            opened = self._openings(moved, u_1, 0.0)
+            x, du_1 = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
+            end = partial(self._moved_end, moved, u_1, du_1, 0.0)
+            self._put('h_1', arrays['h_1_gradient'], x.__getitem__, end)
         for array in arrays.values():
-            array[singular] = np.nan
+            array[:, np.isnan(np.sum(x_1, axis=0))] = np.nan
 
     def _openings(self, moved: Any, u: Any, fixed: float) -> list[list[Any]]:
         """Return the openings of the loops of each block by moved pivots and bars."""
@@ -192,25 +194,6 @@ class Blockwise:
             found = end(structure.paths.points[structure.points.index(point)])
             place = array if of_foot else array[..., n, :]
             place[..., 0], place[..., 1] = np.real(found), np.imag(found)
-
-
-def gradients_at(pose: LinkagePose) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Return the derivatives of a pose by each dimension: of its coordinates and of its foot."""
-    structure = pose.linkage.structure
-    linkages, x = Blockwise(Variants.of([pose.linkage])), [pose.crank_angle, *pose.x]
-    u: list[Any] = [np.full((1, 1), np.exp(1j * structure.senses[0] * pose.crank_angle))]
-    u += [None] * len(pose.x)
-    # Rotating bodies first: they orient the sliding ones.
-    for j in sorted(range(1, len(u)), key=lambda j: structure.bodies[j].slides):
-        u[j] = joints.body_vector(structure, u, j, np.full((1, 1), x[j]))
-    count = len(structure.dimensions)
-    angles, foot = np.empty((1, 1, len(pose.x), count)), np.empty((1, 1, 2, count))
-    results = LinkagePoses(
-        np.empty((1, 1, 2)), np.zeros((1, 1), np.uint8), angles_gradient=angles, h_gradient=foot
-    )
-    linkages.store(results, u)
-    by_angles, by_foot = (tuple(map(tuple, each[0, 0].T.tolist())) for each in (angles, foot))
-    return by_angles, by_foot
 
 
 def fill_blockwise(

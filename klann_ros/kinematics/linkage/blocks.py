@@ -212,9 +212,9 @@ class Block:
             changes = partial(solve_openings, matrix)
 
         def close(du: Vectors, further: Sequence[Any] = ()) -> Any:
-            sums = (sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in self.rows)
-            opened = np.array([*sums])
-            return changes(opened + np.array(further) if len(further) else opened)
+            sums = [sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in self.rows]
+            pairs = zip(sums, further or [0.0] * len(sums), strict=True)
+            return changes(np.array([one + other for one, other in pairs]))
 
         return self.unknowns, close
 

@@ -16,6 +16,7 @@ Two sides r_p = |z| and r_q = |z - b| of a triangle with the base b, r_q being a
 from collections.abc import Sequence
 from typing import Any
 
+from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
 
 from .equations import body_points
@@ -39,8 +40,24 @@ def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
     return tuple(moved)
 
 
-def pivot_derivatives(structure: Structure, dimension: Dimension) -> list[complex]:
-    """Return the derivatives of the pivots."""
+def vector_derivatives(
+    structure: Structure, bars: Sequence[Any]
+) -> tuple[list[ComplexArray], list[ComplexArray]]:
+    """Return the derivatives of pivots and bars by all dimensions, along a first axis."""
+    columns = zip(
+        *(
+            (*_pivot_derivatives(structure, d), *bar_derivatives(structure, bars, d))
+            for d in structure.dimensions
+        ),
+        strict=True,
+    )
+    zero = np.zeros(np.shape(bars[0]), dtype=np.complex128)
+    found = [np.array([part + zero for part in column]) for column in columns]
+    count = len(structure.pivots)
+    return found[:count], found[count:]
+
+
+def _pivot_derivatives(structure: Structure, dimension: Dimension) -> list[complex]:
     moved = [0j] * len(structure.pivots)
     if dimension.kind in ('x', 'y'):
         moved[dimension.place] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)

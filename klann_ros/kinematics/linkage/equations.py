@@ -107,14 +107,16 @@ def path_terms(
 
 
 def term_matrix(
-    rows: Sequence[tuple[Mapping[int, complex], complex]], bodies: int
+    rows: Sequence[tuple[Mapping[int, Vector], Vector]], bodies: int, *shape: int
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return rows as a matrix, shape (m, n), and their constants, shape (m,)."""
-    w = np.zeros((len(rows), bodies), dtype=np.complex128)
-    for k, (terms, _) in enumerate(rows):
+    """Return rows of numbers of a shape as a table (m, n, *shape), and constants (m, *shape)."""
+    w = np.zeros((len(rows), bodies, *shape), dtype=np.complex128)
+    c = np.zeros((len(rows), *shape), dtype=np.complex128)
+    for k, (terms, constant) in enumerate(rows):
+        c[k] = constant
         for j, value in terms.items():
             w[k, j] = value
-    return w, np.array([constant for _, constant in rows], dtype=np.complex128)
+    return w, c
 
 
 NO_TRIANGLE = 'this brace and its bar do not meet'
@@ -223,7 +225,7 @@ class LoopEquations:
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return f at a crank angle and the other coordinates, shape (n - 1,) [m]: see `Leg.f`."""
         w, c = self.equations
-        return _real_rows(w @ self.vectors(alpha, x) + c)
+        return real_rows(w @ self.vectors(alpha, x) + c)
 
     def phi(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """Return the Jacobian df/dx, shape (n - 1, n - 1) [m/rad]; parameters as in `f`."""
@@ -257,8 +259,8 @@ class LoopEquations:
     def _jacobian(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         u, w = self.vectors(alpha, x), self.equations[0]
         if self.structure.slides:
-            return _real_rows(w @ joints.vector_jacobian(self.structure, u))
-        return _real_rows(w * (self._i_s * u))
+            return real_rows(w @ joints.vector_jacobian(self.structure, u))
+        return real_rows(w * (self._i_s * u))
 
 
 def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...]:
@@ -281,7 +283,7 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
     return tuple(checked)
 
 
-def _real_rows(values: ComplexArray) -> FloatArray:
+def real_rows(values: ComplexArray) -> FloatArray:
     """Return complex equations as real ones: of each its x, then its y."""
     return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
 

@@ -296,9 +296,9 @@ class Leg(Generic[PoseT, MotionT]):
             self._check_own(pose)
         if isnan(pose.coefficients[0]):
             raise SingularPoseError(pose.crank_angle)
-        from klann_ros.kinematics.batch.blockwise import gradients_at  # noqa: PLC0415 - a cycle
-
-        return LinkageGradient(tuple(self._linkage.dimensions), *gradients_at(pose), pose)
+        found = self._linkage.derivatives(pose.crank_angle, pose.x)
+        of_x, of_h = ([*map(tuple, columns.T.tolist())] for columns in found)
+        return LinkageGradient(tuple(self._linkage.dimensions), tuple(of_x), tuple(of_h), pose)
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """

@@ -8,12 +8,15 @@ from math import degrees
 from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 
+from . import joints
 from .branch import Branch
-from .equations import LoopEquations
+from .dimension_derivatives import vector_derivatives
+from .equations import LoopEquations, path_terms, real_rows, term_matrix
 from .structure import dimension_places, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.
@@ -235,6 +238,33 @@ class Linkage(LoopEquations):
             )
             raise NotAssembledError(msg) from error
         return alpha, *self.wrapped(x)
+
+    # Derivatives by the dimensions.
+
+    def derivatives(
+        self, alpha: float, x: Sequence[float] | FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """
+        Return those of the other coordinates and of the foot, shapes (n - 1, d) and (2, d).
+
+        The loops stay closed, Phi dx = -df: see `dimension_derivatives`.
+        """
+        rows, moved, changed = self._row_derivatives
+        u = self.vectors(alpha, x)
+        jacobian = real_rows(rows @ joints.vector_jacobian(self.structure, u)[:, 1:])
+        opened = real_rows(u @ moved + changed)
+        dx = -np.linalg.solve(jacobian[:-2], opened[:-2])
+        return dx, opened[-2:] + jacobian[-2:] @ dx
+
+    @cached_property
+    def _row_derivatives(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return W over Q of the foot, and the derivatives of these and of their constants."""
+        structure, bodies = self.structure, len(self.structure.bodies)
+        moved = vector_derivatives(structure, self.bars)
+        paths = (*structure.paths.loops, structure.paths.points[self.foot])
+        terms = [path_terms(structure, path, *moved) for path in paths]
+        rows, _ = term_matrix((*self.rows, self.point_rows[self.foot]), bodies)
+        return rows, *term_matrix(terms, bodies, len(structure.dimensions))
 
     # Coupled loops.
 
