@@ -149,7 +149,7 @@ class Blockwise:
             for name, each in results.arrays().items()
             if name.endswith('_gradient')
         }
-        moved = vector_derivatives(structure, self._vectors[1])
+        moved = vector_derivatives(structure, self._vectors[1], structure.dimensions)
         opened = self._openings(moved, u, 1.0)
         x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened)
         for name in arrays.keys() - {'h_1_gradient'}:

@@ -36,10 +36,7 @@ from sys import float_info
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.dimension_derivatives import (
-    bar_derivatives,
-    moved_bars,
-)
+from klann_ros.kinematics.linkage.dimension_derivatives import moved_bars, vector_derivatives
 from klann_ros.kinematics.linkage.equations import path_terms
 from klann_ros.kinematics.linkage.structure import Dimension, Structure
 from klann_ros.kinematics.linkage.topology import Path
@@ -102,7 +99,6 @@ class PathTerms:
     ) -> None:
         self._structure, self._pivots, self.bars, self.signs = structure, pivots, bars, signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
-        self._derivatives: dict[Dimension, list[Any]] = {}
 
     def body(self, path: Path, j: int) -> Any:
         """Return the coefficient of a body in a path."""
@@ -114,10 +110,8 @@ class PathTerms:
 
     def derivative(self, dimension: Dimension, bars: Sequence[int]) -> Any:
         """Return the derivative of a sum of bars by a dimension."""
-        if dimension not in self._derivatives:
-            found = bar_derivatives(self._structure, self.bars, dimension)
-            self._derivatives[dimension] = found
-        return sum(self._derivatives[dimension][bar] for bar in bars)
+        _, moved = vector_derivatives(self._structure, self.bars, [dimension])
+        return moved[[*bars], 0].sum(axis=0)
 
     def links(self, k: int) -> tuple[Any, Any]:
         """Return W_a and W_b of a dyad."""

@@ -41,46 +41,32 @@ def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
 
 
 def vector_derivatives(
-    structure: Structure, bars: Sequence[Any]
-) -> tuple[list[ComplexArray], list[ComplexArray]]:
-    """Return the derivatives of pivots and bars by all dimensions, along a first axis."""
-    columns = zip(
-        *(
-            (*_pivot_derivatives(structure, d), *bar_derivatives(structure, bars, d))
-            for d in structure.dimensions
-        ),
-        strict=True,
-    )
-    zero = np.zeros(np.shape(bars[0]), dtype=np.complex128)
-    found = [np.array([part + zero for part in column]) for column in columns]
-    count = len(structure.pivots)
-    return found[:count], found[count:]
+    structure: Structure, bars: Sequence[Any], dimensions: Sequence[Dimension]
+) -> tuple[ComplexArray, ComplexArray]:
+    """
+    Return the derivatives of the pivots and of the bars by dimensions, along their second axis.
 
-
-def _pivot_derivatives(structure: Structure, dimension: Dimension) -> list[complex]:
-    moved = [0j] * len(structure.pivots)
-    if dimension.kind in ('x', 'y'):
-        moved[dimension.place] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)
-    return moved
-
-
-def bar_derivatives(structure: Structure, bars: Sequence[Any], dimension: Dimension) -> list[Any]:
-    """Return the derivatives dz of the bars, given the bars z: numbers, or arrays [m]."""
-    moved: list[Any] = [0.0] * len(bars)
-    body = structure.bars[dimension.place][0]
-    for number in moved_bars(structure, dimension):
-        z = bars[number]
-        bar = structure.bars[number][1]
-        own = number == dimension.place
-        if bar.brace is None:
-            moved[number] = z / abs(z) if dimension.kind == 'length' else dimension.sense * 1j * z
-            continue
-        places, changed = body_points(structure, bars), body_points(structure, moved)
-        z_q = z - (places[body, bar.brace.start] - places[body, bar.start])
-        d_base = changed[body, bar.brace.start] - changed[body, bar.start]
-        p = abs(z) if own and dimension.kind == 'length' else 0.0
-        q = np.real(np.conj(z_q) * d_base)
-        if own and dimension.kind == 'brace':
-            q = q + abs(z_q)
-        moved[number] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
-    return moved
+    Given the bars z: numbers, or arrays of some shapes that broadcast [m].
+    """
+    shape, count = np.broadcast_shapes(*map(np.shape, bars)), len(dimensions)
+    pivots = np.zeros((len(structure.pivots), count, *[1] * len(shape)), dtype=np.complex128)
+    moved = np.zeros((len(bars), count, *shape), dtype=np.complex128)
+    for n, dimension in enumerate(dimensions):
+        if dimension.kind in ('x', 'y'):
+            pivots[dimension.place, n] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)
+        for number in moved_bars(structure, dimension):
+            z, (body, bar) = bars[number], structure.bars[number]
+            own = number == dimension.place
+            if bar.brace is None:
+                is_length = dimension.kind == 'length'
+                moved[number, n] = z / abs(z) if is_length else dimension.sense * 1j * z
+                continue
+            places, changed = (body_points(structure, [*some]) for some in (bars, moved[:, n]))
+            z_q = z - (places[body, bar.brace.start] - places[body, bar.start])
+            d_base = changed[body, bar.brace.start] - changed[body, bar.start]
+            p = abs(z) if own and dimension.kind == 'length' else 0.0
+            q = np.real(np.conj(z_q) * d_base)
+            if own and dimension.kind == 'brace':
+                q = q + abs(z_q)
+            moved[number, n] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
+    return pivots, moved

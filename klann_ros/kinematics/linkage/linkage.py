@@ -253,16 +253,16 @@ class Linkage(LoopEquations):
         u = self.vectors(alpha, x)
         jacobian = real_rows(rows @ joints.vector_jacobian(self.structure, u)[:, 1:])
         opened = real_rows(u @ moved + changed)
-        dx = -np.linalg.solve(jacobian[:-2], opened[:-2])
+        dx = np.asarray(-np.linalg.solve(jacobian[:-2], opened[:-2]))
         return dx, opened[-2:] + jacobian[-2:] @ dx
 
     @cached_property
     def _row_derivatives(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return W over Q of the foot, and the derivatives of these and of their constants."""
         structure, bodies = self.structure, len(self.structure.bodies)
-        moved = vector_derivatives(structure, self.bars)
+        moved = vector_derivatives(structure, self.bars, structure.dimensions)
         paths = (*structure.paths.loops, structure.paths.points[self.foot])
-        terms = [path_terms(structure, path, *moved) for path in paths]
+        terms = [path_terms(structure, path, *map(list, moved)) for path in paths]
         rows, _ = term_matrix((*self.rows, self.point_rows[self.foot]), bodies)
         return rows, *term_matrix(terms, bodies, len(structure.dimensions))
 
