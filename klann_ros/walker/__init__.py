@@ -7,13 +7,12 @@ rates of the cranks and back. A `Walker` is what walker_node is around: a `WalkC
 phase lock, what stops it) and an `Odometry` (where it is, and how far that may be off).
 """
 
-from .controller import ControllerSettings, DiagnosticLevel, WalkController
+from .control_laws import ControllerSettings, CrankCommand, MotionLimits, PhaseLock
+from .controller import DiagnosticLevel, WalkController
 from .feet import Feet, NoWalkerError
 from .figures import GaitFigures, walk_figures
 from .imu import imu_reading, ImuReading
-from .motion import MotionLimits
 from .odometry import Odometry, OdometryEstimate, OdometryNoise
-from .phase_lock import CrankCommand, PhaseLock
 from .steering import Rates, Steering, Twist2D
 from .walker import Walker
 

@@ -2,22 +2,18 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
 from math import degrees, inf, isfinite
 
+from .control_laws import ControllerSettings, CrankCommand, MotionFeedback, PhaseLock
 from .feedback import Backlog, CrankFeedback, SteadyClock, Watchdog
-from .motion import MotionFeedback, MotionLimits
-from .phase_lock import CrankCommand, INTEGRAL, PhaseLock, PROPORTIONAL
 from .steering import Rates, Steering, Twist2D
 
 # A crank is blocked if its rate stays below this part of the commanded one for this time [s].
 BLOCKED_RATIO, BLOCKED_TIME = 0.1, 0.5
 # At lower commanded rates a crank may well stand [rad/s].
 CREEP_RATE = 0.05
-# After a longer gap between two steps the set points restart at the measured angles [s].
-MAX_GAP = 0.2
 # An event stays in the diagnostics' message for this time [s].
 EVENT_TIME = 3.0
 # Events that wait to be logged.
@@ -35,39 +31,6 @@ class DiagnosticLevel(Enum):
     WARN = 1
     ERROR = 2
     STALE = 3
-
-
-@dataclass(frozen=True)
-class ControllerSettings:
-    """
-    Limits, timeouts and gains of the controller.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-        Of its motion.
-    cmd_vel_timeout, feedback_timeout : float
-        Older commands, and older feedback of any crank, stop it [s].
-    max_gap : float
-        After a longer gap between two steps the set points restart at the measured angles [s].
-    phase_lock : bool
-        Whether cranks are kept in phase by their feedback.
-    proportional, integral, rephase : float
-        Gains of the lock: see `PhaseLock`.
-    motion_gain : float
-        Gain of the motion feedback: see `MotionFeedback` [1/s].
-
-    """
-
-    limits: MotionLimits = field(default_factory=MotionLimits)
-    cmd_vel_timeout: float = 0.5
-    feedback_timeout: float = 0.3
-    max_gap: float = MAX_GAP
-    phase_lock: bool = True
-    proportional: float = PROPORTIONAL
-    integral: float = INTEGRAL
-    rephase: float = 0.1
-    motion_gain: float = 0.5
 
 
 class WalkController:
@@ -112,7 +75,7 @@ class WalkController:
         if steering.can_turn:
             steering.prepare()
         self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
-        self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), **self._gains)
+        self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings.motion_gain, steering.speed)
         # A cache: the command rarely changes.
         self._limited = lru_cache(maxsize=1)(self._limit)
@@ -140,7 +103,7 @@ class WalkController:
     @settings.setter
     def settings(self, settings: ControllerSettings) -> None:
         self._settings = settings
-        self.lock.tune(**self._gains)
+        self.lock.settings = settings
         self.motion_feedback.gain = settings.motion_gain
         for crank in self.cranks:
             crank.max_rate = 4.0 * self._max_rate
@@ -149,16 +112,6 @@ class WalkController:
     @property
     def _max_rate(self) -> float:
         return self._settings.limits.max_crank_rate
-
-    @property
-    def _gains(self) -> dict[str, float]:
-        settings = self._settings
-        return {
-            'max_rate': self._max_rate,
-            'proportional': settings.proportional * settings.phase_lock,
-            'integral': settings.integral * settings.phase_lock,
-            'rephase': settings.rephase * settings.phase_lock,
-        }
 
     # Inputs.
 

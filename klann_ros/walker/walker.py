@@ -5,7 +5,8 @@ from math import cos, inf, nan, pi, sin
 
 from klann_ros.kinematics.angles import TURN
 
-from .controller import ControllerSettings, DiagnosticLevel, WalkController
+from .control_laws import ControllerSettings
+from .controller import DiagnosticLevel, WalkController
 from .feedback import SteadyClock, Watchdog
 from .imu import ImuReading
 from .odometry import Odometry, OdometryEstimate, OdometryNoise

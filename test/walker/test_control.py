@@ -18,10 +18,9 @@ from klann_ros.walker import (
     walk_figures,
     WalkController,
 )
+from klann_ros.walker.control_laws import MotionFeedback, PhaseLock
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback
-from klann_ros.walker.motion import MotionFeedback
-from klann_ros.walker.phase_lock import PhaseLock
 from klann_ros.walker.phase_map import MAP_POINTS, phase_map, TurnPlan
 import numpy as np
 import pytest
@@ -261,7 +260,7 @@ def test_straight_on_cranks_go_back_into_phase_slowly(steering: Steering) -> Non
 
 
 def test_a_crank_that_turns_backwards_goes_back_into_phase() -> None:
-    lock = PhaseLock((1.0, -1.0), (1.0, -1.0), max_rate=3.0)
+    lock = PhaseLock((1.0, -1.0), (1.0, -1.0), ControllerSettings())
     lock.reset([0.0, -1.0])
     for _ in range(3000):
         lock.step(DT, [1.0, -1.0], lock.targets)

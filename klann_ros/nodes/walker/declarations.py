@@ -8,8 +8,6 @@ from typing import Any
 
 from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
-from klann_ros.walker.controller import MAX_GAP
-from klann_ros.walker.phase_lock import INTEGRAL, PROPORTIONAL
 
 # A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
@@ -46,11 +44,11 @@ CONTROL = (
             ('feedback_timeout', 'a crank that is silent for longer stops all [s]', 0.01, 60.0),
             ('rephase', 'part of its rate by which a crank returns to its phase', 0.0, 0.5),
             ('motion_gain', 'of the feedback of the measured motion; 0: none [1/s]', 0.0, 5.0),
+            ('phase_gain', 'proportional gain of the phase lock [1/s]', 0.0, 100.0),
+            ('phase_integral', 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
         )
     ),
     Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
-    _tunable('phase_gain', PROPORTIONAL, 'proportional gain of the phase lock [1/s]', 0.0, 100.0),
-    _tunable('phase_integral', INTEGRAL, 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
 )
 ODOMETRY = (
     Declaration('odom_frame', 'odom', 'frame of the odometry'),
@@ -88,17 +86,11 @@ def settings(values: Mapping[str, Any]) -> ControllerSettings:
     """Return the controller's settings."""
     limits = {p.name: values[p.name] for p in LIMITS}
     limits['max_curvature'] = limits['max_curvature'] or inf
-    return ControllerSettings(
-        limits=MotionLimits(**limits),
-        cmd_vel_timeout=values['cmd_vel_timeout'],
-        feedback_timeout=values['feedback_timeout'],
-        max_gap=max(MAX_GAP, MIN_GAP_PERIODS / values['rate']),
-        phase_lock=values['phase_lock'],
-        proportional=values['phase_gain'],
-        integral=values['phase_integral'],
-        rephase=values['rephase'],
-        motion_gain=values['motion_gain'],
-    )
+    own = {
+        each.name: values[each.name] for each in fields(ControllerSettings) if each.name in values
+    }
+    gap = max(_SETTINGS.max_gap, MIN_GAP_PERIODS / values['rate'])
+    return ControllerSettings(limits=MotionLimits(**limits), max_gap=gap, **own)
 
 
 def noise(values: Mapping[str, Any]) -> OdometryNoise:
