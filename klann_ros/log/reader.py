@@ -63,20 +63,20 @@ class Log(AbstractContextManager['Log']):
             source for file, overview in self._files for source in file.sources(overview)
         ]
         self.metadata: dict[str, list[dict[str, str]]] = {}
-        repetitions = Repetitions()
+        # The first file with each record: a file does not repeat itself.
+        first: dict[Hashable, Path] = {}
         for file, overview in self._files:
             for record in map(file.metadata_at, overview.metadata):
-                if record and not repetitions.is_one(file.path, metadata_key(*record)):
-                    self.metadata.setdefault(record[0], []).append(record[1])
+                if record is not None:
+                    name, content = record
+                    key = name, tuple(sorted(content.items()))
+                    if first.setdefault(key, file.path) == file.path:
+                        self.metadata.setdefault(name, []).append(content)
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Return the faults of the log, one line each; reading may find more."""
-        found = [
-            f'{file.name}{problem.place}: {problem.text}'
-            for file, _ in self._files
-            for problem in list(file.problems.values())
-        ]
+        found = (line for file, _ in self._files for line in file.problems.lines(file.name))
         return (*self._problems, *found)
 
     @property
@@ -112,17 +112,17 @@ class Log(AbstractContextManager['Log']):
     @property
     def attachments(self) -> tuple[Attachment, ...]:
         """Return the attachments, without damaged and repeated ones; read at each call."""
-        found = (
-            (file.path, file.attachment_at(offset))
-            for file, overview in self._files
-            for offset in overview.attachments
-        )
-        repetitions = Repetitions()
-        return tuple(
-            attachment
-            for path, attachment in found
-            if attachment is not None and not repetitions.is_one(path, attachment_key(attachment))
-        )
+        return tuple(self.each_attachment())
+
+    def each_attachment(self) -> Iterator[Attachment]:
+        """Yield the attachments, as in `attachments`, with one at a time in memory."""
+        first: dict[Hashable, Path] = {}
+        for file, overview in self._files:
+            for found in map(file.attachment_at, overview.attachments):
+                if found is not None:
+                    key = found.name, found.media_type, hashlib.sha256(found.data).digest()
+                    if first.setdefault(key, file.path) == file.path:
+                        yield found
 
     def messages(
         self,
@@ -210,28 +210,6 @@ def open_log(path: AnyPath) -> Log:
     """
     files, found = open_files(path)
     return Log(Path(path), files, found.missing + found.remarks)
-
-
-class Repetitions:
-    """Detects records that an earlier file of a run has too; one file does not repeat itself."""
-
-    def __init__(self) -> None:
-        self._first: dict[Hashable, Path] = {}
-
-    def is_one(self, path: Path, key: Hashable) -> bool:
-        """Return whether a file earlier than this one has a record with this key."""
-        return self._first.setdefault(key, path) != path
-
-
-def metadata_key(name: str, content: Mapping[str, str]) -> Hashable:
-    """Return a key that equal metadata records share."""
-    return name, tuple(sorted(content.items()))
-
-
-def attachment_key(attachment: Attachment) -> Hashable:
-    """Return a key that equal attachments share, whatever their times."""
-    digest = hashlib.sha256(attachment.data).digest()
-    return attachment.name, attachment.media_type, digest
 
 
 def _merged(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:

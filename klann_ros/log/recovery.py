@@ -1,16 +1,15 @@
 """
 Make a readable run from a damaged or truncated file.
 
-Every intact message, attachment and metadata record (:mod:`klann_ros.log.mcap.recovery`) is
-copied to a new run with its times, sequence number, schema and channel metadata. The files of a
-split run become one. The input is opened for reading only.
+Everything that a reader finds, every intact message, attachment and metadata record, is copied to
+a new run with its times, sequence number, schema and channel metadata. The files of a split run
+become one. The input is opened for reading only.
 
 Damage is undetectable in what no CRC covers: messages outside of chunks, chunks of recorders that
 write none (rosbag2 by default), metadata records and the header. The recovery reports how much of
 the run has no CRC. Schemas and channels are taken from a chunk or summary with a matching CRC.
 """
 
-from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,14 +20,14 @@ from .bag_metadata import RECORD_NAME
 from .errors import AnyPath, MalformedQosError, NotALogError, UnwritableError
 from .qos import QosTexts
 from .read.opening import open_files
-from .read.storage import SalvageReport, Storage
-from .reader import attachment_key, metadata_key, Repetitions
-from .records import Attachment, Message, Topic
+from .read.storage import Storage
+from .reader import Log
+from .records import Topic
 from .write.writer import RunWriter
 
 
 @dataclass
-class Recovery(SalvageReport):
+class Recovery:
     """
     The result of a recovery.
 
@@ -45,6 +44,8 @@ class Recovery(SalvageReport):
 
     """
 
+    lost: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     messages: int = 0
     attachments: int = 0
     metadata: int = 0
@@ -73,14 +74,16 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
 
     """
     files, found = open_files(log)
-    repetitions, qos = Repetitions(), QosTexts()
     check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
     writer = RunWriter(output, profile=files[0].profile or 'ros2')
     try:
-        with writer:
-            for file in files:
-                _FileRecovery(file, writer, recovery, repetitions, qos).run()
+        with writer, Log(Path(log), files, []) as source:
+            _copy(source, writer, recovery)
+        for file in files:
+            recovery.lost += file.problems.lines(file.name, others=False)
+            recovery.remarks += file.problems.lines(file.name, losses=False)
+            recovery.remarks += [f'{file.name}: {remark}' for remark in file.remarks]
         recovery.counts = writer.counts
         _check_found(log, files, recovery)
     except BaseException:
@@ -88,6 +91,37 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
         writer.discard()
         raise
     return recovery
+
+
+def _copy(source: Log, writer: RunWriter, recovery: Recovery) -> None:
+    """Write the intact content, messages first in the order of the file."""
+    topics: dict[Topic, Topic] = {}
+    qos = QosTexts()
+    for block in source.blocks():
+        for message in block.messages():
+            topic = topics.get(message.topic)
+            if topic is None:
+                topic = topics[message.topic] = _writable(message.topic, qos, recovery)
+            writer.write(message if topic is message.topic else replace(message, topic=topic))
+            recovery.messages += 1
+    for item in source.each_attachment():
+        writer.attach(item.name, item.media_type, item.data, item.log_time, item.create_time)
+        recovery.attachments += 1
+    for name, records in source.metadata.items():
+        # The writer adds rosbag2's own.
+        for content in records if name != RECORD_NAME else ():
+            writer.add_metadata(name, content)
+            recovery.metadata += 1
+
+
+def _writable(topic: Topic, qos: QosTexts, recovery: Recovery) -> Topic:
+    """Return a topic, without a quality of service that rosbag2 could not read."""
+    try:
+        qos.profiles(topic.qos)
+    except MalformedQosError as error:
+        recovery.remarks.append(f'{printable(topic.name)}: left out: {error}')
+        return replace(topic, qos='')
+    return topic
 
 
 def check_output(log: AnyPath, output: AnyPath) -> None:
@@ -104,47 +138,3 @@ def _check_found(log: AnyPath, files: list[Storage], recovery: Recovery) -> None
     if not found and not whole:
         reason = '; '.join(recovery.lost[-3:]) or 'it ends before its first message'
         raise NotALogError(log, f'nothing can be recovered: {reason}')
-
-
-@dataclass
-class _FileRecovery:
-    """The recovery of one file into a run."""
-
-    _file: Storage
-    _writer: RunWriter
-    _recovery: Recovery
-    _repetitions: Repetitions
-    _qos: QosTexts
-    _topics: dict[Topic, Topic] = field(default_factory=dict)
-
-    def run(self) -> None:
-        """Write the intact content, and report the rest."""
-        recovery, writer = self._recovery, self._writer
-        for item in self._file.salvage(recovery):
-            if isinstance(item, Message):
-                topic = self._topics.get(item.topic) or self._writable(item.topic)
-                writer.write(item if topic is item.topic else replace(item, topic=topic))
-                recovery.messages += 1
-            elif isinstance(item, Attachment):
-                if not self._is_repeated(attachment_key(item)):
-                    writer.attach(
-                        item.name, item.media_type, item.data, item.log_time, item.create_time
-                    )
-                    recovery.attachments += 1
-            # The writer adds rosbag2's own.
-            elif item[0] != RECORD_NAME and not self._is_repeated(metadata_key(*item)):
-                writer.add_metadata(*item)
-                recovery.metadata += 1
-
-    def _is_repeated(self, key: Hashable) -> bool:
-        return self._repetitions.is_one(self._file.path, key)
-
-    def _writable(self, topic: Topic) -> Topic:
-        """Return the topic, without a quality of service that rosbag2 could not read."""
-        writable = topic
-        try:
-            self._qos.profiles(topic.qos)
-        except MalformedQosError as error:
-            self._recovery.remarks.append(f'{printable(topic.name)}: left out: {error}')
-            writable = replace(topic, qos='')
-        return self._topics.setdefault(topic, writable)

@@ -10,7 +10,7 @@ from typing import BinaryIO, TypeVar
 
 from klann_ros.log.errors import DamagedError, NotALogError
 from klann_ros.log.read.block import block_of, MessageBlock
-from klann_ros.log.read.storage import Item, Overview, Problems, SalvageReport, Source, Topics
+from klann_ros.log.read.storage import Overview, Problems, Source, Topics
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.files import open_regular
@@ -60,6 +60,7 @@ class McapStorage:
         self._unpacked = unpacked
         self.problems = Problems()
         self.gaps: set[tuple[int, int]] = set()
+        self.remarks: list[str] = []
         self.summary = Summary()
         self.profile = ''
         self._channels: Channels | None = None
@@ -144,7 +145,7 @@ class McapStorage:
 
     def _note_losses(self, scan: RecordScan) -> None:
         for loss in scan.losses:
-            self.note(loss.offset, str(loss))
+            self.problems.note(loss.offset, str(loss), is_loss=True)
         for problem in scan.problems:
             self.note(problem.offset, problem.text)
         with self.open() as file:
@@ -182,7 +183,7 @@ class McapStorage:
         self._channels = channels
         self._starts = starts
         for text in channels.contradictions:
-            self.note(self.size, text)
+            self.problems.note_whole(text)
         return Overview(
             channels.topics(),
             (first, last) if last >= 0 else None,
@@ -206,9 +207,11 @@ class McapStorage:
                 span = span_at(file, offset, min(end, self._end))
                 if span.opcode == opcode:
                     return parse_one(read(file, span), offset)
-                self.note(offset, f'the index is wrong: no {opcode.name.lower()} stands there')
+                reason = f'the index is wrong: no {opcode.name.lower()} stands there'
         except DamagedError as damage:
-            self.note(offset, damage.reason)
+            reason = damage.reason
+        # The index may be wrong about a chunk that a pass over the records finds.
+        self.problems.note(offset, reason, is_loss=opcode != Opcode.CHUNK)
         return None
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
@@ -263,13 +266,10 @@ class McapStorage:
     def _wanted_topic(self, channel: int, offset: int, topics: Topics) -> Topic | None:
         topic = self.channels().topic(channel)
         if topic is None:
-            self._note_unknown(offset, channel)
+            self.note(offset, f'messages of channel {channel}, which is not known')
         elif topics is not None and topic.name not in topics:
             return None
         return topic
-
-    def _note_unknown(self, offset: int, channel: int) -> None:
-        self.note(offset, f'messages of channel {channel}, which is not known')
 
     def _can_merge_chunks(self) -> bool:
         """
@@ -350,75 +350,41 @@ class McapStorage:
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages chunk by chunk in the order of the file, with their offsets."""
+        if self._channels is None and not (self.summary.is_index and self.summary.verified):
+            # Chunks with a CRC may contradict a summary without one.
+            self.survey()
         channels, count = self.channels(), ContentCount()
         topics = {number: channels.topic(number) for number in channels.numbers()}
         known = {number: topic for number, topic in topics.items() if topic is not None}
+        others = unverified = 0
         with self.open() as file:
             scan = self.scan(file)
             for offset, content in scan.contents():
                 block = block_of(content, known)
-                for number in sorted(count.add(offset, block) - known.keys()):
-                    self._note_unknown(offset, number)
-                yield offset, block
-            self._note_losses(scan)
-        wrong = '; '.join(count.disagreements(self.summary))
-        # The messages of damaged chunks cannot be counted.
-        if wrong and not scan.losses:
-            self.note(self.size, wrong)
-
-    def salvage(self, report: SalvageReport) -> Iterator[Item]:
-        """Yield all that is intact, messages first in the order of the file; add the rest."""
-        report.remarks += [f'{self.name}: {item.text}' for item in self.problems.values()]
-        # Of all messages; without a CRC; of unknown channels, from an offset on; of other records.
-        count = unverified = unknown = unknown_offset = others = 0
-        if not (self.summary.is_index and self.summary.verified):
-            self.survey()
-        report.remarks += [f'{self.name}: {text}' for text in self.channels().contradictions]
-        with self.open() as file:
-            scan = self.scan(file)
-            for offset, content in scan.contents():
+                count.add(offset, block)
                 others += content.unknown
                 unverified += 0 if content.verified else len(content)
-                missing = len(content)
-                for message in self.messages_in(offset, content, None):
-                    missing -= 1
-                    count += 1
-                    yield message
-                if missing and not unknown:
-                    unknown_offset = offset
-                unknown += missing
-        lost = [(loss.offset, str(loss)) for loss in scan.losses]
+                yield offset, block
+            self._note_losses(scan)
+        unknown = sum(n for number, n in count.messages.items() if number not in known)
         if unknown:
             what = f'{counted(unknown, "message")} of topics whose description is lost'
-            lost.append((unknown_offset, what))
-        statistics = self.summary.statistics
-        if statistics is not None and statistics.message_count > count and not scan.losses:
-            missing = statistics.message_count - count
-            lost.append((self.size, f'{missing} of the messages that it counts are not there'))
-        report.remarks += self._remarks(scan, others, 0 if scan.verified else unverified)
-        for spans, item_at in (
-            (scan.attachments, self.attachment_at),
-            (scan.metadata, self.metadata_at),
-        ):
-            for span in spans:
-                item = item_at(span.offset)
-                if item is not None:
-                    yield item
-                else:
-                    lost.append((span.offset, self.problems[span.offset].text))
-        report.lost += [f'{self.name} at byte {offset}: {what}' for offset, what in lost]
+            self.problems.note_whole(what, is_loss=True)
+        # The messages of damaged chunks cannot be counted.
+        if not scan.losses:
+            for text, is_loss in count.disagreements(self.summary):
+                self.problems.note_whole(text, is_loss=is_loss)
+        self.remarks[:] = _remarks(scan, others + scan.unknown, 0 if scan.verified else unverified)
 
-    def _remarks(self, scan: RecordScan, others: int, unverified: int) -> Iterator[str]:
-        for problem in scan.problems:
-            yield f'{self.name}{problem.place}: {problem.text}'
-        for remark in scan.remarks:
-            yield f'{self.name} {remark}'
-        others += scan.unknown
-        if others:
-            yield (
-                f'{self.name}: {counted(others, "record")} of kinds that are private, or of a '
-                f'later version of MCAP, {verb(others, "is", "are")} left out'
-            )
-        if unverified:
-            have = verb(unverified, 'message has', 'messages have')
-            yield f'{self.name}: {unverified} {have} no CRC, so damage in them is unknown'
+
+def _remarks(scan: RecordScan, others: int, unverified: int) -> Iterator[str]:
+    """Yield remarks on a pass, given the records of unknown kinds and messages without a CRC."""
+    yield from scan.remarks
+    if others:
+        yield (
+            f'{counted(others, "record")} of kinds that are private, or of a later version of '
+            f'MCAP, {verb(others, "is", "are")} left out'
+        )
+    if unverified:
+        have = verb(unverified, 'message has', 'messages have')
+        yield f'{unverified} {have} no CRC, so damage in them is unknown'

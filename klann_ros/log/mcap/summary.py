@@ -179,29 +179,34 @@ class ContentCount:
     def __init__(self) -> None:
         # By offset of a chunk: the number of its messages, their first and last log time [ns].
         self._chunks: dict[int, tuple[int, int, int]] = {}
-        self._messages: Counter[int] = Counter()
+        # By channel.
+        self.messages: Counter[int] = Counter()
 
-    def add(self, offset: int, block: MessageBlock) -> set[int]:
-        """Count the messages of the chunk or message at an offset; return their channels."""
+    def add(self, offset: int, block: MessageBlock) -> None:
+        """Count the messages of the chunk or message at an offset."""
         counts = np.bincount(block.heads['channel'])
         channels = np.flatnonzero(counts)
-        self._messages.update(dict(zip(channels.tolist(), counts[channels].tolist(), strict=True)))
+        self.messages.update(dict(zip(channels.tolist(), counts[channels].tolist(), strict=True)))
         times = block.heads['log_time']
         found = (len(times), int(times.min()), int(times.max())) if len(times) else (0, 0, 0)
         self._chunks[offset] = found
-        return set(channels.tolist())
 
-    def disagreements(self, summary: Summary) -> Iterator[str]:
-        """Yield each disagreement with a summary; none for the parts that it leaves out."""
+    def disagreements(self, summary: Summary) -> Iterator[tuple[str, bool]]:
+        """
+        Yield each disagreement with a summary, and whether messages are missing.
+
+        The parts that a summary leaves out are no disagreement.
+        """
         statistics = summary.statistics
         if statistics is not None:
-            total, declared = self._messages.total(), statistics.message_count
+            total, declared = self.messages.total(), statistics.message_count
             by_channel = statistics.channel_message_counts
             if declared != total:
                 count = counted(declared, 'message')
-                yield f'the statistics count {count}, there {verb(total, "is", "are")} {total}'
-            elif by_channel and +Counter(by_channel) != +self._messages:
-                yield 'the statistics count other messages for each channel than there are'
+                are = verb(total, 'is', 'are')
+                yield f'the statistics count {count}, there {are} {total}', declared > total
+            elif by_channel and +Counter(by_channel) != +self.messages:
+                yield 'the statistics count other messages for each channel than there are', False
         index = {
             chunk.chunk_start_offset: (chunk.message_start_time, chunk.message_end_time)
             for chunk in summary.chunks
@@ -209,9 +214,9 @@ class ContentCount:
         wrong = sum(self._is_wrong(offset, times) for offset, times in index.items())
         missing = sum(self._chunks[offset][0] for offset in self._chunks.keys() - index.keys())
         if wrong:
-            yield f'the index is wrong about {counted(wrong, "chunk")}'
+            yield f'the index is wrong about {counted(wrong, "chunk")}', False
         if index and missing:
-            yield f'the index leaves out {counted(missing, "message")}'
+            yield f'the index leaves out {counted(missing, "message")}', False
 
     def _is_wrong(self, offset: int, times: tuple[int, int]) -> bool:
         found = self._chunks.get(offset)

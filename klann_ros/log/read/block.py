@@ -1,10 +1,10 @@
 """The messages of a chunk as arrays, for readers of millions of messages."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from klann_ros.log.mcap.content import Content
-from klann_ros.log.records import Topic
+from klann_ros.log.records import Message, Topic
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -51,6 +51,16 @@ class MessageBlock:
         begin = int(self.starts[row])
         end = begin + int(self.heads['length'][row]) - _HEAD_LENGTH
         return self.data[begin:end].tobytes()
+
+    def messages(self) -> Iterator[Message]:
+        """Yield the messages of known topics."""
+        places = zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
+        for head, (begin, end) in zip(self.heads.tolist(), places, strict=True):
+            _, _, channel, sequence, log_time, publish_time = head
+            topic = self.topics.get(channel)
+            if topic is not None:
+                data = self.data[begin:end].tobytes()
+                yield Message(topic, data, log_time, publish_time, sequence)
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
         """Return the data of some messages of the same size, shape (number, size)."""

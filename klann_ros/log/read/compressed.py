@@ -19,7 +19,7 @@ from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
 from .block import block_of_messages, MessageBlock
-from .storage import Item, Overview, Problems, SalvageReport, Source, Storage, Topics
+from .storage import Overview, Source, Storage, Topics
 from .temporary import TemporaryFile
 
 COMPRESSED_SUFFIXES = ('.zstd', '.zst')
@@ -174,7 +174,7 @@ class CompressedMessages:
         self._storage = storage
         self.path, self.name, self.size = storage.path, storage.name, storage.size
         self.profile, self.closed = storage.profile, storage.closed
-        self.problems, self.gaps = storage.problems, storage.gaps
+        self.problems, self.gaps, self.remarks = storage.problems, storage.gaps, storage.remarks
         self.overview, self.first_data = storage.overview, storage.first_data
         self.metadata_at, self.attachment_at = storage.metadata_at, storage.attachment_at
         self.close = storage.close
@@ -186,19 +186,13 @@ class CompressedMessages:
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large blocks in the order of the file, with their offsets."""
-        for offset, block in self._storage.blocks():
-            for unpacked in _unpacked_blocks(block, self.problems):
-                yield offset, unpacked
-
-    def salvage(self, report: SalvageReport) -> Iterator[Item]:
-        """Yield all that is intact, messages first in the order of the file; add the rest."""
         damaged: Counter[str] = Counter()
         unpacker = _Unpacker(lambda text: damaged.update((text,)))
-        for item in self._storage.salvage(report):
-            found = unpacker.message(item) if isinstance(item, Message) else item
-            if found is not None:
-                yield found
-        report.lost += [f'{self.name}: {count} {text}' for text, count in damaged.items()]
+        for offset, block in self._storage.blocks():
+            for unpacked in _unpacked_blocks(block, unpacker):
+                yield offset, unpacked
+        for text, count in damaged.items():
+            self.problems.note_whole(f'{count} {text}', is_loss=True)
 
     def _read(self, source: Source, topics: Topics) -> Iterator[Message]:
         unpacker = _Unpacker(self.problems.note_whole)
@@ -230,9 +224,8 @@ class _Unpacker:
         return None
 
 
-def _unpacked_blocks(block: MessageBlock, problems: Problems) -> Iterator[MessageBlock]:
+def _unpacked_blocks(block: MessageBlock, unpacker: '_Unpacker') -> Iterator[MessageBlock]:
     """Yield a block with its messages unpacked, in several if they are large."""
-    unpacker = _Unpacker(problems.note_whole)
     topics = {n: topic for n, topic in block.topics.items() if topic.message_encoding == _ENCODING}
     rows: list[int] = []
     found: list[bytes] = []
@@ -249,6 +242,8 @@ def _unpacked_blocks(block: MessageBlock, problems: Problems) -> Iterator[Messag
         found.append(data)
         size += len(data)
         if size > _MESSAGE_BLOCK_SIZE:
-            yield block_of_messages(block.heads[rows], found, block.topics)
+            part = block_of_messages(block.heads[rows], found, block.topics)
             rows, found, size = [], [], 0
+            del packed, data
+            yield part
     yield block_of_messages(block.heads[rows], found, block.topics)

@@ -1,7 +1,7 @@
 """The interface of all files of a log, whatever their format."""
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -10,8 +10,6 @@ from klann_ros.sanitize.text import printable_line
 
 from .block import MessageBlock
 
-# A message, an attachment, or the name and content of a metadata record.
-Item: TypeAlias = Message | Attachment | tuple[str, dict[str, str]]
 # Names of topics; None for all.
 Topics: TypeAlias = Collection[str] | None
 
@@ -33,6 +31,8 @@ class Problem:
 
     offset: int
     text: str
+    # Whether a part of the content is lost.
+    is_loss: bool = False
 
     @property
     def place(self) -> str:
@@ -41,17 +41,26 @@ class Problem:
 
 
 class Problems(dict[int, Problem]):
-    """The problems of a file so far, the first at each offset."""
+    """The problems of a file so far, one at each offset: the first loss, or else the first."""
 
-    def note(self, offset: int, text: str) -> None:
+    def note(self, offset: int, text: str, *, is_loss: bool = False) -> None:
         """Add a problem at an offset [bytes]."""
-        self.setdefault(offset, Problem(offset, printable_line(text)))
+        if offset not in self or (is_loss and not self[offset].is_loss):
+            self[offset] = Problem(offset, printable_line(text), is_loss)
 
-    def note_whole(self, text: str) -> None:
+    def note_whole(self, text: str, *, is_loss: bool = False) -> None:
         """Add a problem of the whole file, once."""
         shown = printable_line(text)
         if all(problem.text != shown for problem in self.values()):
-            self.note(-1 - len(self), shown)
+            self.note(-1 - len(self), shown, is_loss=is_loss)
+
+    def lines(self, name: str, *, losses: bool = True, others: bool = True) -> list[str]:
+        """Return the losses, the other problems or both of a file with a name, one line each."""
+        return [
+            f'{name}{problem.place}: {problem.text}'
+            for problem in list(self.values())
+            if (losses if problem.is_loss else others)
+        ]
 
 
 @dataclass(frozen=True)
@@ -62,14 +71,6 @@ class Overview:
     times: tuple[int, int] | None
     metadata: list[int]
     attachments: list[int]
-
-
-@dataclass
-class SalvageReport:
-    """The parts of a file that were left out, and other remarks, one line each."""
-
-    lost: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
 
 
 class Storage(Protocol):
@@ -93,6 +94,8 @@ class Storage(Protocol):
     problems: Problems
     # The log times [ns] of damaged parts, as far as known; reading may find more.
     gaps: set[tuple[int, int]]
+    # What a recovery tells beside the problems, one line each; complete after all blocks.
+    remarks: list[str]
 
     def overview(self) -> Overview:
         """Return its content."""
@@ -111,9 +114,6 @@ class Storage(Protocol):
 
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
-
-    def salvage(self, report: SalvageReport) -> Iterator[Item]:
-        """Yield all that is intact, messages first in the order of the file; add the rest."""
 
     def close(self) -> None:
         """Remove its unpacked or copied files."""

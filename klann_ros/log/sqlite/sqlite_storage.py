@@ -18,7 +18,7 @@ import struct
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.read.storage import Item, Overview, Problems, SalvageReport, Source, Topics
+from klann_ros.log.read.storage import Overview, Problems, Source, Topics
 from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message
 from klann_ros.sanitize.files import is_regular_file, open_regular
@@ -72,21 +72,24 @@ class SqliteStorage:
         self.path = path
         self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
         self._copy = unpacked
-        # The state of the file, and what of it cannot be read, one line each.
-        self.remarks: list[str] = []
+        self.problems = Problems()
         try:
             if unpacked is None:
                 self._apply_journals(path)
+            self.closed = not self.problems
             place = path if self._copy is None else self._copy.path
-            self.description, self.rows, self.losses = _read_bag(path, place)
+            self.description, self.rows, losses = _read_bag(path, place)
         except OSError as error:
             raise NotALogError(path, error.strerror or str(error)) from None
         self.size = self.rows.size
-        self.closed = not self.remarks
-        self.problems = Problems()
-        for text in (*self.remarks, *self.losses):
-            self.problems.note_whole(text)
+        for text in losses:
+            self.problems.note_whole(text, is_loss=True)
         self.gaps: set[tuple[int, int]] = set()
+        self.remarks = ['SQLite keeps no CRC, so damage in messages is unknown']
+        taken = [kind for kind, words in self.description.installed.items() if words]
+        if taken:
+            text = f'the definitions of {listed(taken)} are those installed here: it has none'
+            self.remarks.append(text)
         self._channels = {topic: channel for channel, topic in enumerate(self.description.topics)}
 
     def _apply_journals(self, path: Path) -> None:
@@ -104,7 +107,7 @@ class SqliteStorage:
             text = f'it was not closed, and {names} beside it is of no use: {reason_of(error)}'
         else:
             text = f'it was not closed: {names} is beside it, and is read with it'
-        self.remarks = [text]
+        self.problems.note_whole(text)
 
     def overview(self) -> Overview:
         """Return its content, topics without messages included."""
@@ -141,37 +144,6 @@ class SqliteStorage:
         """Return None: the format has no attachments."""
         return None
 
-    def salvage(self, report: SalvageReport) -> Iterator[Item]:
-        """Yield all intact messages in the order of the file; add the rest."""
-        remarks = [*self.remarks, 'SQLite keeps no CRC, so damage in messages is unknown']
-        taken = [kind for kind, words in self.description.installed.items() if words]
-        if taken:
-            types = listed(taken)
-            remarks.append(f'the definitions of {types} are those installed here: it has none')
-        report.remarks += [f'{self.name}: {text}' for text in remarks]
-        lost = [*self.losses]
-        damaged = unknown = 0
-        for rows in self.rows.ranges:
-            try:
-                found = self.rows.read(rows)
-            except DatabaseError as error:
-                lost.append(f'{rows}: {error}')
-                continue
-            damaged += rows.count - len(found)
-            for number, time, data in found:
-                topic = self.description.topics.get(number)
-                if topic is None:
-                    unknown += 1
-                else:
-                    # The format has one time only, and no sequence numbers.
-                    yield Message(topic, data, time, time, 0)
-        if damaged:
-            are = verb(damaged, 'message is', 'messages are')
-            lost.append(f'{damaged} {are} not all there')
-        if unknown:
-            lost.append(f'{counted(unknown, "message")} of topics whose description is lost')
-        report.lost += [f'{self.name}: {text}' for text in lost]
-
     def close(self) -> None:
         """Remove its unpacked or copied files."""
         if self._copy is not None:
@@ -182,13 +154,15 @@ class SqliteStorage:
         try:
             found = self.rows.read(rows, topics)
         except DatabaseError as error:
-            self.problems.note_whole(f'{rows} are left out: {error}')
+            self.problems.note_whole(f'{rows} are left out: {error}', is_loss=True)
             return []
         if topics is None and len(found) < rows.count:
-            self.problems.note_whole(f'{rows.count - len(found)} of {rows} are not all there')
+            text = f'{rows.count - len(found)} of {rows} are not all there'
+            self.problems.note_whole(text, is_loss=True)
         unknown = rows.topics - self._channels.keys()
         for number in unknown:
-            self.problems.note_whole(f'messages of topic {number}, which is not known')
+            text = f'messages of topic {number}, whose description is lost'
+            self.problems.note_whole(text, is_loss=True)
         return [row for row in found if row[0] not in unknown] if unknown else found
 
     def _by_time(self, rows: RowRange, names: Topics) -> Iterator[Message]:

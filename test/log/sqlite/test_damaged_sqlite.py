@@ -153,7 +153,7 @@ def test_rows_that_hold_no_message_are_counted(tmp_path, capsys) -> None:
     assert recover([str(tmp_path / 'x.db3')]) == 3
     said = capsys.readouterr().out
     assert '5 rows of its table of messages hold no message' in said
-    assert '1 message of topics whose description is lost' in said
+    assert 'messages of topic 9, whose description is lost' in said
     found = read_messages(tmp_path / 'x_recovered')
     assert [data for *_, data in found] == [b'0001', b'0002', b'0003', b'0004']
 
