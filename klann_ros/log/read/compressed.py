@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+import os
 from pathlib import Path
 from typing import BinaryIO
 
@@ -34,12 +35,8 @@ MAX_FILE_RATIO = 64
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 """The first bytes of a zstd frame."""
 
-# Layout of a zstd frame (RFC 8878) [bytes].
-_SKIPPABLE_MAGIC, _SKIPPABLE_HEAD = b'\x2a\x4d\x18', 8
-_MAX_FRAME_HEADER, _BLOCK_HEAD, _CHECKSUM = 18, 3, 4
-_RLE_BLOCK = 1
-# A block unpacks to 128 KiB at most, so these to 1 MiB.
-_BLOCKS_AT_ONCE = 8
+# No piece of a file unpacks to more than 32 MiB: 4 bytes may repeat a byte 2^17 times [bytes].
+_PIECE_SIZE = 1024
 
 _ENCODING = 'cdr'
 # Size of messages that finishes a block of unpacked ones [bytes].
@@ -91,8 +88,7 @@ class _Unpacking:
         self.damage = ''
         self._path = path
         self._file = file
-        self._size = file.seek(0, 2)
-        self._limit = max(MIN_FILE_LIMIT, MAX_FILE_RATIO * self._size)
+        self._limit = max(MIN_FILE_LIMIT, MAX_FILE_RATIO * os.fstat(file.fileno()).st_size)
         self._is_log = is_log
 
     def pieces(self) -> Iterator[bytes]:
@@ -113,53 +109,21 @@ class _Unpacking:
             raise NotALogError(self._path, f'it is a zstd file, but {reason}')
 
     def _unpacked(self) -> Iterator[bytes]:
-        is_end = True
-        for part, ends in _parts(self._file, self._size):
-            if is_end:
-                unpacker = zstandard.ZstdDecompressor().decompressobj()
+        unpacker = None
+        piece = self._file.read(_PIECE_SIZE)
+        while piece:
+            unpacker = unpacker or zstandard.ZstdDecompressor().decompressobj()
             try:
-                yield unpacker.decompress(part) if part else b''
+                yield unpacker.decompress(piece)
             except (zstandard.ZstdError, MemoryError) as error:
                 self.damage = f'it can be unpacked in part only: {printable(error)}'
                 return
-            is_end = ends
-        if not is_end:
+            rest = b''
+            if unpacker.eof:
+                rest, unpacker = unpacker.unused_data, None
+            piece = rest + self._file.read(_PIECE_SIZE - len(rest))
+        if unpacker is not None:
             self.damage = 'it is cut off: its last zstd frame has no end'
-
-
-def _parts(file: BinaryIO, size: int) -> Iterator[tuple[bytes, bool]]:
-    """Yield parts that unpack to 1 MiB each at most, and whether each is the end of a frame."""
-    offset = 0
-    while offset < size:
-        file.seek(offset)
-        head = file.read(_MAX_FRAME_HEADER)
-        if head[1:4] == _SKIPPABLE_MAGIC and head[0] >> 4 == 5:
-            offset += _SKIPPABLE_HEAD + int.from_bytes(head[4:8], 'little')
-            continue
-        start, last, count = offset, False, 0
-        offset += _header_size(head)
-        if offset == start:
-            yield b'', False
-            return
-        while not last and offset < size:
-            file.seek(offset)
-            block = int.from_bytes(file.read(_BLOCK_HEAD), 'little')
-            last, kind, length = bool(block & 1), block >> 1 & 3, block >> 3
-            offset += _BLOCK_HEAD + (1 if kind == _RLE_BLOCK else length)
-            offset += _CHECKSUM if last and head[4] & 4 else 0
-            count += 1
-            if last or offset >= size or count % _BLOCKS_AT_ONCE == 0:
-                file.seek(start)
-                yield file.read(offset - start), last and offset <= size
-                start = offset
-
-
-def _header_size(head: bytes) -> int:
-    """Return the size of a frame's header [bytes]; 0 if it is malformed."""
-    try:
-        return zstandard.frame_header_size(head) if head.startswith(ZSTD_MAGIC) else 0
-    except zstandard.ZstdError:
-        return 0
 
 
 def is_compressed(data: bytes) -> bool:
