@@ -1,6 +1,5 @@
 """The topics that the channel numbers of a file stand for."""
 
-from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -33,7 +32,6 @@ class Channels:
         # Caches: many channels may share one schema.
         self._topics: dict[int, Topic | None] = {}
         self._texts: dict[int, tuple[Schema, str]] = {}
-        self._sharing: defaultdict[int, set[int]] = defaultdict(set)
 
     @property
     def contradictions(self) -> list[str]:
@@ -46,8 +44,7 @@ class Channels:
             changed = self._schemas.add(content, offset, verified=verified)
             if changed is not None:
                 self._texts.pop(changed, None)
-                for channel in self._sharing.pop(changed, ()):
-                    self._topics.pop(channel, None)
+                self._topics.clear()
         elif opcode == Opcode.CHANNEL:
             changed = self._channels.add(content, offset, verified=verified)
             if changed is not None:
@@ -63,7 +60,6 @@ class Channels:
         self._schemas.update(other._schemas)  # noqa: SLF001 - its own kind
         self._channels.update(other._channels)  # noqa: SLF001 - as above
         self._topics.clear()
-        self._sharing.clear()
         self._texts.clear()
 
     def topic(self, channel: int) -> Topic | None:
@@ -84,7 +80,6 @@ class Channels:
         channel = self._channels.get(number)
         if channel is None:
             return None
-        self._sharing[channel.schema_id].add(number)
         known = self._schema(channel.schema_id)
         if known is None:
             return None

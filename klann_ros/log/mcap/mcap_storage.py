@@ -203,7 +203,7 @@ class McapStorage:
         """Return a record; None, and a problem, if it is not there or damaged."""
         try:
             with self.open() as file:
-                end = self.summary.end_of(offset) or self._end
+                end = self.summary.entry(offset).end or self._end
                 span = span_at(file, offset, min(end, self._end))
                 if span.opcode == opcode:
                     return parse_one(read(file, span), offset)

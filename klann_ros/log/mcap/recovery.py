@@ -219,7 +219,7 @@ class RecordScan:
 
     def _content_fault(self, span: RecordSpan) -> str:
         """Return the fault of a record's content in one line; '' for none."""
-        name, kind = name_of(span.opcode), self._summary.kind_at(span.offset)
+        name, kind = name_of(span.opcode), self._summary.entry(span.offset).opcode
         if kind not in (None, span.opcode):
             return f'the {name} is a {name_of(kind)} in the index'
         end = fields_end(self._file, span)
@@ -240,7 +240,7 @@ class RecordScan:
         if size is None or not has_no_content(self._file, span):
             return False
         self._file.seek(end - size)
-        return not any(self._file.read(size + 1)) and self._summary.size_at(span.offset) != 0
+        return not any(self._file.read(size + 1)) and self._summary.entry(span.offset).size != 0
 
     def _read_loose(self, span: RecordSpan) -> Content | None:
         """Return a message outside of chunks and those behind it; skip unknown kinds."""
@@ -336,10 +336,10 @@ class RecordScan:
 
     def _sound_behind(self, start: int) -> tuple[int | None, bool]:
         """Return the next sound offset behind damage, and whether the record ends there."""
-        end = self._summary.end_of(start)
+        kind, end, _ = self._summary.entry(start)
         if end is None or self._check.successor(end) is Successor.NONE:
             return self._check.find_record(start + 1, chunked=self._chunked), False
-        beyond = end if self._summary.kind_at(start) == Opcode.ATTACHMENT else 0
+        beyond = end if kind == Opcode.ATTACHMENT else 0
         moved = self._check.find_chunk(start + 1, end, beyond=beyond)
         return (end, True) if moved is None else (moved, False)
 

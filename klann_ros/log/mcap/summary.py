@@ -37,14 +37,11 @@ _USED_KINDS = (
 
 
 class IndexEntry(NamedTuple):
-    """Opcode and end of a record, and the size of its data [bytes] if known."""
+    """Opcode and end of a record, and the size of its data [bytes]; None if unknown."""
 
     opcode: int | None = None
     end: int | None = None
     size: int | None = None
-
-
-_NO_ENTRY = IndexEntry()
 
 
 @dataclass
@@ -106,17 +103,9 @@ class Summary:
         self.entries.clear()
         self._starts.clear()
 
-    def kind_at(self, offset: int) -> int | None:
-        """Return the kind of the record at an offset; None if it is not indexed."""
-        return self.entries.get(offset, _NO_ENTRY).opcode
-
-    def end_of(self, offset: int) -> int | None:
-        """Return the end of the record at an offset; None if it is not indexed."""
-        return self.entries.get(offset, _NO_ENTRY).end
-
-    def size_at(self, offset: int) -> int | None:
-        """Return the size of the data of a record [bytes]; None if unknown."""
-        return self.entries.get(offset, _NO_ENTRY).size
+    def entry(self, offset: int) -> IndexEntry:
+        """Return the entry of the record at an offset, an empty one if it is not indexed."""
+        return self.entries.get(offset, IndexEntry())
 
     def first_from(self, offset: int) -> int | None:
         """Return the offset of the first indexed record from an offset on."""

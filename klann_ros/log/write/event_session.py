@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 import re
 from threading import Thread
 from time import monotonic, time_ns
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.records import Message
@@ -32,6 +33,7 @@ from .writer import RunWriter
 OpenedRun = tuple[RunWriter, BackgroundWriter]
 # Opens a run in a new folder.
 OpenRun = Callable[[Path], OpenedRun]
+Result = TypeVar('Result')
 
 # Maximum delay between reception and `put`, with stalls: a later message is in no event run [s].
 _RECEPTION_DELAY = 0.25
@@ -54,29 +56,32 @@ class EventSettings:
     max_bytes: int
 
 
-class EventOpening:
-    """Opens the run of an event in a thread: a slow disk does not delay reception."""
+def _in_thread(action: Callable[[], Result]) -> Future[Result]:
+    """Begin an action in a thread: a slow disk delays neither reception nor the process's end."""
+    future: Future[Result] = Future()
 
-    def __init__(
-        self, open_run: OpenRun, path: Path, causes: list[RecordedFinding], end: float
-    ) -> None:
-        self.path, self.causes = path, causes
-        # Begin and end of the event, monotonic [s], and its begin [ns since the epoch].
-        self.begin, self.end, self.time = monotonic(), end, time_ns()
-        self._future: Future[OpenedRun] = Future()
-        Thread(target=self._run, args=(open_run,), name='opening', daemon=True).start()
-
-    def result(self, timeout: float | None) -> OpenedRun | None:
-        """Return the opened run, or None after a timeout [s]; raise the error of opening."""
-        wait([self._future], timeout)
-        return self._future.result() if self._future.done() else None
-
-    def _run(self, open_run: OpenRun) -> None:
+    def run() -> None:
         try:
-            self._future.set_result(open_run(self.path))
-        # Raised by `result`, in the caller's thread.
+            future.set_result(action())
+        # Raised in the thread that takes the result.
         except Exception as error:
-            self._future.set_exception(error)
+            future.set_exception(error)
+
+    Thread(target=run, name='event', daemon=True).start()
+    return future
+
+
+@dataclass
+class EventOpening:
+    """The run of an event that is being opened."""
+
+    path: Path
+    causes: list[RecordedFinding]
+    run: Future[OpenedRun]
+    # Begin and end of the event, monotonic [s], and its begin [ns since the epoch].
+    begin: float
+    end: float
+    time: int
 
 
 class EventRun:
@@ -91,9 +96,9 @@ class EventRun:
         self, opened: OpenedRun, recording: DropCounters, begin: Counts, end: float
     ) -> None:
         run, self._background = opened
-        # Monotonic time of the end [s]; success and a message for the user, once it is closed.
+        # Monotonic time of the end [s]; success and a message for the user, from `close` on.
         self.end = end
-        self.result: tuple[bool, str] | None = None
+        self.result: Future[tuple[bool, str]] | None = None
         self.put, self.path = self._background.put, run.path
         self.put_entry = self._background.put_entry
         self._recording, self._begin = recording, begin
@@ -103,7 +108,6 @@ class EventRun:
         self.split, self.state = session.split, session.state
         self.add_solver, self.add_finding = session.add_solver, session.add_finding
         self.add_pause = session.add_pause
-        self._thread: Thread | None = None
 
     def write_pretrigger(self, messages: Iterable[Message]) -> None:
         """Write messages that were received before the first snapshot."""
@@ -125,18 +129,9 @@ class EventRun:
         return self._background.failure is not None
 
     def close(self) -> None:
-        """Finish the run in a thread, as a disk may be slow; no more messages may follow."""
+        """Begin to finish the run; no more messages may follow."""
         self._last = self._recording.snapshot()
-        self._thread = Thread(target=self._finish, name='event', daemon=True)
-        self._thread.start()
-
-    def join(self) -> None:
-        """Wait until it is closed."""
-        if self._thread is not None:
-            self._thread.join()
-
-    def _finish(self) -> None:
-        self.result = self._session.finish()
+        self.result = _in_thread(self._session.finish)
 
 
 class EventSession:
@@ -240,7 +235,7 @@ class EventSession:
         if self._event is not None and (now >= self._event.end or self._event.has_failed):
             self._closing, self._event = self._event, None
             self._closing.close()
-        if self._closing is not None and self._closing.result is not None:
+        if self._closing is not None and self._closing.result and self._closing.result.done():
             self._finalize(self._closing)
         if self._pending_triggers and not (self._opening or self._event or self._closing):
             self._open_event()
@@ -292,7 +287,6 @@ class EventSession:
             if event is not None:
                 if event is self._event:
                     event.close()
-                event.join()
                 self._finalize(event)
         if self._pending_triggers:
             self._open_event()
@@ -305,7 +299,8 @@ class EventSession:
         """Open the run of the pending triggers."""
         causes, self._pending_triggers = self._pending_triggers, []
         path = _unused_path(self._folder, causes[0].check)
-        self._opening = EventOpening(self._open_run, path, causes, self._end())
+        run = _in_thread(partial(self._open_run, path))
+        self._opening = EventOpening(path, causes, run, monotonic(), self._end(), time_ns())
         self._begin_if_open(self._opening, _OPENING_TIMEOUT)
 
     def _end(self) -> float:
@@ -314,14 +309,15 @@ class EventSession:
 
     def _begin_if_open(self, opening: EventOpening, timeout: float | None) -> None:
         """Begin the event if its run is open within a timeout [s]."""
-        try:
-            opened = opening.result(timeout)
-        except (LogError, OSError) as error:
-            self._opening = None
-            self._fail(f'the event ({opening.causes[0].check}) is not recorded: {error}')
+        wait([opening.run], timeout)
+        if not opening.run.done():
             return
-        if opened is not None:
-            self._opening = None
+        self._opening = None
+        try:
+            opened = opening.run.result()
+        except (LogError, OSError) as error:
+            self._fail(f'the event ({opening.causes[0].check}) is not recorded: {error}')
+        else:
             self._begin(opened, opening)
 
     def _begin(self, opened: OpenedRun, opening: EventOpening) -> None:
@@ -358,13 +354,13 @@ class EventSession:
             self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
 
     def _finalize(self, event: EventRun) -> None:
-        """Add the counts of a closed run, and report its result."""
+        """Wait for the end of a run, add its counts, and report its result."""
         if event.result is None:
             return
+        ok, message = event.result.result()
         self._closing = None if event is self._closing else self._closing
         self._event = None if event is self._event else self._event
         self._stored = _add_counts(self._stored, event.counts())
-        ok, message = event.result
         if ok:
             self._failure = ''
             self._on_status(True, message)
