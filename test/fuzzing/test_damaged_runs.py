@@ -7,7 +7,7 @@ from fuzzing.samples import make_samples
 from mcap_bytes.legal import LegalFile
 import pytest
 
-CASES = 132
+CASES = 66
 PART = 22
 
 

@@ -68,7 +68,7 @@ import sys, time
 sys.path[:0] = {paths!r}
 from crank_runs import make_messages
 from klann_ros.log.write.writer import RunWriter
-writer = RunWriter({folder!r}, compression={compression!r})
+writer = RunWriter({folder!r})
 writer.attach('geometry.yaml', 'application/yaml', b'l_ab: 0.12', 1)
 for number, message in enumerate(make_messages(50_000)):
     writer.write(message)
@@ -78,12 +78,9 @@ for number, message in enumerate(make_messages(50_000)):
 """
 
 
-@pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
-def test_kill_9_costs_nothing_that_was_flushed(compression, recovered, tmp_path) -> None:
+def test_kill_9_costs_nothing_that_was_flushed(recovered, tmp_path) -> None:
     run = tmp_path / 'walk'
-    code = KILLED.format(
-        paths=[str(ROOT), str(ROOT / 'test')], folder=str(run), compression=compression
-    )
+    code = KILLED.format(paths=[str(ROOT), str(ROOT / 'test')], folder=str(run))
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE) as process:
         # Some flushes, then the kill falls wherever the process is.
         lines = [process.stdout.readline() for _ in range(20)]
@@ -124,16 +121,6 @@ def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(run_file, recove
     assert (code, messages) == (3, all_but(0))
 
 
-@pytest.mark.parametrize('position', [-1, -8, -10, -14, -20, -30, -37, -60, -200])
-def test_a_rotten_footer_or_summary_discards_nothing(run_file, recovered, position) -> None:
-    data = bytearray(run_file.read_bytes())
-    data[position] ^= 0x40
-    run_file.write_bytes(data)
-    code, messages, text = recovered(run_file.parent)
-    assert (code, messages) == (0, MESSAGES)
-    assert 'note: ' in text
-
-
 def test_cut_anywhere_all_intact_chunks_are_read_and_come_back(run_file, tmp_path, capsys) -> None:
     data = run_file.read_bytes()
     chunks, (bag, _) = spans_of(data, CHUNK), spans_of(data, METADATA)[-1]
@@ -172,13 +159,6 @@ def test_a_zeroed_tail_is_reported(run_file, recovered, where) -> None:
     assert 'only zeros' in text
 
 
-def test_a_missing_metadata_yaml_is_written_anew(run_file, recovered, tmp_path) -> None:
-    (run_file.parent / 'metadata.yaml').unlink()
-    code, messages, _ = recovered(run_file.parent)
-    assert (code, messages) == (0, MESSAGES)
-    assert (tmp_path / 'again' / 'metadata.yaml').exists()
-
-
 def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(run_file, recovered) -> None:
     data = run_file.read_bytes()
     run_file.write_bytes(data.replace(b'l_ab: 0.12', b'l_ab: 0.13'))
@@ -187,12 +167,8 @@ def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(run_file, rec
     assert "the CRC of the attachment 'geometry.yaml' is wrong" in text
 
 
-@pytest.mark.parametrize('content', [None, b'', b'nothing of the kind'])
-def test_a_non_log_file_is_exit_code_2_and_one_line(tmp_path, capsys, content) -> None:
-    path = tmp_path / 'x.mcap'
-    if content is not None:
-        path.write_bytes(content)
-    assert main([str(path), '-o', str(tmp_path / 'again')]) == 2
+def test_a_non_log_file_is_exit_code_2_and_one_line(tmp_path, capsys) -> None:
+    assert main([str(tmp_path / 'x.mcap'), '-o', str(tmp_path / 'again')]) == 2
     out, err = capsys.readouterr()
     assert out == ''
     assert err.count('\n') == 1

@@ -8,6 +8,7 @@ from crank_runs import BATCHES, CHUNK, DATA_END, killed, MESSAGES, spans_of, STA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.decompression import MIN_LIMIT
 from klann_ros.log.reader import open_log
+from klann_ros.log.recovery import recover
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard
@@ -68,6 +69,7 @@ def test_a_rotten_summary_costs_nothing(run_file) -> None:
         with open_log(run_file) as log:
             assert list(log.messages()) == MESSAGES, f'byte {position}'
             assert not log.complete, f'byte {position}'
+    assert recover(run_file, run_file.parent / '../again').lost == []
 
 
 def chunk_record(compression, data, size, crc=0):

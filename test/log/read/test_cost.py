@@ -57,7 +57,7 @@ def test_twice_the_bytes_take_no_more_than_twice_the_work(read, shape) -> None:
     assert twice <= EACH * 2 * SIZE + ONCE
 
 
-@pytest.mark.parametrize('shape', OUTSIDE)
+@pytest.mark.parametrize('shape', ['empty messages', 'a bad byte behind each metadata record'])
 def test_it_can_be_recovered_at_the_same_cost(tmp_path, shape) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(file_of(shape, SIZE))
