@@ -133,16 +133,11 @@ def drawing(  # noqa: PLR0917 - the data of a drawing
     return side * place.real + axle[0], place.imag + axle[1]
 
 
-def left_foot_x(name: str) -> Values:
-    """Return the left leg's range of x in the plan's frame, whose axle is at (10, 10)."""
-    near, far = foot_path(leg(name)).x_range
-    return 10 - far / 0.01, 10 - near / 0.01
-
-
-def left_foot_y(name: str) -> Values:
-    """Return the left leg's range of y in the plan's frame."""
-    low, high = foot_path(leg(name)).y_range
-    return 10 + low / 0.01, 10 + high / 0.01
+def left_foot(name: str, axis: str) -> Values:
+    """Return the left leg's range of x or y in the plan's frame, whose axle is at (10, 10)."""
+    least, greatest = getattr(foot_path(leg(name)), f'{axis}_range')
+    ends = (-greatest, -least) if axis == 'x' else (least, greatest)
+    return tuple(10 + end / 0.01 for end in ends)
 
 
 def flatness(name: str) -> Values:
@@ -265,8 +260,8 @@ FIND: Mapping[str, Any] = {
     'transmission_angle': lambda name, crank: degrees(pose_at(name, crank).transmission_angles),
     'drawing': drawing,
     'foot_path': lambda name, figure: (getattr(foot_path(leg(name)), figure) / 0.01,),
-    'left_foot_x': left_foot_x,
-    'left_foot_y': left_foot_y,
+    'left_foot_x': lambda name: left_foot(name, 'x'),
+    'left_foot_y': lambda name: left_foot(name, 'y'),
     'flatness': flatness,
     'straight_line': straight_line,
     'six_bar_notebook': lambda _, figure: (six_bar_notebook()[figure],),

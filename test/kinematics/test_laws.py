@@ -338,7 +338,7 @@ def test_whole_turns_close(name: str, turns: int) -> None:
     assert again.crank_angle == alpha + turns * 2 * math.pi
 
 
-@FOR_EACH
+@settings(max_examples=40)
 @given(leg=legs(0.3))
 def test_it_is_solvable_exactly_on_its_reachable_arcs(leg: AnyLeg) -> None:
     arcs, turn = leg.reachable_arcs(), 2 * math.pi
@@ -356,7 +356,7 @@ def test_it_is_solvable_exactly_on_its_reachable_arcs(leg: AnyLeg) -> None:
             assert inside
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(leg=legs(0.3))
 def test_the_singularity_is_at_the_ends_of_the_arcs(leg: AnyLeg) -> None:
     arcs = leg.reachable_arcs()

@@ -1,4 +1,4 @@
-"""`newton`: the courses' iteration, and the reason when it fails."""
+"""The courses' Newton-Raphson: f, Phi, iterates, when it stops, and the reason when it fails."""
 
 import math
 import pickle
@@ -14,7 +14,10 @@ from klann_ros.kinematics import (
     KlannGeometry,
     KlannLeg,
     Leg,
+    LinkageLeg,
     NotConvergedError,
+    shipped_linkage,
+    shipped_linkages,
     SingularPoseError,
     UnreachableError,
 )
@@ -119,3 +122,125 @@ def test_an_invalid_count_of_iterations_is_refused(count: Any) -> None:
 )
 def test_errors_survive_pickling_with_their_text(error: Exception) -> None:
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301 - our own bytes
+
+
+# What a textbook writes down of it.
+
+ALPHA = math.radians(60.0)
+KLANN = KlannLeg(), np.radians([15.0, 60.0, 45.0, 60.0])
+BAR = FourBar(180.0, 80.0, 200.0, 150.0), np.radians([15.0, 80.0])
+
+
+def test_the_lectures_example_ends_at_its_root() -> None:
+    # docs/test_theory.py has the printed iterates.
+    root = [10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574]
+    leg, guess = KLANN
+    poses = leg.solve(ALPHA), leg.closed_form(ALPHA)
+    for x in (leg.newton(ALPHA, guess)[-1], *(pose.x for pose in poses)):
+        np.testing.assert_allclose(x, np.radians(root), rtol=0, atol=1e-15)
+    for pose in poses:
+        expected = [0.7960057379415449, -0.3037627502892032]
+        np.testing.assert_allclose(pose.h, expected, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(('leg', 'guess'), [KLANN, BAR], ids=['klann', 'four-bar'])
+def test_a_run_is_its_iterates_f_phi_and_corrections(leg: KlannLeg, guess: np.ndarray) -> None:
+    run = leg.iterations(ALPHA, guess)
+    assert (run.x == leg.newton(ALPHA, guess)).all()
+    assert run.names == leg.joint_names[1:]
+    for k, x in enumerate(run.x):
+        assert (run.f[k] == leg.f(ALPHA, x)).all()
+        assert (run.phi[k] == leg.phi(ALPHA, x)).all()
+        assert run.residuals[k] == np.abs(run.f[k]).max()
+        if k < len(run.x) - 1:
+            np.testing.assert_allclose(run.corrections[k], leg.correction(ALPHA, x), atol=1e-14)
+    for array in (run.x, run.f, run.phi):
+        with pytest.raises(ValueError, match='read-only'):
+            array[0] = 0.0
+    lines = str(run).splitlines()
+    assert len(lines) == 2 + len(run.x)
+    end = 1 + len(guess)
+    assert [float(cell) for cell in lines[2].split()[1:end]] == pytest.approx(np.degrees(guess))
+
+
+def test_a_distance_is_shown_as_one() -> None:
+    leg = LinkageLeg(shipped_linkage('slider_crank'))
+    run = leg.iterations(0.3, [0.0, 0.2])
+    assert run.units == ('rad', 'm')
+    lines = str(run).splitlines()
+    assert lines[0].startswith('rod, piston [deg, m], f, corrections')
+    last = [float(cell) for cell in lines[-1].split()[1:3]]
+    assert last == pytest.approx([math.degrees(run.x[-1, 0]), run.x[-1, 1]], abs=1e-5)
+
+
+def test_it_stops_where_the_course_does() -> None:
+    bar, guess = BAR
+    for residual in (1e-4, 1e-5, 50.0, 1.5):
+        run = bar.iterations(ALPHA, guess, residual=residual)
+        below = run.residuals < residual
+        assert below.tolist() == [False] * (len(run.x) - 1) + [True]
+    # A guess that is good enough is the answer.
+    assert len(bar.newton(ALPHA, guess, residual=100.0)) == 1
+
+
+@pytest.mark.parametrize('tolerance', [1e-1, 1e-3, 1e-5, 1e-9])
+def test_it_stops_at_the_first_small_correction(tolerance: float) -> None:
+    leg, guess = KLANN
+    run = leg.iterations(ALPHA, guess, tolerance=tolerance)
+    small = np.abs(run.corrections).max(axis=1) <= tolerance
+    assert small.tolist() == [False] * (len(small) - 1) + [True]
+    both = leg.iterations(ALPHA, guess, tolerance=tolerance, residual=1e-12)
+    assert len(both.x) >= len(run.x)
+    assert both.residuals[-1] < 1e-12
+
+
+@pytest.mark.parametrize('name', ['tolerance', 'residual'])
+@pytest.mark.parametrize('value', [0.0, -1.0, math.nan, math.inf, '1e-4'])
+def test_an_invalid_stopping_criterion_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf'{name} = .* is refused'):
+        BAR[0].newton(ALPHA, BAR[1], **{name: value})
+
+
+def test_a_stop_that_is_not_reached_is_reported() -> None:
+    bar, guess = BAR
+    with pytest.raises(NotConvergedError, match=r'\|f\| is not below 1e-05 m after 2') as caught:
+        bar.newton(ALPHA, guess, residual=1e-5, max_iterations=2)
+    assert caught.value.iterates.shape == (3, 2)
+
+
+def test_an_angle_without_any_assembly_is_reported() -> None:
+    bar = FourBar(0.3, 0.25, 0.2, 0.24)
+    with pytest.raises(NotConvergedError, match=r'at this crank angle it closes in no assembly$'):
+        bar.newton(math.pi, [0.1, 0.2])
+    # It could have converged here.
+    with pytest.raises(NotConvergedError, match=r'after 1 iterations$'):
+        bar.newton(1.0, [0.1, 0.2], max_iterations=1)
+
+
+@pytest.mark.parametrize('call', ['f', 'phi', 'correction', 'newton'])
+def test_invalid_angles_are_refused(call: str) -> None:
+    for leg in (KLANN[0], BAR[0]):
+        with pytest.raises(ValueError, match=r' = .* is refused: .*(two|four) finite numbers'):
+            getattr(leg, call)(ALPHA, [1.0])
+        with pytest.raises(CrankAngleError):
+            getattr(leg, call)(math.nan, [1.0] * (len(leg.joint_names) - 1))
+
+
+def test_a_singular_estimate_has_no_correction() -> None:
+    with pytest.raises(SingularPoseError):
+        FourBar(2, 1, 2, 1).correction(0.0, [0.0, 0.0])
+
+
+def test_the_cranks_angle_has_one_name_in_every_linkage() -> None:
+    legs = [
+        KlannLeg(),
+        BAR[0],
+        *(LinkageLeg(shipped_linkage(name)) for name in shipped_linkages()),
+    ]
+    for leg in legs:
+        pose = leg.solve(1.25)
+        assert pose.crank_angle == pose.joints[0] == 1.25
+    pose = BAR[0].solve(ALPHA)
+    assert (pose.theta2, round(math.degrees(pose.alpha), 2)) == (ALPHA, 81.53)
+    assert repr(pose).startswith(f'FourBarPose(theta2={ALPHA:.7g}, theta3=')
+    assert 'alpha' not in repr(pose)

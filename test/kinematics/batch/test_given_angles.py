@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 
-@settings(max_examples=5 * len(NAMES))
+@settings(max_examples=2 * len(NAMES))
 @given(leg=legs(), data=st.data())
 def test_loops_are_those_of_the_leg(leg: Leg[Any, Any], data: st.DataObject) -> None:
     n = len(leg.joint_names)

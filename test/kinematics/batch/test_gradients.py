@@ -160,9 +160,9 @@ def test_both_kernels_agree(name: str) -> None:
     np.testing.assert_allclose(numba.h_gradient, numpy.h_gradient, rtol=1e-12, atol=1e-12)
 
 
-def test_gradients_hold_for_20_000_random_legs() -> None:
+def test_gradients_hold_for_5_000_random_legs() -> None:
     base, rng = KlannGeometry.sem104().linkage, np.random.default_rng(7)
-    factors = rng.uniform(0.8, 1.2, (len(base.numbers), 20_000))
+    factors = rng.uniform(0.8, 1.2, (len(base.numbers), 5_000))
     variants = Variants(
         base, dict(zip(base.dimensions, np.array(base.numbers)[:, None] * factors, strict=True))
     )

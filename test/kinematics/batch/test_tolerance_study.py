@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 from klann_ros.kinematics import klann_poses, KlannGeometry, tolerance_study
+from klann_ros.kinematics.batch import tolerance_study as module
 from klann_ros.kinematics.klann import NUMBERS
 import numpy as np
 import pytest
@@ -149,12 +150,12 @@ def test_unreachable_angles_have_no_statistics() -> None:
     assert study.ranking[0][1] > 0.0
 
 
-def test_progress_is_reported_to_the_end() -> None:
+def test_progress_is_reported_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, 'MAX_STUDY_POSES', 1000)
     calls: list[tuple[int, int]] = []
-    tolerance_study(
-        SEM104, {}, samples=400_000, crank_angles=3, progress=lambda *now: calls.append(now)
-    )
-    assert calls == [(800_000, 1_200_000), (1_200_000, 1_200_000)]
+    options: Any = {'samples': 400, 'crank_angles': 3}
+    tolerance_study(SEM104, 0.01, progress=lambda *now: calls.append(now), **options)
+    assert calls == [(800, 1200), (1200, 1200)]
 
 
 @pytest.mark.parametrize(

@@ -80,3 +80,48 @@ def test_the_clearance_is_the_distance_of_the_diagonal_from_its_limits(
     l_3, l_4 = bar.geometry.coupler, bar.geometry.rocker
     expected = min(l_3 + l_4 - pose.z, pose.z - abs(l_3 - l_4))
     assert pose.clearance == pytest.approx(expected, abs=1e-13)
+
+
+def test_the_course_alpha_and_beta_give_theta4_all_round_in_both_assemblies() -> None:
+    for sign in (1, -1):
+        bar = FourBar(*EXAMPLE.geometry.lengths, sign)
+        for theta2 in np.radians(np.arange(-180.0, 540.0, 7.0)).tolist():
+            pose = bar.solve(theta2)
+            theta4 = math.pi - (sign * pose.alpha + pose.beta)
+            assert math.remainder(theta4 - pose.theta4, math.tau) == pytest.approx(0.0, abs=1e-12)
+            above = 0.0 <= pose.beta <= math.pi
+            assert above == (math.sin(theta2) >= 0.0)
+            assert 0.0 <= pose.alpha <= math.pi
+
+
+@pytest.mark.parametrize('bar', [EXAMPLE, FourBar(0.3, 0.25, 0.2, 0.24), FourBar(2, 1, 2, 1, -1)])
+def test_the_table_equals_the_single_poses(bar: FourBar) -> None:
+    theta2 = np.radians(np.arange(0.0, 360.0, 15.0)).reshape(4, 6)
+    table = bar.table(theta2)
+    for index, angle in np.ndenumerate(theta2):
+        row = [
+            float(getattr(table, name)[index])
+            for name in ('theta3', 'theta4', 'alpha', 'beta', 'z', 'transmission_angle')
+        ]
+        if math.isnan(row[0]):
+            assert np.isnan([*row, table.mechanical_advantage[index]]).all()
+            with pytest.raises(Exception, match='cannot be reached'):
+                bar.solve(angle)
+            continue
+        pose = bar.closed_form(angle)
+        own = [pose.theta3, pose.theta4, pose.alpha, pose.beta, pose.z, pose.transmission_angle]
+        assert row == pytest.approx(own, abs=1e-7)
+        assert float(table.mechanical_advantage[index]) == pytest.approx(
+            bar.mechanical_advantage(angle), rel=1e-6, nan_ok=True
+        )
+    assert not table.theta4.flags.writeable
+
+
+def test_a_table_is_shown_as_one() -> None:
+    lines = str(EXAMPLE.table([0.0, THETA2])).splitlines()
+    assert lines[0].split() == [
+        *('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
+    ]
+    assert lines[3].split()[:5] == ['60.00', '21.56', '72.14', '81.53', '26.33']
+    assert str(EXAMPLE.table(np.zeros(150))).endswith('... and 50 more')
+    assert len(str(EXAMPLE.table(1.0)).splitlines()) == 3
