@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import cos, sin
 from typing import ClassVar
 
 from klann_ros.kinematics import validation
@@ -109,7 +108,3 @@ class FourBarGeometry(NamedGeometry):
         sign = self.assembly if assembly is None else assembly
         held, driven, across, other = self.lengths[first:] + self.lengths[:first]
         return FourBarGeometry(held, driven, across, other, sign)
-
-    def crank_pin(self, theta2: float) -> tuple[float, float]:
-        """Return A (x, y) at a crank angle [rad] [m]."""
-        return self.crank * cos(theta2), self.crank * sin(theta2)

@@ -1,5 +1,6 @@
 """The four-bar as the course asks of it: its pose by its names, its class, limits and merit."""
 
+from cmath import rect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, dist, inf, nan, pi, radians, sqrt
@@ -340,7 +341,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         """
         theta2 = crank_angle(theta2)
         (dyad,), geometry = self.linkage.blocks, self._geometry
-        to_a = geometry.ground - complex(*geometry.crank_pin(theta2))
+        to_a = geometry.ground - rect(geometry.crank, theta2)
         if -dyad.dyad_solver.clearance(to_a) > TANGENCY_TOLERANCE * dyad.rounding:
             closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
         return float(triangle_angle(geometry.coupler, geometry.rocker, abs(to_a)))

@@ -1,7 +1,8 @@
 """How far a four-bar moves: Grashof's law, dead points, and the limits of its rocker."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import atan2, cos, nan, pi, sin
+from math import atan2, copysign, cos, nan, pi, sin
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN, wrap
@@ -202,7 +203,7 @@ def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPo
     if driver not in DRIVERS:
         msg = f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'"
         raise ValueError(msg)
-    found = _of_crank(geometry) if driver == 'crank' else _of_rocker(geometry)
+    found = _of_crank(geometry.lengths) if driver == 'crank' else _of_rocker(geometry)
     return sorted(found, key=lambda point: point.angle)
 
 
@@ -220,51 +221,35 @@ def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
     return RockerLimits(stretched, folded, swing, ratio)
 
 
-def _of_crank(geometry: FourBarGeometry) -> list[DeadPoint]:
-    near, far = crank_limits(geometry.lengths)
-    found = []
+def _of_crank(lengths: Lengths) -> Iterator[DeadPoint]:
+    """Yield the dead points of the crank: two for each kind, one on each side of the ground."""
+    near, far = crank_limits(lengths)
     for angle, kind, exists in ((near, FOLDED, near > 0.0), (far, STRETCHED, far < pi)):
         for theta2 in (-angle, angle) if exists else ():
-            x = _in_line(geometry, theta2, kind)
-            found.append(DeadPoint('crank', theta2, kind, theta2, wrap(x[0]), wrap(x[1])))
-    return found
+            x = map(wrap, _in_line(lengths, theta2, kind))
+            yield DeadPoint('crank', theta2, kind, theta2, *x)
 
 
-def _of_rocker(geometry: FourBarGeometry) -> list[DeadPoint]:
-    near, far = crank_limits(_reversed(geometry))
-    found = []
-    if near > 0.0:
-        # Crank and coupler point to B, or away from it; that decides on which side of the ground
-        # sin(theta4 - theta3) has the assembly's sign.
-        longer = geometry.crank > geometry.coupler
-        side = -geometry.assembly if longer else geometry.assembly
-        theta4 = side * (pi - near)
-        out = _direction_of_b(geometry, theta4)
-        back = wrap(out + pi)
-        x = (out, back) if longer else (back, out)
-        found.append(DeadPoint('rocker', theta4, FOLDED, *x, theta4))
-    if far < pi:
-        theta4 = geometry.assembly * (pi - far)
-        out = _direction_of_b(geometry, theta4)
-        found.append(DeadPoint('rocker', theta4, STRETCHED, out, out, theta4))
-    return found
+def _of_rocker(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
+    """Yield the dead points of the rocker in this assembly, at most one for each kind."""
+    for point in _of_crank(_reversed(geometry)):
+        theta4, theta2 = (copysign(pi - abs(x), x) for x in (point.theta2, point.theta4))
+        theta3 = wrap(-point.theta3)
+        # Of the two sides of the ground each assembly has one.
+        if sin(theta4 - theta3) * geometry.assembly > 0.0:
+            yield DeadPoint('rocker', theta4, point.kind, theta2, theta3, theta4)
 
 
-def _in_line(geometry: FourBarGeometry, theta2: float, kind: str) -> tuple[float, float]:
+def _in_line(lengths: Lengths, theta2: float, kind: str) -> tuple[float, float]:
     """Return theta3 and theta4 where coupler and rocker are stretched out or folded [rad]."""
-    x, y = geometry.crank_pin(theta2)
-    toward, away = atan2(-y, geometry.ground - x), atan2(y, x - geometry.ground)
+    ground, crank, coupler, rocker = lengths
+    x, y = crank * cos(theta2), crank * sin(theta2)
+    toward, away = atan2(-y, ground - x), atan2(y, x - ground)
     if kind == STRETCHED:
         return toward, away
-    return (toward, toward) if geometry.coupler > geometry.rocker else (away, away)
+    return (toward, toward) if coupler > rocker else (away, away)
 
 
-def _reversed(geometry: FourBarGeometry) -> tuple[float, float, float, float]:
-    """Return the lengths seen from the rocker, which is the crank then, at pi - theta4."""
+def _reversed(geometry: FourBarGeometry) -> Lengths:
+    """Return the lengths seen from the rocker: the crank then, all directions mirrored in y."""
     return geometry.ground, geometry.rocker, geometry.coupler, geometry.crank
-
-
-def _direction_of_b(geometry: FourBarGeometry, theta4: float) -> float:
-    """Return the direction from O2 to B [rad]."""
-    x, y = geometry.ground + geometry.rocker * cos(theta4), geometry.rocker * sin(theta4)
-    return atan2(y, x)

@@ -116,27 +116,6 @@ def test_the_possible_assemblies_are_listed() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ('old', 'new', 'hint'),
-    [
-        ('O4, to: B', 'O4, to: b', 'the point b is in the body rocker alone; did you mean B?'),
-        ('O4, to: B', 'O4, to: C', 'the point C is in the body rocker alone; did you mean B?'),
-        ('from: O4', 'from: O5', 'the point O5 is in the body rocker alone; did you mean O4?'),
-        ('from: A', 'from: a', 'the point A is in the body crank alone; did you mean a?'),
-        ('foot: B', 'foot: b', 'is none of the points: O2, O4, A, B; did you mean B?'),
-        ('crank: crank', 'crank: cranc', 'crank, coupler, rocker; did you mean crank?'),
-        ('coupler: 15', 'cuopler: 15', 'cuopler, which is no body; did you mean coupler?'),
-        ('pivots:', 'pivot:', 'did you mean pivots?'),
-    ],
-)
-def test_a_misspelt_name_is_reported_with_the_nearest(old: str, new: str, hint: str) -> None:
-    text = FOUR_BAR % (DEGREES, START)
-    assert old in text
-    with pytest.raises(LinkageFileError) as caught:
-        linkage_from_text(text.replace(old, new, 1), 'x')
-    assert hint in str(caught.value)
-
-
 def test_other_names_are_reported_with_the_nearest() -> None:
     with pytest.raises(LinkageFileError, match=r'janson is shipped: .*; did you mean jansen'):
         shipped_linkage('janson')

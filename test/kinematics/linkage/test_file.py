@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+from four_bars import FOUR_BAR
 from klann_ros.kinematics import (
     linkage_from_file,
     linkage_from_text,
@@ -47,11 +48,19 @@ def edited(**changes: str) -> str:
     return text
 
 
-@pytest.mark.parametrize(('old', 'new', 'reason'), REFUSED)
-def test_an_error_is_reported_in_one_line(old: str, new: str, reason: str) -> None:
+@pytest.mark.parametrize(
+    ('name', 'old', 'new', 'reason'),
+    [(name, *row) for name, rows in REFUSED.items() for row in rows],
+)
+def test_an_error_is_reported_in_one_line(name: str, old: str, new: str, reason: str) -> None:
+    if name == 'four_bar':
+        text = FOUR_BAR % (', angle: deg', 'start: {crank: 60, coupler: 15, rocker: 80}')
+    else:
+        text = (FOLDER / f'{name}.yaml').read_text(encoding='utf-8')
+    assert old in text
     with pytest.raises(LinkageFileError) as caught:
-        linkage_from_text(edited(**{old: new}), 'watt.yaml')
-    assert str(caught.value).startswith('watt.yaml holds no linkage: ')
+        linkage_from_text(text.replace(old, new, 1), 'test.yaml')
+    assert str(caught.value).startswith('test.yaml holds no linkage: ')
     assert reason in str(caught.value)
     assert '\n' not in str(caught.value)
 

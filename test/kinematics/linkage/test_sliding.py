@@ -4,11 +4,9 @@ import math
 from pathlib import Path
 
 from klann_ros.kinematics import (
-    GeometryError,
     Linkage,
     linkage_from_text,
     linkage_poses,
-    LinkageFileError,
     LinkageLeg,
     shipped_linkage,
     UnreachableError,
@@ -22,7 +20,6 @@ SLIDER, SLOT, CROSSED, COUPLED = (
     Path(__file__).with_name(f'{name}.yaml').read_text(encoding='utf-8')
     for name in ('offset_slider', 'slot', 'crossed', 'coupled')
 )
-SLIDES = 'slides: {along: ground, from: A, to: B}'
 ALPHAS = np.linspace(-7.0, 7.0, 701)
 # Of what is computed here in 50 operations at the most.
 DIGITS = {'rtol': 0.0, 'atol': 1e-12}
@@ -153,30 +150,3 @@ def test_a_start_has_distances_in_the_units_of_the_file() -> None:
     assert linkage_from_text(in_mm, 'test').start == pytest.approx(
         linkage_from_text(SLIDER, 'test').start, abs=1e-12
     )
-
-
-@pytest.mark.parametrize(
-    ('change', 'message'),
-    [
-        (('along: ground', 'along: rails'), 'slides along rails, which is no body'),
-        (('from: P, to: C', 'from: B, to: C'), 'from B, which is none of its points: A'),
-        (('along: ground', 'along: piston'), 'slides along piston'),
-        (('to: C}', 'to: P}'), 'has only one point'),
-        (('bars: [{from: A, to: B, length: 0.05}]', SLIDES), 'a driven link must turn'),
-        (('to: C}', 'to: C, direction: x}'), 'direction: '),
-        (('slides: {along: ground, ', 'slides: {'), 'along is missing'),
-        (('slides: {', 'slide: {'), 'slide'),
-    ],
-)
-def test_an_invalid_line_is_refused_with_the_reason(change: tuple[str, str], message: str) -> None:
-    assert change[0] in SLIDER
-    with pytest.raises(LinkageFileError) as caught:
-        linkage_from_text(SLIDER.replace(*change), 'test')
-    assert message in str(caught.value)
-    assert '\n' not in str(caught.value)
-
-
-def test_two_bodies_that_slide_along_each_other_are_refused() -> None:
-    text = CROSSED.replace('along: ground, from: A', 'along: pin, from: B')
-    with pytest.raises(GeometryError, match='slides along it in turn'):
-        linkage_from_text(text, 'test')
