@@ -74,7 +74,7 @@ def test_the_iterates_are_those_of_the_full_newton(make: Make) -> None:
 def test_a_jump_is_split_and_needs_no_closed_form(
     make: Make, limit: float, degrees: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for start in range(0, 360, 10):
+    for start in range(0, 360, 30):
         leg = make()
         leg.solve(math.radians(start))
         expected = leg.closed_form(math.radians(start + degrees))
@@ -211,15 +211,6 @@ def test_the_very_ends_of_the_reach_are_solved(bar: FourBar) -> None:
 
 
 # Change points.
-
-
-def test_beyond_a_change_point_the_sign_is_kept_and_not_the_motion() -> None:
-    bar = FourBar(2.0, 1.0, 2.0, 1.0)
-    for k in range(1, 360):
-        pose = bar.solve(math.radians(k))
-        assert math.sin(pose.theta4 - pose.theta3) > -1e-7
-        # Of a parallelogram the coupler stays along the ground.
-        assert (abs(pose.theta3) < 1e-7) is (k <= 180)
 
 
 @pytest.mark.parametrize('assembly', [1, -1])

@@ -7,6 +7,7 @@ from typing import Any
 from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import foot_path, klann_poses, KlannGeometry, KlannLeg
 from klann_ros.kinematics.foot.inverse import distinct
+from klann_ros.kinematics.foot.track import Y
 import numpy as np
 import pytest
 from strategies import legs
@@ -133,3 +134,10 @@ def test_a_singular_end_is_solved_to_the_last_digits(half_circle: Any) -> None:
         alpha = math.sqrt(0.25 - y * y)
         expected = sorted([6.0 - alpha, (6.0 + alpha) % TURN])
         assert path.crank_angles_at_height(y) == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_second_derivative_along_an_arc_is_the_slope_of_the_first(half_circle: Any) -> None:
+    (track,) = foot_path(half_circle)._tracks
+    for t in (0.5, 1.2, 2.0):
+        up, down = (track.value_t(Y, t + step, 1) for step in (1e-5, -1e-5))
+        assert track.value_t(Y, t, 2) == pytest.approx((up - down) / 2e-5, rel=1e-6)
