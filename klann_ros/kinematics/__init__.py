@@ -24,7 +24,7 @@ Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_l
 Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
                        `LinkageGradient`, `Iterations`
 Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
-The foot               `foot_path`: `FootPath`, `Stance`
+The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
 Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
                        `Variants`
 Tolerances             `turns_fully`, `length_margins`: `Margin`;
@@ -52,6 +52,7 @@ from .errors import (
     SingularPoseError,
     UnreachableError,
 )
+from .foot.inverse import Nearest
 from .foot.path import foot_path, FootPath, NoFootPathError
 from .foot.stance import NoStanceError, Stance
 from .four_bar.geometry import FourBarGeometry
@@ -108,6 +109,7 @@ __all__ = [
     'LinkagePoses',
     'LoopsOpenError',
     'Margin',
+    'Nearest',
     'NoFootPathError',
     'NoStanceError',
     'NotAssembledError',

@@ -1,4 +1,4 @@
-"""What a notebook shows of legs, poses and foot paths, without matplotlib."""
+"""What a notebook shows of legs, poses, foot paths and margins, without matplotlib."""
 
 import math
 from xml.etree import ElementTree as ET
@@ -7,6 +7,7 @@ from klann_ros.kinematics import (
     foot_path,
     FourBar,
     KlannLeg,
+    length_margins,
     LinkageLeg,
     shipped_linkage,
     shipped_linkages,
@@ -57,6 +58,12 @@ def test_a_foot_path_is_closed_over_a_turn_and_open_over_an_arc() -> None:
     assert closed[0] == closed[-1]
     arc = shapes(foot_path(FourBar(1.0, 0.9, 0.8, 0.6))._repr_svg_(), 'polyline')[0]
     assert arc['points'].split()[0] != arc['points'].split()[-1]
+
+
+def test_margins_are_a_dict_and_a_table() -> None:
+    margins = length_margins(KlannLeg())
+    assert margins['l_ab'].value == 0.12
+    assert margins._repr_html_().count('<tr>') == len(margins) + 1
 
 
 def test_a_period_that_is_not_positive_is_refused() -> None:

@@ -1,6 +1,7 @@
 """Margins: the range of each dimension of a linkage within which its crank turns fully."""
 
 from dataclasses import dataclass
+from html import escape
 from math import inf, pi
 from sys import float_info
 from typing import Any, NamedTuple
@@ -74,6 +75,21 @@ class Margin(NamedTuple):
         return down / abs(self.value), up / abs(self.value)
 
 
+class LengthMargins(dict[str, Margin]):
+    """The margins of a linkage by the names of its dimensions; a table in a notebook."""
+
+    def _repr_html_(self) -> str:
+        cells = ''.join(
+            f'<tr><th>{escape(name)}</th>'
+            + ''.join(f'<td>{value:.6g}</td>' for value in margin)
+            + '</tr>'
+            for name, margin in self.items()
+        )
+        heads = ('dimension [m, rad]', 'value', 'least', 'greatest')
+        head = ''.join(f'<th>{text}</th>' for text in heads)
+        return f'<table><tr>{head}</tr>{cells}</table>'
+
+
 def turns_fully(linkage: Any) -> bool:
     """
     Return whether every loop closes over the crank's whole turn.
@@ -83,7 +99,7 @@ def turns_fully(linkage: Any) -> bool:
     return _partial_arcs(as_linkage(linkage)) is None
 
 
-def length_margins(linkage: Any) -> dict[str, Margin]:
+def length_margins(linkage: Any) -> LengthMargins:
     """
     Return the range of every dimension of a linkage within which its crank turns fully.
 
@@ -98,7 +114,7 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
 
     Returns
     -------
-    dict of str to Margin
+    LengthMargins, a dict of str to Margin
         By the names of its dimensions [m, rad]: 7 lengths, 4 pivot coordinates and 2 bends of a
         Klann leg.
 
@@ -128,7 +144,7 @@ def length_margins(linkage: Any) -> dict[str, Margin]:
         d.name: Margin(given.dimensions[d.name], 0.0 if d.is_length else -inf, inf)
         for d in dimensions
     }
-    return free | found
+    return LengthMargins(free | found)
 
 
 def _partial_arcs(linkage: Linkage) -> list[Arc] | None:

@@ -7,21 +7,43 @@ value at most once.
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from math import inf, isnan, pi
+from math import hypot, inf, isnan, pi
 from sys import float_info
 from typing import NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.searches import root, Sample
 
-from .track import Direction, Track
+from .track import Coordinate, Track
 
 # Where slopes are taken at the end of an arc, relative to the first step between samples.
 END_OFFSET = 1e-3
 # Round-off of a coordinate, relative to the size of the leg.
 ROUNDING = 16.0 * float_info.epsilon
+# Distances that count as equal, relative to the size of the leg.
+TIE = 1e-12
 # Tolerance for equal angles [rad].
 ANGLE_TOLERANCE = 1e-12
+
+
+class Nearest(NamedTuple):
+    """
+    The crank angle of the foot's nearest position to a point.
+
+    Attributes
+    ----------
+    alpha : float
+        Crank angle in [0, 2 pi), the first of `ties` [rad].
+    distance : float
+        Distance of the foot from the point [m].
+    ties : tuple of float
+        All crank angles with this distance, sorted [rad]: two where the path crosses itself.
+
+    """
+
+    alpha: float
+    distance: float
+    ties: tuple[float, ...]
 
 
 class MonotoneInterval(NamedTuple):
@@ -33,7 +55,7 @@ class MonotoneInterval(NamedTuple):
     value_1: float
 
 
-def turning_points(track: Track, s: Direction) -> list[float]:
+def turning_points(track: Track, s: Coordinate) -> list[float]:
     """
     Return the zero crossings of ds/dt, as sorted parameters t; of a turn, in [0, pi).
 
@@ -48,7 +70,7 @@ def turning_points(track: Track, s: Direction) -> list[float]:
     return sorted(found)
 
 
-def monotone_intervals(track: Track, s: Direction) -> list[MonotoneInterval]:
+def monotone_intervals(track: Track, s: Coordinate) -> list[MonotoneInterval]:
     """Return the monotone intervals of a track, in order; the last one of a turn closes it."""
     turns = turning_points(track, s)
     if not track.span.is_turn:
@@ -65,7 +87,7 @@ def monotone_intervals(track: Track, s: Direction) -> list[MonotoneInterval]:
     return [MonotoneInterval(*t, *v) for t, v in pairs]
 
 
-def slope_range(track: Track, s: Direction, t_0: float, t_1: float) -> tuple[float, float]:
+def slope_range(track: Track, s: Coordinate, t_0: float, t_1: float) -> tuple[float, float]:
     """Return the least and the greatest |ds/dalpha| from t_0 to t_1; inf at the end of an arc."""
     candidates = [t_0, t_1, *(t for t in _steepest(track, s, t_0, t_1) if t_0 < t < t_1)]
     # At the end of an arc a dyad is singular, and the slope is rounding.
@@ -74,7 +96,7 @@ def slope_range(track: Track, s: Direction, t_0: float, t_1: float) -> tuple[flo
     return min(steepness), max(steepness)
 
 
-def _steepest(track: Track, s: Direction, t_0: float, t_1: float) -> Iterator[float]:
+def _steepest(track: Track, s: Coordinate, t_0: float, t_1: float) -> Iterator[float]:
     """Yield the extremes t of ds/dalpha near t_0 .. t_1."""
     rows = list(zip(track.t.tolist(), track.slopes(s).tolist(), strict=True))
     if track.span.is_turn:
@@ -87,7 +109,7 @@ def _steepest(track: Track, s: Direction, t_0: float, t_1: float) -> Iterator[fl
             yield root(lambda t: track.value(s, t, 2), *bends) if hidden else t
 
 
-def _neighbours(track: Track, s: Direction) -> list[Sample]:
+def _neighbours(track: Track, s: Coordinate) -> list[Sample]:
     """Return t and ds/dt where not 0; a turn is extended periodically at both ends."""
     ts = track.t.tolist()
     speeds = [track.span.alpha_1(t) for t in ts]
@@ -104,7 +126,7 @@ def _neighbours(track: Track, s: Direction) -> list[Sample]:
     return rows
 
 
-def _crossings(track: Track, s: Direction, rows: list[Sample]) -> Iterator[float]:
+def _crossings(track: Track, s: Coordinate, rows: list[Sample]) -> Iterator[float]:
     # Of a turn the last pair repeats the first.
     for left, right in pairwise(rows[:-1] if track.span.is_turn else rows):
         if left[1] * right[1] < 0.0:
@@ -115,7 +137,7 @@ def _crossings(track: Track, s: Direction, rows: list[Sample]) -> Iterator[float
             yield from _hidden(track, s, before, after)
 
 
-def _hidden(track: Track, s: Direction, before: Sample, after: Sample) -> Iterator[float]:
+def _hidden(track: Track, s: Coordinate, before: Sample, after: Sample) -> Iterator[float]:
     """Yield the two crossings of ds/dt, if any, between two samples of the same sign."""
     bends = [(t, track.value_t(s, t, 2)) for t, _ in (before, after)]
     if not bends[0][1] * bends[1][1] < 0.0:
@@ -127,7 +149,7 @@ def _hidden(track: Track, s: Direction, before: Sample, after: Sample) -> Iterat
             yield root(lambda t: track.value_t(s, t, 1), left, right)
 
 
-def parameters_at(track: Track, s: Direction, value: float, rounding: float) -> list[float]:
+def parameters_at(track: Track, s: Coordinate, value: float, rounding: float) -> list[float]:
     """
     Return the parameters t with a value of a coordinate, in the track's order.
 
@@ -144,7 +166,7 @@ def parameters_at(track: Track, s: Direction, value: float, rounding: float) -> 
 
 
 def crank_angles_at(
-    tracks: Iterable[Track], s: Direction, value: float, size: float
+    tracks: Iterable[Track], s: Coordinate, value: float, size: float
 ) -> list[float]:
     """Return all crank angles in [0, 2 pi) with a value of a coordinate, sorted [rad]."""
     return distinct(
@@ -152,6 +174,20 @@ def crank_angles_at(
         for track in tracks
         for t in parameters_at(track, s, value, ROUNDING * size)
     )
+
+
+def nearest(tracks: Iterable[Track], point: tuple[float, float], size: float) -> Nearest:
+    """Return the crank angle of the foot's nearest position to a point (x, y) [m]."""
+    x, y = point
+    s = Coordinate(point=point, k=1.0)
+    candidates = []
+    for track in tracks:
+        for t in (*turning_points(track, s), float(track.t[0]), float(track.t[-1])):
+            h_x, h_y = track.foot_t(t)[0].tolist()
+            candidates.append((hypot(h_x - x, h_y - y), track.crank_angle(t)))
+    distance = min(candidates)[0]
+    ties = distinct(alpha for d, alpha in candidates if d <= distance + TIE * size)
+    return Nearest(ties[0], distance, tuple(ties))
 
 
 def distinct(alphas: Iterable[float]) -> list[float]:

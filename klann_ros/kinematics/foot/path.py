@@ -1,5 +1,6 @@
 """The foot path over all reachable crank angles."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,9 +17,10 @@ from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.svg import path_svg
 import numpy as np
 
-from .inverse import crank_angles_at, monotone_intervals, ROUNDING
+from . import inverse
+from .inverse import monotone_intervals, Nearest, ROUNDING
 from .stance import NoStanceError, Stance, stances
-from .track import Direction, GAUSS_ORDER, nodes, Span, Track, X, Y
+from .track import Coordinate, GAUSS_ORDER, nodes, Span, Track, X, Y
 
 # Height of the contact band relative to the lift. Between their two lowest points the feet of both
 # known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
@@ -166,19 +168,31 @@ class FootPath:
         """Return the crank angles in [0, 2 pi) with this y of H [m], as `crank_angles_at_x`."""
         return self._crank_angles_at(Y, 'y', y)
 
+    def nearest_crank_angle(self, point: Sequence[float]) -> Nearest:
+        """
+        Return the crank angle with H nearest to a point (x, y) [m], and the distance.
+
+        Raises
+        ------
+        ValueError
+            The point is not two finite numbers.
+
+        """
+        return inverse.nearest(self._tracks, validation.vector('point', point), self._size)
+
     @cached_property
     def _size(self) -> float:
         """Return the largest coordinate, the scale of rounding [m]."""
         return float(np.abs(self.h).max())
 
-    def _range(self, s: Direction) -> tuple[float, float]:
+    def _range(self, s: Coordinate) -> tuple[float, float]:
         intervals = [each for track in self._tracks for each in monotone_intervals(track, s)]
         values = [value for each in intervals for value in (each.value_0, each.value_1)]
         return min(values), max(values)
 
-    def _crank_angles_at(self, s: Direction, name: str, value: float) -> list[float]:
+    def _crank_angles_at(self, s: Coordinate, name: str, value: float) -> list[float]:
         validation.rate(name, value)
-        return crank_angles_at(self._tracks, s, value, self._size)
+        return inverse.crank_angles_at(self._tracks, s, value, self._size)
 
 
 def foot_path(

@@ -16,7 +16,7 @@ from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
-from .track import nodes, Track, X, Y
+from .track import Coordinate, nodes, Track, X, Y
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24
@@ -200,8 +200,10 @@ def _deviation(track: Track, t_0: float, t_1: float) -> float:
     metres = np.hypot(*h_t.T) * weights
     centre = metres @ h / metres.sum()
     _, axes = np.linalg.eigh(((h - centre).T * metres) @ (h - centre))
-    normal = float(axes[0, 0]), float(axes[1, 0])
+    normal = Coordinate((float(axes[0, 0]), float(axes[1, 0])))
     turns = [t + k * pi for t in turning_points(track, normal) for k in (0, 1)]
     inside = [t for t in turns if t_0 < t < t_1]
-    middle = float(np.dot(normal, centre))
-    return max(abs(track.value(normal, t) - middle) for t in (t_0, t_1, *inside))
+    offsets = [
+        track.value(normal, t) - float(normal.derivative(centre)) for t in (t_0, t_1, *inside)
+    ]
+    return max(map(abs, offsets))

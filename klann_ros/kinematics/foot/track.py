@@ -1,19 +1,44 @@
-"""The foot along an arc of crank angles: its coordinates, derivatives and integrals."""
+"""The foot along an arc of crank angles: coordinates, derivatives and integrals."""
 
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from math import cos, nan, pi, sin
-from typing import Any, TypeAlias
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import KinematicsError, SingularPoseError
 import numpy as np
 
-# A direction (u, v) of the plane, along which the foot has the coordinate u H.x + v H.y.
-Direction: TypeAlias = tuple[float, float]
-X, Y = (1.0, 0.0), (0.0, 1.0)
+
+@dataclass(frozen=True)
+class Coordinate:
+    """
+    s = u H.x + v H.y + k |H - P|^2 / 2; arrays of shape (..., 2) in, (...) out.
+
+    With k = 0 it is the position along (u, v); with k = 1 alone half the squared distance from P.
+    """
+
+    along: tuple[float, float] = (0.0, 0.0)
+    point: tuple[float, float] = (0.0, 0.0)
+    k: float = 0.0
+
+    def derivative(self, h: FloatArray, *by: FloatArray) -> FloatArray:
+        """Return s for H, ds for H and dH, or d2s for H, dH and d2H."""
+        from_p = h - self.point
+        if not by:
+            return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
+        squares = _dot(by[0], by[0]) if len(by) > 1 else 0.0
+        return _dot(self.along, by[-1]) + self.k * (squares + _dot(from_p, by[-1]))
+
+
+X, Y = Coordinate((1.0, 0.0)), Coordinate((0.0, 1.0))
+
+
+def _dot(p: FloatArray | tuple[float, float], q: FloatArray) -> FloatArray:
+    (x, y) = (p[..., 0], p[..., 1]) if isinstance(p, np.ndarray) else p
+    return np.asarray(x * q[..., 0] + y * q[..., 1], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -89,17 +114,17 @@ class Track:
         """Return the solvable crank angle in [0, 2 pi) [rad]."""
         return float(self._pose(t, wrapped=True).crank_angle)
 
-    def slopes(self, s: Direction) -> FloatArray:
+    def slopes(self, s: Coordinate) -> FloatArray:
         """Return ds/dalpha at the samples, shape (k,)."""
-        return np.asarray(self.h_1 @ s)
+        return s.derivative(self.h, self.h_1)
 
-    def value(self, s: Direction, t: float, order: int = 0) -> float:
+    def value(self, s: Coordinate, t: float, order: int = 0) -> float:
         """Return a coordinate of the foot, or a derivative by alpha; NaN at a singular pose."""
-        return float(np.dot(s, self._foot(t, order)[-1]))
+        return float(s.derivative(*self._foot(t, order)))
 
-    def value_t(self, s: Direction, t: float, order: int) -> float:
+    def value_t(self, s: Coordinate, t: float, order: int) -> float:
         """Return a derivative by t."""
-        return float(np.dot(s, self.foot_t(t, order)[-1]))
+        return float(s.derivative(*self.foot_t(t, order)))
 
     def foot_t(self, t: float, order: int = 0) -> list[FloatArray]:
         """Return H and its derivatives by t, by the chain rule, shape (2,) each [m]."""

@@ -141,3 +141,32 @@ def test_the_second_derivative_along_an_arc_is_the_slope_of_the_first(half_circl
     for t in (0.5, 1.2, 2.0):
         up, down = (track.value_t(Y, t + step, 1) for step in (1e-5, -1e-5))
         assert track.value_t(Y, t, 2) == pytest.approx((up - down) / 2e-5, rel=1e-6)
+
+
+@settings(max_examples=20)
+@given(geometry=legs(), where=fractions, x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+def test_the_nearest_angle_of_a_foot_is_its_own_and_no_sample_is_nearer_to_a_point(
+    geometry: KlannGeometry, where: float, x: float, y: float
+) -> None:
+    leg = KlannLeg(geometry)
+    path, pose = foot_path(leg), leg.solve(reachable(leg, where))
+    nearest = path.nearest_crank_angle((x, y))
+    assert nearest.distance <= np.hypot(*(path.h - (x, y)).T).min() + 1e-12
+    # Near the end of an arc the last digit of the angle counts.
+    foot = leg.solve(nearest.alpha)
+    limit = 1e-12 + 1e-14 / max(1e-8, min(foot.sines))
+    assert math.dist(foot.h, (x, y)) == pytest.approx(nearest.distance, abs=limit)
+    assume(min(pose.sines) > 1e-3)
+    assume(math.hypot(*leg.velocity(pose, 1.0).h) > 1e-3)
+    own = path.nearest_crank_angle(pose.h)
+    assert own.distance <= 1e-12
+    assert min(apart(tie, pose.alpha) for tie in own.ties) <= 1e-9
+    assert own.alpha == own.ties[0]
+
+
+def test_all_ties_are_returned(ellipse: Callable[[float, float], Any]) -> None:
+    path = foot_path(ellipse(0.5, 0.25))
+    nearest = path.nearest_crank_angle((1.0, -2.0))
+    assert nearest.distance == pytest.approx(0.25, abs=1e-15)
+    assert nearest.ties == pytest.approx((math.pi / 2, 3 * math.pi / 2), abs=1e-9)
+    assert path.nearest_crank_angle((3.0, -2.0)).distance == pytest.approx(1.5, abs=1e-15)

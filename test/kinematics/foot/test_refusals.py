@@ -45,6 +45,8 @@ def test_a_coordinate_that_is_not_finite(value: Any) -> None:
     for ask, argument, reason in (
         (path.crank_angles_at_x, value, f'x = {value!r} is refused'),
         (path.crank_angles_at_height, value, f'y = {value!r} is refused'),
+        (path.nearest_crank_angle, (0.0, value), 'two finite numbers'),
+        (path.nearest_crank_angle, (0.0,), 'two finite numbers'),
     ):
         with pytest.raises(ValueError, match=reason):
             ask(argument)
