@@ -27,7 +27,7 @@ STUDY_LEGS, STUDY_ANGLES = 1000, 180
 PROOF_ANGLES = 1024
 
 
-class Candidate(NamedTuple):
+class FittedCandidate(NamedTuple):
     """A linkage from a space, with its figures in the search (SI)."""
 
     space: Space
@@ -89,7 +89,7 @@ class ProofError(ValueError):
         self.limit, self.value = limit, value
 
 
-def prove(requirements: Requirements, candidate: Candidate) -> FoundLeg:
+def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     """
     Return a leg with its proof.
 

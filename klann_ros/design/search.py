@@ -24,7 +24,7 @@ from .evolve import (
     spread,
     WORST_LOSS,
 )
-from .proof import Candidate, FoundLeg, ProofError, prove
+from .proof import FittedCandidate, FoundLeg, ProofError, prove
 from .refine import refined
 from .requirements import Aim, Limit, Requirements
 
@@ -362,21 +362,21 @@ def _chosen(requirements: Requirements, rows: Sequence[Any]) -> Any:
     return some[np.argsort(losses[some, 0], kind='stable')]
 
 
-def _made(requirements: Requirements, row: _Row) -> Candidate | str:
+def _made(requirements: Requirements, row: _Row) -> FittedCandidate | str:
     """Return a candidate, refined on a path; or why it is no linkage."""
     number, x, _, expected = row
     space, target = requirements.spaces[number], requirements.target
     try:
         if target is None:
-            return Candidate(space, space.variants(x[None])[0], expected)
+            return FittedCandidate(space, space.variants(x[None])[0], expected)
         linkage, distance = refined(target, space, x)
     except GeometryError as error:
         return str(error)
-    return Candidate(space, linkage, {**expected, 'path_error': distance})
+    return FittedCandidate(space, linkage, {**expected, 'path_error': distance})
 
 
 def _proven(
-    requirements: Requirements, candidate: Candidate
+    requirements: Requirements, candidate: FittedCandidate
 ) -> FoundLeg | tuple[str, Limit | None, float]:
     """Return a leg with its proof; or why it is none, the limit that fails and the figure."""
     try:
