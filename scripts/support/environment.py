@@ -27,7 +27,7 @@ NEEDS = {
     'demo --calibrate': ('calibration,sim,view', None),
     'demo --walk': ('plot,sim,view', None),
     'test': ('fast,plot,test', Path(__file__).with_name('checks.txt')),
-    'benchmark': ('fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
+    'benchmark': ('design,fast,plot,sim,view', Path(__file__).with_name('benchmarks.txt')),
 }
 # 70.1: the first that makes wheels by itself; colcon-core wants one below 80.
 BUILD = 'setuptools>=70.1,<80'

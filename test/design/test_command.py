@@ -1,142 +1,182 @@
-"""What the command `design` writes, refuses and leaves alone."""
+"""The command `design`: what it writes and refuses, and what a fault leaves behind."""
 
+from collections.abc import Callable
 import json
 import os
 from pathlib import Path
+import resource
 import signal
 import subprocess
 import sys
 import time
 
 from klann_ros.datasheet.command import main as describe
+from klann_ros.design import requirements_from, search
 from klann_ros.design.command import main
+from klann_ros.design.report import report
+from klann_ros.sanitize.yaml_text import parse
 import pytest
 
+PROGRAM = 'import sys; from klann_ros.executables import design; sys.exit(design())'
 REQUIREMENTS = """\
 linkage: klann
-units: {length: mm, angle: deg}
 vary: 10
-figures:
-  stride: maximize
-  lift: maximize
-  transmission_angle: {at_least: 20}
-count: 4
+figures: {stride: maximize, lift: maximize, transmission_angle: {at_least: 0.3}}
+count: 3
 """
+OPTIONS = ['requirements.yaml', '-o', 'out', '--evaluations', '960']
 
 
 @pytest.fixture
-def requirements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the result, beside the requirements."""
     monkeypatch.chdir(tmp_path)
-    file = tmp_path / 'requirements.yaml'
-    file.write_text(REQUIREMENTS)
-    return file
+    (tmp_path / 'requirements.yaml').write_text(REQUIREMENTS)
+    return tmp_path / 'out'
 
 
-def run(*arguments: str) -> int:
-    return main([*arguments, '--jobs', '1', '--evaluations', '600'])
+@pytest.fixture(scope='module')
+def undisturbed() -> str:
+    return report(search(requirements_from(parse(REQUIREMENTS)), evaluations=960))
 
 
-def test_a_wish_gives_a_folder_of_legs_that_describe_takes(
-    requirements: Path, capsys: pytest.CaptureFixture[str]
+def run(*options: str) -> int:
+    try:
+        return main([*OPTIONS, '--jobs', '1', *options])
+    except SystemExit as end:
+        return int(end.code or 0)
+
+
+def started(jobs: int) -> subprocess.Popen[str]:
+    command = [sys.executable, '-c', PROGRAM, *OPTIONS, '--jobs', str(jobs)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def wait_until(process: subprocess.Popen[str], holds: Callable[[], bool]) -> None:
+    while not holds():
+        assert process.poll() is None
+        time.sleep(0.02)
+
+
+def workers(process: subprocess.Popen[str]) -> list[int]:
+    def children(pid: int) -> list[int]:
+        return [int(k) for k in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+
+    return [worker for server in children(process.pid) for worker in children(server)]
+
+
+def test_it_writes_a_folder_of_legs_that_describe_takes_and_overwrites_none(
+    out: Path, undisturbed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run('requirements.yaml') == 0
-    out, error = capsys.readouterr()
-    folder = requirements.parent / 'requirements_legs'
-    assert out.splitlines()[0].endswith('in requirements_legs')
+    assert run() == 0
+    shown, error = capsys.readouterr()
+    assert shown.splitlines()[0].endswith('in out')
     assert 'candidates' in error
-    content = json.loads((folder / 'design.json').read_text())
-    assert content['legs']
-    page = (folder / 'index.html').read_text()
-    for leg in content['legs']:
-        assert describe([str(folder / leg['file'])]) == 0
+    assert (out / 'design.json').read_text() == undisturbed
+    page = (out / 'index.html').read_text()
+    for leg in json.loads(undisturbed)['legs']:
+        assert describe([str(out / leg['file'])]) == 0
         assert leg['file'].removesuffix('.yaml') in page
         assert 'The crank turns fully.' in capsys.readouterr().out
-
-
-def test_an_existing_folder_is_refused_and_resumed(
-    requirements: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run('requirements.yaml', '-o', 'out') == 0
-    before = (requirements.parent / 'out' / 'design.json').read_bytes()
-    assert run('requirements.yaml', '-o', 'out') == 3
+    assert run() == 3
     assert 'out exists already: continue it with --resume' in capsys.readouterr().err
-    assert run('requirements.yaml', '-o', 'out', '--resume') == 0
-    assert (requirements.parent / 'out' / 'design.json').read_bytes() == before
-    with pytest.raises(SystemExit, match='2'):
-        run('requirements.yaml', '-o', 'out', '--resume', '--seed', '5')
-    assert 'other requirements or another seed' in capsys.readouterr().err
-
-
-def test_a_link_in_the_folder_is_not_followed(
-    requirements: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run('requirements.yaml', '-o', 'out') == 0
-    victim = requirements.parent / 'victim'
+    assert run('--resume', '--seed', '5') == 2
+    assert 'the search to resume has other requirements or another seed' in capsys.readouterr().err
+    victim = out.with_name('victim')
     victim.write_text('mine')
-    (requirements.parent / 'out' / 'design.json').unlink()
-    (requirements.parent / 'out' / 'design.json').symlink_to(victim)
-    assert run('requirements.yaml', '-o', 'out', '--resume') == 3
+    (out / 'design.json').unlink()
+    (out / 'design.json').symlink_to(victim)
+    assert run('--resume') == 3
     assert 'is a link' in capsys.readouterr().err
     assert victim.read_text() == 'mine'
 
 
-def test_a_wish_that_no_leg_fulfils_has_exit_code_1(
-    requirements: Path, capsys: pytest.CaptureFixture[str]
+def test_requirements_that_no_leg_fulfils_have_exit_code_1(
+    out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    requirements.write_text(REQUIREMENTS.replace('at_least: 20', 'at_least: 85'))
-    assert run('requirements.yaml') == 1
+    file = out.with_name('requirements.yaml')
+    file.write_text(REQUIREMENTS.replace('0.3', '1.5'))
+    assert run() == 1
     assert 'transmission_angle is ' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ('arguments', 'code', 'message'),
     [
-        (['none.yaml'], 2, 'none.yaml cannot be read'),
-        (['requirements.yaml', '--resume'], 2, 'has no search'),
-        (['requirements.yaml', '--time', '-1'], 2, 'seconds > 0'),
-        (['requirements.yaml', '-o', 'requirements.yaml/x'], 3, 'cannot be made'),
+        (['--resume'], 2, 'has no search'),
+        (['--time', '-1'], 2, 'seconds > 0'),
+        (['-o', 'requirements.yaml/x'], 3, 'cannot be made'),
+        (['-o', 'old', '--resume'], 2, 'search.json is damaged'),
     ],
 )
 def test_a_refusal_is_one_line(
-    arguments: list[str],
-    code: int,
-    message: str,
-    requirements: Path,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], code: int, message: str, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    try:
-        found = run(*arguments)
-    except SystemExit as end:
-        found = int(end.code or 0)
-    assert found == code
+    old = out.with_name('old')
+    old.mkdir()
+    (old / 'search.json').write_text('{"key": 1}')
+    assert run(*arguments) == code
     error = capsys.readouterr().err
     assert message in error.splitlines()[-1]
     assert 'Traceback' not in error
-    assert requirements.exists()
 
 
-def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(requirements: Path) -> None:
-    command = [sys.executable, '-c', 'from klann_ros.executables import design; design()']
-    arguments = ['requirements.yaml', '--evaluations', '100000', '--jobs', '2']
-    process = subprocess.Popen(
-        [*command, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    folder = requirements.parent / 'requirements_legs'
-    while not (folder / 'search.json').exists():
-        assert process.poll() is None
-        time.sleep(0.05)
-    # As a terminal does: the workers of the next round are starting.
-    os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=200)
-    assert 'Traceback' not in error
-    assert json.loads((folder / 'design.json').read_text())['legs']
-
-
-def test_a_damaged_search_is_not_resumed(
-    requirements: Path, capsys: pytest.CaptureFixture[str]
+def test_two_jobs_find_the_same_legs_though_a_worker_is_killed(
+    out: Path, undisturbed: str
 ) -> None:
-    (requirements.parent / 'out').mkdir()
-    (requirements.parent / 'out' / 'search.json').write_text('{"key": 1}')
-    with pytest.raises(SystemExit, match='2'):
-        run('requirements.yaml', '-o', 'out', '--resume')
-    assert 'search.json is damaged' in capsys.readouterr().err
+    process = started(jobs=2)
+    wait_until(process, lambda: bool(workers(process)))
+    os.kill(workers(process)[0], signal.SIGKILL)
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 0
+    assert 'Traceback' not in error
+    assert (out / 'design.json').read_text() == undisturbed
+
+
+def test_a_killed_search_is_resumed(out: Path, undisturbed: str) -> None:
+    process = started(jobs=1)
+    wait_until(process, (out / 'search.json').exists)
+    process.kill()
+    process.communicate(timeout=300)
+    assert process.returncode == -signal.SIGKILL
+    assert run('--resume') == 0
+    assert (out / 'design.json').read_text() == undisturbed
+
+
+@pytest.mark.parametrize(('evaluations', 'jobs'), [(0, 1), (1, 2), (960, 1)])
+def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(
+    out: Path, evaluations: int, jobs: int
+) -> None:
+    """At the begin of the first round, as the workers of the next start, and in the proof."""
+    process, state = started(jobs), out / 'search.json'
+
+    def holds() -> bool:
+        if not evaluations:
+            return out.exists()
+        return state.exists() and json.loads(state.read_text())['evaluations'] >= evaluations
+
+    wait_until(process, holds)
+    # As a terminal does.
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 130
+    assert 'Traceback' not in error
+    if jobs == 2:
+        assert json.loads((out / 'design.json').read_text())['legs']
+
+
+# Bytes that a file may have.
+@pytest.mark.parametrize('room', [20_000, 100])
+def test_a_full_disk_is_one_line_and_the_search_can_be_resumed(
+    out: Path, undisturbed: str, capsys: pytest.CaptureFixture[str], room: int
+) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        assert run() == 3
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    error = capsys.readouterr().err
+    assert 'cannot be written: File too large' in error.splitlines()[-1]
+    assert run('--resume') == 0
+    assert (out / 'design.json').read_text() == undisturbed
