@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial
 import json
 from math import inf
-from typing import Any, BinaryIO
+from typing import Any
 
 from klann_ros.kinematics.klann import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import content_with_numbers, is_linkage, NUMBER_DIGITS
@@ -15,7 +15,7 @@ from klann_ros.robot import Robot, robot_of, RobotFileError, RobotLeg
 from klann_ros.robot.file import of_leg, solver_section
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
 from klann_ros.sanitize.files import is_regular_file
-from klann_ros.sanitize.outputs import outputs, save_all
+from klann_ros.sanitize.outputs import outputs, save_all, save_text
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file, YamlError
 
@@ -87,7 +87,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         '--html': partial(page, found, further, options.run, built),
         '--json': lambda: json.dumps(report(found, further), indent=2, allow_nan=False) + '\n',
     }
-    save_all(files, {option: partial(_save, view) for option, view in views.items()})
+    save_all(files, {option: partial(save_text, view) for option, view in views.items()})
     return 0 if found.is_complete else NOT_OBSERVABLE
 
 
@@ -151,10 +151,6 @@ def _built_file(
     ]
     comment = '\n'.join(lines).replace(': nan', ': not observable')
     return f'{comment}\n{parameter_file({"/**": parameters})}'
-
-
-def _save(view: Callable[[], str], file: BinaryIO) -> None:
-    file.write(view().encode(errors='replace'))
 
 
 def _request(text: str) -> Request:

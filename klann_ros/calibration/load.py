@@ -9,7 +9,7 @@ from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
-from klann_ros.sanitize.cdr import CdrCursor, read_joint_state, STAMP_SIZE
+from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.tables import read_table, Table
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
@@ -19,21 +19,22 @@ from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementErro
 FLOAT, JOINTS = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
 POSE, TRANSFORM = 'geometry_msgs/msg/PoseWithCovarianceStamped', 'tf2_msgs/msg/TFMessage'
 MARKER = 'visualization_msgs/msg/Marker'
-# Types of a measured point: the strings and the integers between the header and x.
+# Types of a measured point: the strings and the integers between the header and x, and the doubles
+# from x on that are read.
 POINT_LAYOUTS = {
-    'geometry_msgs/msg/PointStamped': (0, 0),
-    'geometry_msgs/msg/PoseStamped': (0, 0),
-    POSE: (0, 0),
-    'geometry_msgs/msg/TransformStamped': (1, 0),
-    TRANSFORM: (1, 0),
-    MARKER: (1, 3),
+    'geometry_msgs/msg/PointStamped': (0, 0, 2),
+    'geometry_msgs/msg/PoseStamped': (0, 0, 2),
+    POSE: (0, 0, 43),
+    'geometry_msgs/msg/TransformStamped': (1, 0, 2),
+    TRANSFORM: (1, 0, 7),
+    MARKER: (1, 3, 2),
 }
 # Types with several points under names: those of computed frames and drawings, too.
 FRAMED_TYPES = (TRANSFORM, MARKER)
 # Names of topics with answers of a solver, by their last part.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
-# Doubles of a transform, and where the variances of x and y are behind the position of a pose.
-TRANSFORM_SIZE, VARIANCES = 7, (7, 14)
+# Where the variances of x and y are among the doubles of a pose.
+VARIANCES = 7, 14
 MAX_CSV_SIZE = 256 * 1024 * 1024
 
 
@@ -57,36 +58,25 @@ class Reading(NamedTuple):
 def readings(kind: str, data: bytes) -> Iterator[Reading]:
     """Yield what is measured in a message; a ValueError or a struct.error if it is malformed."""
     cursor = CdrCursor(data)
-
-    def numbers(code: str, count: int) -> tuple[float, ...]:
-        cursor.align(struct.calcsize(code))
-        begin = cursor.skip(count * struct.calcsize(code))
-        return struct.unpack_from(f'{cursor.order}{count}{code}', data, begin)
-
     if kind == FLOAT:
-        yield Reading('', 0, numbers('d', 1))
+        yield Reading('', 0, cursor.numbers('d', 1))
         return
     for _ in range(cursor.length() if kind == TRANSFORM else 1):
-        cursor.align(4)
-        seconds, rest = struct.unpack_from(f'{cursor.order}iI', data, cursor.skip(STAMP_SIZE))
+        seconds, rest = cursor.header()
         stamp = seconds * 10**9 + rest
-        cursor.string()
         if kind == JOINTS:
-            names, ((begin, count), *_) = read_joint_state(CdrCursor(data))
-            positions = struct.unpack_from(f'{cursor.order}{count}d', data, begin)
+            names = cursor.strings()
+            positions = cursor.numbers('d', cursor.length())
             for name, position in zip(names, positions, strict=True):
                 yield Reading(name.decode(errors='replace'), stamp, (position,))
             return
-        strings, integers = POINT_LAYOUTS[kind]
+        strings, integers, doubles = POINT_LAYOUTS[kind]
         key = ''.join(cursor.string().decode(errors='replace') for _ in range(strings))
         if integers:
-            key = f'{key}/{int(numbers("i", integers)[0])}'
-        if kind == POSE:
-            pose = numbers('d', 43)
-            yield Reading(key, stamp, pose[:2], (pose[VARIANCES[0]] + pose[VARIANCES[1]]) / 2.0)
-        else:
-            count = TRANSFORM_SIZE if kind == TRANSFORM else 2
-            yield Reading(key, stamp, numbers('d', count)[:2])
+            key = f'{key}/{cursor.numbers("i", integers)[0]}'
+        numbers = cursor.numbers('d', doubles)
+        variance = sum(numbers[n] for n in VARIANCES) / 2.0 if kind == POSE else 0.0
+        yield Reading(key, stamp, numbers[:2], variance)
 
 
 class _Samples(NamedTuple):

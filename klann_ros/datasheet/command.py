@@ -1,19 +1,18 @@
 """`describe`: the data sheet of a leg or a walker before it is built."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import BinaryIO
 
 from klann_ros.dynamics import MassError
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
-from klann_ros.sanitize.outputs import outputs, save_all
+from klann_ros.sanitize.outputs import outputs, save_all, save_text
 
 from . import json_report, page
 from .computing import data_sheet, DEFAULT_SPEED
 from .motor import motor_from_file, MotorFileError
-from .sheet import DataSheet, SheetError
+from .sheet import SheetError
 from .text import text
 
 MOTOR_FAILS = 1
@@ -47,14 +46,9 @@ def _describe(options: argparse.Namespace) -> int:
         margins=options.margins,
     )
     print(text(sheet), end='')
-    views = {'--html': page.page, '--json': json_report.report}
-    save_all(files, {option: partial(_save, view, sheet) for option, view in views.items()})
+    views = {'--html': partial(page.page, sheet), '--json': partial(json_report.report, sheet)}
+    save_all(files, {option: partial(save_text, view) for option, view in views.items()})
     return 0 if sheet.motor_turns else MOTOR_FAILS
-
-
-def _save(view: Callable[[DataSheet], str], sheet: DataSheet, file: BinaryIO) -> None:
-    # A path may contain bytes that are not UTF-8.
-    file.write(view(sheet).encode(errors='replace'))
 
 
 def _parser() -> ArgumentParser:

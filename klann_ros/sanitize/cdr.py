@@ -8,6 +8,7 @@ there, a template zeros.
 
 from collections.abc import Sequence
 import struct
+from typing import Any
 
 HEADER_SIZE, STAMP_SIZE = 4, 8
 # Byte orders of plain CDR; topics use no other encoding (parameter lists, XCDR2).
@@ -66,6 +67,21 @@ class CdrCursor:
         if count:
             self.align(8)
         return self.skip(8 * count), count
+
+    def numbers(self, code: str, count: int) -> tuple[Any, ...]:
+        """Read numbers of one type, in struct's notation."""
+        size = struct.calcsize(code)
+        self.align(size)
+        return struct.unpack_from(
+            f'{self.order}{count}{code}', self._data, self.skip(count * size)
+        )
+
+    def header(self) -> tuple[int, int]:
+        """Read a std_msgs/Header; return its stamp: seconds and nanoseconds."""
+        self.align(4)
+        sec, nanosec = struct.unpack_from(f'{self.order}iI', self._data, self.skip(STAMP_SIZE))
+        self.string()
+        return sec, nanosec
 
     def _structural(self, size: int) -> int:
         begin = self.skip(size)

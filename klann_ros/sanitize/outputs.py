@@ -173,6 +173,11 @@ def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
         raise OutputError(*errors)
 
 
+def save_text(view: Callable[[], str], file: BinaryIO) -> None:
+    """Write a text; it may contain a path, whose bytes need not be UTF-8."""
+    file.write(view().encode(errors='replace'))
+
+
 def _place(path: str) -> Path:
     """Return the file behind a link, which itself stays."""
     return Path(os.path.realpath(path))

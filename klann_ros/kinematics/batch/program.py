@@ -393,13 +393,9 @@ class _Compiler:
         total: Number = None
         for times, bars in moved.items():
             if any(times):
-                m = self._weight(arms, times)
-                vector, sign, is_bend = self._moved(dimension, bars)
-                if is_bend:
-                    total = self._add(total, self._cross(vector, m, sign))
-                else:
-                    x, y = (self._times(*pair) for pair in zip(m, vector, strict=True))
-                    total = self._add(total, self._add(x, y), sign)
+                pairs = zip(self._weight(arms, times), self._moved(dimension, bars), strict=True)
+                x, y = (self._times(*pair) for pair in pairs)
+                total = self._add(total, self._add(x, y))
         return total
 
     def _cross(self, one: Components, other: Components, sign: str) -> Number:
@@ -416,25 +412,14 @@ class _Compiler:
                 x, y = (self._add(v, w, '+-'[count < 0]) for v, w in zip((x, y), m, strict=True))
         return x, y
 
-    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> tuple[Pair, str, bool]:
-        """
-        Return the derivative of a body's bars by a dimension, up to a sign, and this sign.
-
-        Of a bend it is i times the vector that is returned with True.
-        """
-        body, bar = self._structure.bars[bars[0]]
-        is_straight = bars[0] in self._structure.straight
-        if bars == [dimension.place] and bar.brace is None and not is_straight:
-            vector, sign = self._bar(bars[0])
-            if dimension.kind == 'bend':
-                return vector, '-+'[(sign == '+') == (dimension.sense > 0)], True
-            scale = self._constant(lambda n: 1.0 / np.abs(n.bars[bars[0]]), ('scale', *bars))
-            x, y = (self._apply('*', each, scale) for each in vector)
-            return (x, y), sign, False
-        moved = self._fixed_vector(
-            lambda n: n.derivative(dimension, bars), body, (dimension, *bars), real=is_straight
+    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Pair:
+        """Return the derivative of a body's bars by a dimension."""
+        is_along = dimension.kind == 'length' and {*bars} <= self._structure.straight
+        body, _ = self._structure.bars[bars[0]]
+        key = dimension, *bars
+        return self._fixed_vector(
+            lambda n: n.derivative(dimension, bars), body, key, real=is_along
         )
-        return moved, '+', False
 
     def _determinant(self, k: int) -> str:
         """Return D of a dyad."""

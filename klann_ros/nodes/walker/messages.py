@@ -80,9 +80,8 @@ class TwistReading(NamedTuple):
 def read_twist(data: bytes, *, stamped: bool) -> TwistReading:
     """Read a geometry_msgs/TwistStamped or Twist; a ValueError for another message."""
     cursor = CdrCursor(data)
-    sec, nanosec = _read_header(cursor, data) if stamped else (0, 0)
-    cursor.align(8)
-    x, *_, turn = struct.unpack_from(f'{cursor.order}6d', data, cursor.skip(48))
+    sec, nanosec = cursor.header() if stamped else (0, 0)
+    x, *_, turn = cursor.numbers('d', 6)
     return TwistReading(x, turn, sec, nanosec)
 
 
@@ -131,7 +130,7 @@ class ImuReader:
 
 def _imu_layout(data: bytes) -> struct.Struct:
     cursor = CdrCursor(data)
-    _read_header(cursor, data)
+    cursor.header()
     cursor.align(8)
     return _imu_numbers(cursor.order, cursor.skip(8 * 37))
 
@@ -145,13 +144,6 @@ def _imu_numbers(order: str, begin: int) -> struct.Struct:
     """
     between = max(0, begin - _FRAME.start)
     return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d{9 * 8}x3dd')
-
-
-def _read_header(cursor: CdrCursor, data: bytes) -> tuple[int, int]:
-    """Read a header; return its stamp."""
-    sec, nanosec = struct.unpack_from(f'{cursor.order}iI', data, cursor.skip(8))
-    cursor.string()
-    return sec, nanosec
 
 
 class CrankOutput:
