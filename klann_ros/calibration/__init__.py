@@ -7,13 +7,12 @@ The leg as it was built: its dimensions by measured points, with honest standard
 >>> drawn, built = (KlannGeometry(l_gh=length).linkage for length in (0.430, 0.4312))
 >>> t = np.linspace(0.0, 5.0, 1000)
 >>> crank = CrankSamples.of(t, 2.0 * t)
->>> noise = np.random.default_rng(1).normal(0.0, 1e-4, (2, 1000, 2))
+>>> noise = np.random.default_rng(1).normal(0.0, 1e-4, (3, 1000, 2))
 >>> measured = [
 ...     series_of('point', name, t, linkage_poses(built.with_foot(name), 2.0 * t).h + own, crank)
-...     for name, own in zip('GF', noise)
+...     for name, own in zip('HGF', noise)
 ... ]
->>> foot = series_of('point', 'H', t, linkage_poses(built, 2.0 * t).h + noise[0, ::-1], crank)
->>> found = calibrate(drawn, [foot, *measured])
+>>> found = calibrate(drawn, measured)
 >>> value, error = found.dimension('l_gh')
 >>> round(value, 4), error < 1e-4, round(found.observability.condition)
 (0.4312, True, 66)

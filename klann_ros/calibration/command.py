@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 import json
 from math import inf
@@ -17,7 +16,7 @@ from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageEr
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.outputs import outputs, save_all, save_text
 from klann_ros.sanitize.text import listed, printable, printable_line
-from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file, YamlError
+from klann_ros.sanitize.yaml_text import content_of_file, dump, parameter_file, parse_file
 
 from .fit import calibrate, Calibration
 from .load import described_run, load_csv, load_run, point_topics, Request
@@ -103,20 +102,19 @@ def _prior(given: str | None) -> float | Mapping[str, float] | None:
     """Return the prior: a number of millimetres, or a file's standard deviations."""
     if given is None:
         return None
-    with suppress(ValueError):
-        value = float(given) / 1e3
-        if not 0.0 < value < 1.0:
-            raise UsageError(f'--prior {given}: it must be millimetres, above 0 and below 1000')
-        return value
-    shown = f'--prior {printable(given)}'
     try:
-        content = parse_file(given)
-    except (OSError, YamlError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise MeasurementError(f'{shown}: {printable(reason)}') from error
+        value = float(given) / 1e3
+    except ValueError:
+        return content_of_file(given, _by_name, 'standard deviations', MeasurementError)
+    if not 0.0 < value < 1.0:
+        raise UsageError(f'--prior {given}: it must be millimetres, above 0 and below 1000')
+    return value
+
+
+def _by_name(content: Any) -> dict[str, float]:
     numbers: list[Any] = [*content.values()] if isinstance(content, dict) else [None]
     if not all(type(value) in {int, float} and 0.0 < value < inf for value in numbers):
-        raise MeasurementError(f'{shown}: it must be a mapping of dimensions to numbers > 0')
+        raise ValueError('it must be a mapping of dimensions to numbers > 0')
     return {str(name): float(value) for name, value in content.items()}
 
 

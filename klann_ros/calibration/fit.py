@@ -62,25 +62,14 @@ CURVATURE_DRAWS = 24
 MIN_DELAY_CHI2, MIN_CRANK_NOISE = 30.0, 4.0
 
 
-@dataclass(frozen=True, eq=False)
-class SeriesFit:
-    """
-    The residuals of a series.
-
-    Attributes
-    ----------
-    series : MeasuredSeries
-        The measurements.
-    before, after : numpy.ndarray, shape (n, k)
-        Predicted less measured numbers of the leg as drawn, and as calibrated [m, rad].
-    inliers : numpy.ndarray of bool, shape (n,)
-        The samples that were used.
-
-    """
+class SeriesFit(NamedTuple):
+    """The residuals of a series: predicted less measured numbers, shape (n, k) [m, rad]."""
 
     series: MeasuredSeries
+    # Of the leg as drawn, and as calibrated.
     before: FloatArray
     after: FloatArray
+    # The samples that were used, shape (n,).
     inliers: BoolArray
 
     @property
@@ -138,13 +127,6 @@ class Calibration:
     def phase(self) -> float:
         """Return the crank angle at joint position 0, in (-pi, pi] [rad]."""
         return self.model.value(self.values, PHASE)
-
-    @property
-    def correlation(self) -> FloatArray:
-        """Return the correlation of the parameters; NaN for unobservable ones."""
-        deviation = self.standard_errors / self.model.units
-        found: FloatArray = self.covariance / np.outer(deviation, deviation)
-        return found
 
     @property
     def misfit(self) -> float:
@@ -248,7 +230,7 @@ def _deviations(model: MeasurementModel, prior: float | Mapping[str, float] | No
 def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) -> str:
     """Return which other leg or camera the measurements fit; nothing if none of the likeliest."""
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
-    own, seen = model.linkage.assembly, replace(model, optional=(*CAMERA, *model.optional))
+    own = model.linkage.assembly
     modes = [own, *(m for m in assemblies(model.linkage) if m != own)] if own else [own]
     others = []
     for mode, direction in [*product(modes, (model.direction, -model.direction))][1:]:
@@ -256,9 +238,9 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
         what = f'direction {direction}' if mode == own else f'assembly {list(mode)}'
         what = f'those of a leg with {what}: change it in the leg file'
         others.append((what, replace(model, linkage=linkage, direction=direction), few))
-    if CAMERA[0] in model.names:
-        seen = model
-    else:
+    seen = model
+    if CAMERA[0] not in model.names:
+        seen = replace(model, optional=(*CAMERA, *model.optional))
         others.append(('those of a camera in another pose: try --camera unknown', seen, few))
     mirrored = [replace(s, values=s.values * (1, -1)) if s.kind == 'point' else s for s in few]
     others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
@@ -390,8 +372,12 @@ class _Problem:
 
     def solve(self) -> _Fit:
         """Return the fit that the measurements choose."""
-        few = [subset(series, ROBUST_SAMPLES) for series in self._measured]
-        y = _Problem(self._model, few, self._prior, 0.0, self._start).robust()
+        some = [subset(series, ROBUST_SAMPLES) for series in self._measured]
+        few, y = _Problem(self._model, some, self._prior, 0.0, self._start), self._centre
+        good = np.isfinite(few._rows(y).residuals)
+        for _ in range(2):
+            fit = few._scaled(y, good, robust=True)
+            y = few._minimized(fit, self._weak, loss='soft_l1')
         good = np.isfinite(self._rows(y).residuals)
         for _ in range(MAX_ROUNDS):
             before, good = good, self._inliers(self._scaled(y, good, robust=True))
@@ -399,14 +385,6 @@ class _Problem:
             if np.array_equal(before, good):
                 break
         return self._scaled(y, good, robust=False)
-
-    def robust(self) -> FloatArray:
-        """Return the parameters of a fit with a soft loss [units]."""
-        y = self._centre
-        good = np.isfinite(self._rows(y).residuals)
-        for _ in range(2):
-            y = self._minimized(self._scaled(y, good, robust=True), self._weak, loss='soft_l1')
-        return y
 
     def held_result(self, fit: _Fit) -> Calibration:
         """Return the calibration that holds unobservable combinations near the start."""
@@ -520,8 +498,7 @@ class _Problem:
         if not has_prior:
             errors[verdict.unobservable] = np.nan
         parameters = self._parameters(fit.y)
-        place = model.names.index(PHASE)
-        parameters[place] = wrap(parameters[place])
+        parameters[model.count] = wrap(parameters[model.count])
         return Calibration(
             drawn=model.linkage,
             linkage=model.varied(parameters),

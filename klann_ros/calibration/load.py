@@ -14,7 +14,14 @@ from klann_ros.sanitize.tables import read_table, Table
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
-from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
+from .measurements import (
+    CrankSamples,
+    kind_of,
+    MeasuredSeries,
+    MeasurementError,
+    moving_points,
+    series_of,
+)
 
 FLOAT, JOINTS = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
 POSE, TRANSFORM = 'geometry_msgs/msg/PoseWithCovarianceStamped', 'tf2_msgs/msg/TFMessage'
@@ -79,16 +86,8 @@ def readings(kind: str, data: bytes) -> Iterator[Reading]:
         yield Reading(key, stamp, numbers[:2], variance)
 
 
-class _Samples(NamedTuple):
-    """Times from the start of the run [s], values, shape (n, k), variances, and all keys."""
-
-    times: FloatArray
-    values: FloatArray
-    variances: FloatArray
-    keys: set[str]
-
-
-def _samples(messages: Iterable[Message], key: str, start: int) -> _Samples:
+def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatArray, set[str]]:
+    """Return rows of the time from the start [s], the variance and the values; and all keys."""
     keys, rows = set(), []
     for message in messages:
         with suppress(ValueError, struct.error):
@@ -98,15 +97,12 @@ def _samples(messages: Iterable[Message], key: str, start: int) -> _Samples:
                 if key in {'', reading.key, *reading.key.split('/')}:
                     time = reading.stamp or message.publish_time or message.log_time
                     rows.append(((time - start) / 1e9, reading.variance, *reading.values))
-    table = np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows else 3)
-    times, variances, *columns = table.T
-    return _Samples(times, np.column_stack(columns), variances, keys)
+    return np.array(rows, dtype=np.float64), keys
 
 
 def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[str, str]:
     """Return topics with the name of a point, such as `/mocap/LEG/h`, by the moving point."""
-    structure = linkage.structure
-    points = {p.lower(): p for p in structure.points if p not in structure.pivots}
+    points = {point.lower(): point for point in moving_points(linkage)}
     parts = ((name, ['', *name.split('/')][-2:]) for name in names)
     return {
         points[last.lower()]: name
@@ -143,7 +139,7 @@ def load_run(
         # A topic may be in several files, with other profiles.
         topics = {topic.name: topic for topic in log.topics}
         chosen = [_topic(topics, request.topic) for request in requests]
-        cranks = [_topic(topics, crank_topic)] if crank_topic else _crank_topics(topics, leg)
+        cranks = [_topic(topics, crank_topic)] if crank_topic else _crank_topics(topics)
         messages: dict[str, list[Message]] = {t.name: [] for t in (*chosen, *cranks)}
         for message in log.messages(messages):
             messages[message.topic.name].append(message)
@@ -152,36 +148,36 @@ def load_run(
     found = []
     for request, topic in zip(requests, chosen, strict=True):
         samples = _checked(request, topic, leg, messages[topic.name], start)
-        variance = float(np.median(samples.variances))
+        variance = float(np.median(samples[:, 1]))
         noise = variance**0.5 if 0.0 < variance < np.inf else None
         kind, where = kind_of(leg.linkage, request.name), printable(topic.name)
-        numbers = samples.times, samples.values, crank
+        numbers = samples[:, 0], samples[:, 2:], crank
         found.append(series_of(kind, request.name, *numbers, noise=noise, source=where))
     return found
 
 
 def _checked(
     request: Request, topic: Topic, leg: RobotLeg, messages: Sequence[Message], start: int
-) -> _Samples:
+) -> FloatArray:
     """Return the samples of a topic, unless it is of another type, computed, or has several."""
     kind, where, key = kind_of(leg.linkage, request.name), printable(topic.name), request.key
     types = POINT_LAYOUTS if kind == 'point' else (JOINTS, FLOAT)
     if topic.type not in types:
         known = ', '.join(name.rpartition('/')[2] for name in types)
         raise MeasurementError(f'{where} is {printable(topic.type)}: a measured {kind} is {known}')
-    found = _samples(messages, key, start)
+    found, keys = _samples(messages, key, start)
     joints = [{leg.joint_name(n, sign) for n in leg.linkage.joint_names} for sign in '/_']
-    if topic.name.rpartition('/')[2] in COMPUTED_TOPICS or any(j <= found.keys for j in joints):
+    if topic.name.rpartition('/')[2] in COMPUTED_TOPICS or any(j <= keys for j in joints):
         # It would confirm the lengths that the solver had.
         raise MeasurementError(
             f'{where} is no measurement: a solver computed it from the lengths that are to be '
             f'found'
         )
-    there = listed(sorted(found.keys), 8)
-    if not len(found.times):
+    there = listed(sorted(keys), 8)
+    if not len(found):
         what = f'{printable(key)} is not on {where}; there are {there}'
         raise MeasurementError(what if key else f'{where} has no readable message')
-    if not key and len(found.keys) > 1:
+    if not key and len(keys) > 1:
         name = printable(request.name)
         raise MeasurementError(f'{where} has several: name one as {name}={where}:NAME, of {there}')
     return found
@@ -195,18 +191,12 @@ def _topic(topics: Mapping[str, Topic], name: str) -> Topic:
     raise MeasurementError(f'there is no topic {printable(name)} in the run: {there}')
 
 
-def _crank_topics(topics: Mapping[str, Topic], leg: RobotLeg) -> list[Topic]:
+def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     """Return the topics that may have the crank's angle, the likeliest first."""
     states = [topic for topic in topics.values() if topic.type == JOINTS]
     states.sort(key=lambda topic: topic.name.rpartition('/')[2] != 'crank_state')
     plain = [t for t in topics.values() if t.type == FLOAT and t.name.endswith('crank_angle')]
-    if states or plain:
-        return states + plain
-    joint = printable(leg.crank_joint)
-    raise MeasurementError(
-        f'the run has no crank angle: neither a JointState with the joint {joint} nor a Float64 '
-        f'called crank_angle; name its topic with --crank'
-    )
+    return states + plain
 
 
 def _crank(
@@ -214,11 +204,14 @@ def _crank(
 ) -> CrankSamples:
     for topic in (topic for topic in topics if topic.type in {JOINTS, FLOAT}):
         key = leg.crank_joint if topic.type == JOINTS else ''
-        found = _samples(messages[topic.name], key, start)
-        if len(found.times) > 1:
-            return CrankSamples.of(found.times, found.values[:, 0])
-    names, joint = listed([topic.name for topic in topics], 8), printable(leg.crank_joint)
-    raise MeasurementError(f'no crank angle of the joint {joint} is on {names}')
+        found, _ = _samples(messages[topic.name], key, start)
+        if len(found) > 1:
+            return CrankSamples.of(found[:, 0], found[:, 2])
+    names = listed([topic.name for topic in topics], 8) or 'any topic'
+    raise MeasurementError(
+        f'no crank angle of the joint {printable(leg.crank_joint)} is on {names}: name the topic '
+        f'of a JointState with this joint, or of a Float64, with --crank'
+    )
 
 
 def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list[MeasuredSeries]:

@@ -1,7 +1,7 @@
 """Measurements of a leg: points, angles and distances, each with the crank angle at its time."""
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
@@ -19,21 +19,12 @@ class MeasurementError(ValueError):
     """Measurements that no calibration can use; the text says why."""
 
 
-@dataclass(frozen=True, eq=False)
-class CrankSamples:
-    """
-    The crank joint's position over time.
+class CrankSamples(NamedTuple):
+    """The crank joint's position over time, shape (n,)."""
 
-    Attributes
-    ----------
-    times : numpy.ndarray, shape (n,)
-        Stamps, rising [s].
-    positions : numpy.ndarray, shape (n,)
-        Positions, any number of turns [rad].
-
-    """
-
+    # Stamps, rising [s].
     times: FloatArray
+    # Any number of turns [rad].
     positions: FloatArray
 
     @classmethod
@@ -114,19 +105,7 @@ def series_of(
     """
     Return samples paired with the crank angle by their stamps; those without one are skipped.
 
-    Parameters
-    ----------
-    kind, name
-        See `MeasuredSeries`.
-    times : numpy.ndarray, shape (n,)
-        Stamps on the crank's clock, in any order [s].
-    values : numpy.ndarray, shape (n, 2) or (n, 1)
-        The measured numbers [m, rad].
-    crank : CrankSamples
-        The crank joint.
-    noise, source
-        See `MeasuredSeries`.
-
+    The others are the attributes of `MeasuredSeries`; stamps of one clock, in any order.
     """
     own, columns = _cleaned(times, values)
     positions, rates = crank.at(own)

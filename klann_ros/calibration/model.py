@@ -180,8 +180,8 @@ class MeasurementModel:
         points = [n for n, series in enumerate(measured) if series.kind == 'point']
         if not points or CAMERA[0] not in self.names:
             return start, seen
-        p = np.concatenate([values[n] @ (1.0, 1j) for n in points])
-        q = np.concatenate([measured[n].values @ (1.0, 1j) for n in points])
+        given = values, [series.values for series in measured]
+        p, q = (np.concatenate([each[n] @ (1.0, 1j) for n in points]) for each in given)
         p, q = p[np.isfinite(p)], q[np.isfinite(p)]
         turn = np.vdot(p - p.mean(), q - q.mean())
         turn = turn / (abs(turn) or 1.0)

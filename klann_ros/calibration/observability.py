@@ -8,7 +8,7 @@ say less about it than the drawing. The condition number is that of the columns 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import radians
 from typing import NamedTuple
 
@@ -48,30 +48,17 @@ class Combination(NamedTuple):
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Observability:
-    """
-    The verdict on the observability of the parameters.
+class Observability(NamedTuple):
+    """The verdict on the observability of the parameters."""
 
-    Attributes
-    ----------
-    condition : float
-        Condition number of the normalised columns; infinite if a combination is not observable.
-    rank : int
-        Number of observable combinations.
-    combinations : tuple of Combination
-        The unobservable ones.
-    unobservable : numpy.ndarray of bool
-        The parameters that belong to one of these.
-    lost : numpy.ndarray
-        The unobservable combinations as orthonormal rows, in units.
-
-    """
-
+    # Condition number of the normalised columns; infinite if a combination is not observable.
     condition: float
+    # Number of observable combinations, and the others.
     rank: int
     combinations: tuple[Combination, ...]
+    # The parameters that belong to one of these.
     unobservable: BoolArray
+    # The unobservable combinations as orthonormal rows, in units.
     lost: FloatArray
 
 

@@ -37,11 +37,6 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     leg_file = joined(part for line in built.splitlines() for part in (line, Markup('\n')))
     scrolls = {'class_': 'card scrolls', 'tabindex': '0', 'role': 'region'}
     residuals = (element('p', series_line(f), class_='quiet') for f in calibration.series)
-    names = calibration.model.names
-    correlation = [
-        (name, *(f'{value:.2f}'.replace('nan', '') for value in row))
-        for name, row in zip(names, calibration.correlation.tolist(), strict=True)
-    ]
     sections = {
         'Observability': [
             element('p', verdict(calibration)),
@@ -49,7 +44,6 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
         ],
         'Dimensions': [element('div', _drawing(calibration), numbers, class_='stage')],
         'Residuals': [grid([*_charts(calibration)]), *residuals],
-        'Correlation': [scrolling_table('Correlation', ('', *names), correlation)],
         'Leg file': [element('div', element('pre', leg_file), **scrolls, aria_label='Leg file')],
     }
     title = f'Calibration of {calibration.drawn.name or "leg"}'

@@ -8,8 +8,8 @@ from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import counted, printable
 import numpy as np
 
-from .fit import Calibration, SeriesFit
-from .model import SCALES
+from .fit import Calibration, MAX_MISFIT, SeriesFit
+from .model import CAMERA, SCALES
 from .observability import GOOD_CONDITION, Suggestion
 
 
@@ -26,6 +26,8 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
         yield f'crank angle: noise {degrees(calibration.crank_noise):.2g} deg'
     if calibration.chi2_dof is not None:
         yield f'chi2/dof: {calibration.chi2_dof:.3f}'
+    if _hides_mirrored_axes(calibration):
+        yield 'all points move along one line: mirrored axes of the camera would not show'
     if calibration.late:
         late = f'{1e3 * calibration.late:.3g} ms'
         yield f'the residuals follow the speed of the crank: try --delay unknown (about {late})'
@@ -33,6 +35,19 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
     yield verdict(calibration)
     yield from (f'  unobservable: {text}' for text in combinations(calibration))
     yield from suggestion_lines(calibration, further)
+
+
+def _hides_mirrored_axes(calibration: Calibration) -> bool:
+    """Return whether mirrored measurements would fit as well: of points on one line."""
+    measured = [fit.series for fit in calibration.series]
+    if any(series.kind != 'point' for series in measured):
+        return False
+    values = np.concatenate([series.values for series in measured])
+    off = values[:, 1]
+    if CAMERA[0] in calibration.model.names:
+        centred = values - np.median(values, axis=0)
+        off = centred @ np.linalg.svd(centred, full_matrices=False)[2][1]
+    return float(np.median(np.abs(off))) < MAX_MISFIT / 2.0 * calibration.drawn.size
 
 
 def table(calibration: Calibration) -> list[tuple[str, str, str, str, str]]:
@@ -91,6 +106,7 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
     """Return the calibration as JSON data, in SI units; null for what is not observable."""
     model, observed = calibration.model, calibration.observability
     known = np.where(np.isfinite(calibration.standard_errors), calibration.values, np.nan)
+    deviations = calibration.standard_errors / model.units
     columns = known.tolist(), calibration.standard_errors.tolist(), model.start.tolist()
     heads = ('value', 'standard_error', 'drawn', 'unit')
     numbers = {
@@ -125,6 +141,6 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
             for fit in calibration.series
         },
         'parameters': model.names,
-        'correlation': calibration.correlation.tolist(),
+        'correlation': (calibration.covariance / np.outer(deviations, deviations)).tolist(),
     }
     return dict(finite(data))

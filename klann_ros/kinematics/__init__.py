@@ -22,7 +22,7 @@ Solvers                `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_for
 Geometry               `KlannGeometry`, `FourBarGeometry`, `Linkage`; `shipped_linkage`,
                        `shipped_linkages`, `linkage_from_file`, `linkage_from_text`
 Results                `KlannPose`, `FourBarPose`, `LinkagePose`, their motions;
-                       `LinkageGradient`, `Iterations`
+                       `Iterations`
 Assembly modes         `assemblies`, `assembly_poses`, `reachable_arcs`
 The foot               `foot_path`: `FootPath`, `Stance`, `Nearest`
 Batches                `linkage_poses`, `klann_poses`: `LinkagePoses`, `Reason`;
@@ -75,7 +75,7 @@ from .linkage.file import (
 )
 from .linkage.leg import AnyLeg, Leg, LinkageLeg
 from .linkage.linkage import Linkage
-from .linkage.pose import LinkageGradient, LinkageMotion, LinkagePose
+from .linkage.pose import LinkageMotion, LinkagePose
 from .linkage.reach import reachable_arcs
 from .linkage.variants import Variants
 from .newton import Iterations
@@ -102,7 +102,6 @@ __all__ = [
     'Leg',
     'Linkage',
     'LinkageFileError',
-    'LinkageGradient',
     'LinkageLeg',
     'LinkageMotion',
     'LinkagePose',

@@ -1,5 +1,6 @@
 """A calibration finds the leg as it was built, with honest errors, or says in a line why not."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 import math
 from typing import Any
@@ -11,6 +12,7 @@ from klann_ros.calibration import (
     MeasurementError,
     series_of,
 )
+from klann_ros.calibration.report import text_lines
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
 from measured_robots import built, DRAWN, errors, NOISE, Robot
 import numpy as np
@@ -402,6 +404,21 @@ def test_an_unknown_camera_does_not_make_another_leg_fit(
     foot = series_of('point', drawn.structure.foot, robot.times, values, crank, noise=noise)
     with pytest.raises(MeasurementError, match=words):
         calibrate(drawn, [foot], camera=True)
+
+
+@pytest.mark.parametrize(('point', 'is_told'), [('C', True), ('B', False)])
+def test_points_on_one_line_do_not_tell_mirrored_axes(point: str, *, is_told: bool) -> None:
+    drawn = shipped_linkage('slider_crank')
+    robot = Robot(built(1, drawn, length=1e-4), noise=1e-5, count=400)
+    crank, seen = CrankSamples.of(robot.times, robot.crank), robot.seen(point)
+    for camera in (False, True):
+        turned = seen @ ((0.8, 0.6), (-0.6, 0.8)) if camera else seen
+        series = series_of('point', point, robot.times, turned, crank)
+        lines = text_lines(calibrate(drawn, [series], camera=camera), [])
+        assert any('mirrored axes' in line for line in lines) == is_told
+    mirrored = series_of('point', point, robot.times, seen * (1.0, -1.0), crank)
+    with nullcontext() if is_told else pytest.raises(MeasurementError, match='are mirrored'):
+        calibrate(drawn, [mirrored])
 
 
 def test_fewer_numbers_than_parameters_are_refused() -> None:

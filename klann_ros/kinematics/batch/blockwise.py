@@ -26,6 +26,7 @@ from .results import LinkagePoses, open_loops, Reason, unreachable
 
 MAX_ITERATIONS = 10
 STEP_TOLERANCE = 1e-12
+_GRADIENTS = 'h_gradient', 'angles_gradient', 'points_gradient'
 
 
 class Blockwise:
@@ -144,35 +145,23 @@ class Blockwise:
         """Store the derivatives by the dimensions, by the implicit function theorem."""
         (u, x_1, u_1), structure = poses, self.structure
         # Each has the dimensions along its first axis, of all poses.
-        arrays = {
-            name: np.moveaxis(each, -1, 0)
-            for name, each in results.arrays().items()
-            if name.endswith('_gradient')
-        }
+        arrays = {name: np.moveaxis(each, -1, 0) for name, each in results.arrays().items()}
         moved = vector_derivatives(structure, self._vectors[1], structure.dimensions)
-        opened = self._openings(moved, u, 1.0)
-        x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened)
-        for name in arrays.keys() - {'h_1_gradient'}:
-            end = partial(self._moved_end, moved, u, du, 1.0)
-            self._put(name, arrays[name], x.__getitem__, end)
-        if 'h_1_gradient' in arrays:
+        bent: Sequence[Any] = ()
+        # Those of the pose, then of its velocity.
+        for v, fixed, names in ((u, 1.0, _GRADIENTS), (u_1, 0.0, ('h_1_gradient',))):
+            if arrays.keys().isdisjoint(names):
+                continue
+            own = partial(self._end, moved, v, fixed)
+            opened = [
+                [own(structure.paths.loops[k]) for k in loops] for loops in structure.paths.rows
+            ]
+            x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
+            for name in arrays.keys() & {*names}:
+                turned = partial(self._end, self._vectors, du, 0.0)
+                self._put(name, arrays[name], x.__getitem__, own, turned)
+                arrays[name][:, np.isnan(np.sum(x_1, axis=0))] = np.nan
             bent = joints.velocity_product(structure, u, x_1, x)
-            opened = self._openings(moved, u_1, 0.0)
-            x, du_1 = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
-            end = partial(self._moved_end, moved, u_1, du_1, 0.0)
-            self._put('h_1', arrays['h_1_gradient'], x.__getitem__, end)
-        for array in arrays.values():
-            array[:, np.isnan(np.sum(x_1, axis=0))] = np.nan
-
-    def _openings(self, moved: Any, u: Any, fixed: float) -> list[list[Any]]:
-        """Return the openings of the loops of each block by moved pivots and bars."""
-        paths = self.structure.paths
-        return [
-            [self._end(moved, u, fixed, paths.loops[k]) for k in loops] for loops in paths.rows
-        ]
-
-    def _moved_end(self, moved: Any, u: Any, du: Any, fixed: float, path: Path) -> Any:
-        return self._end(self._vectors, du, 0.0, path) + self._end(moved, u, fixed, path)
 
     def _end(self, vectors: Any, u: Any, fixed: float, path: Path) -> Any:
         """Return the end of a path by its bars and u, and its pivots with a factor."""
@@ -181,9 +170,9 @@ class Blockwise:
         return sum((w * u[j] for j, w in terms.items()), start)
 
     def _put(
-        self, name: str, array: Any, coordinate: Callable[[int], Any], end: Callable[[Path], Any]
+        self, name: str, array: Any, coordinate: Callable[[int], Any], *ends: Callable[[Path], Any]
     ) -> None:
-        """Store the coordinates, or the ends of the paths to the foot or to all points."""
+        """Store the coordinates, or the sums of the ends of paths: to the foot, or all points."""
         structure = self.structure
         if name.startswith('angles'):
             for j in range(1, len(structure.bodies)):
@@ -191,7 +180,8 @@ class Blockwise:
             return
         of_foot = name.startswith('h')
         for n, point in enumerate([structure.foot] if of_foot else structure.points):
-            found = end(structure.paths.points[structure.points.index(point)])
+            path = structure.paths.points[structure.points.index(point)]
+            found = sum(end(path) for end in ends)
             place = array if of_foot else array[..., n, :]
             place[..., 0], place[..., 1] = np.real(found), np.imag(found)
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.batch.results import LinkagePoses
 from klann_ros.kinematics.errors import (
     ImmobileDirectionError,
     NotConvergedError,
@@ -25,7 +26,6 @@ from .pose import (
     closed_form_vectors,
     closed_pose,
     initial_guess,
-    LinkageGradient,
     LinkageMotion,
     LinkagePose,
 )
@@ -278,11 +278,11 @@ class Leg(Generic[PoseT, MotionT]):
             )
             raise ValueError(msg)
 
-    def gradient(self, pose: PoseT) -> LinkageGradient:
+    def gradient(self, pose: PoseT) -> LinkagePoses:
         """
-        Return the derivatives of a pose by each dimension; that by an encoder's zero is dx/dalpha.
+        Return a pose's `h` and the derivatives `h_gradient` and `angles_gradient` by dimensions.
 
-        The loops stay closed, Phi dx = -df: the linear step of the velocity, one a dimension.
+        The loops stay closed, Phi dx = -df; the derivatives by an encoder's zero are dx/dalpha.
 
         Raises
         ------
@@ -296,9 +296,10 @@ class Leg(Generic[PoseT, MotionT]):
             self._check_own(pose)
         if isnan(pose.coefficients[0]):
             raise SingularPoseError(pose.crank_angle)
-        found = self._linkage.derivatives(pose.crank_angle, pose.x)
-        of_x, of_h = ([*map(tuple, columns.T.tolist())] for columns in found)
-        return LinkageGradient(tuple(self._linkage.dimensions), tuple(of_x), tuple(of_h), pose)
+        x, h = self._linkage.derivatives(pose.crank_angle, pose.x)
+        names = tuple(self._linkage.dimensions)
+        given: Any = {'angles_gradient': x, 'h_gradient': h, 'dimension_names': names}
+        return LinkagePoses(np.array(pose.h), np.zeros((), dtype=np.uint8), **given)
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """

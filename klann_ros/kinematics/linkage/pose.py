@@ -149,29 +149,6 @@ class LinkagePose(NamedTuple):
         return float(np.linalg.cond(self.linkage.phi(self[0], self.x)))
 
 
-class LinkageGradient(NamedTuple):
-    """
-    The derivatives of a pose by each dimension, at its crank angle.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The dimensions, as in `Linkage.dimensions`.
-    x : tuple of tuple of float
-        Of each dimension the derivatives of the other coordinates [rad/m, rad/rad, ...].
-    h : tuple of (float, float)
-        Of each dimension those of the foot (x, y) [m/m, m/rad].
-    pose : LinkagePose
-        The pose.
-
-    """
-
-    names: tuple[str, ...]
-    x: tuple[tuple[float, ...], ...]
-    h: tuple[Vector, ...]
-    pose: LinkagePose
-
-
 class LinkageMotion(NamedTuple):
     """
     The velocity, or the acceleration, of a pose.
