@@ -50,6 +50,8 @@ ROBUST_SAMPLES, MAX_ROUNDS = 200, 6
 MAX_MISFIT, MAX_CORRECTIONS, MAX_HELD_MISFIT = 0.03, {'m': 100.0, 'rad': 30.0}, 3.0
 # Other legs and cameras that are fitted to explain a misfit, and how well they must fit.
 MAX_EXPLANATIONS, MAX_EXPLAINED_MISFIT = 4, 0.006
+# Relative standard deviation of the crank's rate up to which its speed is even.
+EVEN_SPEED = 0.01
 # Share of the samples of a series that fit the leg, at least.
 MIN_INLIERS = 0.5
 # Share of samples in the other direction from which on backlash is estimated.
@@ -244,7 +246,9 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
         others.append(('those of a camera in another pose: try --camera unknown', seen, few))
     mirrored = [replace(s, values=s.values * (1, -1)) if s.kind == 'point' else s for s in few]
     others.append(('mirrored: x must point right and y up, as on the drawing', seen, mirrored))
-    if DELAY not in model.names:
+    rates = np.concatenate([series.rate for series in few])
+    # At an even speed a delay is another encoder zero, and explains nothing.
+    if DELAY not in model.names and np.std(rates) > EVEN_SPEED * abs(np.mean(rates)):
         late = replace(model, optional=(*model.optional, DELAY))
         others.append(('late, or early: try --delay unknown', late, few))
     starts = []

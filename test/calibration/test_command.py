@@ -15,7 +15,7 @@ import time
 from typing import Any
 
 from klann_ros.calibration.command import main
-from klann_ros.calibration.load import load_csv
+from klann_ros.calibration.load import load_csv, Request
 from klann_ros.datasheet.command import main as describe
 from klann_ros.export.command import main as export
 from klann_ros.robot import robot_of
@@ -149,7 +149,9 @@ def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
     assert main([str(table), '--leg', 'sem104', '--json', str(numbers)]) == 0
     points = _dimensions(numbers)['points']
     assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
-    assert main([str(table), '--leg', 'sem104', '--point', 'H=G']) == 2
+    (renamed,) = load_csv(str(table), robot_of('sem104').legs[0], [Request('H', 'G')])
+    assert renamed.name == 'H'
+    np.testing.assert_array_equal(renamed.values, np.delete(ROBOT.seen('G'), 7, axis=0))
 
 
 def test_a_table_of_a_spreadsheet_has_the_same_numbers(table: Path, tmp_path: Path) -> None:
@@ -274,8 +276,9 @@ def test_a_full_disk_leaves_the_previous_leg_file(
     ]
 
 
-@pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize('stage', ['fit', 'page'])
+@pytest.mark.parametrize(
+    ('number', 'code', 'stage'), [(signal.SIGINT, 130, 'fit'), (signal.SIGTERM, 143, 'page')]
+)
 def test_a_signal_leaves_whole_files_only(
     table: Path, tmp_path: Path, number: int, code: int, stage: str
 ) -> None:

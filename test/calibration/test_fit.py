@@ -298,7 +298,7 @@ def test_a_late_clock_that_no_leg_explains_is_named() -> None:
 
 
 def test_of_very_many_samples_an_even_choice_is_used() -> None:
-    found = calibrate(DRAWN, Robot(count=200_000, period=5e-5).measured())
+    found = calibrate(DRAWN, Robot(count=60_000, period=2e-4).measured())
     assert [len(fit.inliers) for fit in found.series] == [20_000, 20_000]
     assert found.is_complete
 
@@ -354,7 +354,7 @@ def test_another_assembly_mode_or_direction_is_named(
     assembly: tuple[int, int], direction: int, words: str
 ) -> None:
     leg = KlannGeometry(assembly=assembly).linkage
-    robot = Robot(leg, speed=1.3 * direction)
+    robot = Robot(leg, count=300, period=0.017, speed=1.3 * direction)
     crank = CrankSamples.of(robot.times, abs(robot.crank))
     measured = [series_of('point', n, robot.times, robot.seen(n), crank) for n in 'HG']
     with pytest.raises(MeasurementError, match=words):
@@ -374,7 +374,7 @@ def test_another_assembly_mode_or_direction_is_named(
     ],
 )
 def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> None:
-    robot = Robot()
+    robot = Robot(count=300, period=0.017)
     values = change(robot.seen('H'))
     crank = CrankSamples.of(robot.times, robot.crank)
     foot = series_of('point', 'H', robot.times[: len(values)], values, crank)
@@ -386,8 +386,6 @@ def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> Non
     ('name', 'point', 'change', 'words'),
     [
         ('klann', 'H', lambda h: h * (1.0, -1.0), 'are mirrored'),
-        ('jansen', 'S', lambda h: h * (1.0, -1.0), 'are mirrored'),
-        ('jansen', 'S', lambda h: h[::-1], 'a leg with direction -1'),
         ('watt_six_bar', 'P', lambda h: h[::-1], 'a leg with direction -1'),
         ('quick_return', 'B', lambda h: h, 'fits the leg at .* % of its samples only'),
     ],
