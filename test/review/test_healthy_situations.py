@@ -61,8 +61,10 @@ class Scene:
         ]
         clock = ('--ros-args', '-r', '__ns:=/walker', '--params-file', str(WALKER))
         simulated = (*clock, '-p', 'use_sim_time:=true')
-        ros.solver()
-        ros.solver(*simulated, namespace='/walker')
+        # Latched markers have a queue of one: a busy machine overwrites it before it is read.
+        depth = 'markers.publisher.depth'
+        ros.solver(**{f'qos_overrides./{depth}': 200})
+        ros.solver(*simulated, namespace='/walker', **{f'qos_overrides./walker/{depth}': 200})
         ros.start('walker_node', *simulated)
         ros.start('sim_node', *clock, '-p', 'use_clock:=true')
         self.crank = self.turn()
