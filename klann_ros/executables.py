@@ -27,7 +27,7 @@ _INTERRUPTED = 130
 # A tool's exit code if a required package is not installed: nothing could be read.
 _MISSING_PACKAGE = 2
 # Distributions on PyPI with another name than their module.
-_DISTRIBUTIONS = {'mcap_ros2': 'mcap-ros2-support', 'yaml': 'PyYAML'}
+_DISTRIBUTIONS = {'yaml': 'PyYAML'}
 
 
 def _node(name: str, *, uses_terminal: bool = False) -> int:

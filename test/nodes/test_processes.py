@@ -135,7 +135,7 @@ def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
     [
         ('solver_node', 'rclpy', 1, 'source ROS 2'),
         ('recorder_node', 'mcap', 1, 'pip install mcap'),
-        ('review', 'mcap_ros2', 2, 'pip install mcap-ros2-support'),
+        ('review', 'yaml', 2, 'pip install PyYAML'),
     ],
 )
 def test_a_package_that_is_absent_is_one_line_with_its_remedy(

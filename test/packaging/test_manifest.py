@@ -11,8 +11,8 @@ import klann_ros
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# The distribution and the rosdep key of a module; no key: mcap-ros2-support brings it, or it is an
-# extra that package.xml leaves to pip.
+# The distribution and the rosdep key of a module; no key: mcap-ros2-support brings it by rosdep,
+# or it is an extra that package.xml leaves to pip.
 MODULES = {
     'aiohttp': ('aiohttp', 'python3-aiohttp'),
     'argcomplete': ('argcomplete', 'python3-argcomplete'),
@@ -22,7 +22,6 @@ MODULES = {
     'lz4': ('lz4', ''),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', ''),
-    'mcap_ros2': ('mcap-ros2-support', 'mcap-ros2-support'),
     'mujoco': ('mujoco', 'python3-mujoco-pip'),
     'numba': ('numba', ''),
     'numpy': ('numpy', 'python3-numpy'),

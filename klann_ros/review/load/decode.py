@@ -1,21 +1,15 @@
 """Decode messages of the types that describe a leg or a walker, many at a time."""
 
-from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr
+from collections.abc import Iterator
 from functools import lru_cache
-from io import StringIO
-from itertools import chain
-import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.recording import Undecoded
-from klann_ros.review.model.times import LAST_TIME, nanoseconds
+from klann_ros.review.model.times import nanoseconds
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, read_joint_state, STAMP_SIZE
-from mcap.records import Schema
-from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 from numpy.typing import NDArray
 
@@ -129,49 +123,6 @@ def _is_standard(name: str, definition: str) -> bool:
 
 # Messages of legs are much smaller; a small file may unpack to any size [bytes].
 MAX_MESSAGE_SIZE = 256 * 1024
-# A DiagnosticArray's has 600 characters without comments.
-MAX_DEFINITION_SIZE = 16 * 1024
-
-_COMMENT = re.compile('#[^\r\n]*')
-Decode = Callable[[bytes], Any]
-
-
-def decoder(topic: Topic) -> Decode:
-    """
-    Return the decoder of a topic's messages; it may raise anything.
-
-    Definitions are untrusted: the library prints what it cannot parse, and needs quadratic time
-    for many comments and fields. So it gets no comments, no long definition, and no terminal.
-    """
-    return _decoder(topic.type, topic.definition, topic.schema_encoding, topic.message_encoding)
-
-
-@lru_cache(maxsize=16)
-def _decoder(name: str, definition: str, schema_encoding: str, encoding: str) -> Decode:
-    text = _COMMENT.sub('', definition)
-    if len(text) > MAX_DEFINITION_SIZE:
-        return _refuse
-    schema = Schema(id=1, data=text.encode(), encoding=schema_encoding, name=name)
-    try:
-        with redirect_stderr(StringIO()):
-            decode = DecoderFactory().decoder_for(encoding, schema)
-    except Exception:  # noqa: BLE001, RUF100 - the text may be anything
-        decode = None
-    if decode is None:
-        return _refuse
-
-    def bounded(data: bytes) -> Any:
-        if len(data) > MAX_MESSAGE_SIZE:
-            raise ValueError(f'{len(data)} bytes, more than the limit of {MAX_MESSAGE_SIZE}')
-        return decode(data)
-
-    return bounded
-
-
-def _refuse(_: bytes) -> Any:
-    raise ValueError('no decoder for this topic')
-
-
 # Layouts of a topic; with more, single messages are faster.
 _MAX_LAYOUTS = 16
 
@@ -191,7 +142,12 @@ class DecodedRows(NamedTuple):
 
 
 class TopicReader:
-    """Reads the messages of a topic of one of the types in _FIELDS."""
+    """
+    Reads the messages of a topic of one of the types in _STANDARD_FIELDS.
+
+    A definition is compared only, as to parse an untrusted one may take hours; so messages of a
+    type with other fields are undecodable.
+    """
 
     def __init__(self, topic: Topic) -> None:
         # Number of messages that do not match their type, and log time of the first [ns].
@@ -201,22 +157,18 @@ class TopicReader:
         is_cdr = (topic.message_encoding, topic.schema_encoding) == ('cdr', 'ros2msg')
         self._is_standard = is_cdr and _is_standard(topic.type, topic.definition)
         self._layout: Layout | None = None
-        self._decode = decoder(topic)
 
     def read(self, block: MessageBlock, rows: IndexArray) -> Iterator[DecodedRows]:
         """Yield the decoded messages of a block, in any order."""
-        others: list[IndexArray] = []
         sizes = block.sizes[rows]
         # Usually all have one size.
         found = sizes[:1] if (sizes == sizes[:1]).all() else np.unique(sizes)
         for size in found.tolist():
             alike = rows if len(found) == 1 else rows[sizes == size]
-            yield from self._of_size(block, alike, size, others)
-        for row in chain.from_iterable(others):
-            try:
-                yield self._one(block, row)
-            except Exception:  # noqa: BLE001, PERF203, RUF100 - the bytes may be anything
-                self.refuse(nanoseconds(block.heads['log_time'][[row]]))
+            if self._is_standard and 0 < size <= MAX_MESSAGE_SIZE:
+                yield from self._of_size(block, alike, size)
+            else:
+                self.refuse(nanoseconds(block.heads['log_time'][alike]))
 
     def refuse(self, times: IntArray) -> None:
         """Count undecodable messages, by their log times [ns]."""
@@ -229,26 +181,25 @@ class TopicReader:
         """Return the undecodable messages, if any."""
         return (Undecoded(self._topic, self.failed, self.failed_at),) if self.failed else ()
 
-    def _of_size(
-        self, block: MessageBlock, rows: IndexArray, size: int, others: list[IndexArray]
-    ) -> Iterator[DecodedRows]:
-        """Yield decoded messages of one size; add those without a layout to `others`."""
-        for _ in range(_MAX_LAYOUTS):
-            if not rows.size or not size:
-                break
-            data = block.rows(rows, size)
+    def _of_size(self, block: MessageBlock, rows: IndexArray, size: int) -> Iterator[DecodedRows]:
+        """Yield decoded messages of one size."""
+        layouts = 0
+        while rows.size:
+            # With many layouts, single messages are faster.
+            tried, layouts = rows if layouts < _MAX_LAYOUTS else rows[:1], layouts + 1
+            data = block.rows(tried, size)
             layout = self._layout_for(data[0].tobytes())
             if layout is None:
-                others.append(rows[:1])
+                self.refuse(nanoseconds(block.heads['log_time'][rows[:1]]))
                 rows = rows[1:]
                 continue
             alike = layout.alike(data)
             if alike.all():
-                yield _piece(block, layout, rows, data)
-                return
-            yield _piece(block, layout, rows[alike], data[alike])
-            rows = rows[~alike]
-        others.append(rows)
+                yield _piece(block, layout, tried, data)
+                rows = rows[len(tried) :]
+            else:
+                yield _piece(block, layout, rows[alike], data[alike])
+                rows = rows[~alike]
 
     def _layout_for(self, data: bytes) -> Layout | None:
         known = self._layout
@@ -256,27 +207,11 @@ class TopicReader:
             row = np.frombuffer(data, np.uint8)[np.newaxis]
             if known.alike(row)[0]:
                 return known
-        if not self._is_standard:
-            return None
         try:
             self._layout = _layout(self._type, data)
         except ValueError:
             return None
         return self._layout
-
-    def _one(self, block: MessageBlock, row: int) -> DecodedRows:
-        """Return one message, decoded by the library for all types."""
-        decoded = self._decode(block.message(row))
-        stamp, names, values, velocities, efforts = _FIELDS[self._type](decoded)
-        return DecodedRows(
-            np.array([row]),
-            nanoseconds(block.heads['log_time'][[row]]),
-            np.array([min(max(stamp, -LAST_TIME), LAST_TIME)]),
-            tuple(map(str, names)),
-            np.array([values], dtype=np.float64),
-            np.array([velocities], dtype=np.float64),
-            np.array([efforts], dtype=np.float64),
-        )
 
 
 def _piece(
@@ -287,32 +222,3 @@ def _piece(
     numbers = [layout.doubles(data, which) for which in range(len(layout.numbers))]
     numbers += [np.empty((count, 0))] * (3 - len(numbers))
     return DecodedRows(rows, times, stamps, layout.names, *numbers)
-
-
-def _stamp(decoded: Any) -> int:
-    stamp = decoded.header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
-
-
-def _axes(decoded: Any, axes: str) -> tuple[float, ...]:
-    return tuple(float(getattr(decoded, axis)) for axis in axes)
-
-
-def _pose(decoded: Any) -> tuple[float, ...]:
-    pose = decoded.pose.pose
-    return _axes(pose.position, 'xyz') + _axes(pose.orientation, 'xyzw')
-
-
-# Stamp, names, values, velocities and efforts.
-_FIELDS: dict[str, Callable[[Any], tuple[int, Any, Any, Any, Any]]] = {
-    CRANK_ANGLE: lambda decoded: (0, (), (float(decoded.data),), (), ()),
-    FOOT: lambda decoded: (_stamp(decoded), (), _axes(decoded.point, 'xyz'), (), ()),
-    ODOMETRY: lambda decoded: (_stamp(decoded), (), _pose(decoded), (), ()),
-    JOINT_STATE: lambda decoded: (
-        _stamp(decoded),
-        decoded.name,
-        tuple(decoded.position),
-        tuple(decoded.velocity),
-        tuple(decoded.effort),
-    ),
-}

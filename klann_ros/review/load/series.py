@@ -18,10 +18,11 @@ from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.recording import WalkRecording
 from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
+from klann_ros.sanitize.cdr import CdrCursor, STAMP_SIZE
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .decode import COMMAND, DecodedRows, decoder, JOINT_STATE, ODOMETRY
+from .decode import COMMAND, DecodedRows, JOINT_STATE, MAX_MESSAGE_SIZE, ODOMETRY
 
 _INITIAL_ROWS = 1024
 # Measured points of a topic that a review reads.
@@ -200,11 +201,15 @@ class IterationCollector:
         """Add the messages of a topic in a block."""
         if topic.type != DIAGNOSTICS:
             return
-        for row in rows.tolist():
+        for row in rows[block.sizes[rows] <= MAX_MESSAGE_SIZE].tolist():
+            time = nanoseconds(block.heads['log_time'][[row]])
             # Invalid messages are ignored.
-            with suppress(Exception):
-                message = decoder(topic)(block.message(row))
-                self._report(message, nanoseconds(block.heads['log_time'][[row]]))
+            with suppress(ValueError):
+                for name, most in _iterations(block.message(row)):
+                    solver, _, leg = name.rpartition(': ')
+                    if solver:
+                        self._solvers[leg].add(solver)
+                        self._columns[leg].add(time, time, np.array([[most]]))
 
     def series(self, name: str) -> Series:
         """Return the iterations of a leg; none if several solvers have one of its name."""
@@ -213,13 +218,19 @@ class IterationCollector:
             return no_series(1)
         return self._columns[name].series(ArrayPool())
 
-    def _report(self, message: Any, time: IntArray) -> None:
-        for status in message.status:
-            solver, _, leg = str(status.name).rpartition(': ')
-            for value in status.values:
-                if solver and value.key == 'iterations':
-                    self._solvers[leg].add(solver)
-                    self._columns[leg].add(time, time, np.array([[float(value.value)]]))
+
+def _iterations(data: bytes) -> Iterator[tuple[str, float]]:
+    """Yield the statuses of a DiagnosticArray that have iterations, by name."""
+    cursor = CdrCursor(data)
+    cursor.skip(STAMP_SIZE)
+    cursor.string()
+    for _ in range(cursor.length()):
+        cursor.skip(1)
+        name, _, _ = (cursor.string() for _ in range(3))
+        for _ in range(cursor.length()):
+            key, value = cursor.string(), cursor.string()
+            if key == b'iterations':
+                yield name.decode(errors='replace'), float(value)
 
 
 # An encapsulation of 4 bytes, seconds, and nanoseconds; little endian if the second byte is odd.

@@ -10,7 +10,7 @@ from klann_ros.log.read import block as blocks
 from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
-from klann_ros.review.load.decode import _FIELDS, CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
+from klann_ros.review.load.decode import CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
 from leg_runs import make, STORE
 from mcap.reader import NonSeekingReader
 from mcap.records import Schema
@@ -124,9 +124,17 @@ def read_in_bulk(given_messages):
 def read_one(kind, data):
     """Return the content of a message by mcap-ros2-support; None if it cannot be read."""
     try:
-        stamp, names, *numbers = _FIELDS[kind](DECODE[kind](data))
+        decoded = DECODE[kind](data)
     except Exception:
         return None
+    stamp = 0
+    if kind != CRANK_ANGLE:
+        stamp = decoded.header.stamp.sec * 10**9 + decoded.header.stamp.nanosec
+    names, numbers = (), (decoded.data if kind == CRANK_ANGLE else (), (), ())
+    if kind == FOOT:
+        numbers = ([decoded.point.x, decoded.point.y, decoded.point.z], (), ())
+    elif kind == JOINT_STATE:
+        names, numbers = decoded.name, (decoded.position, decoded.velocity, decoded.effort)
     found = (np.array(each, dtype=np.float64).tobytes() for each in numbers)
     return stamp, tuple(names), *found
 
