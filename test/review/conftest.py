@@ -10,6 +10,7 @@ from typing import Any
 from findings import timed
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
+from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import (
@@ -59,6 +60,9 @@ class Script:
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     others: list['Script'] = field(default_factory=list)
+    # Numbers of the messages of a topic that are lost, or received later by a time [ns].
+    lost: dict[str, range] = field(default_factory=dict)
+    late: dict[str, tuple[range, int]] = field(default_factory=dict)
     namespace: str = ''
     prefix: str = ''
     rates: list[float] = field(default_factory=list)
@@ -83,13 +87,96 @@ class Script:
         for n in range(len(self.answers))[first:last]:
             self.change(n, stamp=self.answers[n].stamp + by)
 
+    def solve(self, index: int, by: float = 0.0, **geometry: Any) -> None:
+        """Answer with the pose of another angle, or of another leg."""
+        leg = KlannLeg(replace(self.geometry or KlannGeometry(), **geometry))
+        pose = leg.solve(self.answers[index].alpha + by)
+        self.change(index, pose=list(pose.joints), foot=pose.h)
+
+    def turn(self, first: int, by: float, last: int | None = None, every: int = 1) -> None:
+        """Turn the crank further at some angles [rad]."""
+        for n in range(len(self.answers))[first:last:every]:
+            self.move(n, self.answers[n].alpha + by)
+
+    def spoil(self, index: int, joint: int, value: float) -> None:
+        """Answer with another value of a joint, or with none for NaN and infinity."""
+        known = self.answers[index].pose[joint]
+        self.answers[index].pose[joint] = known + value if math.isfinite(value) else value
+
+    def drift(self, first: int, by: float) -> None:
+        """Move the foot in y from an answer on [m]."""
+        for n in range(first, len(self.answers)):
+            x, y = self.answers[n].foot
+            self.change(n, foot=(x, y + by))
+
+    def stand(self, first: int, last: int) -> None:
+        """Let the crank stand still from one answer to another."""
+        still = self.answers[first]
+        skipped = self.answers[last].alpha - still.alpha
+        for n in range(first + 1, last):
+            self.change(n, alpha=still.alpha, pose=still.pose, foot=still.foot)
+        self.turn(last, -skipped)
+
+    def cut(self, first: int, last: int | None = None) -> None:
+        """Leave out answers with their inputs: their sequence numbers are missing."""
+        del self.answers[first:last]
+
+    def silence(self, first: int, last: int) -> None:
+        """Leave inputs without an answer, which has no number either."""
+        self.unanswered += [(answer.stamp, answer.alpha) for answer in self.answers[first:last]]
+        self.cut(first, last)
+        self.renumber()
+
+    def lose(self, topic: str, first: int, last: int) -> None:
+        """Lose the messages of a topic with these numbers, the last one excluded."""
+        self.lost[topic] = range(first, last)
+
+    def detain(self, topic: str, first: int, last: int, by: int) -> None:
+        """Receive the messages of a topic with these numbers later [ns]."""
+        self.late[topic] = range(first, last), by
+
+    def pause(self, index: int, begin: int, end: int, *reason: str) -> None:
+        """Add a pause of the recorder, from the times of an answer and of the next [ns]."""
+        before, after = (answer.stamp for answer in self.answers[index:][:2])
+        self.add_pause(before + begin, after + end, *reason)
+
+    def latency_of_all(self, latency: int) -> None:
+        """Receive every message later than it is sent by a time [ns]."""
+        self.latency = latency
+
+    def share(self, topic: str) -> None:
+        """Give a topic two publishers."""
+        two = qos_to_yaml([Qos(), Qos()])
+        setattr(self, topic, replace(getattr(self, topic), qos=two))
+
+    def second(
+        self, phase: float = 0.0, first: int = 0, last: int | None = None, **geometry: Any
+    ) -> None:
+        """Let another solver answer the same inputs."""
+        leg = KlannLeg(KlannGeometry(**geometry))
+        others = []
+        for answer in self.answers[first:last]:
+            pose = leg.solve(answer.alpha + phase)
+            others.append(replace(answer, pose=list(pose.joints), foot=pose.h))
+        self.repeat(others)
+
+    def repeat(self, others: list[Answer] | None = None) -> None:
+        """Let another solver give these answers, or the same."""
+        others = [*self.answers] if others is None else others
+        # Its inputs are those of the first.
+        asked = replace(self.crank, name='/other')
+        topics = {'crank': asked, 'poses': self.poses, 'feet': self.feet}
+        later = self.latency + 1_000_000
+        self.others.append(Script(geometry=None, answers=others, latency=later, **topics))
+
     def shift_header_stamps(self, by: int) -> None:
         for n, answer in enumerate(self.answers):
             self.change(n, header_stamp=answer.stamp + by)
 
-    def add_counts(self, counts: dict[str, TopicCount]) -> None:
+    def add_counts(self, counts: dict[str, TopicCount | dict[str, int | None]]) -> None:
         """Add what the recorder counted."""
-        self.metadata.append((LOSS_RECORD, loss_record(counts)))
+        made = {n: TopicCount(**c) if isinstance(c, dict) else c for n, c in counts.items()}
+        self.metadata.append((LOSS_RECORD, loss_record(made)))
 
     def add_pause(self, begin: int, end: int, *reason: str) -> None:
         self.metadata.append((PAUSE_RECORD, pause_record(Pause(begin, end, {}, *reason))))
@@ -111,10 +198,11 @@ class Script:
         content = crank(self.crank, 0, asked.alpha)
         self.messages.append(message(self.crank, asked.stamp + 1000, 0, content))
 
-    def ask(self, index: int, later: int = 1000) -> None:
+    def ask(self, index: int, later: int = 1000, alpha: float | None = None) -> None:
         """Add an input without an answer, behind an answered one by a time [ns]."""
         asked = self.answers[index]
-        self.unanswered.append((asked.stamp + later, asked.alpha))
+        alpha = asked.alpha if alpha is None else alpha
+        self.unanswered.append((asked.stamp + later, alpha))
 
     def add_solver(
         self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **others: Any
@@ -152,9 +240,19 @@ def write(script: Script, folder: Path) -> Path:
     with RunWriter(folder) as run:
         for name, content in metadata(script):
             run.add_metadata(name, content)
-        for each in sorted(messages(script), key=lambda message: message.log_time):
+        received = filter(None, (_received(script, each) for each in messages(script)))
+        for each in sorted(received, key=lambda message: message.log_time):
             run.write(each)
     return folder
+
+
+def _received(script: Script, message: Message) -> Message | None:
+    """Return a message as it is received; None for a lost one."""
+    name, number = message.topic.name, message.sequence
+    late, by = script.late.get(name, (range(0), 0))
+    lost = number in script.lost.get(name, ())
+    late_by = by if number in late else 0
+    return None if lost else replace(message, log_time=message.log_time + late_by)
 
 
 def metadata(script: Script) -> Iterator[tuple[str, dict[str, str]]]:

@@ -5,9 +5,9 @@ from pathlib import Path
 import re
 
 from findings import checks, moments
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import LOSS_RECORD, TopicCount
+from klann_ros.log.run_parameters import TopicCount
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 import pytest
@@ -28,71 +28,11 @@ def test_a_healthy_run_has_no_finding(healthy, printed) -> None:
     assert 0 < worst < 1e-13
 
 
-def test_a_healthy_patent_leg_has_no_finding(make_script, make_run) -> None:
-    assert checks(review_run(make_run(make_script(KlannGeometry.patent())))) == []
-
-
-@pytest.mark.parametrize('count', [0, 1, 2])
-def test_a_run_of_a_few_messages_is_reviewed(healthy, make_run, count) -> None:
-    del healthy.answers[count:]
-    assert checks(review_run(make_run(healthy))) == ([] if count else ['poses'])
-
-
-@pytest.mark.parametrize(
-    ('change', 'text'),
-    [
-        ({'l_gh': 0.4304}, 'foot 0.0: 400 of 400 feet '),
-        ({'l_ef': 0.271}, 'closure 0.0: 400 of 400 poses do not close the loops'),
-        ({'l_bc': 0.3497}, 'closure 0.0: 400 of 400 poses do not close the loops'),
-        ({'y_e': 0.3141}, 'closure 0.0: 400 of 400 poses do not close the loops'),
-    ],
-)
-def test_a_wrong_length_is_found_once(healthy, finds, change, text) -> None:
-    healthy.geometry = KlannGeometry(**change)
-    (line,) = finds(healthy)
-    assert line.startswith(text)
-    assert line.endswith('(by up to 0.0004 m)') == ('l_gh' in change)
-
-
-@pytest.mark.parametrize('assembly', [(1, -1), (-1, 1), (-1, -1)])
-def test_a_flipped_branch_is_found_at_its_time(healthy, finds, assembly) -> None:
-    other = KlannLeg(KlannGeometry(assembly=assembly)).solve(healthy.answers[100].alpha)
-    healthy.change(100, pose=list(other.joints), foot=other.h)
-    # Both loops close, and it is the wrong pose all the same.
-    (line,) = finds(healthy)
-    assert line.startswith('branch 0.5: 1 of 400 poses is in another assembly mode than the leg')
-
-
-@pytest.mark.parametrize('place', range(5))
-@pytest.mark.parametrize('value', [math.nan, math.inf])
-def test_an_angle_that_is_not_finite_is_found(healthy, make_run, place, value) -> None:
-    healthy.answers[7].pose[place] = value
-    assert moments(review_run(make_run(healthy))) == [('nan', 0.035)]
-
-
 def test_a_foot_that_is_not_finite_is_found(healthy, make_run) -> None:
     healthy.change(7, foot=(math.nan, 0.0))
     review = review_run(make_run(healthy))
     assert moments(review) == [('nan', 0.035)]
     assert review.legs[0].figures.stride == pytest.approx(0.4910, abs=1e-4)
-
-
-@pytest.mark.parametrize('kind', ['crank', 'poses', 'feet'])
-def test_a_message_left_out_is_found_on_its_topic(healthy, make_run, without, finds, kind) -> None:
-    topic = getattr(healthy, kind).name
-    run = without(make_run(healthy), lambda m: (m.topic.name, m.sequence) == (topic, 51))
-    assert finds(run) == [f'lost 0.255: 1 message of {topic} was lost']
-
-
-def test_a_loss_is_not_also_a_gap_or_a_jump(healthy, make_run, without) -> None:
-    run = without(make_run(healthy), lambda m: 51 <= m.sequence <= 150)
-    assert moments(review_run(run)) == [('lost', 0.75)] * 3
-
-
-def test_a_silence_of_the_publisher_is_one_gap(healthy, finds) -> None:
-    healthy.delay(100, 300 * MS)
-    topics = '/crank_angle, /joint_states, /point_h'
-    assert finds(healthy) == [f'gap 0.495: nothing on {topics} for 0.305 s']
 
 
 BURSTS = [(500 * burst + n) * MS for burst in range(4) for n in range(12)]
@@ -135,36 +75,6 @@ def test_a_crank_that_restarts_is_a_note_after_an_orderly_end_only(
     counts |= dict.fromkeys(('/joint_states', '/point_h'), TopicCount(340, 340, missed=None))
     healthy.add_counts(counts)
     assert checks(review_run(make_run(healthy))) == found
-
-
-# Begin and end of a pause from the messages before and after a silence, its reason, and findings.
-PAUSES = {
-    'a stall': (
-        0,
-        -150 * MS,
-        'the recorder did not run\n',
-        ['stall 0.495: the recorder did not run'],
-    ),
-    'a pause': (2 * MS, -2 * MS, '', []),
-    'too short': (
-        2 * MS,
-        -503 * MS,
-        '',
-        ['gap 0.495: nothing on /crank_angle, /joint_states, /point_h for 1.005 s'],
-    ),
-}
-
-
-@pytest.mark.parametrize(('begin', 'end', 'reason', 'lines'), PAUSES.values(), ids=PAUSES)
-def test_a_silence_is_a_gap_a_note_in_a_stall_and_nothing_in_a_pause(
-    healthy, finds, *, begin, end, reason, lines
-) -> None:
-    del healthy.answers[100:300]
-    before, after = (answer.stamp for answer in healthy.answers[99:101])
-    healthy.add_pause(before + begin, after + end, *filter(None, [reason]))
-    if end > -500 * MS:
-        healthy.metadata.append((LOSS_RECORD, {}))
-    assert finds(healthy) == lines
 
 
 @pytest.mark.parametrize(

@@ -9,47 +9,12 @@ from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.review.command import main
-from klann_ros.review.model.limits import Limits
 from klann_ros.review.page.data import timing
 from klann_ros.review.reviewing import review_run
 import pytest
 
 MS = 1_000_000
 FLOAT = 'std_msgs/msg/Float64'
-
-
-@pytest.mark.parametrize(
-    ('late', 'offset', 'text'),
-    [(3_000 * MS, 2.9, 'seems 3.000 s behind'), (-150 * MS, 0.5, 'is 0.150 s ahead of')],
-)
-def test_a_publishers_clock_that_is_off_is_found_once(
-    healthy, make_run, without, finds, *, late, offset, text
-) -> None:
-    healthy.shift_header_stamps(min(-late, 0))
-    run = without(make_run(healthy), late=late)
-    (line,) = finds(run, limits=Limits(clock_offset=offset))
-    assert line.startswith(f"clock: the publisher's clock {text}")
-
-
-def test_stamps_of_another_clock_are_found(healthy, finds) -> None:
-    healthy.by_crank_state().shift_header_stamps(700 * MS)
-    ahead = "the stamps of the poses are 0.700 s ahead of the log's clock"
-    assert finds(healthy) == [f'clock: {ahead}']
-
-
-def test_late_messages_are_found_on_their_topic(healthy, make_run, without, finds) -> None:
-    run = without(
-        make_run(healthy),
-        late=lambda m: 150 * MS * (m.topic.name == '/point_h' and 20 <= m.sequence < 25),
-    )
-    text = '5 of 400 messages of /point_h took more than 0.1 s to arrive, up to 0.150 s'
-    assert finds(run) == [f'latency 0.245: {text}']
-
-
-def test_stamps_that_go_back_are_found(healthy, finds) -> None:
-    healthy.by_crank_state().swap_stamps(100, 101)
-    (line,) = finds(healthy)
-    assert line.startswith('order 0.505: ')
 
 
 @pytest.mark.parametrize(
@@ -107,11 +72,3 @@ def test_no_latency_is_shown_where_none_is_known(healthy, make_run, capsys, tmp_
     assert (topic['latency_p50'], topic['latency_p99']) == (None, None)
     (recorded,) = [t for t in review_run(run).recording.topics if t.name == '/markers']
     assert timing(recorded)['latencies']['text'] == 'There is none.'
-
-
-def test_a_steady_latency_is_not_blamed_on_the_recorder(healthy, make_run, without) -> None:
-    (finding,) = review_run(without(make_run(healthy), late=300 * MS)).findings[:1]
-    assert finding.text == (
-        '400 of 400 messages of /crank_angle took more than 0.1 s to arrive, up to 0.300 s'
-    )
-    assert finding.meaning == 'all take about equally long: a slow link, or unsynchronised clocks'

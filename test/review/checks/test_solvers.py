@@ -5,46 +5,20 @@ import re
 from typing import Any
 
 from findings import checks, found
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.review.model.review import Severity
 from klann_ros.review.reviewing import review_run
 import pytest
 
 MS = 1_000_000
-TWO_SOLVERS = 'solvers: two solvers answer on /joint_states'
 TWO = qos_to_yaml([Qos(), Qos()])
 
 
-def answers(script: Any, geometry: KlannGeometry | None = None, phase: float = 0.0) -> Any:
-    """Return a run of nothing but another solver's answers to the same questions."""
-    leg = KlannLeg(geometry)
-    nothing: dict[str, Any] = {
-        name: [] for name in ('answers', 'unanswered', 'metadata', 'messages', 'others')
-    }
-    second = replace(script, geometry=None, **nothing)
-    for answer in script.answers:
-        pose = leg.solve(answer.alpha + phase)
-        second.answers.append(replace(answer, pose=list(pose.joints), foot=pose.h))
-    second.latency = script.latency + MS
-    # Its questions are those of the first.
-    second.crank = replace(script.crank, name='/other')
-    return second
-
-
-@pytest.mark.parametrize(('count', 'number'), [(2, 'two'), (3, 'three')])
-def test_several_solvers_are_one_finding(healthy, make_run, count, number) -> None:
-    healthy.others += [answers(healthy) for _ in range(count - 1)]
-    (finding,) = review_run(make_run(healthy)).findings
-    assert (finding.check, finding.time, finding.severity) == ('solvers', 0.0, Severity.WARNING)
-    total = f'{count * 400} answers to 400 crank angles'
-    assert finding.text == f'{number} solvers answer on /joint_states: {total}'
-
-
 def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> None:
-    other = KlannGeometry(l_gh=0.44, l_ef=0.272)
-    healthy.add_solver(healthy.answers[0].stamp + MS, other, '/second')
-    healthy.others.append(answers(healthy, other))
+    other = {'l_gh': 0.44, 'l_ef': 0.272}
+    healthy.add_solver(healthy.answers[0].stamp + MS, KlannGeometry(**other), '/second')
+    healthy.second(**other)
     review = review_run(make_run(healthy))
     assert checks(review) == ['solvers']
     (finding,) = review.findings
@@ -54,59 +28,6 @@ def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> Non
     # The first answers were before the second leg was recorded, and are not judged.
     assert rest.startswith('/joint_states: 798 answers to 399 crank angles, up to ')
     assert re.search(r', up to 0\.0\S+ rad and 0\.0\S+ m apart$', rest)
-
-
-@pytest.mark.parametrize(
-    ('other', 'distance'),
-    [
-        ({'geometry': KlannGeometry(l_gh=0.44)}, 'up to 0.01 m apart'),
-        ({'geometry': KlannGeometry(l_gh=0.44, l_ef=0.272)}, ' m apart'),
-        ({'phase': 0.25}, ' m apart'),
-    ],
-)
-def test_a_second_leg_or_zero_that_no_record_names_is_one_finding(
-    healthy, make_run, other, distance
-) -> None:
-    healthy.others.append(answers(healthy, **other))
-    (finding,) = review_run(make_run(healthy)).findings
-    assert (finding.check, finding.severity) == ('solvers', Severity.ERROR)
-    assert finding.text.endswith(distance)
-
-
-def test_a_wrong_pose_of_both_is_found_all_the_same(healthy, make_run) -> None:
-    healthy.others.append(answers(healthy))
-    for script in (healthy, *healthy.others):
-        script.answers[100].pose[2] += 1e-3
-    closure, solvers = found(make_run(healthy))
-    assert closure.startswith('closure: 2 of 800 poses do not close the loops')
-    assert solvers == f'{TWO_SOLVERS}: 800 answers to 400 crank angles'
-
-
-def test_a_wrong_pose_of_one_of_two_solvers_is_reported_as_their_distance(
-    healthy, make_run
-) -> None:
-    healthy.others.append(answers(healthy))
-    healthy.answers[100].pose[2] += 1e-3
-    (finding,) = review_run(make_run(healthy)).findings
-    assert (finding.check, finding.severity) == ('solvers', Severity.ERROR)
-    assert finding.text.endswith('800 answers to 400 crank angles, up to 0.001 rad apart')
-
-
-def test_a_solver_that_joined_midway_has_its_moment(healthy, finds) -> None:
-    second = answers(healthy)
-    del second.answers[:200]
-    healthy.others.append(second)
-    text = 'two solvers answer on /joint_states: 600 answers to 400 crank angles'
-    assert finds(healthy) == [f'solvers 1.0: {text}']
-
-
-def test_a_few_repeated_answers_are_not_a_second_solver(healthy, make_run) -> None:
-    second = answers(healthy)
-    second.answers = second.answers[50:53]
-    healthy.others.append(second)
-    (finding,) = review_run(make_run(healthy)).findings
-    assert finding.text == '3 of 400 crank angles were answered more than once'
-    assert finding.severity == Severity.NOTE
 
 
 def without_questions(script: Any) -> Any:
@@ -120,7 +41,7 @@ def without_questions(script: Any) -> Any:
 @pytest.mark.parametrize('qos', ['', TWO])
 def test_two_solvers_are_found_without_the_questions(healthy, make_run, qos) -> None:
     healthy.poses = replace(healthy.poses, qos=qos)
-    healthy.others.append(answers(healthy))
+    healthy.second()
     assert found(make_run(without_questions(healthy))) == [
         'solvers: two solvers answer on /joint_states: 800 answers with 400 stamps'
     ]
@@ -151,20 +72,20 @@ def test_a_simulated_clock_makes_no_second_solver(simulated, make_run, has_stamp
 
 
 def test_two_solvers_are_found_under_a_simulated_clock(simulated, make_run) -> None:
-    second = answers(simulated)
+    simulated.second()
+    (second,) = simulated.others
     # Each solver has the clock as it came to itself.
     for n in range(400):
         second.change(n, header_stamp=50 * MS * (1 + (n + 3) // 10))
-    simulated.others.append(second)
     assert found(make_run(simulated)) == [
         'solvers: two solvers answer on /joint_states: 800 answers to 400 crank angles'
     ]
 
 
 def test_other_joints_on_the_same_topic_are_not_a_second_solver(healthy, make_run) -> None:
-    arm = answers(healthy)
+    healthy.second()
+    (arm,) = healthy.others
     arm.prefix, arm.feet = 'arm/', replace(arm.feet, name='/arm/tip')
-    healthy.others.append(arm)
     assert found(make_run(healthy)) == []
 
 
