@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import count
 import math
 from pathlib import Path
 from typing import Any
 
-from findings import timed
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.qos import Qos, qos_to_yaml
@@ -26,7 +24,6 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
-from klann_ros.review.reviewing import review_run
 from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 import pytest
 
@@ -138,7 +135,8 @@ class Script:
     def pause(self, index: int, begin: int, end: int, *reason: str) -> None:
         """Add a pause of the recorder, from the times of an answer and of the next [ns]."""
         before, after = (answer.stamp for answer in self.answers[index:][:2])
-        self.add_pause(before + begin, after + end, *reason)
+        stood = Pause(before + begin, after + end, {}, *reason)
+        self.metadata.append((PAUSE_RECORD, pause_record(stood)))
 
     def latency_of_all(self, latency: int) -> None:
         """Receive every message later than it is sent by a time [ns]."""
@@ -177,9 +175,6 @@ class Script:
         """Add what the recorder counted."""
         made = {n: TopicCount(**c) if isinstance(c, dict) else c for n, c in counts.items()}
         self.metadata.append((LOSS_RECORD, loss_record(made)))
-
-    def add_pause(self, begin: int, end: int, *reason: str) -> None:
-        self.metadata.append((PAUSE_RECORD, pause_record(Pause(begin, end, {}, *reason))))
 
     def renumber(self) -> None:
         """Set the numbers of the answers that are left, without a gap."""
@@ -326,18 +321,6 @@ def printed(
 
 
 @pytest.fixture
-def finds(make_run: Callable[..., Path]) -> Callable[..., list[str]]:
-    """Return what writes a run, unless it is one already, and returns its findings as lines."""
-    numbers = count()
-
-    def lines(run: Script | Path, **options: Any) -> list[str]:
-        path = run if isinstance(run, Path) else make_run(run, f'found_{next(numbers)}')
-        return timed(review_run(path, **options))
-
-    return lines
-
-
-@pytest.fixture
 def healthy() -> Script:
     return script()
 
@@ -375,19 +358,3 @@ class Rewriter:
 @pytest.fixture
 def write_messages(tmp_path: Path) -> Rewriter:
     return Rewriter(tmp_path)
-
-
-@pytest.fixture
-def without(write_messages: Rewriter) -> Callable[..., Path]:
-    """Return what writes a run again without some messages, or received later [ns]."""
-
-    def changed(run: Path, which: Any = lambda _: False, late: Any = 0) -> Path:
-        by = late if callable(late) else lambda _: late
-        kept = [
-            replace(m, log_time=m.log_time + by(m))
-            for m in write_messages.read(run)
-            if not which(m)
-        ]
-        return write_messages(run, sorted(kept, key=lambda m: m.log_time))
-
-    return changed

@@ -196,7 +196,7 @@ class TopicReader:
             alike = layout.alike(data)
             if alike.all():
                 yield _piece(block, layout, tried, data)
-                rows = rows[len(tried) :]
+                rows = rows[slice(len(tried), None)]
             else:
                 yield _piece(block, layout, rows[alike], data[alike])
                 rows = rows[~alike]

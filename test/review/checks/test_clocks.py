@@ -5,6 +5,7 @@ from pathlib import Path
 import re
 import struct
 
+from findings import timed
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
@@ -26,7 +27,7 @@ FLOAT = 'std_msgs/msg/Float64'
     ],
 )
 def test_stamps_of_a_simulation_are_compared_with_its_clock(
-    healthy, finds, late, pause, lines
+    healthy, make_run, late, pause, lines
 ) -> None:
     """The log times are wall time."""
     healthy.by_crank_state()
@@ -38,7 +39,7 @@ def test_stamps_of_a_simulation_are_compared_with_its_clock(
         healthy.change(n, stamp=stamp, header_stamp=shown - late)
         data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
         healthy.messages.append(Message(clock, data, stamp + MS, stamp, n + 1))
-    assert finds(healthy) == lines
+    assert timed(review_run(make_run(healthy))) == lines
 
 
 def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:

@@ -3,16 +3,8 @@
 import math
 
 from findings import checks
-from klann_ros.review.model.limits import Limits
 from klann_ros.review.reviewing import review_run
 import pytest
-
-
-@pytest.mark.parametrize('turns', [13.0, 60.3, 97.7])
-def test_a_fast_crank_is_not_drift(make_script, make_run, turns) -> None:
-    fast = make_script(turns=turns, count=1000)
-    fast.geometry = None
-    assert checks(review_run(make_run(fast), limits=Limits(crank_jump=3.0))) == ['geometry']
 
 
 @pytest.mark.parametrize(
