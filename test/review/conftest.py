@@ -118,6 +118,26 @@ class Script:
         """Leave out answers with their inputs: their sequence numbers are missing."""
         del self.answers[first:last]
 
+    def number(self, first: int, start: int, every: int = 1) -> None:
+        """Number messages from an answer on anew."""
+        for n in range(first, len(self.answers), every):
+            self.change(n, sequence=start + n - first)
+
+    def rename(self, kind: str, name: str) -> None:
+        """Give a topic another name."""
+        setattr(self, kind, replace(getattr(self, kind), name=name))
+
+    def restart(self, index: int) -> None:
+        """Record the solver once more, at the time of an answer."""
+        self.add_solver(self.answers[index].stamp + self.latency, self.geometry)
+
+    def change_leg(self, index: int, **geometry: Any) -> None:
+        """Answer with another leg until an answer, from whose time on its own is recorded."""
+        self.restart(index)
+        self.geometry = KlannGeometry(**geometry)
+        for n in range(index):
+            self.move(n, self.answers[n].alpha)
+
     def silence(self, first: int, last: int) -> None:
         """Leave inputs without an answer, which has no number either."""
         self.unanswered += [(answer.stamp, answer.alpha) for answer in self.answers[first:last]]

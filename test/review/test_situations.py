@@ -46,6 +46,8 @@ def test_a_situation_has_its_findings(make_script, make_run, situation: dict[str
     # Three dots stand for any text.
     for line, expected in zip(lines, situation['finds'], strict=True):
         assert re.fullmatch(re.escape(expected).replace(r'\.\.\.', '.*'), line), lines
+    lost = {topic.name: topic.lost_in_words for topic in review.topics}
+    assert lost.items() >= situation.get('lost', {}).items()
     if 'means' in situation:
         assert situation['means'] in review.findings[-1].meaning
 

@@ -10,14 +10,6 @@ from klann_ros.review.reviewing import review_run
 import pytest
 
 
-def test_renamed_joint_states_and_crank_states_are_read_all_the_same(healthy, make_run) -> None:
-    healthy.poses = replace(healthy.poses, name='/leg_states')
-    healthy.crank = replace(healthy.poses, name='/motor')
-    healthy.answers[7].pose[1] += 1e-3
-    healthy.ask(7)
-    assert checks(review_run(make_run(healthy))) == ['closure', 'answers']
-
-
 def test_points_and_numbers_of_other_names_are_neither_foot_nor_crank(healthy, make_run) -> None:
     healthy.feet = replace(healthy.feet, name='/clicked_point')
     healthy.change(7, foot=(9.0, 9.0))
