@@ -123,6 +123,29 @@ class Script:
         for n in range(first, len(self.answers), every):
             self.change(n, sequence=start + n - first)
 
+    def unnumber(self) -> None:
+        """Take the sequence numbers away."""
+        self.answers = [replace(answer, sequence=0) for answer in self.answers]
+
+    def simulate(self, later: int = 0, of: int | None = None) -> None:
+        """Stamp by a simulated clock, which ten answers share; of another solver by its own."""
+        script = self if of is None else self.others[of]
+        script.parameters['use_sim_time'] = True
+        for n in range(len(script.answers)):
+            script.change(n, header_stamp=50_000_000 * (1 + (n + later) // 10))
+
+    def tick(self, count: int) -> None:
+        """Stamp a number of answers alike."""
+        for n in range(len(self.answers)):
+            self.change(n, header_stamp=self.answers[n - n % count].stamp)
+
+    def events(self, name: str, kind: str, late: int, *times: int) -> None:
+        """Add messages of another topic, by default in four bursts of twelve [ms]."""
+        bursts = [500 * burst + n for burst in range(4) for n in range(12)]
+        topic, start = Topic(name, kind, ''), self.answers[0].stamp
+        for time in (start + 1_000_000 * ms for ms in times or bursts):
+            self.messages.append(Message(topic, b'', time + late, time, 0))
+
     def rename(self, kind: str, name: str) -> None:
         """Give a topic another name."""
         setattr(self, kind, replace(getattr(self, kind), name=name))

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 import re
-from typing import Any
 
 from findings import checks, found
 from klann_ros.kinematics import KlannGeometry
@@ -30,56 +29,11 @@ def test_two_solvers_of_different_legs_are_one_finding(healthy, make_run) -> Non
     assert re.search(r', up to 0\.0\S+ rad and 0\.0\S+ m apart$', rest)
 
 
-def without_questions(script: Any) -> Any:
-    """Return a run without a topic of the crank."""
-    script.crank = replace(script.crank, name='/turned')
-    for other in script.others:
-        other.crank = replace(other.crank, name='/turned')
-    return script
-
-
-@pytest.mark.parametrize('qos', ['', TWO])
-def test_two_solvers_are_found_without_the_questions(healthy, make_run, qos) -> None:
-    healthy.poses = replace(healthy.poses, qos=qos)
-    healthy.second()
-    assert found(make_run(without_questions(healthy))) == [
-        'solvers: two solvers answer on /joint_states: 800 answers with 400 stamps'
-    ]
-
-
-@pytest.mark.parametrize('fields', [{}, {'sequence': 0}], ids=['numbered', 'without numbers'])
-def test_equal_stamps_of_one_publisher_are_not_a_second_solver(healthy, make_run, fields) -> None:
-    for n in range(400):
-        healthy.change(n, header_stamp=healthy.answers[n - n % 10].stamp, **fields)
-    assert found(make_run(without_questions(healthy))) == []
-
-
 @pytest.fixture
 def simulated(healthy):
     """Return a run under a simulated clock, of which ten poses share a stamp."""
-    healthy.parameters['use_sim_time'] = True
-    for n in range(400):
-        healthy.change(n, header_stamp=50 * MS * (1 + n // 10))
+    healthy.simulate()
     return healthy
-
-
-@pytest.mark.parametrize('has_stamps', [False, True], ids=['plain input', 'stamped input'])
-def test_a_simulated_clock_makes_no_second_solver(simulated, make_run, has_stamps) -> None:
-    if has_stamps:
-        simulated.by_crank_state()
-    simulated.poses = replace(simulated.poses, qos=TWO)
-    assert found(make_run(simulated)) == []
-
-
-def test_two_solvers_are_found_under_a_simulated_clock(simulated, make_run) -> None:
-    simulated.second()
-    (second,) = simulated.others
-    # Each solver has the clock as it came to itself.
-    for n in range(400):
-        second.change(n, header_stamp=50 * MS * (1 + (n + 3) // 10))
-    assert found(make_run(simulated)) == [
-        'solvers: two solvers answer on /joint_states: 800 answers to 400 crank angles'
-    ]
 
 
 def test_other_joints_on_the_same_topic_are_not_a_second_solver(healthy, make_run) -> None:
@@ -106,21 +60,6 @@ def test_legs_of_two_nodes_in_one_namespace_are_all_judged(make_script, make_run
     assert checks(review) == []
     evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     assert evaluated == {'left': 400, 'right': 400}
-
-
-def test_the_foot_of_a_pose_is_found_among_those_of_its_stamp(simulated, printed) -> None:
-    simulated.change(104, foot=simulated.answers[105].foot)
-    output = printed(simulated, code=1)
-    # By the clock of the log, which began at 1.7e18 ns and not at 0.
-    assert output.count('ERROR ') == 1
-    assert 'ERROR foot: 1 of 400 feet (point_h)' in output
-    assert '(first at 0.520 s)' in output
-
-
-def test_feet_are_not_judged_where_one_of_their_stamp_is_missing(simulated, printed) -> None:
-    # A foot of tick 10 comes with the stamp of tick 11: nine feet for ten poses, and eleven.
-    simulated.change(104, foot_stamp=simulated.answers[110].header_stamp)
-    printed(simulated)
 
 
 def test_an_input_with_a_stamp_of_its_own_is_matched(simulated, printed) -> None:

@@ -189,8 +189,7 @@ def state(stamp: bytes, alpha: bytes) -> bytes:
 
 
 def test_missing_answers_are_a_note_where_losses_are_unknown(healthy, make_run) -> None:
-    for n in range(400):
-        healthy.change(n, sequence=0)
+    healthy.unnumber()
     healthy.ask(30)
     (finding,) = review_run(make_run(healthy)).findings
     assert (finding.check, finding.severity) == ('answers', Severity.NOTE)
