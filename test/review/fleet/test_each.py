@@ -14,6 +14,7 @@ from typing import Any
 import xml.etree.ElementTree as ET
 
 from klann_ros.kinematics import KlannLeg
+from klann_ros.log.reader import open_log
 from klann_ros.review.fleet import (
     expectations_from_file,
     ExpectationsFileError,
@@ -74,7 +75,7 @@ def outputs(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of all outputs."""
     out = tmp_path_factory.mktemp('out')
     options = [f'--{kind}={out / name}' for kind, name in _OUTPUTS.items()]
-    process = review(runs, *options, '--jobs', '2')
+    process = review(runs, *options, '--annotate', out / 'copies', '--jobs', '2')
     report, errors = process.communicate(timeout=120.0)
     assert (process.returncode, errors) == (2, '')
     assert report.startswith('7 runs of 7: 1 ok, 3 with findings, 3 unreadable\n')
@@ -163,6 +164,15 @@ def test_the_index_leads_to_the_page_of_each_run(outputs: Path) -> None:
     assert len(links) == 4
     for link in links:
         assert '<title>Review of' in (outputs / link).read_text()
+
+
+def test_each_readable_run_has_an_annotated_copy(runs: Path, outputs: Path) -> None:
+    copies = {path.name.partition('_')[2]: path for path in (outputs / 'copies').iterdir()}
+    assert copies.keys() == {'_img_onerror_x_', 'cut', 'good', 'wrong'}
+    with open_log(runs / 'wrong') as log, open_log(copies['wrong']) as copy:
+        kept = [m.data for m in copy.messages() if not m.topic.name.startswith('/review/')]
+        assert sorted(kept) == sorted(message.data for message in log.messages())
+        assert {topic.name for topic in copy.topics} > {topic.name for topic in log.topics}
 
 
 def test_ctrl_c_leaves_a_table_and_resume_continues(runs: Path, tmp_path: Path) -> None:
@@ -299,8 +309,10 @@ def test_impossible_options_are_refused_before_any_work(
 
 
 def test_no_output_goes_into_a_run_or_a_file(
-    runs: Path, capsys: pytest.CaptureFixture[str]
+    runs: Path, outputs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    assert each.main(['--each', str(runs), '--annotate', str(outputs / 'copies')]) == 3
+    assert 'exists already' in capsys.readouterr().err
     assert each.main(['--each', str(runs), '--table', str(runs / 'good' / 'table.csv')]) == 3
     assert 'only read' in capsys.readouterr().err
     resumed = ['--resume', '--table', str(runs.with_name('table.csv')), '--annotate', __file__]

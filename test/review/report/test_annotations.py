@@ -205,20 +205,3 @@ def test_a_full_disk_leaves_no_half_copy(faulty: Path, tmp_path: Path) -> None:
         reason = f'--annotate {tmp_path}/copy cannot be written: File too large'
         assert (done.returncode, done.stderr) == (3, f'review: {reason}\n')
         assert not (tmp_path / 'copy').exists()
-
-
-def test_many_runs_have_a_folder_of_annotated_copies(
-    faulty: Path, tmp_path: Path, make_script: Any, make_run: Any, capsys: Any
-) -> None:
-    make_run(make_script(), 'healthy')
-    arguments = ['--each', str(faulty), str(tmp_path / 'healthy'), '--jobs', '1']
-    folder = tmp_path / 'copies'
-    assert main([*arguments, '--annotate', str(folder)]) == 1
-    copies = sorted(folder.iterdir())
-    assert [each.name for each in copies] == ['1_run', '2_healthy']
-    expected = messages(faulty), messages(tmp_path / 'healthy')
-    for copy, run in zip(copies, expected, strict=True):
-        assert [each for each in messages(copy) if each[0] not in OWN] == run
-    capsys.readouterr()
-    assert main([*arguments, '--annotate', str(folder)]) == 3
-    assert 'exists already' in capsys.readouterr().err
