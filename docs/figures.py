@@ -14,7 +14,7 @@ from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipp
 from klann_ros.kinematics.drawing import COLOURS
 from klann_ros.kinematics.linkage.dyads import dyad_joint
 from klann_ros.plotting import plot_convergence, plot_foot_path, plot_pose, plot_turn
-from klann_ros.plotting.plane import draw_angle, GREY, grid, label_plane, legend_beside, PALE
+from klann_ros.plotting.plane import draw_angle, GREY, grid, label_plane, PALE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch
@@ -31,6 +31,11 @@ EXERCISE = (0.300, 0.100, 0.250, 0.200)
 DISCS = (0.500, 0.100, 0.500, 0.120)
 # A four-bar of class II, for dead points of the crank.
 TRIPLE_ROCKER = (0.180, 0.120, 0.130, 0.140)
+
+
+def legend_beside(axes: Axes) -> None:
+    """Draw the legend to the right of the axes."""
+    axes.legend(fontsize='small', frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
 
 
 def klann_leg() -> Figure:

@@ -309,11 +309,6 @@ def grid(ax: 'Axes') -> None:
     ax.set_axisbelow(True)
 
 
-def legend_beside(ax: 'Axes') -> None:
-    """Draw the legend to the right of the axes."""
-    ax.legend(fontsize='small', frameon=False, loc='center left', bbox_to_anchor=(1.0, 0.5))
-
-
 def symbol(name: str) -> str:
     """Return an angle's name as a formula: a Latin or Greek letter and a number."""
     found = re.fullmatch(rf'({GREEK}|[A-Za-z])_?(\d*)', name)

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from math import isnan
 
 from klann_ros.sanitize.text import printable
 
-# Shown for an unknown number.
-UNKNOWN_NUMBER = '\N{EN DASH}'
 # Longer texts are cut.
 _MAX_TEXT = 20_000
 # Elements without content, and without an end.
@@ -17,6 +16,11 @@ class Markup(str):
     """Text that is HTML already."""
 
     __slots__ = ()
+
+
+def number(value: float | None, form: str) -> str:
+    """Return a number in a format; a dash for an unknown one, None or NaN."""
+    return '\N{EN DASH}' if value is None or isnan(value) else format(value, form)
 
 
 def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:

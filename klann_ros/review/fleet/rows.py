@@ -19,7 +19,7 @@ from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.tables import harmless, write_table
 from klann_ros.sanitize.text import counted, printable, printable_line
-from klann_ros.web.markup import element, Markup, scrolling_table, UNKNOWN_NUMBER
+from klann_ros.web.markup import element, Markup, number, scrolling_table
 from klann_ros.web.parts import FRAME, Parts, SHARED
 
 OK, FINDINGS, UNREADABLE = 'ok', 'findings', 'unreadable'
@@ -327,14 +327,10 @@ def _row(row: Row, link: str) -> tuple[str, ...]:
     return (
         element('a', row.run, href=link) if link else row.run,
         element('span', row.reason, class_='reason'),
-        _number(row.duration, '.2f'),
-        _number(row.messages, ','),
-        _number(row.lost, ','),
-        _number(row.longest_gap and row.longest_gap * 1e3, '.1f'),
-        _number(row.worst_angle_error, '.2g'),
-        _number(row.worst_foot_error, '.2g'),
+        number(row.duration, '.2f'),
+        number(row.messages, ','),
+        number(row.lost, ','),
+        number(row.longest_gap and row.longest_gap * 1e3, '.1f'),
+        number(row.worst_angle_error, '.2g'),
+        number(row.worst_foot_error, '.2g'),
     )
-
-
-def _number(value: float | None, form: str) -> str:
-    return UNKNOWN_NUMBER if value is None else format(value, form)

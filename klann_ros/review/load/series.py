@@ -241,7 +241,7 @@ class ClockCollector:
     """Collects simulated time: log times and values of /clock [ns]."""
 
     def __init__(self) -> None:
-        self._times, self._values = GrowingArray(np.int64), GrowingArray(np.int64)
+        self._columns = SeriesColumns(1)
 
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add a topic's messages in a block."""
@@ -251,11 +251,10 @@ class ClockCollector:
         data = block.rows(rows, _CLOCK_SIZE)
         rows, data = rows[data[:, 1] % 2 == 1], data[data[:, 1] % 2 == 1]
         seconds, rest = np.ascontiguousarray(data[:, 4:12]).view('<u4').T
-        self._times.add(nanoseconds(block.heads['log_time'][rows]))
-        self._values.add(seconds.astype(np.int64) * 10**9 + rest)
+        shown = seconds.astype(np.int64) * 10**9 + rest
+        times = nanoseconds(block.heads['log_time'][rows])
+        self._columns.add(times, shown, shown[:, np.newaxis] / 1e9)
 
     def series(self) -> Series:
         """Return it by log times: the stamps are the simulated times."""
-        times, values = self._times.array(), self._values.array()
-        order = np.argsort(times, kind='stable')
-        return Series(times[order], values[order], np.empty((len(times), 0)))
+        return self._columns.series(ArrayPool())

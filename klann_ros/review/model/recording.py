@@ -153,8 +153,8 @@ class RunRecording:
     drives: tuple[Drive, ...] = ()
     walks: tuple[WalkRecording, ...] = ()
     stalls: tuple[Pause, ...] = ()  # of the recorder, with their reasons
-    # Simulated time by log times, values of shape (k, 0); empty without /clock.
-    clock: Series = field(default_factory=lambda: no_series(0))
+    # Simulated time by log times: stamps [ns], and values [s]; empty without /clock.
+    clock: Series = field(default_factory=lambda: no_series(1))
     recorder_findings: tuple[RecordedFinding, ...] = ()  # made during the recording
     # Measured points by topic: x and y [m], values of shape (k, 2).
     measured: Mapping[str, Series] = field(default_factory=dict)

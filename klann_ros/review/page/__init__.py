@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from itertools import starmap
-from math import degrees, isnan
+from math import degrees
 from pathlib import Path
 from string import Template
 from typing import BinaryIO
@@ -14,7 +14,7 @@ from klann_ros.review.model.review import Finding, located, Review, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import counted, printable
-from klann_ros.web.markup import element, joined, Markup, scrolling_table, UNKNOWN_NUMBER
+from klann_ros.web.markup import element, joined, Markup, number, scrolling_table
 from klann_ros.web.parts import FRAME, Parts, SHARED, text
 
 from .data import run_data
@@ -141,12 +141,12 @@ def topics(reviews: Sequence[Review]) -> Markup:
     )
 
 
-def _run(review: Review, number: int) -> Markup:
+def _run(review: Review, n: int) -> Markup:
     recording = review.recording
     began = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
     size = sum(size for _, size in recording.files) / 1e6
     about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
-    key = element('span', class_=f'key key-{number}', aria_hidden='true')
+    key = element('span', class_=f'key key-{n}', aria_hidden='true')
     path = element('strong', recording.path, class_='path')
     return element('p', key, path, ' ', element('span', about))
 
@@ -186,20 +186,16 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
     return (
         topic.name,
         str(topic.count),
-        _number(topic.rate, 1.0, 1),
-        _number(topic.longest_gap, 1e3, 1),
-        _number(topic.latency_p50, 1e3, 2),
-        _number(topic.latency_p99, 1e3, 2),
+        number(topic.rate, '.1f'),
+        number(1e3 * topic.longest_gap, '.1f'),
+        number(1e3 * topic.latency_p50, '.2f'),
+        number(1e3 * topic.latency_p99, '.2f'),
         'unknown' if topic.lost is None else topic.lost_in_words,
     )
 
 
-def _number(value: float, factor: float, digits: int) -> str:
-    return UNKNOWN_NUMBER if isnan(value) else f'{factor * value:.{digits}f}'
-
-
-def _of_run(what: str, number: int, of: int) -> str:
-    return f'{what} of run {"AB"[number]}' if of > 1 else what
+def _of_run(what: str, n: int, of: int) -> str:
+    return f'{what} of run {"AB"[n]}' if of > 1 else what
 
 
 def figures(reviews: Sequence[Review]) -> Markup:
@@ -235,17 +231,17 @@ def figures(reviews: Sequence[Review]) -> Markup:
     )
 
 
-def _leg_title(title: str, number: int, of: int) -> str:
-    return ', '.join(filter(None, (_of_run('', number, of).removeprefix(' of '), title)))
+def _leg_title(title: str, n: int, of: int) -> str:
+    return ', '.join(filter(None, (_of_run('', n, of).removeprefix(' of '), title)))
 
 
 def _tile(name: str, value: str, unit: str) -> Markup:
-    number = element('dd', element('b', value), ' ', element('span', unit))
-    return element('div', element('dt', name), number)
+    shown = element('dd', element('b', value), ' ', element('span', unit))
+    return element('div', element('dt', name), shown)
 
 
 def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
-    for name, number, form, unit in (
+    for name, value, form, unit in (
         ('Turns', figures.turns, '.3f', 'of the crank'),
         ('Stride', 1e3 * figures.stride, '.1f', 'mm'),
         ('Lift', 1e3 * figures.lift, '.1f', 'mm'),
@@ -254,4 +250,4 @@ def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
         ('Transmission', degrees(figures.worst_transmission_angle), '.1f', 'deg from in line'),
         ('Residual', figures.worst_residual, '.1e', 'm, worst'),
     ):
-        yield name, UNKNOWN_NUMBER if isnan(number) else format(number, form), unit
+        yield name, number(value, form), unit
