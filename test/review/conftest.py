@@ -119,7 +119,7 @@ class Script:
         del self.answers[first:last]
 
     def number(self, first: int, start: int, every: int = 1) -> None:
-        """Number messages from an answer on anew."""
+        """Set the sequence numbers of messages from an answer on."""
         for n in range(first, len(self.answers), every):
             self.change(n, sequence=start + n - first)
 
