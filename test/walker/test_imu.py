@@ -191,9 +191,9 @@ def test_an_orientation_is_roll_pitch_and_yaw(roll: float, pitch: float, yaw: fl
 
 
 def walked(feet: Feet, forces: Iterator[Triple]) -> tuple[Odometry, float, float]:
-    """Return the odometry of a walker that stands for 1 s and walks for 9, and how far it came."""
+    """Return the odometry of a walker that stands for 1 s and walks for 4, and how far it came."""
     odometry = Odometry(feet)
-    for k in range(1000):
+    for k in range(500):
         angle, rate = (0.01 * (k - 100), 1.0) if k > 100 else (0.0, 0.0)
         odometry.imu(ImuReading(0.0, 0.0, PERIOD * k, LEVEL, force=next(forces)))
         at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)

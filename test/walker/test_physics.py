@@ -21,7 +21,6 @@ class Walked:
         *,
         imu: bool = False,
         right_motor: float = 0.95,
-        left_jump: float = 0.0,
         stands: float = 0.0,
         slope: float = 0.0,
         sensors: Sensors | None = None,
@@ -42,10 +41,7 @@ class Walked:
                 (x, y, z, w), (a, b, c), (u, v, f) = twin.imu()
                 force = u + warms * now, v, f
                 walker.imu(imu_reading((x, y, z, w), (a, b, c), now, force), now)
-            left, right = (twin.cranks()[joint] for joint in feet.joints)
-            if now > stands + seconds / 2.0:
-                left = left._replace(position=left.position + left_jump)
-            at = walker.feedback(dict(zip(feet.joints, (left, right), strict=True)), now)
+            at = walker.feedback(dict(twin.cranks()), now)
             truth = twin.truth()
             self.path += hypot(
                 truth.position[0] - last.position[0], truth.position[1] - last.position[1]
@@ -109,34 +105,24 @@ def test_a_blocked_crank_stops_all_and_is_named(simulated: Steering) -> None:
     assert walked.tilt < 10.0
 
 
-def test_an_encoder_that_jumps_is_named_and_it_walks_on(simulated: Steering) -> None:
-    walked = Walked(simulated, (0.1, 0.0), 3.0, left_jump=1.0)
-    level, text = walked.verdicts[-1]
-    assert level == DiagnosticLevel.WARN
-    assert 'left_crank: position offset of +1.0' in text
-    assert min(walked.rates) > 0.3
-    assert walked.tilt < 10.0
-
-
 @pytest.mark.parametrize(
-    ('twist', 'slope'),
-    [((0.12, 0.02), 0.0), ((0.1, -0.05), 0.0), ((0.1, 0.03), 0.05), ((0.05, 0.06), -0.05)],
+    ('twist', 'slope', 'error'), [((0.1, -0.05), 0.0, 0.04), ((0.05, 0.06), -0.05, 0.018)]
 )
 def test_in_a_curve_the_accelerometer_resolves_the_slip(
-    simulated: Steering, twist: tuple[float, float], slope: float
+    simulated: Steering, twist: tuple[float, float], slope: float, error: float
 ) -> None:
-    # By its feet and the yaw alone it would be off by 3.4 % in three of them.
+    # By its feet and the yaw alone it is off by 7 % and 2.2 %.
     sensors = Sensors(accelerometer_noise=0.03, accelerometer_offset=0.1)
-    walked = Walked(simulated, twist, 8.0, imu=True, stands=1.0, slope=slope, sensors=sensors)
+    walked = Walked(simulated, twist, 7.0, imu=True, stands=1.0, slope=slope, sensors=sensors)
     assert walked.values['accelerometer'] == 'used'
     assert walked.path > 0.4
-    assert walked.error < 0.04
+    assert walked.error < error
 
 
 def test_a_drifting_accelerometer_bias_is_tracked(
     simulated: Steering,
 ) -> None:
-    # It is wrong by 0.1 m/s^2 at the end, which would be found to be more than it may.
-    walked = Walked(simulated, (0.15, 0.0), 20.0, imu=True, stands=1.0, warms=0.005)
+    # It is wrong by 0.055 m/s^2 at the end, which would be found to be more than it may.
+    walked = Walked(simulated, (0.15, 0.0), 10.0, imu=True, stands=1.0, warms=0.005)
     assert walked.values['accelerometer'] == 'used'
     assert walked.error < 0.04
