@@ -157,28 +157,21 @@ class WalkController:
         now: float,
         at: float | None = None,
         transport_age: float | None = None,
-    ) -> bool:
+    ) -> None:
         """
-        Take angles and rates of cranks by their joints; return whether any was among them.
+        Take angles and rates of cranks by their joints.
 
         `at` is their own time by any clock [s]; `transport_age` as in `command`.
         """
         self.keep_alive(now)
-        known = False
         for crank in self.cranks:
-            reading = readings.get(crank.joint)
-            if reading is None:
-                continue
-            known = True
-            jumps = crank.accepted_jumps
-            if crank.read(*reading, now, at=at, age=transport_age):
-                offset = crank.last_offset
-                text = f'{crank.joint}: position offset of {_angle(offset)} accepted'
+            reading, jumps = readings.get(crank.joint), crank.accepted_jumps
+            if reading and crank.read(*reading, now, at=at, age=transport_age):
+                text = f'{crank.joint}: position offset of {_angle(crank.last_offset)} accepted'
                 if crank.accepted_jumps > jumps:
                     self.lock.reset(self.positions)
                     text += ', phases restart from there'
                 self._add_event(text, now)
-        return known
 
     def keep_alive(self, now: float) -> None:
         """Note that the control loop runs; whatever is called next may be the first in a while."""
@@ -264,16 +257,13 @@ class WalkController:
 
     def _restart(self, now: float) -> None:
         """Restart the set points at the measured angles, until these are current."""
-        positions = self.positions
-        self.lock.reset(positions)
-        self.motion_feedback.reset()
-        self._stalled = [0.0] * len(self.cranks)
+        self._reset_set_points()
         if any(crank.delay for crank in self.cranks):
             return
-        before = self._targets_before or positions
+        before = self._targets_before or self.positions
         moved = ', '.join(
-            f'{crank.joint} {_angle(position - target)}'
-            for crank, position, target in zip(self.cranks, positions, before, strict=True)
+            f'{crank.joint} {_angle(crank.position - target)}'
+            for crank, target in zip(self.cranks, before, strict=True)
         )
         text = f'the control loop was paused for {self._gap:.1f} s'
         self._add_event(f'{text}: set points restart at the measured angles ({moved})', now)
@@ -281,13 +271,15 @@ class WalkController:
 
     def _hold_position(self) -> CrankCommand:
         """Return the command to stand at the measured angles, at once."""
-        self.motion = STANDS
+        self.motion, self._rates = STANDS, Rates(0.0, 0.0)
+        self._reset_set_points()
+        self._commanded = [0.0] * len(self.cranks)
+        return CrankCommand(tuple(self.positions), tuple(self._commanded))
+
+    def _reset_set_points(self) -> None:
         self.motion_feedback.reset()
         self.lock.reset(self.positions)
         self._stalled = [0.0] * len(self.cranks)
-        self._rates = Rates(0.0, 0.0)
-        self._commanded = [0.0] * len(self.cranks)
-        return CrankCommand(tuple(self.positions), tuple(self._commanded))
 
     def _approach(self, now: float, dt: float) -> Twist2D:
         aim, self.limits_hit = self._limited(STANDS if self._is_command_old(now) else self._wanted)

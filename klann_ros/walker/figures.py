@@ -7,10 +7,9 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.robot import Robot
 import numpy as np
 
-from .feet import Array, Feet
+from .feet import Array, CUBIC_SAMPLES, Feet
 from .stance import body_displacement, polygon_distance, stance_pose, support
 
-TURN_SAMPLES = 720
 # A walker that rests for less of a turn is unstable.
 MIN_STABLE_FRACTION = 0.5
 
@@ -123,7 +122,7 @@ class GaitFigures:
 
 
 def walk_figures(
-    robot: Robot, *, foot_radius: float = 0.0, samples: int = TURN_SAMPLES
+    robot: Robot, *, foot_radius: float = 0.0, samples: int = CUBIC_SAMPLES
 ) -> GaitFigures:
     """
     Return what a walker does over a turn of its cranks.

@@ -25,8 +25,8 @@ PERIOD_SMOOTHING = 0.05
 # Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad], for
 # this time before anything is measured [s].
 STATIONARY_RATE, STATIONARY_ANGLE, SETTLING_TIME = 0.1, 0.02, 0.5
-# Minimum standstill for the accelerometer bias [s], and the averaging time of that mean [s].
-MIN_CALIBRATION_TIME, MAX_CALIBRATION_TIME = 0.5, 2.0
+# Averaging time of the accelerometer bias [s].
+MAX_CALIBRATION_TIME = 2.0
 # A larger mean at standstill means other units or axes, or missing gravity [m/s^2].
 MAX_BIAS = 1.0
 # Larger impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].
@@ -211,7 +211,7 @@ class StandstillCalibration:
 
     def __init__(self, gyro_noise: float, creep: float) -> None:
         self._gyro_noise, self._creep = gyro_noise, creep
-        self._rested, self._required = 0.0, MIN_CALIBRATION_TIME
+        self._rested, self._required = 0.0, SETTLING_TIME
         # Mean specific force less gravity at standstill [m/s^2].
         self._mean = [0.0, 0.0, 0.0]
         self.restart()
@@ -231,7 +231,7 @@ class StandstillCalibration:
         """Return the state of an accelerometer."""
         if self.is_usable:
             return 'used'
-        wrong = self._required > MIN_CALIBRATION_TIME or self._rested >= self._required
+        wrong = self._required > SETTLING_TIME or self._rested >= self._required
         return 'not believed' if wrong else 'unknown until it rests'
 
     def reject(self) -> None:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .feet import Array, Feet
+from .stance import ITERATIONS, STICK_TOLERANCE
 
 # Points of a map in a turn of p, and of q: its means are within 0.5 % of those of 192.
 MAP_POINTS = 64
@@ -34,8 +35,6 @@ MAP_POINTS = 64
 PHASE_STEP = 1e-5
 # A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
 MIN_PROJECTED_AREA, ROUNDING = 1e-6, 1e-9
-# Iteratively reweighted least squares: steps, and the relative slip of a foot that sticks.
-ITERATIONS, STICK_TOLERANCE = 12, 1e-3
 # The constants were chosen in MuJoCo on walker6_two_motors and walker8_two_motors.
 # Exponent of the gain: how narrow the range of p is in which a walker turns.
 SHARPNESS = 2.0

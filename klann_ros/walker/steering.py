@@ -13,13 +13,11 @@ from typing import NamedTuple
 from klann_ros.kinematics.angles import TURN
 import numpy as np
 
-from .feet import Array, Feet
+from .feet import Array, CUBIC_SAMPLES, Feet
 from .phase_map import phase_map, phase_twists, TurnPlan
 
 # Slower turns are none [rad/s].
 MIN_YAW_RATE = 1e-9
-# Phases of the gait, straight on.
-STRAIGHT_POINTS = 720
 # Relative error of the means of a map, see `phase_map.MAP_POINTS`.
 MAP_ERROR = 0.005
 
@@ -74,9 +72,13 @@ class Steering:
 
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
-        both = zip(feet.senses.tolist(), feet.sides.tolist(), strict=True)
+        both = list(zip(feet.senses.tolist(), feet.sides.tolist(), strict=True))
         self._shares = [
             (sense * (1.0 + side) / 2.0, sense * (1.0 - side) / 2.0) for sense, side in both
+        ]
+        # Crank and sense of each crank on one side only.
+        self._of_side = [
+            [(k, sense) for k, (sense, at) in enumerate(both) if at == side] for side in (1, -1)
         ]
 
     @cached_property
@@ -92,19 +94,15 @@ class Steering:
 
     def phases(self, cranks: list[float]) -> tuple[float, float]:
         """Return the mean phases of the left and the right cranks at crank angles [rad]."""
-        phases: list[list[float]] = [[], []]
-        for angle, sense, side in zip(
-            cranks, self.feet.senses.tolist(), self.feet.sides.tolist(), strict=True
-        ):
-            if side:
-                phases[side < 0.0].append(sense * angle)
-        left, right = (sum(each) / len(each) if each else 0.0 for each in phases)
+        left, right = (
+            sum(sense * cranks[k] for k, sense in side) / len(side) for side in self._of_side
+        )
         return left, right
 
     @cached_property
     def speed(self) -> float:
         """Return the speed straight on at 1 rad/s, all cranks in phase [m/rad]."""
-        phases = np.linspace(0.0, TURN, STRAIGHT_POINTS, endpoint=False)
+        phases = np.linspace(0.0, TURN, CUBIC_SAMPLES, endpoint=False)
         both = np.stack([phases, phases], axis=-1)
         (twists,) = phase_twists(self.feet, *self._sides, both, (1.0, 1.0))
         return float(twists[:, 0].mean())
