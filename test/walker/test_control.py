@@ -188,8 +188,8 @@ def test_the_lag_of_a_walker_is_made_up_within_bounds_of_its_command() -> None:
     # Straight on no lag turns it; on the spot the drift of the body is made up for.
     feedback.measure(Twist2D(0.1, 0.0), Twist2D(0.05, 0.1), 0.1)
     assert feedback.corrected(Twist2D(0.1, 0.0)) == pytest.approx((0.1025, 0.0))
-    feedback.measure(Twist2D(0.0, 0.1), Twist2D(0.105, 0.1), 0.1)
-    assert feedback.corrected(Twist2D(0.0, 0.1)) == pytest.approx((-0.00275, 0.1))
+    feedback.measure(Twist2D(0.0, 0.1), Twist2D(0.105, 0.08), 0.1)
+    assert feedback.corrected(Twist2D(0.0, 0.1)) == pytest.approx((-0.00275, 0.102))
 
 
 def test_on_the_spot_it_goes_to_the_phase_in_which_it_turns_and_stays(steering: Steering) -> None:
@@ -265,6 +265,16 @@ def test_a_crank_that_turns_backwards_goes_back_into_phase() -> None:
     for _ in range(3000):
         lock.step(DT, [1.0, -1.0], lock.targets)
     assert lock.phases() == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+def test_in_a_curve_the_cranks_of_one_side_go_back_into_phase() -> None:
+    lock = PhaseLock((1.0,) * 4, (1.0, 1.0, -1.0, -1.0), ControllerSettings())
+    lock.reset([0.5, 0.0, 0.0, 0.5])
+    for _ in range(3000):
+        lock.step(DT, [1.0, 1.0, 0.5, 0.5], lock.targets)
+    a, b, c, d = lock.targets
+    assert (a, c) == pytest.approx((b, d), abs=0.01)
+    assert a > c + 10.0
 
 
 def test_in_a_curve_the_cranks_follow_their_planned_rates(steering: Steering) -> None:
@@ -350,8 +360,11 @@ def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
 def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.heard = [True, False]
+    bench.control.measured(STANDS, 0.1)
+    assert bench.control.motion_feedback.lag != STANDS
     bench.run(0.5)
     assert bench.rates == [0.0, 0.0]
+    assert bench.control.motion_feedback.lag == STANDS
     level, text = bench.verdict
     assert level == DiagnosticLevel.ERROR
     assert 'no feedback of right_crank' in text

@@ -122,6 +122,18 @@ def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
     assert np.array(north.covariance) == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
+def test_slip_makes_the_way_as_uncertain_ahead_as_aside(two_motors: Feet) -> None:
+    covariances = []
+    for error in (0.0, 0.2):
+        odometry = Odometry(two_motors, OdometryNoise(slip_error=error))
+        for k in range(200):
+            at = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
+        covariances.append(np.array(at.covariance))
+    ahead, aside, yaw = np.diag(covariances[1] - covariances[0])
+    assert ahead > 1e-6
+    assert (aside, yaw) == pytest.approx((ahead, 0.0), rel=0.05)
+
+
 def test_a_heading_that_is_unknown_by_a_radian_leaves_a_circle_of_poses() -> None:
     odometry = Odometry(
         Feet(robot_of(str(CONFIG / 'walker_jansen.yaml'))), OdometryNoise(slip_yaw_error=0.3)
