@@ -19,8 +19,9 @@ from klann_ros.kinematics.linkage.structure import Bar, FIXED
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.robot import Triple
 from klann_ros.sanitize.text import printable
+from klann_ros.twin.leg_model import spanning_tree
 
-from .travel import ExportError, travel
+from .travel import travel
 
 URDF_HEADER = '<?xml version="1.0" encoding="utf-8"?>\n'
 PIN, FRAME = 'klann_pin', 'klann_frame'
@@ -64,7 +65,7 @@ def urdf(
     ValueError
         Two legs have joints of one name.
     ExportError
-        A linkage is no tree of its own points, or reaches no angle.
+        A linkage reaches no angle.
 
     """
     taken = {*robot.joint_names(joint_separator)}
@@ -116,35 +117,15 @@ class _LegWriter:
         self._ground(self._link(plane))
         for name, at in zip(structure.pivots, self._linkage.pivots, strict=True):
             self._points[FIXED, name] = Place(plane, complex(at), 0.0)
-        pending = [*range(len(structure.bodies))]
-        while pending:
-            j = next((j for j in pending if self._attach(j)), None)
-            if j is None:
-                names = ', '.join(structure.angles[j] for j in pending)
-                raise ExportError(f'{names}: no earlier body carries a point of them')
-            pending.remove(j)
+        for j, parent, point in spanning_tree(self._linkage)[0]:
+            line = structure.bodies[j].line
+            if line is None:
+                self._rotating(j, parent, point)
+            else:
+                self._sliding(j, line, self._points[parent, line.start])
         carried = self._points[structure.first_owner(structure.foot), structure.foot]
         self._fixed('foot', carried, foot, 0.0)
         self._sphere(self._link(foot), 0j, 0, 1.5)
-
-    def _attach(self, j: int) -> bool:
-        """Write a body if one of its points is written already; return whether it is."""
-        body = self._structure.bodies[j]
-        if body.line is not None:
-            along = self._structure.along[j]
-            on = self._points.get((FIXED if along is None else along, body.line.start))
-            if on is None:
-                return False
-            self._sliding(j, body.line, on)
-            return True
-        for point in body.points:
-            owner = next(
-                (i for i in self._structure.owners[point] if (i, point) in self._points), None
-            )
-            if owner is not None:
-                self._rotating(j, owner, point)
-                return True
-        return False
 
     def _rotating(self, j: int, owner: int, point: str) -> None:
         body, on = self._structure.bodies[j], self._points[owner, point]

@@ -7,15 +7,11 @@ from xml.etree import ElementTree as ET
 
 import ezdxf
 from klann_ros.export.command import main
-from klann_ros.kinematics import shipped_linkages
-from klann_ros.robot import robot_of
-from klann_ros.twin import robot_mjcf
 import mujoco
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 WALKER = str(ROOT / 'config' / 'walker6.yaml')
-SHIPPED = ['sem104', 'patent', *shipped_linkages()]
 
 
 def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -32,15 +28,6 @@ def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureF
     assert model.actuator('crank').id == 0
     out, error = capsys.readouterr()
     assert (out.count('written: '), error) == (4, '')
-
-
-@pytest.mark.parametrize('name', SHIPPED)
-def test_every_shipped_leg_is_a_model_of_mujoco(name: str) -> None:
-    robot = robot_of(name).with_rods(1.0, slider_length=0.1)
-    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot))
-    structure = robot.legs[0].linkage.structure
-    assert model.njnt == len(structure.bodies)
-    assert model.site(structure.foot.lower()).id >= 0
 
 
 def test_a_walker_is_written_with_all_its_legs(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ FREE, HINGE, SLIDE = (
         mujoco.mjtJoint.mjJNT_SLIDE,
     )
 )
-WALKERS = ('walker4', 'walker6', 'walker8_two_motors', 'walker_jansen', 'slotted_leg')
+WALKERS = ('walker6', 'walker_jansen', 'slotted_leg')
 # By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
 KNOWN = yaml.safe_load((Path(__file__).parent / 'controller_parameters.yaml').read_text())
 

@@ -65,10 +65,11 @@ def keys(package: Package, context: dict[str, str]) -> set[str]:
 
 
 def test_imports_are_declared_to_pip_and_rosdep(package: Package) -> None:
-    of_ros = {name for name in imported() if OF_ROS.fullmatch(name)}
-    assert imported() - of_ros <= {*MODULES}
+    names = imported()
+    of_ros = {name for name in names if OF_ROS.fullmatch(name)}
+    assert names - of_ros <= {*MODULES}
     setup = (ROOT / 'setup.py').read_text()
-    for module in imported() - of_ros:
+    for module in names - of_ros:
         distribution, key = MODULES[module]
         assert re.search(rf"'{distribution}[\[>']", setup), module
         assert not key or key in keys(package, SHELL), module

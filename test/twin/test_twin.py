@@ -18,6 +18,7 @@ from klann_ros.twin import (
     Twin,
     TwinError,
 )
+from klann_ros.walker import walk_figures
 import numpy as np
 import pytest
 import yaml
@@ -170,6 +171,37 @@ def test_a_reset_restarts_it() -> None:
     assert (twin.time, twin.truth()) == (0.0, began)
     twin.step(0.1)
     assert twin.cranks()['left_crank'].velocity == pytest.approx(0.0, abs=0.02)
+
+
+def over_a_turn(name: str, rate: float, settle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return places and tilts [deg] of a walker over a turn of its crank, after it has settled."""
+    twin = Twin(robot_of(str(ROOT / 'config' / f'{name}.yaml')))
+    for joint in twin.joints:
+        twin.command(joint, rate)
+    places, tilts = [], []
+    for time in settle + np.linspace(0.0, 2.0 * math.pi / rate, 200):
+        twin.step(time)
+        places.append(twin.truth().position)
+        tilts.append(math.degrees(twin.tilt))
+    return np.array(places), np.array(tilts)
+
+
+def test_six_legs_walk_straight_and_level_at_the_speed_of_their_stance() -> None:
+    places, tilts = over_a_turn('walker6', 1.0, 2.0)
+    expected = walk_figures(robot_of(str(ROOT / 'config' / 'walker6.yaml')))
+    assert expected.speed == pytest.approx(0.1485, rel=0.005)
+    gone = places[-1] - places[0]
+    assert gone[0] == pytest.approx(2.0 * math.pi * expected.speed, rel=0.04)
+    assert abs(gone[1]) <= 0.02
+    assert tilts.max() <= 1.0
+    assert np.ptp(places[:, 2]) == pytest.approx(0.019, abs=0.001)
+
+
+def test_four_legs_waddle_slowly_and_tip_over_fast() -> None:
+    places, tilts = over_a_turn('walker4', 1.0, 1.0)
+    assert places[-1, 0] - places[0, 0] > 0.1 * 2.0 * math.pi
+    assert 20.0 <= tilts.max() <= 30.0
+    assert over_a_turn('walker4', 2.0, 0.5)[1].max() >= 90.0
 
 
 def test_up_a_slope_it_gains_height() -> None:
