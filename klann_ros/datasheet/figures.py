@@ -70,6 +70,14 @@ def about(sheet: DataSheet) -> str:
     return f'cranks at {turns}{load}'
 
 
+def turning(leg: LegSheet) -> str:
+    """Return whether a crank turns fully, or else the arcs that it reaches."""
+    if leg.turns_fully:
+        return 'the crank turns fully'
+    arcs = ', '.join(_span(degree(start, 3), degree(end, 3)) for start, end in leg.arcs)
+    return f'the crank does not turn fully; it reaches {arcs or "nothing"} deg'
+
+
 def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     """Yield the figures of a foot while the crank turns at a speed [rad/s]."""
     path, stance = leg.path, leg.stance

@@ -1,7 +1,6 @@
 """A data sheet as one HTML page that opens offline."""
 
 from collections.abc import Iterable, Iterator
-from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -126,11 +125,7 @@ def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
 def _about(leg: LegSheet) -> str:
     linkage = leg.linkage
     known = ': '.join(filter(None, (linkage.name, linkage.source)))
-    turns = 'the crank turns fully'
-    if not leg.turns_fully:
-        arcs = ', '.join(f'{degrees(a):.3f} to {degrees(b):.3f}' for a, b in leg.arcs)
-        turns = f'the crank does not turn fully; it reaches {arcs or "nothing"} deg'
-    return '; '.join(filter(None, (known, turns)))
+    return '; '.join(filter(None, (known, figures.turning(leg))))
 
 
 def _quiet(text: str) -> Markup:
@@ -193,28 +188,18 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
         return
     direction = -1.0 if sheet.speed < 0.0 else 1.0
     limits = [('the motor gives', direction * crank.motor.available)] if crank.motor else []
-    for title, unit, values, caption, marks in (
-        (
-            'Torque at the crank',
-            'N m',
-            [turn.torque for _, turn in columns],
-            'The torque for a constant speed, counter-clockwise positive.',
-            limits,
-        ),
-        (
-            'Power at the crank',
-            'W',
-            [turn.power for _, turn in columns],
-            'Negative where the leg drives the motor.',
-            [],
-        ),
+    sign = 'The torque for a constant speed, counter-clockwise positive.'
+    for of, unit, caption, marks in (
+        ('torque', 'N m', sign, limits),
+        ('power', 'W', 'Negative where the leg drives the motor.', []),
     ):
+        dashes = [name == 'empty' and len(columns) > 1 for name, _ in columns]
         lines = [
-            ChartLine(name, curve, number, is_dashed=name == 'empty' and len(columns) > 1)
-            for number, ((name, _), curve) in enumerate(zip(columns, values, strict=True))
+            ChartLine(name, getattr(turn, of), number, is_dashed=dashes[number])
+            for number, (name, turn) in enumerate(columns)
         ]
         yield Chart(
-            title,
+            f'{of.capitalize()} at the crank',
             unit,
             columns[0][1].alphas,
             lines,

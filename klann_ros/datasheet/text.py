@@ -1,7 +1,6 @@
 """A data sheet as text."""
 
 from collections.abc import Iterable, Iterator
-from math import degrees
 
 from klann_ros.sanitize.text import printable, printable_line
 
@@ -50,11 +49,7 @@ def _leg(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
     for about in (linkage.name, linkage.source):
         if about:
             yield printable_line(about)
-    if leg.turns_fully:
-        yield 'The crank turns fully.'
-    else:
-        arcs = ', '.join(f'{degrees(a):.3f} .. {degrees(b):.3f}' for a, b in leg.arcs)
-        yield f'The crank does not turn fully; it reaches {arcs or "nothing"} deg.'
+    yield f'T{figures.turning(leg)[1:]}.'
     yield from _table(figures.bars(leg))
     yield from _heading(f'Foot {linkage.structure.foot}')
     yield from _figures(figures.foot_figures(leg, sheet.speed))

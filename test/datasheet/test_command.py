@@ -93,14 +93,6 @@ def test_refusals_are_one_line(
     assert reason in error
 
 
-@pytest.mark.parametrize('option', ['--speed', '--load', '--bar-density'])
-def test_non_numbers_are_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main([SEM, option, 'much'])
-    assert end.value.code == 2
-    assert "invalid float value: 'much'" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize('option', ['--html', '--json'])
 @pytest.mark.parametrize(
     ('name', 'reason'),

@@ -215,28 +215,28 @@ def test_answers_filled_in_are_kept_when_the_exercises_are_made_again(
     assert answers.read_bytes() == empty
 
 
-def test_an_unknown_kind_is_refused(
-    students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ('name', 'folder', 'kind', 'code', 'message'),
+    [
+        ('class.csv', 'out', 'newtn', 2, 'did you mean newton?'),
+        ('toggle_answers.csv', '', 'toggle', 3, 'which is only read'),
+        ('class.csv', 'class.csv', 'toggle', 3, 'cannot be written'),
+    ],
+)
+def test_a_refusal_leaves_the_class_list_as_it_is(  # noqa: PLR0917 - a row of the table
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    folder: str,
+    kind: str,
+    code: int,
+    message: str,
 ) -> None:
-    assert make(students, tmp_path, 'newtn') == 2
-    assert 'did you mean newton?' in capsys.readouterr().err
-
-
-def test_the_class_list_is_not_overwritten(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / 'toggle_answers.csv'
+    path = tmp_path / name
     path.write_text(CLASS)
-    assert make(path, tmp_path, 'toggle') == 3
-    assert 'which is only read' in capsys.readouterr().err
+    assert make(path, tmp_path / folder, kind) == code
+    assert message in capsys.readouterr().err
     assert path.read_text() == CLASS
-
-
-def test_a_file_in_place_of_the_folder_is_refused(
-    students: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert make(students, students, 'toggle') == 3
-    assert 'cannot be written' in capsys.readouterr().err
 
 
 def test_a_key_shows_every_step(capsys: pytest.CaptureFixture[str]) -> None:
