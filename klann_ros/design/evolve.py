@@ -128,14 +128,14 @@ def _evolved(
     first = scores(requirements, space, x[:1])
     aims, limits = first.losses.shape[1], first.violations.shape[1]
 
-    class _Problem(Problem):  # type: ignore[misc]  # pymoo has no types
+    class SearchProblem(Problem):  # type: ignore[misc]  # pymoo has no types
         """The requirements as pymoo has them."""
 
         def _evaluate(self, x: Any, out: Any, *_: Any, **__: Any) -> None:
             found = scores(requirements, space, x)
             out['F'], out['G'] = found.losses, found.violations
 
-    problem = _Problem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
+    problem = SearchProblem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
     kind = DE if aims == 1 else NSGA2
     algorithm = kind(pop_size=len(x), sampling=x)
     seed = int(random.integers(2**31))
