@@ -30,7 +30,7 @@ class Figure(NamedTuple):
     note: str = ''
 
 
-class Table(NamedTuple):
+class FigureTable(NamedTuple):
     """A table: its title, the heads of its columns, its rows and a note."""
 
     title: str
@@ -120,7 +120,7 @@ def cases(of: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
     return [(name, case) for name, case in pairs if case]
 
 
-def bars(leg: LegSheet) -> Table:
+def bars(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's dimensions."""
     has_margins = not leg.no_margins
     heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
@@ -138,10 +138,10 @@ def bars(leg: LegSheet) -> Table:
         if has_margins
         else f'No margins: {leg.no_margins}.'
     )
-    return Table('Bars', heads, tuple(rows), note)
+    return FigureTable('Bars', heads, tuple(rows), note)
 
 
-def transmission(leg: LegSheet) -> Table:
+def transmission(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's transmission angles."""
     rows = tuple(
         (
@@ -158,10 +158,10 @@ def transmission(leg: LegSheet) -> Table:
     poor = [each for each in leg.transmission if each.worst.value < GOOD_TRANSMISSION]
     less = '; here it is less' if poor else ''
     note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{less}.'
-    return Table('Transmission angles', heads, rows, note)
+    return FigureTable('Transmission angles', heads, rows, note)
 
 
-def masses(leg: LegSheet) -> Table:
+def masses(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's masses."""
     rows = tuple(
         (
@@ -175,10 +175,10 @@ def masses(leg: LegSheet) -> Table:
     )
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
     note = f'{number(leg.mass)} kg a leg. The centre is from the first point of the body.'
-    return Table('Masses', heads, rows, note)
+    return FigureTable('Masses', heads, rows, note)
 
 
-def joint_forces(leg: LegSheet) -> Table:
+def joint_forces(leg: LegSheet) -> FigureTable:
     """Return the table of the largest force of each joint of a leg."""
     columns = cases(leg)
     heads = ['Joint']
@@ -190,14 +190,14 @@ def joint_forces(leg: LegSheet) -> Table:
         moments = [joint.moment for joint in same if joint.moment is not None]
         if moments:
             rows.append((f'{same[0].name}: moment / N m', *_peaks(moments)))
-    return Table('Joint reactions', tuple(heads), tuple(rows), 'The largest of a turn.')
+    return FigureTable('Joint reactions', tuple(heads), tuple(rows), 'The largest of a turn.')
 
 
 def _peaks(extremes: Sequence[Extreme]) -> list[str]:
     return [text for value, at in extremes for text in (number(value), degree(at))]
 
 
-def crank_forces(crank: CrankSheet, speed: float) -> Table:
+def crank_forces(crank: CrankSheet, speed: float) -> FigureTable:
     """Return the table of a crank's torque and power, without and with the load."""
     columns = cases(crank)
     cells = [_crank_column(turn, speed) for _, turn in columns]
@@ -210,7 +210,7 @@ def crank_forces(crank: CrankSheet, speed: float) -> Table:
         'Energy swing: stored and returned by a shaft with the mean torque. '
         f'Flywheel: for a speed within +-{100.0 * SPEED_FLUCTUATION / 2.0:.0f} %.'
     )
-    return Table('Crank', heads, tuple(rows), note)
+    return FigureTable('Crank', heads, tuple(rows), note)
 
 
 def crank_title(crank: CrankSheet) -> str:
@@ -303,7 +303,7 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     yield Figure('Foot slip', millimetres(walk.slid), 'mm', 'a turn, weighted by load')
 
 
-def supports(sheet: DataSheet) -> Table | None:
+def supports(sheet: DataSheet) -> FigureTable | None:
     """Return the table of a walker's support patterns."""
     if sheet.walk is None:
         return None
@@ -314,4 +314,4 @@ def supports(sheet: DataSheet) -> Table | None:
     ]
     more = len(shares) - len(rows)
     note = f'{counted(more, "more pattern")}.' if more else ''
-    return Table('Supports', ('Part of the turn / %', 'Feet', 'Legs'), tuple(rows), note)
+    return FigureTable('Supports', ('Part of the turn / %', 'Feet', 'Legs'), tuple(rows), note)

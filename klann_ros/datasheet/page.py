@@ -13,7 +13,7 @@ import numpy as np
 
 from . import figures
 from .chart import Chart, ChartLine, grid
-from .figures import cases, Figure, Table
+from .figures import cases, Figure, FigureTable
 from .load import EDGE_OFFSET, on_the_ground
 from .sheet import CrankSheet, DataSheet, LegSheet
 
@@ -211,7 +211,7 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
         )
 
 
-def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[Table]:
+def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
     if sheet.is_single:
         yield from _crank_tables(sheet.cranks, sheet)
     yield figures.bars(leg)
@@ -223,7 +223,7 @@ def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[Table]:
         yield figures.masses(leg)
 
 
-def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Table]:
+def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[FigureTable]:
     for crank in cranks:
         if crank.motor is not None and not sheet.is_single:
             yield _motor(crank)
@@ -231,12 +231,12 @@ def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Ta
             yield figures.crank_forces(crank, sheet.speed)
 
 
-def _motor(crank: CrankSheet) -> Table:
+def _motor(crank: CrankSheet) -> FigureTable:
     rows = [
         (each.name, f'{each.value} {each.unit}'.rstrip(), each.note)
         for each in figures.motor_figures(crank)
     ]
-    return Table('Motor', ('Figure', 'Value', 'Remark'), tuple(rows))
+    return FigureTable('Motor', ('Figure', 'Value', 'Remark'), tuple(rows))
 
 
 def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
@@ -287,7 +287,7 @@ def _walking(sheet: DataSheet) -> Markup:
     )
 
 
-def _table(table: Table) -> Markup:
+def _table(table: FigureTable) -> Markup:
     note = element('p', table.note, class_='quiet') if table.note else Markup()
     content = scrolling_table(table.title, table.heads, table.rows)
     return element('div', element('h3', table.title), content, note)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from klann_ros.sanitize.text import printable, printable_line
 
 from . import figures
-from .figures import Figure, Table
+from .figures import Figure, FigureTable
 from .sheet import DataSheet, LegSheet
 
 # A longer cell shifts its own line only [characters].
@@ -87,7 +87,7 @@ def _figures(of: Iterable[Figure]) -> Iterator[str]:
         yield line.rstrip()
 
 
-def _table(table: Table, title: str = '') -> Iterator[str]:
+def _table(table: FigureTable, title: str = '') -> Iterator[str]:
     yield from _heading(title or table.title)
     rows = [tuple(map(printable, row)) for row in (table.heads, *table.rows)]
     columns = list(zip(*rows, strict=True))
