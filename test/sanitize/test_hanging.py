@@ -85,8 +85,9 @@ def test_a_special_file_as_second_log_is_refused_in_one_line(
     assert errors.count('\n') == 1
 
 
-@pytest.mark.parametrize('named', [True, False])
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(
+    ('kind', 'named'), [*((kind, True) for kind in KINDS), ('pipe', False), ('sparse', False)]
+)
 def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
     run: Path, tmp_path, kind: str, named: bool
 ) -> None:
@@ -118,8 +119,10 @@ def test_a_special_file_as_metadata_is_reported(run: Path, tmp_path, kind: str) 
     assert 'kept: 80 messages in all' in output
 
 
-@pytest.mark.parametrize('option', ['--limits', '--geometry'])
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(
+    ('kind', 'option'),
+    [*((kind, '--limits') for kind in KINDS), ('pipe', '--geometry'), ('sparse', '--geometry')],
+)
 def test_a_special_file_of_limits_or_lengths_is_refused_in_one_line(
     run: Path, tmp_path, kind: str, option: str
 ) -> None:

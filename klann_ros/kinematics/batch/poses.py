@@ -54,7 +54,7 @@ def linkage_poses(
         Whether to compute the angles, the points and the transmission angles as well.
     velocities : bool
         Whether to compute derivatives by the crank angle: of the foot, and of the requested angles
-        and points. `LinkagePoses.velocity` and `.crank_torque` need them.
+        and points. `LinkagePoses.crank_torque` needs them.
     gradients : bool
         Whether to compute derivatives by every dimension, in the order of `dimension_names`: of
         the foot, of the requested angles and points, and of the foot's velocity if requested. Far

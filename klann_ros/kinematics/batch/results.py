@@ -95,26 +95,6 @@ class LinkagePoses:
     h_1_gradient: FloatArray | None = None
     dimension_names: tuple[str, ...] = ()
 
-    def velocity(self, alpha_rate: ArrayLike) -> FloatArray:
-        """
-        Return the foot's velocity dH/dalpha alpha_rate, shape (..., 2) [m/s].
-
-        Parameters
-        ----------
-        alpha_rate : array-like of float
-            Rate of the crank, of a shape that broadcasts to (...) [rad/s].
-
-        Raises
-        ------
-        ValueError
-            The velocities were not requested, or the rate does not fit.
-
-        """
-        velocity: FloatArray = (
-            self._foot_rates() * np.asarray(alpha_rate, dtype=np.float64)[..., None]
-        )
-        return velocity
-
     def crank_torque(self, force: ArrayLike) -> FloatArray:
         """
         Return the torque at the crank that balances a force on the foot, shape (...) [N m].
@@ -132,20 +112,16 @@ class LinkagePoses:
             The velocities were not requested, or the force does not fit.
 
         """
-        f = np.asarray(force, dtype=np.float64)
-        if f.shape[-1:] != (2,):
-            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
-            raise ValueError(msg)
-        h_1 = self._foot_rates()
-        # From 0.0, to give 0.0 and not -0.0 without force.
-        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
-        return torque
-
-    def _foot_rates(self) -> FloatArray:
         if self.h_1 is None:
             msg = 'the velocities were not requested: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
-        return self.h_1
+        f, h_1 = np.asarray(force, dtype=np.float64), self.h_1
+        if f.shape[-1:] != (2,):
+            msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
+            raise ValueError(msg)
+        # From 0.0, to give 0.0 and not -0.0 without force.
+        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        return torque
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the existing arrays by name, without the reasons."""

@@ -229,10 +229,6 @@ class Leg(Generic[PoseT, MotionT]):
         found = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
         return self.pose_class(*found)  # type: ignore[return-value]  # of its class
 
-    def residual(self, alpha: float, x: Sequence[float]) -> float:
-        """Return the norm of f at a crank angle and the other angles [m]."""
-        return float(np.linalg.norm(self._linkage.f(alpha, x)))
-
     def reachable_arcs(self) -> list[Arc]:
         """
         Return the arcs (start, end) of crank angles where every loop closes [rad].
