@@ -131,15 +131,19 @@ class Variants:
 
     def _refused(self) -> BoolArray:
         """Return whether each is invalid, by the rules of a single linkage."""
-        structure, numbers, size = self.base.structure, self.numbers, np.abs(self.numbers)
-        dimensions = structure.dimensions
-        is_angle = np.array([[dimension.unit == 'rad'] for dimension in dimensions])
-        is_length = np.array([[dimension.is_length] for dimension in dimensions])
-        # NaN fails every comparison.
-        within = (numbers == 0.0) | ((size >= MIN_MAGNITUDE) & (size <= MAX_MAGNITUDE))
-        valid = np.where(is_angle, size <= TURN, within) & ((numbers > 0.0) | ~is_length)
+        structure, refused = self.base.structure, np.zeros(len(self), dtype=bool)
         with np.errstate(all='ignore'):
-            _, bars = link_vectors(structure, [*numbers])
-        open_ = [np.isnan(bars[d.place]) for d in dimensions if d.kind == 'brace']
-        refused: BoolArray = ~valid.all(axis=0) | np.any(open_, axis=0)
+            _, bars = link_vectors(structure, [*self.numbers])
+        for dimension, values in zip(structure.dimensions, self.numbers, strict=True):
+            size = values if dimension.is_length else np.abs(values)
+            if dimension.unit == 'rad':
+                valid = size <= TURN
+            else:
+                # NaN fails every comparison.
+                valid = (size >= MIN_MAGNITUDE) & (size <= MAX_MAGNITUDE)
+                if not dimension.is_length:
+                    valid |= size == 0.0
+            refused |= ~valid
+            if dimension.kind == 'brace':
+                refused |= np.isnan(bars[dimension.place])
         return refused
