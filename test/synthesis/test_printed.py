@@ -52,10 +52,8 @@ def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]
 def test_velocities_are_the_printed_ones(example: dict[str, Any]) -> None:
     x, y = example['pivot']
     ground = math.atan2(y, x)
-    bar = FourBar(math.hypot(x, y), *example['bars'])
-    poses = [
-        (each, each.closed_form(example['theta_2'] - ground)) for each in (bar, bar.mirrored())
-    ]
+    bars = [FourBar(math.hypot(x, y), *example['bars'], assembly) for assembly in (1, -1)]
+    poses = [(bar, bar.closed_form(example['theta_2'] - ground)) for bar in bars]
     each, pose = min(poses, key=lambda pair: abs(pair[1].theta3 + ground - example['theta_3']))
     moving = each.velocity(pose, example['omega_2'])
     found = [pose.theta3 + ground, pose.theta4 + ground, moving.theta3, moving.theta4]
