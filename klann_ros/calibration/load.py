@@ -10,7 +10,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor
-from klann_ros.sanitize.tables import read_table, Table
+from klann_ros.sanitize.tables import read_table, TextTable
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -243,7 +243,7 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     return found
 
 
-def _numbers(table: Table, name: str) -> FloatArray:
+def _numbers(table: TextTable, name: str) -> FloatArray:
     """Return the numbers of a column; not a number where a cell is empty."""
     # Between commas a comma may group thousands.
     comma = ',' if table.delimiter == ',' else '.'

@@ -23,7 +23,7 @@ class TableRow(NamedTuple):
     cells: dict[str, str]
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """A table: the names of its columns, the delimiter of its cells, and its rows."""
 
     columns: list[str]
@@ -33,7 +33,7 @@ class Table(NamedTuple):
 
 def read_table(
     path: str, columns: Sequence[str], error_type: type[Exception], max_size: int
-) -> Table:
+) -> TextTable:
     """
     Return a table with these columns and any others, without its empty rows.
 
@@ -78,7 +78,7 @@ def read_table(
             found.append(TableRow(place, reader.line_num, cells))
     except csv.Error as error:
         raise error_type(f'{shown}, line {reader.line_num}: {error}') from error
-    return Table(names, delimiter, found)
+    return TextTable(names, delimiter, found)
 
 
 def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:
