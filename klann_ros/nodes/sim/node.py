@@ -26,11 +26,11 @@ from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.robot import robot_of
 from klann_ros.sanitize.arguments import ArgumentParser
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.cdr import CdrCursor
+from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import (
     DivergedError,
@@ -188,7 +188,6 @@ class CrankCommands:
     def __init__(self, node: Node, twin: Twin, timeout: float) -> None:
         self._node, self._twin, self._timeout = node, twin, timeout
         self._counts: Counter[str] = Counter()
-        self._reader = JointsReader(twin.joints)
         # Arrival of the last command of each joint [s].
         self._last: dict[str, float] = {}
         self.topic = node.resolve_topic_name('crank_command')
@@ -233,13 +232,21 @@ class CrankCommands:
 
     def _velocities(self, data: bytes) -> dict[str, float]:
         """Return the commanded velocities; a ValueError for an invalid message."""
-        velocities = {}
-        for joint, (_, velocity, *_) in self._reader.read(data).items():
-            if velocity is None:
-                raise ValueError('it has no velocities, and positions move no motor')
+        cursor = CdrCursor(data)
+        cursor.header()
+        names = [name.decode(errors='replace') for name in cursor.strings()]
+        # Positions move no motor: `ros2 topic pub` may leave them out.
+        cursor.doubles()
+        numbers = cursor.numbers('d', cursor.length())
+        if len(numbers) != len(names):
+            raise ValueError(f'it has {len(names)} names and {len(numbers)} velocities')
+        given = dict(zip(names, numbers, strict=True))
+        velocities = {joint: given[joint] for joint in self._twin.joints if joint in given}
+        if not velocities:
+            raise ValueError(f'it has none of the joints {listed(self._twin.joints, 8)}')
+        for joint, velocity in velocities.items():
             if not isfinite(velocity):
                 raise ValueError(f'velocity of {printable(joint)} is {velocity}')
-            velocities[joint] = velocity
         return velocities
 
 

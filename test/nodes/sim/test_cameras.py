@@ -28,7 +28,7 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     commands = probe.publisher(JointState, 'crank_command')
 
     def turned() -> bool:
-        commands.publish(JointState(name=['crank'], position=[0.0], velocity=[3.0]))
+        commands.publish(JointState(name=['crank'], velocity=[3.0]))
         return bool(states) and states[-1].position[0] > 7.0
 
     probe.until(turned)
