@@ -414,7 +414,7 @@ class _Compiler:
 
     def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Pair:
         """Return the derivative of a body's bars by a dimension."""
-        is_along = dimension.kind == 'length' and {*bars} <= self._structure.straight
+        is_along = {*bars} <= self._structure.straight
         body, _ = self._structure.bars[bars[0]]
         key = dimension, *bars
         return self._fixed_vector(
