@@ -28,7 +28,7 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
             raise MeasurementError(
                 f'{series.title}: {len(series.times)} samples have a crank angle at their stamp, '
                 f'{series.skipped} have none; at least {MIN_SAMPLES} are needed (are both stamped '
-                f'by the same clock?)'
+                f'by the same clock, and is the crank in rad?)'
             )
     numbers, count = sum(series.values.size for series in measured), len(model.names)
     if numbers < 2 * count:

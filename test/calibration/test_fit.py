@@ -84,7 +84,7 @@ def test_what_is_reported_is_right_though_other_combinations_are_open(
     # They were up to 8.4 standard errors off: the fit ran far along what is open.
     drawn = shipped_linkage(name)
     leg, noise = built(seed, drawn, length=1e-3 * drawn.size), 1e-4 * drawn.size
-    robot = Robot(leg, count=400, period=0.0125, noise=noise, seed=seed)
+    robot = Robot(leg, count=200, period=0.025, noise=noise, seed=seed)
     measured = robot.measured(drawn.structure.foot)
     if angle:
         crank = CrankSamples.of(robot.times, robot.crank)
