@@ -257,7 +257,8 @@ def _explanation(model: MeasurementModel, measured: Sequence[MeasuredSeries]) ->
             start, misfit = start_parameters(other, series)
             # A delay shows in the fit alone, so it is tried first.
             misfit *= DELAY not in other.names or DELAY in model.names
-            starts.append((misfit, what, _Problem(other, series, None, 0.0, start)))
+            if misfit < MAX_MISFIT:
+                starts.append((misfit, what, _Problem(other, series, None, 0.0, start)))
     for _, what, problem in sorted(starts, key=lambda each: each[0])[:MAX_EXPLANATIONS]:
         with suppress(MeasurementError):
             problem.calibration(MAX_EXPLAINED_MISFIT)
