@@ -6,28 +6,29 @@ Work spent on undecodable bytes is bounded: see
 """
 
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 import struct
 import sys
-from typing import BinaryIO, TypeAlias
+from typing import BinaryIO
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
 from mcap.records import Chunk
-import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from .decompression import decompress, DecompressionBudget, DecompressionError
-from .records import DEFINITIONS, is_known, parse, RECORD_HEAD, without_unknown_fields
+from .records import (
+    DEFINITIONS,
+    is_known,
+    min_size,
+    parse,
+    RECORD_HEAD,
+    without_unknown_fields,
+)
 
-Row: TypeAlias = tuple[int, int, int, int, bytes]
-
-_MESSAGE = struct.Struct('<HIQQ')
-_WHOLE = struct.Struct('<QHIQQ')
-# Offset of the log time in a message record [bytes].
-_LOG_TIME_OFFSET = RECORD_HEAD.size + 6
+# Of the fields before a message's data [bytes].
+_MESSAGE_SIZE = min_size(Opcode.MESSAGE)
 
 # Minimum and maximum size of a block of records outside of chunks [bytes].
 _MIN_BLOCK, _MAX_BLOCK = 4096, 1024 * 1024
@@ -63,24 +64,6 @@ class Content:
         """Return the number of messages."""
         return len(self.starts)
 
-    def times(self) -> 'array[int]':
-        """Return the log time of each message [ns]."""
-        times = array('Q')
-        if self.starts:
-            windows = sliding_window_view(np.frombuffer(self.data, np.uint8), 8)
-            found = windows[np.frombuffer(self.starts, np.uint64) + _LOG_TIME_OFFSET].view('<u8')
-            times.frombytes(found.astype(np.uint64).tobytes())
-        return times
-
-    def rows(self, *, by_time: bool = False) -> Iterator[Row]:
-        """Yield channel, sequence, log time, publish time [ns] and data of each message."""
-        data = self.data
-        for position in self._by_time() if by_time else self.starts:
-            length, channel, sequence, logged, published = _WHOLE.unpack_from(data, position + 1)
-            start = position + RECORD_HEAD.size + _MESSAGE.size
-            end = position + RECORD_HEAD.size + length
-            yield channel, sequence, logged, published, data[start:end].tobytes()
-
     def definitions(self) -> Iterator[tuple[int, bytes]]:
         """Yield opcode and content of each schema and channel, without unknown fields."""
         for position in self.definition_starts:
@@ -88,12 +71,6 @@ class Content:
             start = position + RECORD_HEAD.size
             end = start + length
             yield opcode, without_unknown_fields(opcode, self.data[start:end].tobytes())
-
-    def _by_time(self) -> Iterable[int]:
-        times = self.times()
-        if all(times[n - 1] <= times[n] for n in range(1, len(times))):
-            return self.starts
-        return (self.starts[n] for n in sorted(range(len(times)), key=times.__getitem__))
 
 
 def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Content:
@@ -162,7 +139,7 @@ def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]
     """Append the offsets of consecutive messages; return the end of the last one."""
     # The inner loop of reading a log.
     unpack, found = RECORD_HEAD.unpack_from, starts.append
-    size, head, least, message = len(data), RECORD_HEAD.size, _MESSAGE.size, int(Opcode.MESSAGE)
+    size, head, least, message = len(data), RECORD_HEAD.size, _MESSAGE_SIZE, int(Opcode.MESSAGE)
     with suppress(struct.error):
         while True:
             kind, length = unpack(data, position)
@@ -176,7 +153,7 @@ def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]
 
 def message_content(content: bytes, offset: int) -> Content:
     """Return the content of a message record outside of chunks."""
-    if len(content) < _MESSAGE.size:
+    if len(content) < _MESSAGE_SIZE:
         raise DamagedError('the message is too short', offset, Opcode.MESSAGE)
     return content_of(RECORD_HEAD.pack(Opcode.MESSAGE, len(content)) + content, verified=False)
 
@@ -221,7 +198,7 @@ def _loose_offsets(data: bytes) -> list[int]:
         if end > len(data):
             break
         if opcode == Opcode.MESSAGE:
-            if length < _MESSAGE.size:
+            if length < _MESSAGE_SIZE:
                 break
         elif not opcode or is_known(opcode) or length > _MAX_UNKNOWN:
             break

@@ -1,10 +1,12 @@
 """An MCAP file that is being written, read as it grows."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.log.read.block import block_of
 from klann_ros.log.records import Message
 from klann_ros.sanitize.files import open_regular
 from mcap.opcode import Opcode
@@ -97,9 +99,9 @@ class GrowingFile:
             self.is_finished = True
 
     def _messages(self, content: Content) -> Iterator[Message]:
-        for channel, sequence, log_time, publish_time, data in content.rows():
-            topic = self._channels.topic(channel)
-            if topic is not None:
-                yield Message(topic, data, log_time, publish_time, sequence)
+        block = block_of(content, {})
+        found = {number: self._channels.topic(number) for number in block.channels}
+        known = {number: topic for number, topic in found.items() if topic is not None}
+        yield from replace(block, topics=known).messages()
         if content.broken:
             raise DamagedError(f'a chunk can be read in part only: {content.broken}', self._next)

@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cached_property, partial
 import heapq
 from itertools import accumulate
 from pathlib import Path
@@ -175,12 +175,13 @@ class McapStorage:
             scan = self.scan(file, channels)
             for _, content in scan.contents():
                 self._largest = max(self._largest, len(content.data))
-                times = np.frombuffer(content.times(), np.uint64)
+                times = block_of(content, {}).heads['log_time']
                 starts.append(int(times.min()) if len(times) else _NEVER - 1)
                 first = min(first, starts[-1])
                 last = max(last, int(times.max()) if len(times) else last)
             self._note_losses(scan)
         self._channels = channels
+        self.__dict__.pop('_topics', None)
         self._starts = starts
         for text in channels.contradictions:
             self.problems.note_whole(text)
@@ -238,8 +239,8 @@ class McapStorage:
         """Return the data of the first message in the file; b'' if there is none."""
         with self.open() as file:
             for _, content in self.scan(file).contents():
-                for *_, data in content.rows():
-                    return data
+                if len(content):
+                    return block_of(content, {}).message(0)
         return b''
 
     def sources(self, overview: Overview) -> Iterator[Source]:
@@ -251,25 +252,18 @@ class McapStorage:
         elif overview.times is not None:
             yield Source(*overview.times, self._all_messages)
 
-    def messages_in(
-        self, offset: int, content: Content, topics: Topics, *, by_time: bool = False
-    ) -> Iterator[Message]:
-        """Yield the messages of a chunk; unknown channels are noted as a problem."""
-        known: dict[int, Topic | None] = {}
-        for channel, sequence, log_time, publish_time, data in content.rows(by_time=by_time):
-            if channel not in known:
-                known[channel] = self._wanted_topic(channel, offset, topics)
-            topic = known[channel]
-            if topic is not None:
-                yield Message(topic, data, log_time, publish_time, sequence)
+    @cached_property
+    def _topics(self) -> dict[int, Topic]:
+        """Return the known topics of the whole file by channel."""
+        channels = self.channels()
+        found = {number: channels.topic(number) for number in channels.numbers()}
+        return {number: topic for number, topic in found.items() if topic is not None}
 
-    def _wanted_topic(self, channel: int, offset: int, topics: Topics) -> Topic | None:
-        topic = self.channels().topic(channel)
-        if topic is None:
-            self.note(offset, f'messages of channel {channel}, which is not known')
-        elif topics is not None and topic.name not in topics:
-            return None
-        return topic
+    def _by_time(self, offset: int, block: MessageBlock, names: Topics) -> Iterator[Message]:
+        """Yield the messages of a chunk; unknown channels are noted as a problem."""
+        for number in sorted(block.channels - self._topics.keys()):
+            self.note(offset, f'messages of channel {number}, which is not known')
+        return block.messages(names, by_time=True)
 
     def _can_merge_chunks(self) -> bool:
         """
@@ -293,17 +287,21 @@ class McapStorage:
             if not any(topic is not None and topic.name in topics for topic in found):
                 return
         content = self._chunk_at(offset)
-        if content is None or not self._may_merge(chunk, content):
+        if content is None:
+            return
+        block = block_of(content, self._topics)
+        if not self._may_merge(chunk, block):
             return
         if content.broken:
             self.note(offset, content.broken)
-        yield from self.messages_in(offset, content, topics, by_time=True)
+        yield from self._by_time(offset, block, topics)
 
-    def _may_merge(self, chunk: ChunkIndex, content: Content) -> bool:
+    def _may_merge(self, chunk: ChunkIndex, block: MessageBlock) -> bool:
         """Return whether a chunk is as its index says, or is small."""
-        expected = chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size
-        size, times = len(content.data), content.times()
-        if (min(times, default=expected[0]), max(times, default=expected[1]), size) == expected:
+        expected = chunk.message_start_time, chunk.message_end_time
+        size, times = len(block.data), block.heads['log_time']
+        ends = (int(times.min()), int(times.max())) if len(times) else expected
+        if (*ends, size) == (*expected, chunk.uncompressed_size):
             return True
         is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * chunk.chunk_length)
         text = 'the index is wrong about this chunk'
@@ -325,7 +323,8 @@ class McapStorage:
             scan = self.scan(file)
             for position, (offset, content) in enumerate(scan.contents()):
                 bound = bounds[position] if position < len(bounds) else _NEVER
-                for message in self.messages_in(offset, content, topics, by_time=True):
+                block = block_of(content, self._topics)
+                for message in self._by_time(offset, block, topics):
                     if not waiting and message.log_time <= bound:
                         yield message
                         continue
@@ -353,9 +352,7 @@ class McapStorage:
         if self._channels is None and not (self.summary.is_index and self.summary.verified):
             # Chunks with a CRC may contradict a summary without one.
             self.survey()
-        channels, count = self.channels(), ContentCount()
-        topics = {number: channels.topic(number) for number in channels.numbers()}
-        known = {number: topic for number, topic in topics.items() if topic is not None}
+        known, count = self._topics, ContentCount()
         others = unverified = 0
         with self.open() as file:
             scan = self.scan(file)

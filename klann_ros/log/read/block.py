@@ -1,6 +1,6 @@
 """The messages of a chunk as arrays, for readers of millions of messages."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from klann_ros.log.mcap.content import Content
@@ -23,6 +23,8 @@ HEAD = np.dtype(
 
 # Of these the record's length includes all but opcode and length [bytes].
 _HEAD_LENGTH = HEAD.itemsize - 9
+# Millions of small messages would take more memory as Python's numbers than they have.
+_ROWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +54,33 @@ class MessageBlock:
         end = begin + int(self.heads['length'][row]) - _HEAD_LENGTH
         return self.data[begin:end].tobytes()
 
-    def messages(self) -> Iterator[Message]:
-        """Yield the messages of known topics."""
-        places = zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
-        for head, (begin, end) in zip(self.heads.tolist(), places, strict=True):
-            _, _, channel, sequence, log_time, publish_time = head
-            topic = self.topics.get(channel)
-            if topic is not None:
-                data = self.data[begin:end].tobytes()
-                yield Message(topic, data, log_time, publish_time, sequence)
+    @property
+    def channels(self) -> set[int]:
+        """Return the channels of the messages."""
+        return set(np.flatnonzero(np.bincount(self.heads['channel'])).tolist())
+
+    def messages(
+        self, names: Collection[str] | None = None, *, by_time: bool = False
+    ) -> Iterator[Message]:
+        """Yield the messages of known topics, of some names or all, by log time if wanted."""
+        order = np.argsort(self.heads['log_time'], kind='stable') if by_time else None
+        wanted: dict[int, Topic | None] = {}
+        data = self.data
+        for first in range(0, len(self), _ROWS_AT_ONCE):
+            part = slice(first, first + _ROWS_AT_ONCE)
+            rows = part if order is None else order[part]
+            heads, starts = self.heads[rows].tolist(), self.starts[rows].tolist()
+            for (_, length, channel, sequence, log_time, publish_time), start in zip(
+                heads, starts, strict=True
+            ):
+                if channel not in wanted:
+                    topic = self.topics.get(channel)
+                    is_wanted = topic is not None and (names is None or topic.name in names)
+                    wanted[channel] = topic if is_wanted else None
+                topic = wanted[channel]
+                if topic is not None:
+                    content = data[start : start + length - _HEAD_LENGTH].tobytes()
+                    yield Message(topic, content, log_time, publish_time, sequence)
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
         """Return the data of some messages of the same size, shape (number, size)."""
