@@ -1,11 +1,13 @@
 """A file costs work in proportion to its bytes and the messages in it, whatever it asks for."""
 
+from contextlib import closing
 import pickle
 import subprocess
 import sys
 
 from klann_ros.log.errors import LogError
 from klann_ros.log.mcap import decompression
+from klann_ros.log.mcap.growing import GrowingFile
 from klann_ros.log.qos import MAX_QOS_DISTINCT, MAX_QOS_TEXT, MAX_QOS_TOTAL, Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
@@ -235,6 +237,15 @@ def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path) -> None:
     with open_log(path) as log:
         found = {topic.name: topic.definition for topic in log.topics}
     assert found == {'/one': 'uint8 b', '/two': 'uint8 a'}
+
+
+def test_a_schema_that_comes_late_to_a_growing_file_is_taken_from_then_on(tmp_path) -> None:
+    path = tmp_path / 'x.mcap'
+    first, second = (mcap.message(1, n, n, n, b'') for n in (1, 2))
+    channel, schema = mcap.channel(1, 1, '/a', 'cdr', {}), mcap.schema(1, 'a/msg/B', '', b'')
+    path.write_bytes(HEADER + packed_chunk(channel + first) + packed_chunk(schema + second))
+    with closing(GrowingFile(path)) as file:
+        assert [message.sequence for message in file.read()] == [2]
 
 
 def recovered(tmp_path, texts):
