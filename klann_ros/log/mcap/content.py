@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 import struct
 import sys
-from typing import BinaryIO
 
 from klann_ros.log.errors import DamagedError
 from mcap.opcode import Opcode
@@ -20,7 +19,6 @@ from mcap.records import Chunk
 from .decompression import decompress, DecompressionBudget, DecompressionError
 from .records import (
     DEFINITIONS,
-    is_known,
     min_size,
     parse,
     RECORD_HEAD,
@@ -30,12 +28,8 @@ from .records import (
 # Of the fields before a message's data [bytes].
 _MESSAGE_SIZE = min_size(Opcode.MESSAGE)
 
-# Minimum and maximum size of a block of records outside of chunks [bytes].
-_MIN_BLOCK, _MAX_BLOCK = 4096, 1024 * 1024
-# A longer unknown record there may have a damaged opcode [bytes].
-_MAX_UNKNOWN = 32
-# The last records of a block are left to the caller.
-_LEFT_RECORDS = 3
+# Messages behind a row of them that make it sound.
+_FOLLOWING = 3
 
 # Cost of a record that is skipped, and of a definition, and credit for each message beside them
 # [bytes that could be unpacked in that time].
@@ -158,50 +152,15 @@ def message_content(content: bytes, offset: int) -> Content:
     return content_of(RECORD_HEAD.pack(Opcode.MESSAGE, len(content)) + content, verified=False)
 
 
-class LooseRecords:
+def row_of_messages(data: bytes) -> tuple[Content, int]:
     """
-    Reads messages outside of chunks from an open file, in blocks of adaptive size.
+    Return the messages at the start of bytes outside of chunks, and their end [bytes].
 
-    A file without chunks is a row of messages and a few small unknown records. A block of nothing
-    else is sound because sound records follow; judging each by itself takes twenty times as long.
-    The last ones of a block are left to the caller.
+    A row of messages is sound because others follow, which are left to the caller; judging each by
+    itself takes twenty times as long.
     """
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._size = _MIN_BLOCK
-
-    def read(self, offset: int, until: int) -> tuple[Content, int] | None:
-        """Return the messages from an offset on, and their end [bytes]; None if too few follow."""
-        self._file.seek(offset)
-        data = self._file.read(max(0, min(self._size, until - offset)))
-        found = _loose_offsets(data)
-        taken = found[: max(0, len(found) - _LEFT_RECORDS)]
-        position = found[len(taken)] if taken else 0
-        is_useful = 2 * position > len(data)
-        self._size = min(4 * self._size, _MAX_BLOCK) if is_useful else _MIN_BLOCK
-        if not taken:
-            return None
-        starts = array('Q', (start for start in taken if data[start] == Opcode.MESSAGE))
-        unknown = len(taken) - len(starts)
-        content = Content(memoryview(data), starts, array('Q'), verified=False, unknown=unknown)
-        return content, offset + position
-
-
-def _loose_offsets(data: bytes) -> list[int]:
-    """Return the offsets of the messages and small unknown records that are whole in the data."""
-    found = []
-    position, last = 0, len(data) - RECORD_HEAD.size
-    while position <= last:
-        opcode, length = RECORD_HEAD.unpack_from(data, position)
-        end = position + RECORD_HEAD.size + length
-        if end > len(data):
-            break
-        if opcode == Opcode.MESSAGE:
-            if length < _MESSAGE_SIZE:
-                break
-        elif not opcode or is_known(opcode) or length > _MAX_UNKNOWN:
-            break
-        found.append(position)
-        position = end
-    return found
+    starts = array('Q')
+    _behind_messages(data, 0, starts)
+    row = starts[: max(0, len(starts) - _FOLLOWING)]
+    end = starts[len(row)] if row else 0
+    return Content(memoryview(data), row, array('Q'), verified=False), end

@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Metadata
 
 from .channels import Channels
-from .content import chunk_content, Content, LooseRecords, message_content
+from .content import chunk_content, Content, message_content, row_of_messages
 from .decompression import DecompressionBudget
 from .record_check import CHECKED_KINDS, Payload, RecordCheck, Successor, Verdict, VERDICTS
 from .records import (
@@ -48,6 +48,8 @@ from .summary import Summary
 _MAX_NOTES, _MAX_LOSSES = 100, 1000
 # The zeros at the end of the fields of a record without content: a length, and a CRC [bytes].
 _EMPTY_TAIL: dict[int, int] = {Opcode.CHUNK: 8, Opcode.ATTACHMENT: 8 + 4, Opcode.METADATA: 4}
+# Minimum and maximum size of a block of messages outside of chunks [bytes].
+_MIN_BLOCK, _MAX_BLOCK = 4096, 1024 * 1024
 # Start of a chunk: opcode, length, first and last log time.
 _CHUNK_HEAD = struct.Struct('<BQQQ')
 _CUT_INDEX = struct.Struct('<QHI')
@@ -102,7 +104,8 @@ class RecordScan:
         self._summary = summary or Summary()
         self._budget = DecompressionBudget()
         self._check = RecordCheck(file, size, self._budget)
-        self._loose = LooseRecords(file)
+        # Of the next block of messages outside of chunks.
+        self._block_size = _MIN_BLOCK
         self._chunked = False
         self._data_end: RecordSpan | None = None
         self._next = len(MAGIC)
@@ -208,8 +211,10 @@ class RecordScan:
             self._lose_record(span, reason)
         elif span.opcode == Opcode.MESSAGE_INDEX:
             self._count_lost(span)
-        elif span.opcode == Opcode.MESSAGE or not is_known(span.opcode):
+        elif span.opcode == Opcode.MESSAGE:
             return self._read_loose(span)
+        elif not is_known(span.opcode):
+            self.unknown += 1
         else:
             self._lost = None
             if span.opcode in (Opcode.CHUNK, *DEFINITIONS):
@@ -243,18 +248,19 @@ class RecordScan:
         return not any(self._file.read(size + 1)) and self._summary.entry(span.offset).size != 0
 
     def _read_loose(self, span: RecordSpan) -> Content | None:
-        """Return a message outside of chunks and those behind it; skip unknown kinds."""
-        content: Content | None
-        until = self._summary.first_from(span.start) or self._size
-        block = self._loose.read(span.offset, min(until, self._size))
-        if block is not None:
-            content, self._next = block
-        elif span.opcode == Opcode.MESSAGE:
-            content = self._read(span)
+        """Return a message outside of chunks, and those behind it if there are enough."""
+        until = min(self._summary.first_from(span.start) or self._size, self._size)
+        self._file.seek(span.offset)
+        data = self._file.read(max(0, min(self._block_size, until - span.offset)))
+        row, end = row_of_messages(data)
+        is_useful = 2 * end > len(data)
+        self._block_size = min(4 * self._block_size, _MAX_BLOCK) if is_useful else _MIN_BLOCK
+        content: Content | None = row
+        if len(row):
+            self._next = span.offset + end
         else:
-            self.unknown += 1
-            return None
-        if content is not None and len(content):
+            content = self._read(span)
+        if content is not None:
             self._lost = None
         return content
 
