@@ -103,6 +103,16 @@ def test_damage_costs_only_the_chunks_that_it_touches(recovered, damage, compres
         assert '40 messages' in recovery.lost[0]
 
 
+def test_a_header_of_a_wrong_length_is_lost_alone(run_file) -> None:
+    data = bytearray(run_file.read_bytes())
+    set_length(data, spans_of(data, HEADER)[0][0], 2**40)
+    run_file.write_bytes(data)
+    messages, recovery = recovery_of(run_file.parent)
+    assert messages == MESSAGES
+    (lost,) = recovery.lost
+    assert 'the header should be' in lost
+
+
 def test_a_chunk_across_the_end_of_an_attachment_is_recovered(run_file) -> None:
     data = run_file.read_bytes()
     ((_, end),) = spans_of(data, ATTACHMENT)

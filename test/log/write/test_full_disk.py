@@ -36,7 +36,7 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
     if not can_mount(disk):
         pytest.skip('this machine cannot mount a tmpfs in a user namespace')
     put, counted, failure, whole = run_script(
-        HERE / 'full_disk.py', disk, 1_000_000, compression, least, before=UNSHARE
+        HERE / 'disk_faults.py', 'fill', disk, 1_000_000, compression, least, before=UNSHARE
     )
     assert whole
     assert reason in failure

@@ -235,7 +235,7 @@ def test_an_unwritable_metadata_yaml_at_the_end_is_reported(run) -> None:
 def test_files_without_read_permission_are_not_called_lost() -> None:
     # Below /tmp itself, which other users can enter.
     with tempfile.TemporaryDirectory() as folder:
-        found, written, before, errors = run_script(HERE / 'without_permission.py', folder)
+        found, written, before, errors = run_script(HERE / 'disk_faults.py', 'forbid', folder)
     assert (found, written) == (40, 40)
     assert before == []
     assert 'metadata.yaml cannot be written: Permission denied' in errors[0]
@@ -246,7 +246,7 @@ def test_a_run_on_an_unmounted_disk_is_whole_there_and_continues_elsewhere(tmp_p
     if not can_mount(tmp_path):
         pytest.skip('this machine cannot mount a tmpfs in a user namespace')
     on_disk, elsewhere, counts, errors = run_script(
-        HERE / 'unmounted_disk.py', tmp_path, before=UNSHARE
+        HERE / 'disk_faults.py', 'unmount', tmp_path, before=UNSHARE
     )
     # The message before the check is on the disk, but claimed nowhere.
     assert (on_disk, elsewhere, counts) == (11, 19, [19, 11])
