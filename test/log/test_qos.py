@@ -87,7 +87,7 @@ def test_no_profile_is_an_empty_text() -> None:
         ('- history: keep_last', 'depth is missing'),
         (NUMBERED.replace('depth: 5', 'depth: many'), "depth is 'many'"),
         (NUMBERED.replace('{sec: 1, nsec: 500}', '1'), 'not sec and nsec'),
-        ('[' * 1500, 'not YAML'),
+        ('[' * 200, 'not YAML'),
         ('- !!timestamp x', 'not YAML'),
         ('\x00', 'not YAML'),
     ],

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from enum import Enum
 import errno
 import os
 from pathlib import Path
@@ -208,27 +207,21 @@ def unfinished_runs(folder: Path) -> list[Path]:
     ]
 
 
-class _FileState(Enum):
-    UNFINISHED, IN_PROGRESS, OTHER = range(3)
-
-
 def _is_unfinished(run: Path) -> bool:
     try:
-        states = [_state(path) for path in run.glob('*.mcap') if not path.name.startswith('.')]
+        files = [path for path in run.glob('*.mcap') if not path.name.startswith('.')]
     except OSError:
         return False
+    in_progress = [_is_in_progress(path) for path in files]
     # A run in progress may have a file that was cut off.
-    return _FileState.UNFINISHED in states and _FileState.IN_PROGRESS not in states
+    return False in in_progress and True not in in_progress
 
 
-def _state(path: Path) -> _FileState:
-    try:
-        with open_regular(path) as file:
-            size = file.seek(0, 2)
-            file.seek(0)
-            is_mcap = file.read(len(MAGIC)) in (MAGIC, b'')
-            if not is_mcap or find_footer(file, size) is not None:
-                return _FileState.OTHER
-            return _FileState.IN_PROGRESS if is_being_written(file) else _FileState.UNFINISHED
-    except OSError:
-        return _FileState.OTHER
+def _is_in_progress(path: Path) -> bool | None:
+    """Return whether an MCAP file without an end is being written; None of any other file."""
+    with suppress(OSError), open_regular(path) as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        if file.read(len(MAGIC)) in (MAGIC, b'') and find_footer(file, size) is None:
+            return is_being_written(file)
+    return None

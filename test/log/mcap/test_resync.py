@@ -187,10 +187,20 @@ def test_messages_come_back_though_their_topic_is_described_only_behind_them(tmp
         assert {item.name for item in log.topics} == {topic.name}
 
 
-def test_of_two_descriptions_that_differ_the_one_under_a_crc_counts(run_file, tmp_path) -> None:
-    """The library writes them into the chunk, this package once more before it, without a CRC."""
-    data = run_file.read_bytes()
-    run_file.write_bytes(killed(data).replace(b'/crank_angle', b'/crank_bngle', 1))
+@pytest.mark.parametrize('place', ['before the chunk', 'in a summary'])
+def test_of_two_descriptions_that_differ_the_one_under_a_crc_counts(
+    run_file, tmp_path, place
+) -> None:
+    """The library writes them into the chunk; another one has no CRC."""
+    data = bytearray(run_file.read_bytes())
+    name = b'/crank_angle'
+    if place == 'in a summary':
+        data[-12:-8] = bytes(4)
+        data[data.rindex(name) + 7] ^= 1
+    else:
+        data = bytearray(killed(data))
+        data[data.index(name) + 7] ^= 1
+    run_file.write_bytes(data)
     recovery = recover(run_file, tmp_path / 'again')
     assert [*recovery.counts] == ['/crank_angle']
     assert any('described in 2 ways' in remark for remark in recovery.remarks)

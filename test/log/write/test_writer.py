@@ -186,7 +186,7 @@ from crank_runs import make_messages
 from klann_ros.log.write.writer import RunWriter
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 writer = RunWriter({folder!r}, compression='none')
-messages = make_messages(100_000)
+messages = make_messages(5000)
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
 flushed = 0
 error = None
