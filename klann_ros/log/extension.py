@@ -210,7 +210,7 @@ class _Extension:
 
     def _register(self, messages: Sequence[TopicMessages]) -> bytes:
         """Assign numbers behind the file's own; return the schemas and channels."""
-        topics = self._summary.channels.topics()
+        topics = self._summary.channels.topics().values()
         known = {topic.name for topic in topics}
         known_types = {each.type: each for each in topics if each.message_encoding == 'cdr'}
         schemas = (_number(record) for record in self._groups[Opcode.SCHEMA])

@@ -55,13 +55,6 @@ class Channels:
         for opcode, content in chunk.definitions():
             self.add(opcode, content, offset, verified=chunk.verified)
 
-    def update(self, other: 'Channels') -> None:
-        """Add all versions of another table of the same file."""
-        self._schemas.update(other._schemas)  # noqa: SLF001 - its own kind
-        self._channels.update(other._channels)  # noqa: SLF001 - as above
-        self._topics.clear()
-        self._texts.clear()
-
     def topic(self, channel: int) -> Topic | None:
         """Return the topic of a channel; None while its record or its schema is unknown."""
         if channel not in self._topics:
@@ -72,9 +65,10 @@ class Channels:
         """Return the known channels in the order of the file."""
         return list(self._channels.best)
 
-    def topics(self) -> list[Topic]:
-        """Return the known topics."""
-        return [topic for topic in map(self.topic, self.numbers()) if topic is not None]
+    def topics(self) -> dict[int, Topic]:
+        """Return the known topics by channel, in the order of the file."""
+        found = {number: self.topic(number) for number in self.numbers()}
+        return {number: topic for number, topic in found.items() if topic is not None}
 
     def _make_topic(self, number: int) -> Topic | None:
         channel = self._channels.get(number)
@@ -135,11 +129,6 @@ class _Definitions:
             return None
         self.best[number] = content
         return number
-
-    def update(self, other: '_Definitions') -> None:
-        for versions in other._versions.values():  # noqa: SLF001 - its own kind
-            for content, (verified, _) in versions.items():
-                self.add(content, 0, verified=verified)
 
     def get(self, number: int) -> Any:
         content = self.best.get(number)

@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property, partial
 import heapq
 from itertools import accumulate
@@ -46,6 +47,19 @@ _SMALL_CHUNK = 1024 * 1024
 _WAITING_COST = 200
 
 
+@dataclass(frozen=True)
+class _Survey:
+    """What a pass over the whole file finds."""
+
+    overview: Overview
+    # By channel.
+    topics: dict[int, Topic]
+    # For each part of a pass the earliest log time in all later parts [ns].
+    later_starts: NDArray[np.uint64]
+    # Size of the largest part [bytes].
+    largest: int
+
+
 class McapStorage:
     """
     An MCAP file; see :class:`~klann_ros.log.read.storage.Storage`.
@@ -63,11 +77,6 @@ class McapStorage:
         self.remarks: list[str] = []
         self.summary = Summary()
         self.profile = ''
-        self._channels: Channels | None = None
-        # Found by a survey: the earliest log time of each part of a pass, and the size of the
-        # largest part [bytes].
-        self._starts: array[int] | None = None
-        self._largest = 0
         self._budget = DecompressionBudget()
         # Offsets of chunks that are not unpacked again.
         self._damaged: set[int] = set()
@@ -158,45 +167,45 @@ class McapStorage:
             statistics = summary.statistics
             times = (statistics.message_start_time, statistics.message_end_time)
             return Overview(
-                summary.channels.topics(),
+                list(summary.channels.topics().values()),
                 times if statistics.message_count else None,
                 summary.metadata,
                 summary.attachments,
             )
-        return self.survey()
+        return self._survey.overview
 
-    def survey(self) -> Overview:
-        """Return the content by a pass over the whole file, which also finds all channels."""
-        channels = Channels()
-        channels.update(self.summary.channels)
-        first, last = _NEVER, -1
+    @cached_property
+    def _survey(self) -> _Survey:
+        """Make a pass over the whole file: a channel record may follow its messages."""
+        channels = self.summary.channels
+        last, largest = -1, 0
         starts = array('Q')
         with self.open() as file:
             scan = self.scan(file, channels)
             for _, content in scan.contents():
-                self._largest = max(self._largest, len(content.data))
+                largest = max(largest, len(content.data))
                 times = block_of(content, {}).heads['log_time']
                 starts.append(int(times.min()) if len(times) else _NEVER - 1)
-                first = min(first, starts[-1])
                 last = max(last, int(times.max()) if len(times) else last)
             self._note_losses(scan)
-        self._channels = channels
-        self.__dict__.pop('_topics', None)
-        self._starts = starts
         for text in channels.contradictions:
             self.problems.note_whole(text)
-        return Overview(
-            channels.topics(),
-            (first, last) if last >= 0 else None,
+        topics = channels.topics()
+        overview = Overview(
+            list(topics.values()),
+            (min(starts), last) if last >= 0 else None,
             [span.offset for span in scan.metadata],
             [span.offset for span in scan.attachments],
         )
+        ends = np.array([*starts, _NEVER - 1], dtype=np.uint64)
+        return _Survey(overview, topics, np.minimum.accumulate(ends[::-1])[::-1][1:], largest)
 
-    def channels(self) -> Channels:
-        """Return the channels of the whole file: a channel record may follow its messages."""
-        if self._channels is None and not self.summary.is_index:
-            self.survey()
-        return self._channels or self.summary.channels
+    @cached_property
+    def _topics(self) -> dict[int, Topic]:
+        """Return the known topics of the whole file by channel."""
+        # Chunks with a CRC may contradict a summary without one.
+        is_trusted = self.summary.is_index and self.summary.verified
+        return self.summary.channels.topics() if is_trusted else self._survey.topics
 
     def _parsed_at(
         self, offset: int, opcode: Opcode, parse_one: Callable[[bytes, int], Parsed]
@@ -252,13 +261,6 @@ class McapStorage:
         elif overview.times is not None:
             yield Source(*overview.times, self._all_messages)
 
-    @cached_property
-    def _topics(self) -> dict[int, Topic]:
-        """Return the known topics of the whole file by channel."""
-        channels = self.channels()
-        found = {number: channels.topic(number) for number in channels.numbers()}
-        return {number: topic for number, topic in found.items() if topic is not None}
-
     def _by_time(self, offset: int, block: MessageBlock, names: Topics) -> Iterator[Message]:
         """Yield the messages of a chunk; unknown channels are noted as a problem."""
         for number in sorted(block.channels - self._topics.keys()):
@@ -283,7 +285,7 @@ class McapStorage:
         """Yield a chunk's messages ordered by log time; none if it is damaged."""
         numbers, offset = chunk.message_index_offsets, chunk.chunk_start_offset
         if topics is not None and numbers:
-            found = map(self.summary.channels.topic, numbers)
+            found = map(self._topics.get, numbers)
             if not any(topic is not None and topic.name in topics for topic in found):
                 return
         content = self._chunk_at(offset)
@@ -315,14 +317,14 @@ class McapStorage:
         A message waits in a heap until no later part of the file starts before it. The heap is
         bounded: beyond that the earliest is yielded, though an earlier one follows.
         """
-        bounds, number = self._later_starts(), 0
+        bounds, number = self._survey.later_starts, 0
         waiting: list[tuple[int, int, Message]] = []
         # Two of the largest parts fit, as where they are merged by an index.
-        size, limit = 0, max(MIN_LIMIT, MAX_RATIO * self.size, 2 * self._largest)
+        size, limit = 0, max(MIN_LIMIT, MAX_RATIO * self.size, 2 * self._survey.largest)
         with self.open() as file:
             scan = self.scan(file)
             for position, (offset, content) in enumerate(scan.contents()):
-                bound = bounds[position] if position < len(bounds) else _NEVER
+                bound = int(bounds[position]) if position < len(bounds) else _NEVER
                 block = block_of(content, self._topics)
                 for message in self._by_time(offset, block, topics):
                     if not waiting and message.log_time <= bound:
@@ -339,19 +341,8 @@ class McapStorage:
         while waiting:
             yield heapq.heappop(waiting)[2]
 
-    def _later_starts(self) -> NDArray[np.uint64]:
-        """Return for each part of a pass the earliest log time in all later parts [ns]."""
-        if self._starts is None:
-            self.survey()
-        starts = np.array([*(self._starts or ()), _NEVER - 1], dtype=np.uint64)
-        later: NDArray[np.uint64] = np.minimum.accumulate(starts[::-1])[::-1][1:]
-        return later
-
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages chunk by chunk in the order of the file, with their offsets."""
-        if self._channels is None and not (self.summary.is_index and self.summary.verified):
-            # Chunks with a CRC may contradict a summary without one.
-            self.survey()
         known, count = self._topics, ContentCount()
         others = unverified = 0
         with self.open() as file:
