@@ -79,7 +79,8 @@ class MessageBlock:
                     wanted[channel] = topic if is_wanted else None
                 topic = wanted[channel]
                 if topic is not None:
-                    content = data[start : start + length - _HEAD_LENGTH].tobytes()
+                    end = start + length - _HEAD_LENGTH
+                    content = data[start:end].tobytes()
                     yield Message(topic, content, log_time, publish_time, sequence)
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
