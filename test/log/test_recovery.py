@@ -4,6 +4,7 @@ import errno
 import hashlib
 from pathlib import Path
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -119,6 +120,16 @@ def test_the_first_chunk_of_a_killed_run_takes_no_other_with_it(run_file, recove
     run_file.write_bytes(killed(data))
     code, messages, _ = recovered(run_file.parent)
     assert (code, messages) == (3, all_but(0))
+
+
+def test_messages_that_only_the_statistics_have_are_lost(run_file, recovered) -> None:
+    data = bytearray(run_file.read_bytes())
+    struct.pack_into('<Q', data, spans_of(data, 0x0B)[0][0] + 9, 241)
+    data[-12:-8] = bytes(4)
+    run_file.write_bytes(data)
+    code, messages, text = recovered(run_file.parent)
+    assert (code, messages) == (3, MESSAGES)
+    assert 'lost: walk_0.mcap: the statistics count 241 messages, there are 240' in text
 
 
 def test_cut_anywhere_all_intact_chunks_are_read_and_come_back(run_file, tmp_path, capsys) -> None:
