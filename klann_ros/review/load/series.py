@@ -18,7 +18,7 @@ from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.review.model.recording import WalkRecording
 from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
-from klann_ros.sanitize.cdr import CdrCursor, STAMP_SIZE
+from klann_ros.sanitize.cdr import CdrCursor
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
@@ -222,8 +222,7 @@ class IterationCollector:
 def _iterations(data: bytes) -> Iterator[tuple[str, float]]:
     """Yield the statuses of a DiagnosticArray that have iterations, by name."""
     cursor = CdrCursor(data)
-    cursor.skip(STAMP_SIZE)
-    cursor.string()
+    cursor.header()
     for _ in range(cursor.length()):
         cursor.skip(1)
         name, _, _ = (cursor.string() for _ in range(3))
