@@ -9,7 +9,7 @@ from klann_ros.robot import robot_of
 from measured_robots import crank_topic, DRAWN, points_topic, Robot, write_run
 import pytest
 
-ROBOT = Robot(count=400, period=0.0125)
+ROBOT = Robot(count=200, period=0.025)
 SEM = robot_of('sem104')
 
 
@@ -40,5 +40,5 @@ def test_a_leg_that_was_built_otherwise_is_found(tmp_path: Path) -> None:
     ],
 )
 def test_no_other_points_are_a_finding(tmp_path: Path, topics: dict[str, Any]) -> None:
-    robot = ROBOT if topics else Robot(DRAWN, phase=0.0, count=400, period=0.0125)
+    robot = ROBOT if topics else Robot(DRAWN, phase=0.0, count=200, period=0.025)
     assert 'dimensions' not in checks(review_run(_run(tmp_path, robot, **topics), robot=SEM))
