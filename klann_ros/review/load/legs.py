@@ -24,7 +24,7 @@ from .decode import (
     TopicReader,
 )
 from .geometry import leg_solvers, parent, published_legs, REFERENCE, reference_leg
-from .series import GrowingArray, POSES, SeriesColumns
+from .series import GrowingArray, ODOMETRY_TOPICS, SeriesColumns
 
 LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
 # Key of crank_angle, the input of all legs, among the joints.
@@ -138,7 +138,7 @@ class LegCollector:
 
     def _reader(self, topic: Topic) -> TopicReader | None:
         if topic not in self._readers:
-            is_pose = topic.type == ODOMETRY and topic.name.rpartition('/')[2] in POSES
+            is_pose = topic.type == ODOMETRY and topic.name.rpartition('/')[2] in ODOMETRY_TOPICS
             is_read = is_pose or is_leg_topic(topic)
             self._readers[topic] = TopicReader(topic) if is_read else None
         return self._readers[topic]

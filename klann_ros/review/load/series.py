@@ -128,7 +128,7 @@ class PointCollector:
 
 STATE = 'crank_state'
 # Names of odometry and ground truth.
-POSES = ('odom', 'ground_truth')
+ODOMETRY_TOPICS = ('odom', 'ground_truth')
 
 
 class WalkCollector:
@@ -168,7 +168,7 @@ class WalkCollector:
                 {joint: s for (*at, joint), s in cranks.items() if at == [space, name]}
                 for name in (COMMAND, STATE)
             )
-            odometry, truth = (poses.get((space, name), no_series(3)) for name in POSES)
+            odometry, truth = (poses.get((space, name), no_series(3)) for name in ODOMETRY_TOPICS)
             yield WalkRecording(space, odometry, truth, commands, states)
 
 
