@@ -257,7 +257,7 @@ class Probe:
 
 
 class RecorderReports:
-    """The diagnostics of a recorder, once a second: its own counters of each topic."""
+    """The diagnostics of a recorder: its own counters of each topic."""
 
     def __init__(self, probe: Probe) -> None:
         self._probe = probe
@@ -304,7 +304,13 @@ class Domain:
         self._processes: list[Process] = []
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
-        """Start an executable with parameters; arguments may end with some for ROS."""
+        """
+        Start an executable with parameters; arguments may end with some for ROS.
+
+        A recorder reports ten times a second: most tests wait for its counters.
+        """
+        if name == 'recorder_node' and 'output' in parameters:
+            parameters = {'diagnostics_period': 0.1, **parameters}
         given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
         ros = ['--ros-args'] if given and '--ros-args' not in arguments else []
         return self.start_by([], name, *arguments, *ros, *given)

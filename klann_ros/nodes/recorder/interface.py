@@ -77,13 +77,13 @@ RECORDER_PARAMETERS = (
         'memory limit of the messages before a cause [bytes]',
         limits=(1_000_000, 2**40),
     ),
+    number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
 SERVICES = """Services (std_srvs/srv/Trigger):
   ~/split: finish the file and begin a new one, whose name is the response
   ~/pause: skip messages from now on; the run contains the time and their number
   ~/resume: record again
   ~/trigger: with pre_trigger, record an event now; the response is its run"""
-_REPORT_PERIOD = 1.0
 # Shutdown timeout for the last report [s].
 _FLUSH_TIMEOUT = 1.0
 # Own reports that may still arrive at the recorder's own subscription.
@@ -105,9 +105,9 @@ class RecordingDiagnostics:
         """Add a status to each report."""
         self._statuses.append(status)
 
-    def start(self, state: Callable[[], RecordingState]) -> None:
-        """Report the state once a second."""
-        create_steady_timer(self._node, _REPORT_PERIOD, lambda: self.report(state()))
+    def start(self, period: float, state: Callable[[], RecordingState]) -> None:
+        """Report the state once in a period [s]."""
+        create_steady_timer(self._node, period, lambda: self.report(state()))
 
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""

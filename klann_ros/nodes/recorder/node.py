@@ -77,7 +77,7 @@ class RecorderNode(ProcessNode):
             diagnostics=self._diagnostics,
             on_stall=self._on_stall,
         )
-        self._diagnostics.start(self._recording.state)
+        self._diagnostics.start(values['diagnostics_period'], self._recording.state)
         create_trigger(self, 'split', self._recording.split)
         create_trigger(self, 'pause', self._pause)
         create_trigger(self, 'resume', self._resume)

@@ -82,6 +82,8 @@ def split_and_paused(module_ros: Domain) -> dict[str, Any]:
     seen['second'] = recording.split()
     recording.publish()
     recording.until_value(f'{TOPIC} written', 400)
+    # A report may fall between the file's name and its counters.
+    recording.until_value('file', recording.folder / 'run_2.mcap')
     seen['status'], seen['values'] = recording.statuses[-1].status[0], recording.values()
     seen['code'] = recording.process.stop(signal.SIGHUP)
     seen['errors'] = recording.process.errors
