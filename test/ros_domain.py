@@ -274,7 +274,11 @@ class RecorderReports:
 
     def count(self, key: str) -> int:
         """Return the last value of a key, such as `/crank_angle received`."""
-        return int(next((values[key] for values in self.values()[-1:] if key in values), 0))
+        for array in reversed(self._arrays):
+            for status in array.status:
+                if status.name.endswith(': recording'):
+                    return int(next((v.value for v in status.values if v.key == key), 0))
+        return 0
 
     def until(self, key: str, count: int) -> None:
         """Wait until a key has reached a count."""

@@ -84,8 +84,9 @@ class Scene:
         judged = 'judge' in parameters or 'pre_trigger' in parameters
         limits = {'judge_limits': self.limits} if judged else {}
         named = ('--ros-args', '-r', f'__node:={name}')
-        output = self.ros.folder / name
-        return self.ros.start('recorder_node', *named, output=output, **limits, **parameters)
+        # The counters are those of the last report: each recorder in turn, at the usual rate.
+        given = {'output': self.ros.folder / name, 'diagnostics_period': 1.0, **limits}
+        return self.ros.start('recorder_node', *named, **given, **parameters)
 
     def hear(self, count: int) -> None:
         """Wait until the recorders have received more messages of the leg, and of the walker."""
