@@ -113,8 +113,8 @@ ROCKING_ERROR = 0.4
 # carry the body, seen from above, beyond which they cannot [m].
 CHECK_PERIOD, MAX_OUTSIDE = 0.1, 0.01
 STATES = 9
-# Sigma points of a normal distribution in one dimension, and their weights: with more of them the
-# covariance of a circle changes by less than a hundredth.
+# Sigma points of a normal distribution in one dimension, and their weights: with nine of them the
+# standard deviations in a circle change by 3 % at most.
 SIGMA_POINTS, SIGMA_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 GYRO_BIAS, ACCEL_BIAS = 6, slice(7, 9)
 # The yaw and its drift, which a gyro measures.
