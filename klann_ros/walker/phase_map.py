@@ -19,8 +19,10 @@ turning, the rest for walking on. On the spot p stays at the greatest G; walking
 the drift of the body.
 """
 
+from collections.abc import Sequence
 from itertools import combinations
 from math import floor
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
@@ -164,12 +166,12 @@ class TurnPlan:
         effective = float((share * gain).mean())
         # The part of q' that is needed where turning is effective.
         self._part = float(yaw.mean()) / effective
-        self._turning = _Circle(share * self._part)
-        self._time = _Circle(share * gain / effective)
+        self._turning = (share * self._part).tolist()
+        self._time = (share * gain / effective).tolist()
         ratio = smooth / np.maximum(gain, np.finfo(float).tiny)[:, None]
-        self._boost = _Torus(1.0 / np.maximum(ratio, MIN_RATIO))
+        self._boost = (1.0 / np.maximum(ratio, MIN_RATIO)).tolist()
         steps = _low_pass(speed) / speed.mean()
-        self._step = _Torus(1.0 + STEP_SWING * (steps - steps.mean(axis=1)[:, None]))
+        self._step = (1.0 + STEP_SWING * (steps - steps.mean(axis=1)[:, None])).tolist()
         is_peak = (gain >= np.roll(gain, 1)) & (gain > np.roll(gain, -1))
         peaks = np.flatnonzero(is_peak & (gain >= PEAK_RATIO * gain.max()))
         self._peaks: list[float] = ((peaks + 0.5) * (TURN / self._count)).tolist()
@@ -194,13 +196,13 @@ class TurnPlan:
             return walking, 0.0
         effective = abs(turning) * self._part
         share = 1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (PASSING_RATE * effective))
-        time = max(MIN_DENSITY, 1.0 + share * (self._time.at(p) - 1.0))
-        turns = turning * self._turning.at(p) * self._boost.at(p, q) / time
+        time = max(MIN_DENSITY, 1.0 + share * (_interpolated(self._time, p) - 1.0))
+        turns = turning * _interpolated(self._turning, p) * _interpolated(self._boost, p, q) / time
         if not on_spot:
             return walking / time, turns
         most = SEEKING_RATE * effective
         # Walking in phases in which a step is long, and back where it is short.
-        walks = _clip(walking * self._step.at(p, q), HOLD_SHARE * most)
+        walks = _clip(walking * _interpolated(self._step, p, q), HOLD_SHARE * most)
         away = min((_wrapped(peak - p) for peak in self._peaks), key=abs)
         return walks + most * _clip(away / SEEKING_RANGE, 1.0), turns
 
@@ -270,34 +272,14 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], dtype=np.float64)
 
 
-class _Circle:
-    """Linear interpolation of a periodic function, given in the middles of equal intervals."""
-
-    def __init__(self, values: Array) -> None:
-        self._values, self._count = values.tolist(), len(values)
-
-    def at(self, angle: float) -> float:
-        low, high, part = _between(angle, self._count)
-        a, b = float(self._values[low]), float(self._values[high])
-        return a + part * (b - a)
-
-
-class _Torus:
-    """Bilinear interpolation of a function of two angles, likewise."""
-
-    def __init__(self, values: Array) -> None:
-        self._rows = [_Circle(row) for row in values]
-
-    def at(self, p: float, q: float) -> float:
-        low, high, part = _between(p, len(self._rows))
-        a = self._rows[low].at(q)
-        return a + part * (self._rows[high].at(q) - a)
-
-
-def _between(angle: float, count: int) -> tuple[int, int, float]:
-    at = angle / TURN * count - 0.5
+def _interpolated(values: Sequence[Any], angle: float, *others: float) -> float:
+    """Return a periodic function of angles, given in the middles of equal intervals of each."""
+    at = angle / TURN * len(values) - 0.5
     low = floor(at)
-    return low % count, (low + 1) % count, at - low
+    a, b = values[low % len(values)], values[(low + 1) % len(values)]
+    if others:
+        a, b = _interpolated(a, *others), _interpolated(b, *others)
+    return float(a + (at - low) * (b - a))
 
 
 def _low_pass(values: Array) -> Array:
