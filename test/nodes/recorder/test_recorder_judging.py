@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 
 RATE = 100.0
 # Recorded before and after an event [s].
-PRE_TRIGGER, POST_TRIGGER = 0.5, 0.5
+PRE_TRIGGER, POST_TRIGGER = 1.0, 0.5
 # Longer than a busy machine holds messages up: only what is stopped here is a gap.
 LIMITS = 'gap_time: 1.5\nlatency: 3.0\n'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
