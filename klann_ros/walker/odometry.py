@@ -38,6 +38,9 @@ sigma points of each (S. J. Julier, J. K. Uhlmann, Unscented filtering and nonli
 2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as well), and
 c_4 is not used.
 
+Where a measured attitude contradicts the feet that the model stands on (a body that rocks, jumps
+or stands on others), K is divided by the normalised square of that innovation.
+
 With a gyro the yaw and its bias are consider parameters of the slip's update: errors of the
 contact model last, so they would be learned as drift.
 
@@ -250,6 +253,10 @@ class Odometry:
         self._turned = np.zeros(len(self._weights))
         self._attitude: tuple[float, float] | None = None
         self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
+        # Weight of the contact model: less where the measured attitude contradicts its feet.
+        self._contact_weight = 1.0
+        # Mean size of the measured horizontal acceleration [m/s^2].
+        self._shaking = 0.0
         self.support_violation, self._next_check = 0.0, 0.0
         # Of the centre of mass above the ground [m].
         self._height = 0.0
@@ -340,6 +347,7 @@ class Odometry:
         taken = self._imu.take(seconds)
         if taken is not None:
             self._calibrate(taken, rates, seconds)
+            self._check_shaking(taken, seconds)
         for k in range(1, steps + 1):
             at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
             self._follow(at, taken, seconds / steps, 1.0 / steps)
@@ -444,6 +452,10 @@ class Odometry:
         away, variance = complex(pitch, -roll) - self._slope / GRAVITY, self.noise.tilt_error**2
         square = abs(away) ** 2 / (2.0 * variance)
         self._tilt_square += dt / SLOPE_TIME * (square - self._tilt_square)
+        # A body that rocks, jumps or stands on other feet measures no slope.
+        self._contact_weight = 1.0 / max(1.0, square)
+        if self._slope_time > SLOPE_TIME / 4.0:
+            share *= self._contact_weight
         self._slope += share * (GRAVITY * complex(sin(pitch), -sin(roll)) - self._slope)
 
     def _check_support(
@@ -517,10 +529,12 @@ class Odometry:
             c, e, f = 0.0, 0.0, 1.0 / MEASURED_YAW
         information = inverse((a, b, c, d, e, f))
         has_slope = self._push is not None
-        force = has_slope * weight / (self.noise.friction * GRAVITY) * self._slope
+        # With an accelerometer, which measures the motion without the feet.
+        held = weight * self._contact_weight if has_slope else weight
+        force = has_slope * held / (self.noise.friction * GRAVITY) * self._slope
         vx, vy, w = self._state[3:6].tolist()
         prior = MotionPrior(complex(vx, vy), w, information, force)
-        feet = [foot._replace(load=weight * foot.load) for foot in standing]
+        feet = [foot._replace(load=held * foot.load) for foot in standing]
         found = minimize_slip(feet, STICTION_SPEED, prior)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
@@ -540,12 +554,24 @@ class Odometry:
         square = self.innovation**2 - self._innovation_square
         self._innovation_square += dt / SLOPE_TIME * square
         if self.innovation > INNOVATION_GATE:
-            self.calibration.reject()
-            self._innovation = 0j
-            self._state[ACCEL_BIAS] = 0.0
-            p = self._covariance
-            p[ACCEL_BIAS] = p[:, ACCEL_BIAS] = 0.0
-            p[7, 7] = p[8, 8] = self.noise.accelerometer_bias**2
+            self._reject_accelerometer()
+
+    def _check_shaking(self, taken: ImuIncrement, seconds: float) -> None:
+        """Reject an accelerometer that measures for a second what no feet can do."""
+        if taken.delta_velocity is None or not taken.span or not self.calibration.is_usable:
+            return
+        size = hypot(*taken.delta_velocity[:2]) / taken.span
+        self._shaking += min(1.0, seconds / INNOVATION_TIME) * (size - self._shaking)
+        if self._shaking > GRAVITY:
+            self._reject_accelerometer()
+
+    def _reject_accelerometer(self) -> None:
+        self.calibration.reject()
+        self._innovation, self._shaking = 0j, 0.0
+        self._state[ACCEL_BIAS] = 0.0
+        p = self._covariance
+        p[ACCEL_BIAS] = p[:, ACCEL_BIAS] = 0.0
+        p[7, 7] = p[8, 8] = self.noise.accelerometer_bias**2
 
     def _move(self, standing: Sequence[FootMotion], dt: float) -> None:
         """Move the pose by the velocity, and its covariance by the errors of the contact model."""

@@ -1,7 +1,7 @@
 """What an IMU measures between two readings of the cranks, and which accelerometer is rejected."""
 
 from collections.abc import Iterator
-from math import cos, inf, nan, sin
+from math import cos, hypot, inf, nan, pi, sin
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
@@ -200,7 +200,7 @@ def walked(feet: Feet, forces: Iterator[Triple]) -> tuple[Odometry, float, float
     return odometry, at.x, at.y
 
 
-@pytest.mark.parametrize('spread', [0.0, 3.0, 30.0])
+@pytest.mark.parametrize('spread', [0.0, 3.0, 30.0, 60.0])
 def test_an_accelerometer_that_the_feet_contradict_is_rejected(
     two_motors: Feet, spread: float
 ) -> None:
@@ -219,3 +219,19 @@ def test_an_accelerometer_that_the_feet_contradict_is_rejected(
     # It takes half a second, in which noise like that is worth 1 m/s.
     assert x == pytest.approx(alone, abs=0.7)
     assert abs(y) < 0.7
+
+
+def test_a_body_that_rocks_beside_its_feet_moves_as_its_accelerometer(two_motors: Feet) -> None:
+    odometry = Odometry(two_motors)
+    for k in range(500):
+        # It stands for 4 s. Then its cranks turn, but it rocks by 0.3 rad where it is.
+        phase = max(0.0, 2.0 * pi * (PERIOD * k - 4.0))
+        attitude = 0.15 * (1.0 - cos(phase)), 0.0
+        rocking = 0.3 * pi * sin(phase), 0.0
+        force = specific_force(*attitude, (0.0, 0.0))
+        odometry.imu(ImuReading(0.0, 0.0, PERIOD * k, attitude, rocking, force))
+        angle, rate = (phase / 6.0, pi / 3.0) if phase else (0.0, 0.0)
+        at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
+    assert odometry.accelerometer_state == 'used'
+    # The feet alone went 0.15 m.
+    assert hypot(at.x, at.y) < 0.08
