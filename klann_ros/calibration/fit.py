@@ -76,7 +76,7 @@ class SeriesFit(NamedTuple):
 
     @property
     def noise(self) -> float:
-        """Return the standard deviation of the residuals of what was used [m, rad]."""
+        """Return the standard deviation of the used residuals [m, rad]."""
         return float(np.sqrt(np.mean(self.after[self.inliers] ** 2)))
 
 
@@ -97,7 +97,7 @@ class Calibration:
     covariance : numpy.ndarray
         Of the parameters, in their units; of unobservable combinations that of a workshop.
     observability : Observability
-        What is observable by the measurements.
+        The combinations that the measurements observe.
     series : tuple of SeriesFit
         The residuals.
     crank_noise : float
@@ -395,7 +395,7 @@ class _Problem:
         """Return the calibration that holds unobservable combinations near the start."""
         held = 0
         for turn in range(MAX_ROUNDS):
-            # What is held near the solution stays so: nearer the drawing it may seem observable.
+            # A combination that is held stays held: nearer the drawing it may seem observable.
             least = held if turn > 1 else 0
             lost = observability(self._evidence(fit).root, self._model, least).lost
             fit = fit._replace(y=self._minimized(fit, self._held(lost)))
@@ -485,7 +485,7 @@ class _Problem:
         stacked = np.vstack([evidence.root, self._held(lost)])
         spread = np.linalg.inv(np.linalg.qr(stacked, mode='r'))
         covariance: FloatArray = spread @ spread.T
-        # What is curved in the measurements of other legs within these errors moves the solution.
+        # The curvature of the measurements of other legs within these errors moves the solution.
         draws = np.random.default_rng(0).standard_normal((CURVATURE_DRAWS, len(spread)))
         steps, moves = draws @ spread.T, np.empty_like(draws)
         for n, step in enumerate(steps):
@@ -495,7 +495,7 @@ class _Problem:
         return covariance + moves.T @ moves / CURVATURE_DRAWS
 
     def result(self, fit: _Fit, held: int = 0) -> Calibration:
-        """Return the calibration; at least so many combinations are held."""
+        """Return the calibration; `held` combinations are held near the drawing."""
         model, rows, evidence = self._model, self._rows(fit.y), self._evidence(fit)
         verdict = observability(evidence.root, model, held)
         covariance = self._covariance(fit, evidence, verdict.lost)

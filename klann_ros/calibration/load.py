@@ -63,7 +63,7 @@ class Reading(NamedTuple):
 
 
 def readings(kind: str, data: bytes) -> Iterator[Reading]:
-    """Yield what is measured in a message; a ValueError or a struct.error if it is malformed."""
+    """Yield the measurements of a message; a ValueError or a struct.error if it is malformed."""
     cursor = CdrCursor(data)
     if kind == FLOAT:
         yield Reading('', 0, cursor.numbers('d', 1))

@@ -73,7 +73,7 @@ def observability(jacobian: FloatArray, model: MeasurementModel, least: int = 0)
     """
     Return the verdict for the derivatives of whitened measurements by parameters in units.
 
-    At least so many combinations are unobservable as `least`, those that are seen worst.
+    At least `least` combinations are unobservable: those that are seen worst.
     """
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=False)
     seen = (sizes > 1.0 / MAX_ERROR) & (sizes > ROUNDING * sizes[0])

@@ -103,7 +103,7 @@ def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) ->
 
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:
-    """Return the calibration as JSON data, in SI units; null for what is not observable."""
+    """Return the calibration as JSON data, in SI units; null for an unobservable number."""
     model, observed = calibration.model, calibration.observability
     known = np.where(np.isfinite(calibration.standard_errors), calibration.values, np.nan)
     deviations = calibration.standard_errors / model.units

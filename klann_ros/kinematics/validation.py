@@ -65,7 +65,7 @@ def bend(name: str, angle: float) -> None:
 
 
 def signs(assembly: Any, count: int) -> tuple[int, ...]:
-    """Return an assembly mode as a tuple; a GeometryError unless it is so many signs, +1 or -1."""
+    """Return an assembly mode as a tuple; a GeometryError unless all `count` are +1 or -1."""
     try:
         # By place, since a set has no first.
         found = tuple(int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1))
