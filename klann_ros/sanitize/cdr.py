@@ -91,8 +91,7 @@ class CdrCursor:
 
 def read_joint_state(cursor: CdrCursor) -> tuple[list[bytes], list[tuple[int, int]]]:
     """Read a sensor_msgs/JointState: its names, and the `doubles` of its three sequences."""
-    cursor.skip(STAMP_SIZE)
-    cursor.string()
+    cursor.header()
     return cursor.strings(), [cursor.doubles() for _ in range(3)]
 
 

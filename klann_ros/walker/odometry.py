@@ -104,6 +104,8 @@ ENCODER_FILTER_TIME, ENCODER_GATE = 0.3, 0.1
 # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
 # between the feet, the slope, and the mean innovation [s].
 TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
+# Time after which the slope is known well enough to contradict the feet [s].
+SLOPE_SETTLING_TIME = SLOPE_TIME / 4.0
 # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its root
 # mean square where the contact model holds, beyond which the errors of the model grow with it.
 INNOVATION_GATE, USUAL_INNOVATION = 0.25, 0.03
@@ -391,7 +393,7 @@ class Odometry:
         column = self._covariance[:, index].copy()
         gain = column / (column[index] + variance)
         self._covariance -= gain[:, None] * column
-        self._state += gain[:STATES] * (measured - self._state[index])
+        self._state += gain * (measured - self._state[index])
 
     def _follow(
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
@@ -454,7 +456,7 @@ class Odometry:
         self._tilt_square += dt / SLOPE_TIME * (square - self._tilt_square)
         # A body that rocks, jumps or stands on other feet measures no slope.
         self._contact_weight = 1.0 / max(1.0, square)
-        if self._slope_time > SLOPE_TIME / 4.0:
+        if self._slope_time > SLOPE_SETTLING_TIME:
             share *= self._contact_weight
         self._slope += share * (GRAVITY * complex(sin(pitch), -sin(roll)) - self._slope)
 
@@ -463,7 +465,7 @@ class Odometry:
     ) -> None:
         """Learn for which part of the time it lies on feet that cannot carry it."""
         self._next_check -= dt
-        if self._next_check > 0.0 or self._slope_time < SLOPE_TIME / 4.0:
+        if self._next_check > 0.0 or self._slope_time < SLOPE_SETTLING_TIME:
             return
         self._next_check = CHECK_PERIOD
         level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
@@ -541,7 +543,7 @@ class Odometry:
         gain = p[:, seen].dot(inverse_prior)
         saved = self._state[GYRO_STATES], p[GYRO_BLOCK]
         p -= gain.dot(p[seen, seen] - _square(found.covariance, size)).dot(gain.T)
-        self._state += gain.dot(by)[:STATES]
+        self._state += gain.dot(by)
         if size == 2:
             self._state[GYRO_STATES], p[GYRO_BLOCK] = saved
         self._slip = found.slid / weight
