@@ -26,9 +26,10 @@ from pathlib import Path
 import tempfile
 from typing import NamedTuple
 
+from klann_ros.gait import Feet
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import open_log
-from klann_ros.walker import Feet, imu_reading, Odometry
+from klann_ros.walker import imu_reading, Odometry
 import numpy as np
 from numpy.typing import NDArray
 from support.aims import SMOKE

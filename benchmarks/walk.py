@@ -17,17 +17,10 @@ from math import atan2, cos, degrees, hypot, pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
+from klann_ros.gait import Feet, Rates, Steering
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walker import (
-    ControllerSettings,
-    Feet,
-    imu_reading,
-    MotionLimits,
-    Rates,
-    Steering,
-    Walker,
-)
+from klann_ros.walker import ControllerSettings, imu_reading, MotionLimits, Walker
 import numpy as np
 from support.aims import SMOKE
 

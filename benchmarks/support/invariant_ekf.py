@@ -11,9 +11,9 @@ feet, which are constant but for noise.
 from math import atan2
 
 from klann_ros.dynamics import GRAVITY
+from klann_ros.gait import Feet
+from klann_ros.gait.stance import Support, support
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.walker import Feet
-from klann_ros.walker.stance import Support, support
 import numpy as np
 
 from .odometry_baselines import Sample

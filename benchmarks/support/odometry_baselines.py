@@ -9,15 +9,16 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 from typing import NamedTuple
 
-from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.walker import Feet, ImuReading
-from klann_ros.walker.stance import (
+from klann_ros.gait import Feet
+from klann_ros.gait.stance import (
     foot_motion,
     least_squares,
     stance_pose,
     StancePose,
     support,
 )
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.walker import ImuReading
 import numpy as np
 
 Triple = tuple[float, float, float]

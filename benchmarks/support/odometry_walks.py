@@ -13,19 +13,13 @@ from xml.etree import ElementTree as ET
 
 from klann_ros.dynamics import Masses
 from klann_ros.dynamics.masses import BodyMass
+from klann_ros.gait import Feet, Rates, Steering
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, robot_of, RobotLeg
 from klann_ros.robot.robot import Triple
 from klann_ros.twin import Floor, Twin
 from klann_ros.twin.mjcf import robot_mjcf
-from klann_ros.walker import (
-    ControllerSettings,
-    Feet,
-    MotionLimits,
-    Rates,
-    Steering,
-    Walker,
-)
+from klann_ros.walker import ControllerSettings, MotionLimits, Walker
 import numpy as np
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

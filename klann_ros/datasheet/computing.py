@@ -7,6 +7,7 @@ from math import isfinite, pi
 from typing import Any
 
 from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
+from klann_ros.gait import GaitFigures, NoWalkerError, walk_figures
 from klann_ros.kinematics import (
     foot_path,
     FootPath,
@@ -23,7 +24,6 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
-from klann_ros.walker import GaitFigures, NoWalkerError, walk_figures
 import numpy as np
 
 from .load import crank_load, CrankLoad, foot_load, LoadedLeg, turn_angles, with_extremes

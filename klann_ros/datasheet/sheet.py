@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
+from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.walker import GaitFigures
 
 from .motor import Motor, MotorVerdict
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.datasheet import data_sheet, SheetError
+from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import KinematicsError, Linkage, tolerance_study
 from klann_ros.kinematics.foot.path import foot_path
 from klann_ros.kinematics.linkage.leg import LinkageLeg
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.file import robot_from_parameters
-from klann_ros.walker import NoWalkerError, walk_figures
 import numpy as np
 
 from .figures import sheet_figures

@@ -8,10 +8,11 @@ crank rate of 1 rad/s, on the spot the yaw rate at 1 rad/s of both sides against
 from math import ceil, hypot, pi
 from pathlib import Path
 
+from klann_ros.gait import Feet, Rates, Steering, walk_figures
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.yaml_text import dump, parse_file, with_values
-from klann_ros.walker import Feet, MotionLimits, Rates, Steering, walk_figures
+from klann_ros.walker import MotionLimits
 import numpy as np
 
 # Part of the speed at 1 rad/s, and the crank rate [rad/s].

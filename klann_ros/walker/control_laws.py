@@ -23,9 +23,8 @@ from dataclasses import dataclass, field
 from math import atan2, copysign, cos, inf, pi, sin
 from typing import NamedTuple
 
+from klann_ros.gait.steering import Rates, Twist2D
 from klann_ros.kinematics.angles import TURN
-
-from .steering import Rates, Twist2D
 
 # The largest correction, as a part of the command, and that of the yaw rate in curves, whose plan
 # may be off by more; and the largest lag, of which K times makes this part of the command.

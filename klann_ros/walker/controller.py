@@ -6,9 +6,10 @@ from enum import Enum
 from functools import lru_cache
 from math import degrees, inf, isfinite
 
+from klann_ros.gait.steering import Rates, Steering, Twist2D
+
 from .control_laws import ControllerSettings, CrankCommand, MotionFeedback, PhaseLock
 from .feedback import Backlog, CrankFeedback, SteadyClock, Watchdog
-from .steering import Rates, Steering, Twist2D
 
 # A crank is blocked if its rate stays below this part of the commanded one for this time [s].
 BLOCKED_RATIO, BLOCKED_TIME = 0.1, 0.5

@@ -11,9 +11,8 @@ from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
+from klann_ros.gait.stance import gravity_aligned, Triple
 from klann_ros.kinematics.angles import TURN
-
-from .stance import gravity_aligned, Triple
 
 # Time constant of the complementary filter between gyro and orientation [s].
 COMPLEMENTARY_FILTER_TIME = 0.5

@@ -57,19 +57,8 @@ from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
-import numpy as np
-
-from .feet import Feet
-from .imu import (
-    COMPLEMENTARY_FILTER_TIME,
-    ImuIncrement,
-    ImuPreintegration,
-    ImuReading,
-    StandstillCalibration,
-)
-from .stance import (
+from klann_ros.gait.feet import Feet
+from klann_ros.gait.stance import (
     foot_motion,
     FootMotion,
     inverse,
@@ -87,6 +76,17 @@ from .stance import (
     Symmetric,
     Triple,
     zero_moment_point,
+)
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
+import numpy as np
+
+from .imu import (
+    COMPLEMENTARY_FILTER_TIME,
+    ImuIncrement,
+    ImuPreintegration,
+    ImuReading,
+    StandstillCalibration,
 )
 
 # Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from math import cos, inf, nan, pi, sin
 
+from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import TURN
 
 from .control_laws import ControllerSettings
@@ -10,7 +11,6 @@ from .controller import DiagnosticLevel, WalkController
 from .feedback import SteadyClock, Watchdog
 from .imu import ImuReading
 from .odometry import Odometry, OdometryEstimate, OdometryNoise
-from .steering import Steering, Twist2D
 
 # Inconsistency with the centre of mass of the file that is reported: part of the time on feet that
 # cannot carry the body, and normalised innovation of the tilt. Over 108 simulated walks with the

@@ -10,9 +10,9 @@ from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import FIGURES, judge, sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text, with_numbers
 from klann_ros.design.search import failing_figures
+from klann_ros.gait import walk_figures
 from klann_ros.kinematics import linkage_poses, shipped_linkage, turns_fully, Variants
 from klann_ros.robot import robot_from_file
-from klann_ros.walker import walk_figures
 import numpy as np
 import pytest
 

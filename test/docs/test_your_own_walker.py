@@ -5,8 +5,8 @@ import re
 import subprocess
 import sys
 
+from klann_ros.gait import Feet, Steering, walk_figures
 from klann_ros.robot import robot_of
-from klann_ros.walker import Feet, Steering, walk_figures
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from klann_ros.export.nav2 import CRANK_RATE, nav2_parameters
+from klann_ros.gait import Feet, Steering, Twist2D
 from klann_ros.robot import robot_of
 from klann_ros.twin import Twin
-from klann_ros.walker import ControllerSettings, Feet, Steering, Twist2D, Walker
+from klann_ros.walker import ControllerSettings, Walker
 import numpy as np
 import pytest
 import yaml

@@ -5,6 +5,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.dynamics import GRAVITY, MassError
+from klann_ros.gait import walk_figures
 from klann_ros.robot import Robot, robot_from_parameters, robot_of
 from klann_ros.twin import (
     agreement,
@@ -18,7 +19,6 @@ from klann_ros.twin import (
     Twin,
     TwinError,
 )
-from klann_ros.walker import walk_figures
 import numpy as np
 import pytest
 import yaml

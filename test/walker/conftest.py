@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from klann_ros.gait import Feet, Steering
 from klann_ros.robot import robot_of
-from klann_ros.walker import Feet, Steering
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

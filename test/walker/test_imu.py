@@ -5,7 +5,8 @@ from math import cos, hypot, inf, nan, pi, sin
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
-from klann_ros.walker import Feet, imu_reading, ImuReading, Odometry
+from klann_ros.gait import Feet
+from klann_ros.walker import imu_reading, ImuReading, Odometry
 from klann_ros.walker.imu import ImuIncrement, ImuPreintegration, StandstillCalibration
 import numpy as np
 import pytest

@@ -3,19 +3,18 @@
 from math import atan, hypot, inf, nan, pi
 from pathlib import Path
 
+from klann_ros.gait import Feet, Steering
+from klann_ros.gait.stance import outside_feet, support
+from klann_ros.gait.steering import Twist2D
 from klann_ros.robot import robot_of
 from klann_ros.walker import (
     DiagnosticLevel,
-    Feet,
     ImuReading,
     Odometry,
     OdometryEstimate,
     OdometryNoise,
-    Steering,
     Walker,
 )
-from klann_ros.walker.stance import outside_feet, support
-from klann_ros.walker.steering import Twist2D
 import numpy as np
 import pytest
 

@@ -2,8 +2,9 @@
 
 from math import atan2, degrees, hypot
 
+from klann_ros.gait import Feet, Steering
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walker import DiagnosticLevel, Feet, imu_reading, Steering, Walker
+from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
 import pytest
 
 pytest.importorskip('mujoco')

@@ -7,6 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import (
     create_publisher,
@@ -24,15 +25,7 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import (
-    DiagnosticLevel,
-    Feet,
-    imu_reading,
-    NoWalkerError,
-    Steering,
-    walk_figures,
-    Walker,
-)
+from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 

@@ -6,10 +6,10 @@ from signal import SIGCONT, SIGSTOP
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
+from klann_ros.gait import Feet, Steering, Twist2D
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.walker.node import Beat
 from klann_ros.robot import robot_of
-from klann_ros.walker import Feet, Steering, Twist2D
 from nav_msgs.msg import Odometry
 import pytest
 from ros_domain import Domain, Process

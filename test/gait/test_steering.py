@@ -1,0 +1,115 @@
+"""Rates of the cranks for a motion of the body, and by the phase in which it turns."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+from hypothesis import given, settings, strategies as st
+from klann_ros.gait import Feet, Rates, Steering, Twist2D, walk_figures
+from klann_ros.gait.phase_map import MAP_POINTS, phase_map, TurnPlan
+from klann_ros.robot import robot_of
+import numpy as np
+import pytest
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+DT = 0.01
+SPEEDS = st.floats(-0.3, 0.3)
+
+
+@pytest.fixture(scope='module')
+def steering() -> Steering:
+    return Steering(Feet(robot_of(str(CONFIG / 'walker6_two_motors.yaml'))))
+
+
+@settings(max_examples=60, deadline=None)
+@given(linear=SPEEDS, angular=SPEEDS)
+def test_the_way_back_from_rates_to_a_motion_is_exact(
+    steering: Steering, linear: float, angular: float
+) -> None:
+    wanted = Twist2D(linear, angular)
+    assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize('name', ['walker6_two_motors', 'walker8_two_motors', 'walker_jansen'])
+def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> None:
+    steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
+    for linear, angular in ((0.1, 0.05), (0.1, 0.01), (0.02, 0.05), (0.0, 0.05)):
+        left, right = (steering.rates(Twist2D(linear, w)) for w in (angular, -angular))
+        back = steering.rates(Twist2D(-linear, angular))
+        assert (left.left, left.right) == pytest.approx((right.right, right.left), abs=1e-9)
+        assert (left.left, left.right) == pytest.approx((-back.right, -back.left), abs=1e-9)
+        assert left.right > left.left
+        # Opposite legs are half a turn apart in the gait.
+        for a, b in ((0.3, -1.1), (2.0, 5.0)):
+            one = steering.planned_rates(Twist2D(linear, angular), [a, b])
+            other = steering.planned_rates(Twist2D(linear, -angular), [b + pi, a + pi])
+            assert one == pytest.approx((other.right, other.left), abs=1e-9)
+
+
+def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
+    robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
+    front, *others = robot.legs
+    x, y, z = front.mount.xyz
+    moved = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
+    steering = Steering(Feet(replace(robot, legs=(moved, *others))))
+    assert not steering.is_mirrored
+    left, right = (steering.rates(Twist2D(0.05, w)) for w in (0.02, -0.02))
+    assert abs(left.left - right.right) > 1e-3
+    for wanted in (Twist2D(0.05, 0.02), Twist2D(0.05, -0.02)):
+        assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize('name', ['walker6_two_motors', 'walker_jansen'])
+def test_the_mean_motion_has_converged(name: str) -> None:
+    feet = Feet(robot_of(str(CONFIG / f'{name}.yaml')))
+    sides = [np.abs(feet.sides + side) / 2.0 * feet.senses for side in (1.0, -1.0)]
+    few, many = (
+        [each.mean(axis=(0, 1)) for each in phase_map(feet, *sides, points)]
+        for points in (MAP_POINTS, 3 * MAP_POINTS)
+    )
+    for found, exact in zip(few, many, strict=True):
+        assert abs(found - exact).max() < 0.005 * abs(exact).max()
+
+
+def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
+    rates = steering.rates(Twist2D(0.15, 0.0))
+    assert rates.left == pytest.approx(rates.right)
+    assert rates.left == pytest.approx(0.15 / steering.speed)
+    assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
+    # Of the steps of a turn, one after the other.
+    walked = walk_figures(steering.feet.robot).speed
+    assert steering.speed == pytest.approx(walked, rel=0.005)
+
+
+def test_on_the_spot_it_goes_to_the_phase_in_which_it_turns_and_stays(steering: Steering) -> None:
+    """Left and right a quarter turn ahead, where their feet hold the body against its turn."""
+    cranks, wanted = [pi / 2.0, pi / 2.0], Twist2D(0.0, 0.1)
+    p = []
+    for _ in range(1000):
+        left, right = steering.planned_rates(wanted, cranks, on_spot=True)
+        assert left <= right
+        cranks = [cranks[0] + left * DT, cranks[1] + right * DT]
+        p.append(sum(cranks) / 2.0 % pi)
+    assert min(p[-1], pi - p[-1]) < 0.1
+    assert abs(p[-1] - p[-100]) < 1e-3
+
+
+@pytest.mark.parametrize('wanted', [Twist2D(0.1, 0.03), Twist2D(0.05, -0.09)])
+def test_in_a_curve_the_plan_has_the_commanded_means(steering: Steering, wanted: Twist2D) -> None:
+    """Of the speed from both sides, and of the yaw from their difference."""
+    straight, turning = phase_map(steering.feet, np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    p = q = linear = angular = 0.0
+    seconds = 200.0
+    for _ in range(round(seconds / DT)):
+        left, right = steering.planned_rates(wanted, [p - q, p + q])
+        i, j = (int(angle / (2.0 * pi) * MAP_POINTS) % MAP_POINTS for angle in (p, q))
+        dp, dq = (left + right) / 2.0 * DT, (right - left) / 2.0 * DT
+        linear, angular = linear + straight[i, j, 0] * dp, angular + turning[i, j, 1] * dq
+        p, q = p + dp, q + dq
+    assert (linear / seconds, angular / seconds) == pytest.approx(tuple(wanted), rel=0.15)
+
+
+def test_legs_that_cannot_turn_it_have_no_plan() -> None:
+    zero, one = np.zeros((8, 8)), np.ones((8, 8))
+    assert not TurnPlan(one, zero).is_possible
+    assert TurnPlan(one, one).rates(0.3, 0.4, 0.5, 0.2) == pytest.approx((0.5, 0.2))
