@@ -1,6 +1,7 @@
 """The limits of Nav2 are those of the walker: a pure pursuit with them reaches its goal."""
 
 import ast
+from functools import cache
 from math import atan2, cos, hypot, pi, sin
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,13 @@ def walker(name: str) -> Any:
     return robot_of(str(ROOT / 'config' / f'{name}.yaml'))
 
 
+@cache
+def parameters(name: str) -> Any:
+    return yaml.safe_load(nav2_parameters(walker(name)))
+
+
 def section(name: str, of: str) -> Any:
-    return yaml.safe_load(nav2_parameters(walker(name)))[of]['ros__parameters']
+    return parameters(name)[of]['ros__parameters']
 
 
 def test_the_shipped_file_is_that_of_the_generator() -> None:
@@ -45,7 +51,7 @@ def types(value: Any) -> Any:
 def test_every_parameter_is_one_of_nav2_with_its_type() -> None:
     known = (Path(__file__).parent / 'nav2_parameters.yaml').read_text(encoding='utf-8')
     for name in ('walker6_two_motors', 'walker8_two_motors', 'walker_jansen'):
-        content = yaml.safe_load(nav2_parameters(walker(name)))
+        content = parameters(name)
         assert types(content) == yaml.safe_load(known)
         # Rotating to the heading and reversing exclude each other, and with them such paths.
         follow = content['controller_server']['ros__parameters']['FollowPath']
@@ -71,7 +77,7 @@ def test_limits_are_within_the_cranks_and_the_footprint_holds_the_feet(name: str
         rates = steering.rates(Twist2D(*twist))
         assert max(map(abs, rates)) <= 2.0 * CRANK_RATE
     assert linear / radius <= angular
-    costmap = yaml.safe_load(nav2_parameters(robot))['local_costmap']['local_costmap']
+    costmap = parameters(name)['local_costmap']['local_costmap']
     corners = np.array(ast.literal_eval(costmap['ros__parameters']['footprint']))
     cranks = np.linspace(0.0, 2.0 * pi, 500)[:, None] * feet.senses
     places = np.asarray(feet.at(cranks).feet)[..., :2].reshape(-1, 2)
