@@ -4,7 +4,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from klann_ros.review.model.review import Review
+from klann_ros.review.model.review import located, Review
 from klann_ros.review.reviewing import review_run
 
 # One of something, and not one of several: 1 messages, 1 poses were.
@@ -27,10 +27,10 @@ def moments(review: Review) -> list[tuple[str, float | None]]:
 
 
 def timed(review: Review) -> list[str]:
-    """Return the findings of a review as lines of check, time [s] and text."""
+    """Return the findings of a review as lines of check, time [s], leg and text."""
     pairs = zip(moments(review), review.findings, strict=True)
     return [
-        f'{check} {"" if time is None else time}'.rstrip() + f': {f.text}'
+        f'{check} {"" if time is None else time}'.rstrip() + f': {located(f.leg, f.text)}'
         for (check, time), f in pairs
     ]
 

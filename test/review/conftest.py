@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
+import struct
 from typing import Any
 
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
@@ -127,12 +128,22 @@ class Script:
         """Take the sequence numbers away."""
         self.answers = [replace(answer, sequence=0) for answer in self.answers]
 
-    def simulate(self, later: int = 0, of: int | None = None) -> None:
-        """Stamp by a simulated clock, which ten answers share; of another solver by its own."""
-        script = self if of is None else self.others[of]
-        script.parameters['use_sim_time'] = True
-        for n in range(len(script.answers)):
-            script.change(n, header_stamp=50_000_000 * (1 + (n + later) // 10))
+    def simulate(self, later: int = 0) -> None:
+        """Stamp by a simulated clock, which ten answers share."""
+        self.parameters['use_sim_time'] = True
+        for n in range(len(self.answers)):
+            self.change(n, header_stamp=50_000_000 * (1 + (n + later) // 10))
+
+    def clock(self, late: int = 0, pause: int = 0) -> None:
+        """Stamp late by a /clock of half the speed, which pauses midway [ns]."""
+        self.by_crank_state()
+        topic, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), self.answers[0].stamp
+        for n, answer in enumerate(self.answers):
+            shown = (answer.stamp - start) // 2 + 5_000_000_000
+            stamp = answer.stamp + pause * (2 * n >= len(self.answers))
+            self.change(n, stamp=stamp, header_stamp=shown - late)
+            data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
+            self.messages.append(Message(topic, data, stamp + 1_000_000, stamp, n + 1))
 
     def tick(self, count: int) -> None:
         """Stamp a number of answers alike."""
@@ -146,9 +157,31 @@ class Script:
         for time in (start + 1_000_000 * ms for ms in times or bursts):
             self.messages.append(Message(topic, b'', time + late, time, 0))
 
-    def rename(self, kind: str, name: str) -> None:
-        """Give a topic another name."""
-        setattr(self, kind, replace(getattr(self, kind), name=name))
+    def garble(self, topic: str, *contents: str) -> None:
+        """Add messages of these bytes at half a second."""
+        time = START + 500_200_000
+        self.messages += [
+            Message(getattr(self, topic), each.encode('latin-1'), time + n, time + n, 0)
+            for n, each in enumerate(contents)
+        ]
+
+    def alter(self, topic: str, **fields: str) -> None:
+        """Give a topic another name, type or definition."""
+        setattr(self, topic, replace(getattr(self, topic), **fields))
+
+    def reach(self, **geometry: float) -> None:
+        """Answer by a leg that cannot reach all angles."""
+        self.geometry = KlannGeometry(**geometry)
+        leg, answers = KlannLeg(self.geometry), self.answers
+        self.answers = []
+        for answer in answers:
+            try:
+                pose = leg.closed_form(answer.alpha)
+            except KinematicsError:
+                self.unanswered.append((answer.stamp, answer.alpha))
+            else:
+                self.answers.append(replace(answer, pose=list(pose.joints), foot=pose.h))
+        self.renumber()
 
     def restart(self, index: int) -> None:
         """Record the solver once more, at the time of an answer."""
@@ -191,10 +224,19 @@ class Script:
         setattr(self, topic, replace(getattr(self, topic), qos=two))
 
     def second(
-        self, phase: float = 0.0, first: int = 0, last: int | None = None, **geometry: Any
+        self,
+        phase: float = 0.0,
+        first: int = 0,
+        last: int | None = None,
+        node: str = '',
+        legs: Sequence[str] = (),
+        **geometry: Any,
     ) -> None:
-        """Let another solver answer the same inputs."""
+        """Let another solver answer the same inputs; a named one is recorded."""
         leg = KlannLeg(KlannGeometry(**geometry))
+        if node:
+            of = {'legs': legs} if legs else {}
+            self.add_solver(self.answers[0].stamp + 1_000_000, leg.geometry, node, **of)
         others = []
         for answer in self.answers[first:last]:
             pose = leg.solve(answer.alpha + phase)
@@ -214,6 +256,10 @@ class Script:
         for n, answer in enumerate(self.answers):
             self.change(n, header_stamp=answer.stamp + by)
 
+    def record(self, name: str, content: dict[str, str]) -> None:
+        """Add a record of the recorder."""
+        self.metadata.append((f'klann_ros.{name}', content))
+
     def add_counts(self, counts: dict[str, TopicCount | dict[str, int | None]]) -> None:
         """Add what the recorder counted."""
         made = {n: TopicCount(**c) if isinstance(c, dict) else c for n, c in counts.items()}
@@ -221,9 +267,7 @@ class Script:
 
     def renumber(self) -> None:
         """Set the numbers of the answers that are left, without a gap."""
-        self.answers = [
-            replace(answer, sequence=n + 1) for n, answer in enumerate(filter(None, self.answers))
-        ]
+        self.answers = [replace(answer, sequence=n + 1) for n, answer in enumerate(self.answers)]
 
     def swap_stamps(self, one: int, other: int) -> None:
         first, second = self.answers[one].stamp, self.answers[other].stamp
@@ -239,8 +283,8 @@ class Script:
     def ask(self, index: int, later: int = 1000, alpha: float | None = None) -> None:
         """Add an input without an answer, behind an answered one by a time [ns]."""
         asked = self.answers[index]
-        alpha = asked.alpha if alpha is None else alpha
-        self.unanswered.append((asked.stamp + later, alpha))
+        stamp = asked.stamp if asked.header_stamp is None else asked.header_stamp
+        self.unanswered.append((stamp + later, asked.alpha if alpha is None else alpha))
 
     def add_solver(
         self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **others: Any
@@ -248,14 +292,22 @@ class Script:
         record = solver_record(SolverParameters(node, time, {**geometry.as_dict(), **others}))
         self.metadata.append((SOLVER_RECORD, record))
 
-    def in_namespace(self, namespace: str) -> 'Script':
-        """Return the run with its topics and its solver in a namespace."""
-        self.namespace = namespace
+    def in_namespace(self, namespace: str, solver: str = '') -> 'Script':
+        """Return the run with its topics in a namespace, and its solver there or elsewhere."""
+        self.namespace = solver or namespace
         self.crank, self.poses, self.feet = (
             replace(topic, name=namespace + topic.name)
             for topic in (self.crank, self.poses, self.feet)
         )
         return self
+
+    def beside(self, namespace: str) -> None:
+        """Add a leg in another namespace."""
+        self.others.append(script().in_namespace(namespace))
+
+    def as_leg(self, name: str) -> None:
+        """Publish as a leg of a walker does."""
+        self.prefix, self.feet = f'{name}/', replace(self.feet, name=f'/{name}/point_h')
 
     def by_crank_state(self) -> 'Script':
         """Return the run with a JointState as its input: it has stamps of its own."""

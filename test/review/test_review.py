@@ -1,4 +1,4 @@
-"""`review`: a healthy run has no finding, and each fault exactly its own."""
+"""The report of a run in the terminal, its figures, and inputs that are none."""
 
 import math
 from pathlib import Path
@@ -9,12 +9,10 @@ from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-MS = 1_000_000
-
 
 def test_a_healthy_run_has_no_finding(healthy, printed) -> None:
     output = printed(healthy)
+    assert 'publishers left' not in output
     assert output.endswith('nothing found: every pose is the right one for its crank angle\n')
     assert re.search(r'turns of the crank +2\.000', output)
     assert re.search(r'stride +0\.4910 m', output)
@@ -30,6 +28,21 @@ def test_a_foot_that_is_not_finite_is_found(healthy, make_run) -> None:
     review = review_run(make_run(healthy))
     assert moments(review) == [('nan', 0.035)]
     assert review.legs[0].figures.stride == pytest.approx(0.4910, abs=1e-4)
+
+
+@pytest.mark.parametrize(('turns', 'is_path'), [(2.0, True), (1.0, True), (0.9, False)])
+def test_less_than_a_turn_has_no_stride(make_script, make_run, turns, is_path) -> None:
+    (leg,) = review_run(make_run(make_script(turns=turns))).legs
+    assert math.isnan(leg.figures.stride) is not is_path
+    assert math.isnan(leg.figures.lift) is not is_path
+    assert not math.isnan(leg.figures.duty_factor)
+
+
+def test_a_lower_bound_of_losses_is_explained(healthy, printed) -> None:
+    healthy.add_counts({'/crank_angle': {'received': 400, 'written': 400, 'departed': 1}})
+    output = printed(healthy)
+    assert re.search(r'^/crank_angle .* 0\+$', output, re.MULTILINE)
+    assert '+: publishers left: losses at the end of their life cannot be detected\n' in output
 
 
 @pytest.mark.parametrize(

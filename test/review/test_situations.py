@@ -22,19 +22,28 @@ PASSES = {
 
 def script_of(situation: dict[str, Any], make_script: Any) -> Any:
     """Return the run of a situation: a healthy one, and one thing done to it after the other."""
-    made = make_script(**situation.get('run', {}))
+    given = {**situation.get('run', {})}
+    if 'geometry' in given:
+        given['geometry'] = KlannGeometry(**given['geometry'])
+    made = make_script(**given)
     for step in situation.get('do', ()):
-        ((name, given),) = step.items()
-        if name == 'recorded':
-            made.geometry = given and KlannGeometry(**given)
-        elif name == 'parameters':
-            made.parameters |= given
-        else:
-            words = [*given] if isinstance(given, list) else [given]
-            are_named = words and isinstance(words[-1], dict) and name != 'add_counts'
-            named = words.pop() if are_named else {}
-            getattr(made, name)(*words, **named)
+        do(made, step)
     return made
+
+
+def do(script: Any, step: dict[str, Any]) -> None:
+    ((name, given),) = step.items()
+    if name == 'other':
+        do(script.others[-1], given)
+    elif name == 'recorded':
+        script.geometry = given and KlannGeometry(**given)
+    elif name == 'parameters':
+        script.parameters |= given
+    else:
+        words = [*given] if isinstance(given, list) else [given]
+        are_named = words and isinstance(words[-1], dict) and name not in ('add_counts', 'record')
+        named = words.pop() if are_named else {}
+        getattr(script, name)(*words, **named)
 
 
 @pytest.mark.parametrize('situation', SITUATIONS.values(), ids=SITUATIONS)
@@ -50,6 +59,9 @@ def test_a_situation_has_its_findings(make_script, make_run, situation: dict[str
     assert lost.items() >= situation.get('lost', {}).items()
     if 'means' in situation:
         assert situation['means'] in review.findings[-1].meaning
+    if 'judged' in situation:
+        legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs if leg.errors}
+        assert legs == situation['judged']
 
 
 @pytest.mark.parametrize(('situation', 'limits'), PASSES.values(), ids=PASSES)

@@ -1,11 +1,9 @@
-"""Times that do not fit together: clocks, latency and order, each found once."""
+"""Latency of latched messages, which wait for the recorder."""
 
 import json
 from pathlib import Path
 import re
-import struct
 
-from findings import timed
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
@@ -14,32 +12,7 @@ from klann_ros.review.page.data import timing
 from klann_ros.review.reviewing import review_run
 import pytest
 
-MS = 1_000_000
 FLOAT = 'std_msgs/msg/Float64'
-
-
-@pytest.mark.parametrize(
-    ('late', 'pause', 'lines'),
-    [
-        (0, 0, []),
-        (0, 500 * MS, ['gap 0.996: nothing on /clock for 0.505 s']),
-        (700 * MS, 0, ['clock: the stamps of the poses are 0.700 s behind /clock']),
-    ],
-)
-def test_stamps_of_a_simulation_are_compared_with_its_clock(
-    healthy, make_run, late, pause, lines
-) -> None:
-    """The log times are wall time."""
-    healthy.by_crank_state()
-    clock, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), healthy.answers[0].stamp
-    for n in range(400):
-        stamp = healthy.answers[n].stamp
-        shown = (stamp - start) // 2 + 5_000 * MS
-        stamp += pause * (n >= 200)
-        healthy.change(n, stamp=stamp, header_stamp=shown - late)
-        data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
-        healthy.messages.append(Message(clock, data, stamp + MS, stamp, n + 1))
-    assert timed(review_run(make_run(healthy))) == lines
 
 
 def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:

@@ -1,6 +1,7 @@
 """Log times that go back: publishers whose messages overtake each other, and clocks set back."""
 
 from dataclasses import replace
+import struct
 
 from findings import checks, found
 from hypothesis import example, given, settings, strategies as st
@@ -130,6 +131,17 @@ def test_two_interleaved_publishers_give_no_finding(healthy, make_run, write_mes
     (topic,) = [each for each in review.recording.topics if each.name == '/crank_angle']
     assert topic.reordered == 399 + 1
     assert 'order' not in checks(review)
+
+
+def test_times_beyond_every_array_do_no_harm(healthy, make_run) -> None:
+    time, largest = healthy.answers[100].stamp, 2**64 - 1
+    alpha = struct.pack('<4sd', b'\0\1\0\0', healthy.answers[100].alpha)
+    other = replace(healthy.crank, name='/other')
+    healthy.messages += [
+        Message(healthy.crank, alpha, time + 200_000, largest, 0),
+        Message(other, alpha, largest, 0, 0),
+    ]
+    assert found(make_run(healthy)) == []
 
 
 @pytest.mark.parametrize('unheard', [0, None], ids=['one publisher', 'several'])

@@ -1,8 +1,67 @@
-"""Holes of a log, held against the moments in them one by one."""
+"""Pairs of stamps and holes of a log, held against plain dictionaries and sets."""
 
-from hypothesis import given, strategies as st
-from klann_ros.review.model.times import covered_time, merge_intervals, overlaps
+from collections import defaultdict
+
+from hypothesis import example, given, strategies as st
+from klann_ros.review.model.times import (
+    alone,
+    covered_time,
+    isin,
+    match_stamps,
+    merge_intervals,
+    overlaps,
+    pairs,
+)
 import numpy as np
+
+stamps = st.lists(st.integers(-3, 8), max_size=12).map(lambda some: np.array(some, dtype=np.int64))
+rising = stamps.map(np.unique)
+either = st.one_of(stamps, rising)
+
+
+def by_stamp(some):
+    found = defaultdict(list)
+    for row, stamp in enumerate(some.tolist()):
+        found[stamp].append(row)
+    return found
+
+
+@given(either, either)
+@example(np.array([0]), np.array([0, 0]))
+def test_the_kth_of_a_stamp_belongs_to_the_kth_if_none_is_missing(first, second) -> None:
+    a, b = by_stamp(first), by_stamp(second)
+    expected = [
+        pair
+        for stamp in a
+        if len(a[stamp]) == len(b.get(stamp, ()))
+        for pair in zip(a[stamp], b[stamp], strict=True)
+    ]
+    of_first, of_second = pairs(first, second)
+    found = list(zip(of_first.tolist(), of_second.tolist(), strict=True))
+    assert found == sorted(expected, key=lambda pair: pair[1])
+
+
+@given(either)
+def test_a_row_is_alone_if_its_stamp_is_there_once(some) -> None:
+    expected = sorted(rows[0] for rows in by_stamp(some).values() if len(rows) == 1)
+    assert alone(some).tolist() == expected
+
+
+@given(either, either.map(np.unique), st.randoms())
+def test_each_row_finds_its_stamp(some, single, random) -> None:
+    shuffled = single.tolist()
+    random.shuffle(shuffled)
+    single = np.array(shuffled, dtype=np.int64)
+    known, places = match_stamps(some, single)
+    assert known.tolist() == [row for row, stamp in enumerate(some.tolist()) if stamp in shuffled]
+    assert (single[places] == some[known]).all()
+
+
+@given(either, either)
+def test_isin_equals_set_membership(some, others) -> None:
+    expected = [stamp in set(others.tolist()) for stamp in some.tolist()]
+    assert isin(some, others).tolist() == expected
+
 
 times = st.integers(-20, 20)
 unrecorded = st.lists(st.tuples(times, times), max_size=5)
