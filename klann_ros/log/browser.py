@@ -1,15 +1,14 @@
 """
 Modules that the Python of a browser (Pyodide) has not, or only on request; None there.
 
-Without `fcntl` nothing is locked, without `resource` no limit is known, and without `lz4` or
-`zstandard` only uncompressed chunks are read.
+Without `resource` no limit is known, and without `lz4` or `zstandard` only uncompressed chunks are
+read.
 """
 
 try:
-    import fcntl
     import resource
 except ImportError:
-    fcntl = resource = None  # type: ignore[assignment]
+    resource = None  # type: ignore[assignment]
 try:
     from lz4 import frame as lz4_frame  # type: ignore[import-untyped] # lz4 has no types
 except ImportError:
@@ -19,4 +18,4 @@ try:
 except ImportError:
     zstandard = None  # type: ignore[assignment]
 
-__all__ = ['fcntl', 'lz4_frame', 'resource', 'zstandard']
+__all__ = ['lz4_frame', 'resource', 'zstandard']

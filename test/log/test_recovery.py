@@ -178,14 +178,6 @@ def test_a_rotten_attachment_is_reported_and_the_messages_are_kept(run_file, rec
     assert "the CRC of the attachment 'geometry.yaml' is wrong" in text
 
 
-def test_a_non_log_file_is_exit_code_2_and_one_line(tmp_path, capsys) -> None:
-    assert main([str(tmp_path / 'x.mcap'), '-o', str(tmp_path / 'again')]) == 2
-    out, err = capsys.readouterr()
-    assert out == ''
-    assert err.count('\n') == 1
-    assert not (tmp_path / 'again').exists()
-
-
 def test_the_default_output_is_beside_the_log(run_file, tmp_path, monkeypatch, capsys) -> None:
     assert default_output(run_file) == run_file.parent / 'walk_0_recovered'
     assert default_output(run_file.parent) == tmp_path / 'walk_recovered'

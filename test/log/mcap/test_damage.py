@@ -1,50 +1,15 @@
 """Files that are no log, truncated or damaged: one kind of error, and no intact message lost."""
 
-import os
 import struct
 import tracemalloc
 
 from crank_runs import BATCHES, CHUNK, DATA_END, killed, MESSAGES, spans_of, START
-from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.decompression import MIN_LIMIT
 from klann_ros.log.reader import open_log
 from klann_ros.log.recovery import recover
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard
-
-
-@pytest.mark.parametrize(
-    ('content', 'reason'),
-    [
-        (None, 'there is no such path'),
-        (b'', 'the file is empty'),
-        (b'SQLite format 3\0' * 10, "it should be SQLite, rosbag2's .db3, but"),
-        (MCAP0_MAGIC[:5], 'it does not start as an MCAP file does'),
-        (MCAP0_MAGIC, 'there is no header'),
-        (MCAP0_MAGIC * 2, 'there is no header'),
-    ],
-)
-def test_a_non_log_file_is_reported_in_one_line(tmp_path, content, reason) -> None:
-    path = tmp_path / 'x.mcap'
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(NotALogError, match=reason) as caught:
-        open_log(path)
-    assert str(path) in str(caught.value)
-    assert '\n' not in str(caught.value)
-
-
-def test_a_folder_without_mcap_files_is_refused(tmp_path) -> None:
-    with pytest.raises(NotALogError, match=r'no \.mcap or \.db3 file in the folder'):
-        open_log(tmp_path)
-
-
-def test_a_device_or_a_pipe_is_refused(tmp_path) -> None:
-    os.mkfifo(tmp_path / 'pipe')
-    for path in ('/dev/zero', tmp_path / 'pipe'):
-        with pytest.raises(NotALogError, match='not a regular file'):
-            open_log(path)
 
 
 def test_an_unclosed_file_is_read_and_reported(run_file) -> None:

@@ -1,9 +1,6 @@
 """Packed files and messages: as far as they are whole, bounded, and gone without a trace."""
 
 import os
-import signal
-import subprocess
-import sys
 
 from crank_runs import make_messages
 from db3_files import make_db3
@@ -83,12 +80,6 @@ def test_a_corrupt_compressed_file_is_read_up_to_the_damage(file) -> None:
         assert 'it can be unpacked in part only' in str(log.problems)
 
 
-@pytest.mark.parametrize('content', [b'', b'what is no log' * 10])
-def test_a_packed_file_of_something_else_is_refused(content, file) -> None:
-    with pytest.raises(NotALogError, match='zstd file'):
-        open_log(pack(file, content))
-
-
 def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch) -> None:
     monkeypatch.setattr(compressed, 'MIN_FILE_LIMIT', 8 * MB)
     packed = pack(file, file.read_bytes() + bytes(400 * MB))
@@ -106,50 +97,6 @@ def test_nothing_is_unpacked_without_disk_space(file, monkeypatch) -> None:
     (file.parent / 'x.db3-wal').write_bytes(bytes.fromhex('377f0682') + bytes(100))
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
         open_log(bag)
-
-
-HOLDER = """
-import sys, time
-from klann_ros.log.reader import open_log
-log = open_log(sys.argv[1])
-print('open', flush=True)
-time.sleep(60 if sys.argv[2] == 'stay' else 0)
-"""
-
-
-def hold(path, place, what='stay'):
-    """Start a process that has a log open, with temporary files in a place."""
-    process = subprocess.Popen(
-        [sys.executable, '-c', HOLDER, str(path), what],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path), 'TMPDIR': str(place)},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout.readline() == 'open\n'
-    return process
-
-
-def test_leftovers_of_a_killed_process_are_removed_by_the_next(file, tmp_path) -> None:
-    packed = pack(file, file.read_bytes())
-    place = tmp_path / 'temporary'
-    place.mkdir()
-    killed, alive = hold(packed, place), hold(packed, place)
-    assert len(list(place.iterdir())) == 2
-    # A foreign folder of such a name stays.
-    other = place / 'klann_ros-unpacked-mine'
-    other.mkdir()
-    killed.kill()
-    killed.wait()
-    for folder in place.iterdir():
-        # What is new may be about to be locked.
-        os.utime(folder, (0, 0))
-    with hold(packed, place, 'end') as third:
-        third.wait()
-    (left,) = set(place.iterdir()) - {other}
-    assert list(left.rglob('bag.mcap'))
-    alive.send_signal(signal.SIGINT)
-    alive.wait()
-    assert list(place.iterdir()) == [other]
 
 
 def test_messages_that_cannot_be_unpacked_are_counted_and_the_others_read(
