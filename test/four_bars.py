@@ -1,4 +1,4 @@
-"""Four-bars for the tests: strategies, comparison of poses, and the linkage's actual motion."""
+"""Four-bars for the tests: strategies, comparison of poses, and the links that turn fully."""
 
 import cmath
 from itertools import product
@@ -14,6 +14,7 @@ from klann_ros.kinematics import (
     LinkageFileError,
     UnreachableError,
 )
+import numpy as np
 import pytest
 
 COURSE = (0.180, 0.080, 0.200, 0.150)
@@ -64,81 +65,20 @@ def solved(bar: FourBar, theta2: float, sine: float = 0.05) -> FourBarPose:
     return pose
 
 
-def turns(bar: FourBar, start: tuple[float, float, float]) -> tuple[int, int, int]:
-    """
-    Return how often crank, coupler and rocker turn as the linkage goes through all its poses.
-
-    The curve f = 0 in the space of the three angles is followed by its length from a start on
-    it until it closes, straight on through change points, whatever drives the linkage.
-    """
-    l_1, *links = bar.geometry.lengths
-    signs = (-1.0, -1.0, 1.0)
-
-    def gradients(x: list[float]) -> tuple[list[float], list[float]]:
-        rows = list(zip(signs, links, x, strict=True))
-        return (
-            [-s * link * math.sin(t) for s, link, t in rows],
-            [s * link * math.cos(t) for s, link, t in rows],
-        )
-
-    def tangent(x: list[float], along: list[float]) -> list[float]:
-        (a, b, c), (d, e, f) = gradients(x)
-        v = [b * f - c * e, c * d - a * f, a * e - b * d]
-        norm = math.copysign(math.hypot(*v), dot(v, along))
-        return [component / norm for component in v]
-
-    def corrected(x: list[float]) -> list[float]:
-        for _ in range(4):
-            (g, h), rows = gradients(x), list(zip(signs, links, x, strict=True))
-            f_1 = l_1 + sum(s * link * math.cos(t) for s, link, t in rows)
-            f_2 = sum(s * link * math.sin(t) for s, link, t in rows)
-            if max(abs(f_1), abs(f_2)) < 1e-10 * l_1:
-                break
-            gg, gh, hh = dot(g, g), dot(g, h), dot(h, h)
-            det = gg * hh - gh * gh
-            p, q = (hh * f_1 - gh * f_2) / det, (gg * f_2 - gh * f_1) / det
-            x = [t - p * u - q * v for t, u, v in zip(x, g, h, strict=True)]
-        return x
-
-    step = 0.031
-    first = tangent(list(start), [1.0, 0.7, 0.3])
-    x, along = list(start), first
-    for count in range(4000):
-        x = corrected([t + step * v for t, v in zip(x, along, strict=True)])
-        along = tangent(x, along)
-        back = [math.remainder(t - s, 2 * math.pi) for t, s in zip(x, start, strict=True)]
-        if count > 3 and math.hypot(*back) < 0.8 * step and dot(first, along) > 0.9:
-            whole = [(t - s) / (2 * math.pi) for t, s in zip(x, start, strict=True)]
-            return round(whole[0]), round(whole[1]), round(whole[2])
-    raise AssertionError('the motion does not close')
-
-
 def turning_links(bar: FourBar) -> set[tuple[str, str]]:
-    """Return the pairs of links that turn fully against each other in some actual motion."""
+    """Return the pairs of links that turn fully against each other in a closed motion."""
     found = set()
-    for start in _starts(bar):
-        angles = dict(zip(NAMES, (0, *turns(bar, start)), strict=True))
-        found |= {(a, b) for a, b in product(NAMES, NAMES) if angles[a] != angles[b]}
+    for start, end in bar.reachable_arcs():
+        theta2 = (start + end) / 2 - (end - start) / 2 * np.cos(np.linspace(0, math.pi, 400))
+        tables = [FourBar(*bar.geometry.lengths, sign).table(theta2) for sign in (1, -1)]
+        there, back = (np.array([t.theta2, t.theta3, t.theta4]) for t in tables)
+        # At the ends of an arc the assemblies meet.
+        path = there if end - start == 2 * math.pi else np.hstack([there, back[:, ::-1]])
+        path = np.unwrap(path[:, ~np.isnan(path).any(axis=0)])
+        whole = np.round((path[:, -1] - path[:, 0]) / (2 * math.pi)).tolist()
+        turned = dict(zip(NAMES, (0, *whole), strict=True))
+        found |= {(a, b) for a, b in product(NAMES, NAMES) if turned[a] != turned[b]}
     return found
-
-
-def _starts(bar: FourBar) -> list[tuple[float, float, float]]:
-    ground, crank, coupler, rocker = bar.geometry.lengths
-    starts = []
-    for arc, assembly in product(bar.reachable_arcs(), (-1, 1)):
-        theta2 = arc[0] + 0.3719 * (arc[1] - arc[0])
-        other = FourBar(*bar.geometry.lengths, assembly)
-        starts.append((theta2, *other.closed_form(theta2).x))
-    # Where two neighbours are folded onto the other two, those turn together.
-    if ground == crank and coupler == rocker:
-        starts.append((0.0, 1.0, 1.0))
-    if ground == rocker and crank == coupler:
-        starts.append((1.0, 1.0 + math.pi, math.pi))
-    return starts
-
-
-def dot(a: list[float], b: list[float]) -> float:
-    return sum(p * q for p, q in zip(a, b, strict=True))
 
 
 def refusal(end: str, angle: str = ', angle: deg', text: str = FOUR_BAR) -> str:
