@@ -1,13 +1,11 @@
 """The sheet's numbers are those of the kinematics, of the dynamics, and of virtual work."""
 
 from dataclasses import replace
-import doctest
 import json
 from math import inf, nan, pi
 from pathlib import Path
 import re
 
-import klann_ros.datasheet
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
@@ -53,7 +51,6 @@ def test_the_torque_is_that_of_an_actuator(
     sem: Robot, speed: float, least: float, greatest: float, ripple: float
 ) -> None:
     (crank,) = data_sheet(sem, speed=speed).cranks
-    assert crank.empty is not None
     assert crank.empty.torque.min() == pytest.approx(least, rel=ripple)
     assert crank.empty.torque.max() == pytest.approx(greatest, rel=ripple)
 
@@ -77,7 +74,6 @@ def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
     poses = linkage_poses(sem104, leg['crank_angle'], transmission_angles=True)
     assert np.allclose(np.transpose([leg['path']['x'], leg['path']['y']]), poses.h, atol=1e-12)
     reported = np.transpose([each['angle'] for each in leg['transmission']])
-    assert poses.transmission_angles is not None
     assert np.allclose(reported, poses.transmission_angles, atol=1e-9)
     # The published extremes of SEM 104's dyads.
     least, greatest = (leg['transmission'][0][name]['value'] for name in ('least', 'greatest'))
@@ -104,15 +100,12 @@ def test_forces_are_those_of_the_dynamics(sem: Robot, sheet: DataSheet) -> None:
 
 def stands(sheet: DataSheet, alphas: np.ndarray) -> np.ndarray:
     stance = sheet.legs[0].stance
-    assert stance is not None
     turns = [alphas + turn for turn in (0.0, TURN)]
     return np.any([(stance.start <= a) & (a <= stance.end) for a in turns], axis=0)
 
 
 def test_the_torque_of_a_load_follows_from_virtual_work(sheet: DataSheet) -> None:
     (crank,) = sheet.cranks
-    assert crank.loaded is not None
-    assert crank.empty is not None
     path, alphas = foot_path(KlannLeg(), samples=7200), crank.loaded.alphas
     slope = np.interp(alphas, path.alphas, path.h_1[:, 1], period=TURN)
     expected = np.where(stands(sheet, alphas), -10.0 * slope, 0.0)
@@ -147,9 +140,6 @@ def test_a_leg_that_weighs_nothing_carries_a_load(sem: Robot, sheet: DataSheet) 
     assert light.cranks[0].empty is None
     (own,) = light.cranks
     (heavy,) = sheet.cranks
-    assert own.loaded is not None
-    assert heavy.loaded is not None
-    assert heavy.empty is not None
     difference = heavy.loaded.torque - heavy.empty.torque
     expected = np.interp(own.loaded.alphas, heavy.loaded.alphas, difference, period=TURN)
     assert own.loaded.torque == pytest.approx(expected, abs=1e-4)
@@ -160,8 +150,6 @@ def test_the_other_way_round_takes_the_same_torque_and_gives_the_other_power(
 ) -> None:
     back = data_sheet(sem, speed=-2.0, load=10.0).cranks[0].loaded
     there = sheet.cranks[0].loaded
-    assert back is not None
-    assert there is not None
     assert back.torque == pytest.approx(there.torque, abs=1e-12)
     assert back.power == pytest.approx(-there.power, abs=1e-12)
 
@@ -173,7 +161,6 @@ def test_a_joint_carries_the_legs_that_it_turns_by_their_phases(name: str) -> No
     assert [leg.names for leg in sheet.legs] == [tuple(leg.name for leg in robot.legs)]
     assert sheet.walk is not None
     for crank in sheet.cranks:
-        assert crank.empty is not None
         expected = np.zeros(crank.empty.alphas.size)
         for leg in robot.on_joint(crank.joint):
             alphas = leg.crank_angles(crank.empty.alphas)
@@ -211,7 +198,6 @@ def test_the_angle_of_a_joint_is_not_that_of_a_leg_with_a_phase() -> None:
     )
     sheet = data_sheet(robot, samples=30)
     (crank,) = sheet.cranks
-    assert crank.empty is not None
     assert not crank.is_own
     expected = -robot.dynamics(robot.legs[0]).crank_torque(0.5 - crank.empty.alphas, sheet.speed)
     assert crank.empty.torque == pytest.approx(expected, abs=1e-9)
@@ -243,7 +229,6 @@ def test_a_torque_undefined_in_line_makes_the_motor_verdict_a_fault(tmp_path: Pa
     assert 'links are in line' in sheet.no_forces
     assert not sheet.motor_turns
     verdict = sheet.cranks[0].motor
-    assert verdict is not None
     assert verdict.faults == ('links are in line at 0.0 deg, where the torque is undefined',)
     assert 'NaN' not in report(sheet)
     drawn = re.findall(r' (?:d|x|y|width)="([^"]*)"', page(sheet))
@@ -295,7 +280,6 @@ def test_margins_of_coupled_loops_are_computed_on_request() -> None:
 
 def test_forces_on_sliders_have_a_moment() -> None:
     (leg,) = data_sheet(weighed(robot_of('slider_crank')), samples=60).legs
-    assert leg.empty is not None
     assert [joint.name for joint in leg.empty.joints if joint.moment is not None]
 
 
@@ -324,18 +308,9 @@ def test_a_leg_on_its_side_has_another_weight() -> None:
     one = RobotLeg('', KlannGeometry.sem104().linkage)
     flat = replace(one, mount=replace(one.mount, rpy=(0.0, 0.0, 0.0)))
     torque = data_sheet(weighed(Robot('flat', (flat,)))).cranks[0].empty
-    assert torque is not None
     upright = data_sheet(weighed(Robot('upright', (one,)))).cranks[0].empty
-    assert upright is not None
     # Only its inertia is left, which a turn at another speed takes by its square.
     twice = data_sheet(weighed(Robot('flat', (flat,))), speed=2.0 * TURN).cranks[0].empty
-    assert twice is not None
     assert twice.peak == pytest.approx(4.0 * torque.peak, rel=1e-9)
     assert twice.rms == pytest.approx(4.0 * torque.rms, rel=1e-6)
     assert torque.rms != pytest.approx(upright.rms, rel=0.1)
-
-
-def test_the_example_of_the_package_is_true() -> None:
-    result = doctest.testmod(klann_ros.datasheet)
-    assert result.attempted
-    assert not result.failed

@@ -66,8 +66,3 @@ def test_the_exact_iterates_are_those_of_the_page() -> None:
     said = [float(number) for number in re.findall(r'\d+\.\d+', text)]
     iterates = np.degrees(NAMES['bar'].newton(NAMES['theta2'], NAMES['x_1']))
     assert iterates[1:4].round(5).ravel().tolist() == said
-
-
-def test_a_triple_rocker_has_four_dead_points() -> None:
-    points = NAMES['FourBar'](300, 250, 200, 240).dead_points('both')
-    assert [point.driver for point in points] == ['crank', 'crank', 'rocker', 'rocker']

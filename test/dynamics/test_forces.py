@@ -1,10 +1,8 @@
 """Forces: two methods that share no equation agree, and the laws of mechanics hold."""
 
-import doctest
 import math
 from typing import Any
 
-import klann_ros.dynamics
 from klann_ros.dynamics import (
     BodyMass,
     Dynamics,
@@ -240,7 +238,3 @@ def test_invalid_masses_loads_and_times_are_refused() -> None:
         Dynamics(rocker, rods(rocker, 1.0)).turn(1.0)
     with pytest.raises(ValueError, match='times are refused'):
         simulate(dynamics, 0.0, [1.0, 0.0], alpha=0.0)
-
-
-def test_the_examples_are_true() -> None:
-    assert doctest.testmod(klann_ros.dynamics).failed == 0

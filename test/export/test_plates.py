@@ -14,6 +14,7 @@ from klann_ros.export.outline import outlines
 from klann_ros.export.plates import slot_conflict
 from klann_ros.export.travel import crank_angles
 from klann_ros.kinematics import LinkageLeg, shipped_linkages
+from klann_ros.kinematics.linkage.structure import Structure
 from klann_ros.robot import Robot, robot_of
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def drawn(robot: Robot, **options: float) -> tuple[tuple[Plate, ...], Drawing]:
 
 
 @pytest.mark.parametrize('name', SHIPPED)
-def test_holes_are_as_far_apart_as_the_joints_of_the_solved_leg(name: str) -> None:
+def test_plates_are_apart_and_their_holes_as_far_apart_as_the_joints_of_the_leg(name: str) -> None:
     robot = robot_of(name)
     leg = LinkageLeg(robot.legs[0].linkage)
     made, sheet = drawn(robot)
@@ -56,6 +57,27 @@ def test_holes_are_as_far_apart_as_the_joints_of_the_solved_leg(name: str) -> No
             turn = (there[1] - there[0]) / (here[1] - here[0])
             assert np.abs(turn / abs(turn) * (here - here[0]) - (there - there[0])).max() < MICRON
     assert seen >= (1 if robot.legs[0].linkage.structure.slides else len(made) - 1)
+    check_holes(robot.legs[0].linkage.structure, {plate.name: plate for plate in made})
+    check_places(sheet)
+
+
+def check_holes(structure: Structure, made: dict[str, Plate]) -> None:
+    """Find a hole at every point that joins bodies."""
+    assert 'ground' in made
+    for body in structure.bodies:
+        names = {n for hole in made[body.angle].holes for n in hole.name.split(',')}
+        assert {p for p in body.points if len(structure.owners[p]) > 1} <= names
+
+
+def check_places(sheet: Drawing) -> None:
+    """Find the plates within the sheet, and no two of them in one place."""
+    boxes = [box(outline) for outline in sheet.outlines]
+    for low, high in boxes:
+        assert min(low) > 0
+        assert high[0] < sheet.size.real
+        assert high[1] < sheet.size.imag
+    for (low, high), (other_low, other_high) in combinations(boxes, 2):
+        assert any(high[k] < other_low[k] or other_high[k] < low[k] for k in (0, 1))
 
 
 def found(document: Any, query: str) -> list:
@@ -71,30 +93,6 @@ def poses(leg: LinkageLeg) -> list[dict[str, complex]]:
         dict(zip(names, (1e3 * complex(x, y) for x, y in pose.points), strict=True))
         for pose in (leg.closed_form(float(alpha)) for alpha in angles)
     ]
-
-
-@pytest.mark.parametrize('name', SHIPPED)
-def test_every_point_that_joins_bodies_has_its_hole(name: str) -> None:
-    robot = robot_of(name)
-    structure = robot.legs[0].linkage.structure
-    made = {plate.name: plate for plate in drawn(robot)[0]}
-    for body in structure.bodies:
-        names = {n for hole in made[body.angle].holes for n in hole.name.split(',')}
-        assert {p for p in body.points if len(structure.owners[p]) > 1} <= names
-    assert 'ground' in made
-
-
-@pytest.mark.parametrize('name', SHIPPED)
-def test_plates_do_not_overlap_and_fit_the_sheet(name: str) -> None:
-    made, sheet = drawn(robot_of(name))
-    boxes = [box(outline) for outline in sheet.outlines]
-    assert len(boxes) == len(made)
-    for low, high in boxes:
-        assert min(low) > 0
-        assert high[0] < sheet.size.real
-        assert high[1] < sheet.size.imag
-    for (low, high), (other_low, other_high) in combinations(boxes, 2):
-        assert any(high[k] < other_low[k] or other_high[k] < low[k] for k in (0, 1))
 
 
 def box(outline: tuple) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -237,12 +235,6 @@ def test_a_slot_that_meets_an_axle_is_reported() -> None:
         slot_conflict(plate) for plate in plates(robot_of('scotch_yoke'), hole=HOLE, width=WIDTH)
     ]
     assert list(filter(None, found)) == ['ground: the slot of yoke and hole A run into each other']
-
-
-@pytest.mark.parametrize(('hole', 'width'), [(8e-3, 8e-3), (0.0, 8e-3), (1e-3, float('nan'))])
-def test_a_bar_without_walls_is_refused(hole: float, width: float) -> None:
-    with pytest.raises(ExportError, match='wider than its hole'):
-        plates(robot_of('sem104'), hole=hole, width=width)
 
 
 def test_scale_moves_the_holes_and_leaves_them_their_size() -> None:

@@ -13,7 +13,11 @@ MODULES = [
 ]
 
 
-@pytest.mark.parametrize('name', ['klann_ros.kinematics', *MODULES])
+# The other packages have an example each.
+OTHERS = [f'klann_ros.{name}' for name in ('datasheet', 'dynamics', 'export', 'robot', 'twin')]
+
+
+@pytest.mark.parametrize('name', ['klann_ros.kinematics', *MODULES, *OTHERS])
 def test_the_examples_are_true(name: str) -> None:
     options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     result = doctest.testmod(importlib.import_module(name), optionflags=options)

@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 from four_bars import COURSE, NAMES
-from klann_ros import kinematics
 from klann_ros.kinematics import (
     FourBar,
     GeometryError,
@@ -104,18 +103,6 @@ def test_a_link_as_long_as_the_others_together_is_refused(name: str, length: flo
 def test_a_link_that_is_a_little_shorter_is_taken() -> None:
     (start, end), *_ = FourBar(2.999, 1.0, 1.0, 1.0).reachable_arcs()
     assert 0.0 < end - start < 0.2
-
-
-def test_the_classes_of_all_results_are_exported() -> None:
-    bar = four_bar()
-    velocity = bar.velocity(bar.solve(1.0), 1.0)
-    results = [
-        *(bar.geometry, bar.grashof, bar.rocker_limits, *bar.dead_points('rocker')),
-        *(bar.transmission_extremes, velocity, bar.acceleration(velocity.pose, 1.0, 0.0)),
-    ]
-    for result in results:
-        assert getattr(kinematics, type(result).__name__) is type(result)
-        assert type(result).__name__ in kinematics.__all__
 
 
 # The Klann leg.

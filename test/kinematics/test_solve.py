@@ -84,12 +84,6 @@ def test_a_jump_is_split_and_needs_no_closed_form(
         assert difference(pose, expected) <= limit
 
 
-def test_a_jump_across_an_arc_that_cannot_be_reached_stays_on_the_branch() -> None:
-    leg = KlannLeg(STUCK)
-    for alpha in (2.3, 3.5, 2.3, 3.45, 2.38):
-        assert difference(leg.solve(alpha), leg.closed_form(alpha)) <= 1e-10
-
-
 @for_both
 @pytest.mark.parametrize('max_crank_step', [1e-9, 1e-3, 10.0])
 def test_any_max_crank_step_stays_on_the_assembly(make: Make, max_crank_step: float) -> None:

@@ -1,12 +1,10 @@
 """The model of any robot: it loads, stands closed, and is named as the robot's frames are."""
 
-import doctest
 from pathlib import Path
 
 from klann_ros.dynamics import MassError, rods
 from klann_ros.kinematics import KlannGeometry, LinkageLeg, shipped_linkages, UnreachableError
 from klann_ros.robot import Mount, Robot, robot_from_parameters, robot_of, RobotLeg, WalkerBody
-import klann_ros.twin
 from klann_ros.twin import Floor, robot_mjcf
 import mujoco
 import numpy as np
@@ -134,7 +132,3 @@ def test_invalid_floors_are_refused(name: str, value: float) -> None:
     for wrong in (value, float('nan')):
         with pytest.raises(ValueError, match=f'{name} = .* is refused'):
             Floor(**{name: wrong})
-
-
-def test_the_example_is_true() -> None:
-    assert doctest.testmod(klann_ros.twin).failed == 0

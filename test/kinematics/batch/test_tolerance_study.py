@@ -78,16 +78,9 @@ def test_the_statistics_are_those_of_the_legs() -> None:
     tolerances = {'l_ab': 0.002, 'x_e': 0.001, 'angle_bcg': 0.01}
     study = tolerance_study(SEM104, tolerances, samples=50, crank_angles=7, seed=3)
     errors = np.random.default_rng(3).uniform(-1.0, 1.0, (len(NUMBERS), 50))
-    drawn = [
-        replace(
-            SEM104,
-            **{
-                name: getattr(SEM104, name) + width * errors[NUMBERS.index(name), k]
-                for name, width in tolerances.items()
-            },
-        )
-        for k in range(50)
-    ]
+    widths = np.array([tolerances.get(name, 0.0) for name in NUMBERS])
+    numbers = np.array(SEM104.linkage.numbers) + widths * errors.T
+    drawn = [SEM104.varied(dict(zip(NUMBERS, row, strict=True))) for row in numbers.tolist()]
     h = klann_poses(drawn, study.alphas).h
     apart = h - study.nominal
     distance = np.sort(np.linalg.norm(apart, axis=2), axis=0)
@@ -101,17 +94,8 @@ def test_the_statistics_are_those_of_the_legs() -> None:
     extent = h.max(axis=1) - h.min(axis=1)
     np.testing.assert_allclose(study.stride, extent[:, 0], atol=1e-15)
     np.testing.assert_allclose(study.lift, extent[:, 1], atol=1e-15)
-
-
-@pytest.mark.parametrize('name', ['l_ab', 'y_e', 'angle_fgh'])
-def test_the_sensitivities_are_slopes_of_the_path(name: str) -> None:
-    study, step = tolerance_study(SEM104, {}, samples=1, crank_angles=8), 1e-6
-    up, down = (
-        klann_poses(SEM104.varied({name: getattr(SEM104, name) + s}), study.alphas).h
-        for s in (step, -step)
-    )
-    found = study.sensitivities[:, study.names.index(name)]
-    np.testing.assert_allclose(found, (up - down) / (2 * step), rtol=1e-6, atol=1e-8)
+    gradients = klann_poses(SEM104, study.alphas, gradients=True).h_gradient
+    np.testing.assert_array_equal(study.sensitivities, gradients.swapaxes(1, 2))
 
 
 def test_the_ranking_is_the_effect_of_small_tolerances() -> None:
@@ -184,13 +168,3 @@ def test_progress_is_reported_to_the_end(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_invalid_arguments_are_refused(tolerances: object, options: Any, text: str) -> None:
     with pytest.raises(ValueError, match=text):
         tolerance_study(SEM104, tolerances, **options)
-
-
-def test_a_string_is_refused_as_a_linkage() -> None:
-    with pytest.raises(TypeError, match='it must be a Linkage, a KlannGeometry or a leg'):
-        tolerance_study('sem104', 0.01)
-
-
-def test_counts_may_be_numpys() -> None:
-    study = tolerance_study(SEM104, 0.01, samples=np.int64(3), crank_angles=np.int32(4))
-    assert study.stride.shape == (3,)

@@ -19,8 +19,6 @@ def test_a_turn_has_the_poses_of_the_batch(name: str, kernel: str) -> None:
     for own, other in ((turns.h, poses.h), (turns.h_1, poses.h_1)):
         assert np.allclose(own, np.moveaxis(other, 2, 0), rtol=1e-7, atol=1e-10, equal_nan=True)
     turning = np.flatnonzero(turns.missing == 0.0)
-    assert poses.points is not None
-    assert turns.box is not None
     expected = np.ptp(poses.points[turning], axis=(1, 2)).T
     assert np.allclose(turns.box[:, turning], expected, rtol=1e-9)
 
@@ -31,7 +29,6 @@ def test_the_worst_transmission_angle_is_that_of_many_more_angles(kernel: str) -
     turns = whole_turns(legs, COUNT, kernel=kernel)
     turning = np.flatnonzero(turns.missing == 0.0)
     dense = linkage_poses(legs, alphas(20 * COUNT), transmission_angles=True).transmission_angles
-    assert dense is not None
     worst = np.minimum(dense, np.pi - dense)[turning].min(axis=(1, 2))
     # Legs that jam between the angles have NaN.
     known = np.isfinite(worst)

@@ -32,7 +32,6 @@ def motions(linkage: Linkage) -> tuple[Array, Array, Array]:
     for alpha in ALPHAS.tolist():
         pose = leg.solve(alpha)
         motion = leg.acceleration(pose, 1.0, 0.0)
-        assert motion.velocity is not None
         found.append((pose.x, motion.velocity.joints[1:], motion.joints[1:]))
     x, first, second = (np.array(column) for column in zip(*found, strict=True))
     return x, first, second

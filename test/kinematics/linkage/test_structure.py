@@ -43,11 +43,6 @@ def test_loops_are_dyads_one_after_the_other_or_coupled(
         assert [len(names) for names in unknowns(linkage)] == [4]
 
 
-def test_dyads_are_named_by_their_ends_and_bars() -> None:
-    names = [block.names for block in shipped_linkage('klann').blocks]
-    assert names == [('B', 'D', 'BC', 'DC'), ('E', 'G', 'EF', 'FG')]
-
-
 def test_coupled_loops_with_two_poses_at_one_crank_angle_are_refused() -> None:
     """After a turn of this crank the rockers are on their other side."""
     text = (files('klann_ros.linkages') / 'stephenson.yaml').read_text()
