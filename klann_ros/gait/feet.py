@@ -12,14 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-# Angles a turn between which a cubic is within 1e-9 of a leg's size, and intervals in a radian.
+# Angles a turn between which a cubic is within 1e-9 of a leg's size.
 CUBIC_SAMPLES = 720
-PER_RADIAN = CUBIC_SAMPLES / TURN
 _POWERS = np.arange(4.0)
-# A crank whose legs are on both sides is in the middle; so far from it they are on one [m].
-MIDDLE = 1e-6
-# Legs that advance by less than this part of the robot's size per radian drive it nowhere.
-IDLE = 1e-6
 
 
 class NoWalkerError(ValueError):
@@ -89,8 +84,9 @@ class Feet:
                 )
         self.crank_of = np.array([self.joints.index(leg.crank_joint) for leg in robot.legs])
         # Intervals of the table, by leg and angle.
-        self._scales = np.array([leg.direction * PER_RADIAN for leg in robot.legs])
-        self._starts = np.array([leg.phase * PER_RADIAN for leg in robot.legs])
+        per_radian = CUBIC_SAMPLES / TURN
+        self._scales = np.array([leg.direction * per_radian for leg in robot.legs])
+        self._starts = np.array([leg.phase * per_radian for leg in robot.legs])
         masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
         body = robot.body
         self._total = sum(masses) + (body.mass if body else 0.0)
@@ -110,12 +106,9 @@ class Feet:
     @cached_property
     def sides(self) -> Array:
         """Return on which side each crank drives: +1 left, -1 right, 0 both, shape (c,)."""
-        sides = []
-        for crank in range(len(self.joints)):
-            y = [leg.mount.xyz[1] for leg in self.robot.on_joint(self.joints[crank])]
-            one = min(y) > MIDDLE or max(y) < -MIDDLE
-            sides.append(float(np.sign(y[0])) if one else 0.0)
-        return np.array(sides)
+        # A crank whose legs are on both sides is in the middle, within a micrometre.
+        every = [[leg.mount.xyz[1] for leg in self.robot.on_joint(each)] for each in self.joints]
+        return np.array([float(min(y) > 1e-6) - float(max(y) < -1e-6) for y in every])
 
     @cached_property
     def senses(self) -> Array:
@@ -133,7 +126,7 @@ class Feet:
             drive = foot_path(LinkageLeg(leg.linkage)).stance().speed(leg.direction)
             forwards[crank] += drive * leg.mount.rotate((1.0, 0.0))[0]
         for joint, forward in zip(self.joints, forwards.tolist(), strict=True):
-            if abs(forward) < IDLE * self.reach:
+            if abs(forward) < 1e-6 * self.reach:
                 raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')
         return np.sign(forwards)
 
@@ -157,15 +150,7 @@ class Feet:
         return float(np.sqrt(squares))
 
     def at(self, cranks: ArrayLike) -> Placed:
-        """
-        Return where the feet are.
-
-        Parameters
-        ----------
-        cranks : array-like of float, shape (..., c)
-            Angles of the cranks [rad].
-
-        """
+        """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
         values = self._values(cranks)
         centre = self._fixed + self._shares @ values[..., 5:]
         return Placed(values[..., :3], values[..., 3:5], centre)

@@ -8,10 +8,7 @@ from klann_ros.robot import Robot
 import numpy as np
 
 from .feet import Array, CUBIC_SAMPLES, Feet
-from .stance import body_displacement, polygon_distance, stance_pose, support
-
-# A walker that rests for less of a turn is unstable.
-MIN_STABLE_FRACTION = 0.5
+from .stance import body_displacement, edge_distance, stance_pose, support
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +101,7 @@ class GaitFigures:
             'it walks backwards: its feet on the ground move forwards in base_link where '
             'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
         )
-        if self.stable_fraction < MIN_STABLE_FRACTION:
+        if self.stable_fraction < 0.5:
             return [unstable]
         return [backwards] if self.speed < 0.0 else []
 
@@ -159,7 +156,8 @@ def walk_figures(
             loads[k, list(rest.feet)] = rest.loads
             rows[k] = rest.height, rest.roll, rest.pitch, rest.margin
         else:
-            rows[k, 3] = -polygon_distance(points, centre)
+            flat = [complex(*point[:2]) for point in points]
+            rows[k, 3] = -edge_distance(flat, complex(*centre[:2]))
         if last and pose:
             step = body_displacement(last, pose)
             at += step.motion * rect(1.0, yaw + step.yaw / 2.0)

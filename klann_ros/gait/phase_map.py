@@ -11,18 +11,18 @@ wrong ends of the body, their drives cancel. On the spot p stands still, so a wa
 turn for minutes; in a tight curve one side hardly turns, to the same effect. So q moves where
 turning is effective,
 
-    q' = w s(p) G(p) / (M d(p) max(g(p, q), MIN_RATIO G(p))),   p' = v / (V d(p)),
+    q' = w s(p) G(p) / (M d(p) max(g(p, q), r G(p))),   p' = v / (V d(p)),
 
-g being the yaw gain, G its mean over q, V the speed gain, s ~ G^SHARPNESS with mean 1, M the mean
-of s G, and d = 1 - T + T s G / M the relative time at a phase, with mean 1: T of the time is for
-turning, the rest for walking on. On the spot p stays at the greatest G; walking there makes up for
-the drift of the body.
+g being the yaw gain, G its mean over q, V the speed gain, s ~ G^n with mean 1, M the mean of s G,
+r and n tuning, and d = 1 - T + T s G / M the relative time at a phase, with mean 1: T of the time
+is for turning, the rest for walking on. On the spot p stays at the greatest G; walking there makes
+up for the drift of the body.
 """
 
 from collections.abc import Sequence
 from itertools import combinations
 from math import floor
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 import numpy as np
@@ -33,52 +33,41 @@ from .stance import ITERATIONS, STICK_TOLERANCE
 
 # Points of a map in a turn of p, and of q: its means are within 0.5 % of those of 192.
 MAP_POINTS = 64
-# Step of phase derivatives [rad].
-PHASE_STEP = 1e-5
-# A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
-MIN_PROJECTED_AREA, ROUNDING = 1e-6, 1e-9
-# The constants were chosen in MuJoCo on walker6_two_motors and walker8_two_motors.
-# Exponent of the gain: how narrow the range of p is in which a walker turns.
-SHARPNESS = 2.0
-# Least ratio of local to mean gain that q' is raised for.
-MIN_RATIO = 0.2
-# Standard deviation of the gains' low-pass filter over p and q [rad].
-GAIN_FILTER = 0.1
-# p' in phases in which it cannot turn, at least, as a part of the rate for turning.
-PASSING_RATE = 0.6
-# p' towards the best phase, on the spot, likewise; the distance from which on it is slower [rad];
-# and the part of it that walking on the spot may have, so that p stays near.
-SEEKING_RATE, SEEKING_RANGE, HOLD_SHARE = 2.0, 0.3, 1.2
-# Multiple of the variation of the speed over q by which walking on the spot follows it.
-STEP_SWING = 1.5
-# Phases with this part of the greatest gain are as good.
-PEAK_RATIO = 0.9
-# Least relative time at a phase.
-MIN_DENSITY = 0.02
+
+
+class TurnTuning(NamedTuple):
+    """How a walker turns: chosen in MuJoCo on two robots, see `benchmarks/walk.py --grid`."""
+
+    # Exponent of the gain: how narrow the range of p is in which a walker turns.
+    sharpness: float = 2.0
+    # Least ratio of local to mean gain that q' is raised for.
+    min_ratio: float = 0.2
+    # Standard deviation of the gains' low-pass filter over p and q [rad].
+    gain_filter: float = 0.1
+    # p' in phases in which it cannot turn, at least, as a part of the rate for turning.
+    passing_rate: float = 0.6
+    # p' towards the best phase, on the spot, likewise; the distance from which on it is slower
+    # [rad]; and the part of it that walking on the spot may have, so that p stays near.
+    seeking_rate: float = 2.0
+    seeking_range: float = 0.3
+    hold_share: float = 1.2
+    # Multiple of the variation of the speed over q by which walking on the spot follows it.
+    step_swing: float = 1.5
+    # Phases with this part of the greatest gain are as good.
+    peak_ratio: float = 0.9
+    # Least relative time at a phase.
+    min_density: float = 0.02
 
 
 def phase_twists(
     feet: Feet, left: Array, right: Array, phases: Array, *rates: tuple[float, float]
 ) -> list[Array]:
     """
-    Return speed [m/s] and yaw rate [rad/s] in pairs of phases, for each pair of rates.
+    Return speed [m/s] and yaw rate [rad/s], shape (..., 2), in pairs of phases for pairs of rates.
 
-    Parameters
-    ----------
-    feet : Feet
-        The walker's.
-    left, right : numpy.ndarray, shape (c,)
-        Rotation of each crank when the left, or the right side turns by 1 rad.
-    phases : numpy.ndarray, shape (..., 2)
-        Phases of the left and the right side [rad].
-    rates : (float, float)
-        Of the left and the right side [rad/s].
-
-    Returns
-    -------
-    list of numpy.ndarray, shape (..., 2)
-        Zero where the body does not rest.
-
+    Phases are those of the left and the right side [rad], shape (..., 2), and rates theirs
+    [rad/s]; `left` and `right` are the rotations of each crank for 1 rad of a side, shape (c,).
+    The twist is zero where the body does not rest.
     """
     cranks = phases.reshape(-1, 2) @ [left, right]
     placed = feet.at(cranks)
@@ -95,9 +84,9 @@ def phase_twists(
 
     flat = level(cranks)
     arms = np.stack([-flat[..., 1], flat[..., 0]], axis=-1)
+    step = 1e-5
     slopes = [
-        (level(cranks + PHASE_STEP * each) - level(cranks - PHASE_STEP * each))
-        / (2.0 * PHASE_STEP)
+        (level(cranks + step * each) - level(cranks - step * each)) / (2.0 * step)
         for each in (left, right)
     ]
     found = []
@@ -114,18 +103,8 @@ def phase_map(
     """
     Return the twist on a grid of p and q, at p' = 1 rad/s and at q' = 1 rad/s.
 
-    Parameters
-    ----------
-    feet, left, right
-        As in `phase_twists`.
-    points : int
-        Points in a turn of p, and of q, even: the middles of as many equal intervals from 0 on.
-
-    Returns
-    -------
-    straight, turning : numpy.ndarray, shape (points, points, 2)
-        Speed [m/rad] and rotation [rad/rad], by p and by q.
-
+    The grid is the middles of equal intervals of a turn of both, an even number of points; the
+    twist has speed [m/rad] and rotation [rad/rad] along its last axis.
     """
     at, half = (np.arange(points) + 0.5) * (TURN / points), points // 2
     p, q = np.meshgrid(at[:half], at, indexing='ij')
@@ -142,92 +121,81 @@ class TurnPlan:
     """
     Rates of p and q, by p and q.
 
-    Parameters
-    ----------
-    speed, yaw : numpy.ndarray, shape (n, n)
-        Speed at p' = 1 rad/s, and yaw rate at q' = 1 rad/s, by p and q, in the middles of n equal
-        intervals of a turn.
-
-    Attributes
-    ----------
-    is_possible : bool
-        Whether there are phases in which q' turns it to the left.
-
+    `speed` at p' = 1 rad/s and `yaw` rate at q' = 1 rad/s are those of `phase_map`, shape (n, n).
+    It `is_possible` if there are phases in which q' turns the walker to the left.
     """
 
-    def __init__(self, speed: Array, yaw: Array) -> None:
-        smooth = _low_pass(yaw)
+    def __init__(self, speed: Array, yaw: Array, tuning: TurnTuning | None = None) -> None:
+        self._tuning = tuning = tuning or TurnTuning()
+        smooth = _low_pass(yaw, tuning.gain_filter)
         gain = np.maximum(smooth.mean(axis=1), 0.0)
         self.is_possible = bool(gain.any() and yaw.mean() > 0.0)
         if not self.is_possible:
             return
         self._count = len(yaw)
-        share = gain**SHARPNESS / (gain**SHARPNESS).mean()
+        share = gain**tuning.sharpness / (gain**tuning.sharpness).mean()
         effective = float((share * gain).mean())
         # The part of q' that is needed where turning is effective.
         self._part = float(yaw.mean()) / effective
         self._turning = (share * self._part).tolist()
         self._time = (share * gain / effective).tolist()
         ratio = smooth / np.maximum(gain, np.finfo(float).tiny)[:, None]
-        self._boost = (1.0 / np.maximum(ratio, MIN_RATIO)).tolist()
-        steps = _low_pass(speed) / speed.mean()
-        self._step = (1.0 + STEP_SWING * (steps - steps.mean(axis=1)[:, None])).tolist()
+        self._boost = (1.0 / np.maximum(ratio, tuning.min_ratio)).tolist()
+        steps = _low_pass(speed, tuning.gain_filter) / speed.mean()
+        swing = tuning.step_swing * (steps - steps.mean(axis=1)[:, None])
+        self._step = (1.0 + swing).tolist()
         is_peak = (gain >= np.roll(gain, 1)) & (gain > np.roll(gain, -1))
-        peaks = np.flatnonzero(is_peak & (gain >= PEAK_RATIO * gain.max()))
+        peaks = np.flatnonzero(is_peak & (gain >= tuning.peak_ratio * gain.max()))
         self._peaks: list[float] = ((peaks + 0.5) * (TURN / self._count)).tolist()
 
     def rates(
         self, p: float, q: float, walking: float, turning: float, *, on_spot: bool = False
     ) -> tuple[float, float]:
         """
-        Return p' and q' [rad/s].
+        Return p' and q' [rad/s] for `walking` and `turning`, their means over all phases [rad/s].
 
-        Parameters
-        ----------
-        p, q : float
-            Mean phase of left and right, and half their difference [rad].
-        walking, turning : float
-            p' and q' for the motion in the mean over all phases [rad/s].
-        on_spot : bool
-            Whether p is to stay at the best phase.
-
+        With `on_spot` p stays at the best phase.
         """
+        tuning = self._tuning
         if not turning:
             return walking, 0.0
         effective = abs(turning) * self._part
-        share = 1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (PASSING_RATE * effective))
-        time = max(MIN_DENSITY, 1.0 + share * (_interpolated(self._time, p) - 1.0))
+        share = (
+            1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (tuning.passing_rate * effective))
+        )
+        time = max(tuning.min_density, 1.0 + share * (_interpolated(self._time, p) - 1.0))
         turns = turning * _interpolated(self._turning, p) * _interpolated(self._boost, p, q) / time
         if not on_spot:
             return walking / time, turns
-        most = SEEKING_RATE * effective
+        most = tuning.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
-        walks = _clip(walking * _interpolated(self._step, p, q), HOLD_SHARE * most)
+        walks = _clip(walking * _interpolated(self._step, p, q), tuning.hold_share * most)
         away = min((_wrapped(peak - p) for peak in self._peaks), key=abs)
-        return walks + most * _clip(away / SEEKING_RANGE, 1.0), turns
+        return walks + most * _clip(away / tuning.seeking_range, 1.0), turns
 
 
 def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
-    count = len(feet)
+    # A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
+    vertical, rounding, count = 1e-6, 1e-9, len(feet)
     best = np.full(count, np.inf)
     facets, loads = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
     for triple in combinations(range(feet.shape[1]), 3):
         a, b, c = (feet[:, i] for i in triple)
         normal = np.cross(b - a, c - a)
-        is_facet = np.abs(normal[:, 2]) > MIN_PROJECTED_AREA
+        is_facet = np.abs(normal[:, 2]) > vertical
         slope = normal[:, :2] / np.where(is_facet, normal[:, 2], np.inf)[:, None]
         level = a[:, 2] + _dot(a[:, :2], slope)
         steepness = 1.0 + _dot(slope, slope)
         above = (feet[..., 2] + _dot(feet[..., :2], slope[:, None])).min(axis=1)
-        found = np.flatnonzero(is_facet & (above >= level - ROUNDING) & (steepness < best))
+        found = np.flatnonzero(is_facet & (above >= level - rounding) & (steepness < best))
         middle, tilt = centre[found], slope[found]
         height = (middle[:, 2] + _dot(middle[:, :2], tilt) - level[found]) / steepness[found]
         over = middle[:, :2] - height[:, None] * tilt
         p, q, r = (feet[found, i, :2] - over for i in triple)
         shares = np.stack([_cross(q, r), _cross(r, p), _cross(p, q)], axis=-1)
         shares /= shares.sum(axis=-1, keepdims=True)
-        holds = shares.min(axis=-1) >= -ROUNDING
+        holds = shares.min(axis=-1) >= -rounding
         found = found[holds]
         best[found], facets[found], loads[found] = steepness[found], triple, shares[holds]
     return facets, np.maximum(loads, 0.0)
@@ -282,9 +250,9 @@ def _interpolated(values: Sequence[Any], angle: float, *others: float) -> float:
     return float(a + (at - low) * (b - a))
 
 
-def _low_pass(values: Array) -> Array:
-    """Return a periodic map through a Gaussian filter."""
-    order = np.fft.fftfreq(len(values), 1.0 / len(values)) * GAIN_FILTER
+def _low_pass(values: Array, width: float) -> Array:
+    """Return a periodic map through a Gaussian filter of a width [rad]."""
+    order = np.fft.fftfreq(len(values), 1.0 / len(values)) * width
     weights = np.exp(-0.5 * (order[:, None] ** 2 + order**2))
     return np.asarray(np.fft.ifft2(np.fft.fft2(values) * weights).real, dtype=np.float64)
 

@@ -42,51 +42,27 @@ Triple = tuple[float, float, float]
 Facet = tuple[int, int, int]
 # xx, xy, xz, yy, yz, zz of a symmetric matrix.
 Symmetric = tuple[float, float, float, float, float, float]
-# Relative area of a vertical facet; rounding of load shares and of positions [m].
+# Tolerances of rounding: relative area of a vertical facet; load shares and positions [m].
 FLAT, ROUNDING = 1e-9, 1e-12
-# Cosine of the tilt beyond which a body lies on its side: 30 deg.
-STANDING = 0.866
-# Feet up to this height above the plane carry load as well, and a foot sinks by this under the
-# whole weight, as its leg and the floor give way [m].
-TOUCHING, SINK = 1e-6, 5e-4
-# Attitudes that differ by less are of the same feet [rad].
-SAME_ATTITUDE = 0.01
-# Iterations of the loads and of the slip, the relative tolerance of the latter, and the slip of
-# sticking feet by the longest step.
-ITERATIONS, CHANGE, STICK_TOLERANCE = 12, 1e-5, 1e-3
-# Yaw information: of no foot, as a part of the feet's (coincident feet define no rotation), and of
-# a rotation that is measured.
-NO_YAW, MEASURED_YAW = 1e-9, 1e18
+# Feet up to this height above the plane carry load as well [m].
+TOUCHING = 1e-6
+# Iterations of loads and slip; the slip of sticking feet, by the longest step; and yaw information
+# of no foot, as a part of the feet's: coincident feet define no rotation.
+ITERATIONS, STICK_TOLERANCE, NO_YAW = 12, 1e-3, 1e-9
 
 
 class Support(NamedTuple):
-    """
-    How a body rests on its feet.
+    """How a body rests on its feet."""
 
-    Attributes
-    ----------
-    feet : tuple of int
-        Those that carry it, three or more.
-    loads : tuple of float
-        Their shares of the weight.
-    facet : (int, int, int)
-        Three of them around the centre of mass.
-    normal : (float, float, float)
-        Upwards, in base_link.
-    height : float
-        Of base_link's origin above the ground [m].
-    corners : sequence of (float, float, float)
-        The feet that touch the ground [m].
-    centre : (float, float, float)
-        The centre of mass [m].
-
-    """
-
+    # Those that carry it, three or more, and their shares of the weight.
     feet: tuple[int, ...]
     loads: tuple[float, ...]
+    # Three of them around the centre of mass.
     facet: Facet
+    # Upwards in base_link, and the height of its origin above the ground [m].
     normal: Triple
     height: float
+    # The feet that touch the ground, and the centre of mass [m].
     corners: Sequence[Point]
     centre: Point
 
@@ -102,20 +78,9 @@ class Support(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """
-        Return the static margin [m].
-
-        It is the horizontal distance of the centre of mass from the nearest edge of the polygon of
-        the feet that touch the ground.
-        """
+        """Return the static margin [m]: the distance of the centre from the edge of its feet."""
         *corners, centre = gravity_aligned([*self.corners, self.centre], self.roll, self.pitch)
-        nearest = inf
-        for a, b in combinations(corners, 2):
-            edge = (b - a) / (abs(b - a) or 1.0)
-            sides = [((foot - a) * edge.conjugate()).imag for foot in corners]
-            if min(sides) > -ROUNDING or max(sides) < ROUNDING:
-                nearest = min(nearest, abs(((centre - a) * edge.conjugate()).imag))
-        return nearest
+        return edge_distance(corners, centre)
 
     def height_of(self, point: Point) -> float:
         """Return the height of a point of base_link above the ground [m]."""
@@ -131,24 +96,17 @@ def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[
 
 def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) -> Support | None:
     """
-    Return how a body rests; None where its centre is not above the polygon of its feet.
+    Return how a body rests; None where its centre of mass is not above the polygon of its feet.
 
-    Parameters
-    ----------
-    feet : sequence of (float, float, float)
-        Positions in base_link [m].
-    centre : (float, float, float)
-        Its centre of mass [m].
-    guess : (int, int, int), optional
-        The facet before, on which it stays while that holds.
-
+    Positions are those in base_link [m]; it stays on the facet `guess` while that holds.
     """
     found = guess and _on(feet, centre, guess)
     if not found:
         stable = [each for facet in _facets(len(feet)) if (each := _on(feet, centre, facet))]
         if not stable:
             return None
-        found = min(stable, key=lambda s: (-min(s.normal[2], STANDING), s.height_of(centre)))
+        # Tilted by more than 30 deg it lies on its side.
+        found = min(stable, key=lambda s: (-min(s.normal[2], 0.866), s.height_of(centre)))
     (x, y, z), top = found.normal, TOUCHING - found.height
     touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
     if len(touch) == 3:
@@ -164,32 +122,41 @@ def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) ->
     return found._replace(feet=on, loads=shares)
 
 
-def outside_feet(feet: Sequence[Point], centre: Point, attitude: tuple[float, float]) -> float:
+def outside_feet(
+    feet: Sequence[Point],
+    centre: Point,
+    attitude: tuple[float, float],
+    tolerance: float = 0.01,
+) -> float:
     """
     Return how far a centre of mass is outside of the feet that an attitude shows to carry it [m].
 
-    The body lies on a facet of its feet within `SAME_ATTITUDE` of roll and pitch [rad]; 0 where
-    there is none, as while it tips, or where one can carry it.
+    The body lies on a facet of its feet within a tolerance of roll and pitch [rad]; 0 where there
+    is none, as while it tips, or where one can carry it.
     """
     nearest = inf
     for facet in _facets(len(feet)):
         corners = [feet[i] for i in facet]
         middle = [sum(values) / 3.0 for values in zip(*corners, strict=True)]
         rest = _on(feet, middle, facet)
-        if rest and hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) < SAME_ATTITUDE:
+        if rest and hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) < tolerance:
             if _on(feet, centre, facet):
                 return 0.0
-            nearest = min(nearest, polygon_distance(corners, centre))
+            flat = [complex(*corner[:2]) for corner in corners]
+            nearest = min(nearest, edge_distance(flat, complex(*centre[:2])))
     return nearest if nearest < inf else 0.0
 
 
-def polygon_distance(feet: Sequence[Point], centre: Point) -> float:
-    """Return the distance of a point from the polygon of feet around it, from above [m]."""
-    middle, nearest = complex(*centre[:2]), inf
-    for p, q in combinations(feet, 2):
-        edge, away = complex(*q[:2]) - complex(*p[:2]), middle - complex(*p[:2])
-        t = (away * edge.conjugate()).real / (abs(edge) ** 2 or 1.0)
-        nearest = min(nearest, abs(away - max(0.0, min(1.0, t)) * edge))
+def edge_distance(feet: Sequence[complex], centre: complex) -> float:
+    """Return the distance of a point from the edge of the polygon around feet, from above [m]."""
+    nearest = inf
+    for a, b in combinations(feet, 2):
+        size = abs(b - a) or 1.0
+        edge = (b - a) / size
+        sides = [((foot - a) * edge.conjugate()).imag for foot in feet]
+        if min(sides) > -ROUNDING or max(sides) < ROUNDING:
+            along = ((centre - a) * edge.conjugate()).real
+            nearest = min(nearest, abs(centre - a - max(0.0, min(size, along)) * edge))
     return nearest
 
 
@@ -231,22 +198,15 @@ def zero_moment_point(centre: complex, height: float, acceleration: complex) -> 
     return centre - height / GRAVITY * acceleration
 
 
-def spring_loads(flat: Sequence[complex], heights: Sequence[float], over: complex) -> list[float]:
+def spring_loads(
+    flat: Sequence[complex], heights: Sequence[float], over: complex, sink: float = 5e-4
+) -> list[float]:
     """
-    Return the load shares of feet that give way like springs.
+    Return the load shares of feet that give way like springs, as their legs and the floor do.
 
-    Each foot carries (d + a x + b y - h) / SINK where that is positive; d, a and b follow from the
-    balance of the weight.
-
-    Parameters
-    ----------
-    flat : sequence of complex
-        All feet, seen from above [m].
-    heights : sequence of float
-        Heights of the feet above the plane of their support [m].
-    over : complex
-        The point in which the weight acts [m].
-
+    Each foot carries (d + a x + b y - h) / sink where that is positive; d, a and b follow from the
+    balance of the weight, which acts at `over`, seen from above. `heights` are those of the feet
+    above the plane of their support, and `sink` is that of a foot under the whole weight [m].
     """
     at = [
         (foot.real - over.real, foot.imag - over.imag, h)
@@ -256,7 +216,7 @@ def spring_loads(flat: Sequence[complex], heights: Sequence[float], over: comple
     sinks = [0.0] * len(at)
     for _ in range(ITERATIONS):
         sx = sy = xx = xy = yy = hx = hy = 0.0
-        sh = SINK
+        sh = sink
         for x, y, h in active:
             sx, sy, sh, hx, hy = sx + x, sy + y, sh + h, hx + h * x, hy + h * y
             xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
@@ -348,17 +308,9 @@ def minimize_slip(
     feet: Sequence[FootMotion], creep: float, prior: MotionPrior | None = None
 ) -> BodyStep:
     """
-    Return the motion of a body whose feet move.
+    Return the motion of a body whose feet move; without a prior friction is all.
 
-    Parameters
-    ----------
-    feet : sequence of FootMotion
-        The standing feet.
-    creep : float
-        Slip below which friction is regularised, in the unit of the motions.
-    prior : MotionPrior, optional
-        Motion without friction; without it, friction is all.
-
+    `creep` is the slip below which friction is regularised, in the unit of the motions.
     """
     v, turn = prior[:2] if prior else least_squares(feet)
     prior = prior or MotionPrior()
@@ -387,7 +339,7 @@ def minimize_slip(
         v = complex(xx * rx + xy * ry + xt * rt, xy * rx + yy * ry + yt * rt)
         turn = xt * rx + yt * ry + tt * rt
         # A rotation moves feet by about their distance in metres.
-        if abs(v - last) + abs(turn - last_turn) < CHANGE * scale:
+        if abs(v - last) + abs(turn - last_turn) < 1e-5 * scale:
             break
     slid = sum([load * abs(motion + v + turn * arm) for motion, arm, load in feet])
     return BodyStep(v, turn, slid, covariance)

@@ -16,59 +16,23 @@ import numpy as np
 from .feet import Array, CUBIC_SAMPLES, Feet
 from .phase_map import phase_map, phase_twists, TurnPlan
 
-# Slower turns are none [rad/s].
-MIN_YAW_RATE = 1e-9
-# Relative error of the means of a map, see `phase_map.MAP_POINTS`.
-MAP_ERROR = 0.005
-
 
 class Twist2D(NamedTuple):
-    """
-    How a body moves.
-
-    Attributes
-    ----------
-    linear : float
-        Forwards [m/s].
-    angular : float
-        Counter-clockwise, seen from above [rad/s].
-
-    """
+    """How a body moves: forwards [m/s], and counter-clockwise seen from above [rad/s]."""
 
     linear: float
     angular: float
 
 
 class Rates(NamedTuple):
-    """
-    How fast the sides drive, forwards being positive.
-
-    Attributes
-    ----------
-    left, right : float
-        [rad/s].
-
-    """
+    """How fast the sides drive, forwards being positive [rad/s]."""
 
     left: float
     right: float
 
 
 class Steering:
-    """
-    Crank rates and motions of a walker.
-
-    Parameters
-    ----------
-    feet : Feet
-        The walker's.
-
-    Attributes
-    ----------
-    feet : Feet
-        The same.
-
-    """
+    """Crank rates and motions of a walker on its `feet`."""
 
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
@@ -121,8 +85,8 @@ class Steering:
     def _gains(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return speed and yaw at 1 rad/s of both sides, and of the right against the left."""
         (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in self._maps)
-        # Cross gains within the error of the map are those of a mirrored walker: none.
-        reach, least = self.feet.reach, MAP_ERROR
+        # Cross gains within the error of the map (`MAP_POINTS`) are those of a mirrored walker.
+        reach, least = self.feet.reach, 0.005
         if abs(w) * reach < least * abs(v) and abs(x) < least * abs(y) * reach:
             w = x = 0.0
         return (v, w), (x, y)
@@ -153,7 +117,7 @@ class Steering:
 
     def rates(self, wanted: Twist2D) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
-        if abs(wanted.angular) < MIN_YAW_RATE or not self.can_turn:
+        if abs(wanted.angular) < 1e-9 or not self.can_turn:
             rate = wanted.linear / self.speed
             return Rates(rate, rate)
         (v, w), (x, y) = self._gains

@@ -63,7 +63,6 @@ from klann_ros.gait.stance import (
     FootMotion,
     inverse,
     least_squares,
-    MEASURED_YAW,
     minimize_slip,
     MotionPrior,
     outside_feet,
@@ -528,7 +527,7 @@ class Odometry:
         seen, weight = slice(3, 3 + size), FRICTION_INFORMATION * dt
         (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
         if size == 2:
-            c, e, f = 0.0, 0.0, 1.0 / MEASURED_YAW
+            c, e, f = 0.0, 0.0, 1e-18
         information = inverse((a, b, c, d, e, f))
         has_slope = self._push is not None
         # With an accelerometer, which measures the motion without the feet.
