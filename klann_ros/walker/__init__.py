@@ -6,10 +6,11 @@ and an `Odometry` (where it is, and how far that may be off). Its feet and its s
 of `klann_ros.gait`.
 """
 
-from .control_laws import ControllerSettings, CrankCommand, MotionLimits, PhaseLock
+from .control_laws import CrankCommand, PhaseLock
 from .controller import DiagnosticLevel, WalkController
 from .imu import imu_reading, ImuReading
-from .odometry import Odometry, OdometryEstimate, OdometryNoise
+from .odometry import Odometry, OdometryEstimate
+from .settings import ControllerSettings, MotionLimits, OdometryNoise
 from .walker import Walker
 
 __all__ = [

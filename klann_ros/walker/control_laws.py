@@ -19,160 +19,34 @@ to the phases of the gait, so slowly that this turns the body little; cranks of 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from math import atan2, copysign, cos, inf, pi, sin
+from math import atan2, copysign, cos, pi, sin
 from typing import NamedTuple
 
-from klann_ros.gait.steering import Rates, Twist2D
+from klann_ros.gait.steering import Twist2D
 from klann_ros.kinematics.angles import TURN
 
-# The largest correction, as a part of the command, and that of the yaw rate in curves, whose plan
-# may be off by more; and the largest lag, of which K times makes this part of the command.
-MAX_SHARE, MAX_CURVE_SHARE, MAX_WINDUP = 0.5, 1.0, 3.0
-# K of the yaw rate on the spot, where it comes evenly, as a multiple of that of the speed and of
-# the yaw rate in curves. Chosen in MuJoCo, as those of `phase_map`.
-SPOT_GAIN = 2.0
-# A measurement over a longer time is not used [s].
-MAX_INTERVAL = 0.1
-# Greatest relative speed error of a motor that is learned.
-INTEGRAL_LIMIT = 0.4
-# All cranks slow down for one that lags by the first, and stop for one by the second [rad].
-ERROR_SLOWDOWN, ERROR_STOP = 0.1, 0.3
-# At rates below this little is learned of a motor [rad/s].
-LEARNING_RATE = 0.2
-# Sides whose rates differ by less than this part go straight on.
-STRAIGHT = 1e-3
-# Time constant of small phase corrections [s].
-REPHASE_TIME = 1.0
-
-
-@dataclass(frozen=True)
-class MotionLimits:
-    """
-    What a walker may do.
-
-    Attributes
-    ----------
-    max_linear, max_angular : float
-        Of its speed [m/s] and yaw rate [rad/s].
-    max_linear_acceleration, max_angular_acceleration : float
-        Of their changes [m/s^2, rad/s^2].
-    max_curvature : float
-        Of its path [1/m]; infinite where it may turn on the spot.
-    max_crank_rate : float
-        Of each crank [rad/s].
-
-    """
-
-    max_linear: float = 0.3
-    max_angular: float = 0.3
-    max_linear_acceleration: float = 0.3
-    max_angular_acceleration: float = 0.6
-    max_curvature: float = inf
-    max_crank_rate: float = 3.0
-
-    def motion(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
-        """Return the motion that is allowed, on the same path, and what limits it."""
-        hit = []
-        linear, angular = wanted
-        if abs(angular) > self.max_curvature * abs(linear):
-            hit.append('max_curvature')
-            most = self.max_curvature * abs(linear)
-            angular = max(-most, min(most, angular))
-        share = 1.0
-        for name, value, most in (
-            ('max_linear', linear, self.max_linear),
-            ('max_angular', angular, self.max_angular),
-        ):
-            if abs(value) > most:
-                hit.append(name)
-                share = min(share, most / abs(value))
-        return Twist2D(linear * share, angular * share), hit
-
-    def rates(self, wanted: Rates) -> tuple[float, list[str]]:
-        """Return which part of these rates the cranks can have, and what limits them."""
-        fastest = max(map(abs, wanted))
-        if fastest <= self.max_crank_rate:
-            return 1.0, []
-        return self.max_crank_rate / fastest, ['max_crank_rate']
-
-    def approach(self, now: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
-        """Return the motion after a time; both parts approach the command in proportion."""
-        linear, angular = wanted.linear - now.linear, wanted.angular - now.angular
-        share = min(
-            1.0,
-            self.max_linear_acceleration * dt / abs(linear) if linear else 1.0,
-            self.max_angular_acceleration * dt / abs(angular) if angular else 1.0,
-        )
-        return Twist2D(now.linear + share * linear, now.angular + share * angular)
-
-
-@dataclass(frozen=True)
-class ControllerSettings:
-    """
-    Limits, timeouts and gains of the controller.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-        Of its motion.
-    cmd_vel_timeout, feedback_timeout : float
-        Older commands, and older feedback of any crank, stop it [s].
-    max_gap : float
-        After a longer gap between two steps the set points restart at the measured angles [s].
-    phase_lock : bool
-        Whether cranks are kept in phase by their feedback.
-    phase_gain, phase_integral : float
-        P [1/s] and I [1/s^2] of the phase lock.
-    rephase : float
-        The part of its rate by which a crank goes faster or slower to get back into phase.
-    motion_gain : float
-        K of the motion feedback; 0 for no correction [1/s].
-
-    """
-
-    limits: MotionLimits = field(default_factory=MotionLimits)
-    cmd_vel_timeout: float = 0.5
-    feedback_timeout: float = 0.3
-    max_gap: float = 0.2
-    phase_lock: bool = True
-    phase_gain: float = 4.0
-    phase_integral: float = 4.0
-    rephase: float = 0.1
-    motion_gain: float = 0.5
+from .settings import ControllerSettings
 
 
 class MotionFeedback:
-    """
-    Correct a commanded motion by the measured one.
+    """Correct a commanded motion by the measured one; `speed` is by the crank rate [m/rad]."""
 
-    Parameters
-    ----------
-    gain : float
-        K [1/s]; 0 for no correction.
-    speed : float
-        Of the walker, by its crank rate [m/rad].
-
-    Attributes
-    ----------
-    lag : Twist2D
-        The integral of commanded minus measured motion [m, rad].
-
-    """
-
-    def __init__(self, gain: float, speed: float) -> None:
-        self.gain, self._step = gain, abs(speed) * pi
+    def __init__(self, settings: ControllerSettings, speed: float) -> None:
+        self.settings, self._step = settings, abs(speed) * pi
         self.reset()
 
     def reset(self) -> None:
-        """Forget the lag."""
+        """Forget the lag, the integral of commanded minus measured motion [m, rad]."""
         self.lag = Twist2D(0.0, 0.0)
 
     def measure(self, commanded: Twist2D, measured: Twist2D, seconds: float) -> None:
         """Add the motion of a time [s]."""
-        if not (self.gain and 0.0 < seconds <= MAX_INTERVAL):
+        settings = self.settings
+        # A measurement over a longer time says little about the motion within it.
+        if not (settings.motion_gain and 0.0 < seconds <= 0.1):
             return
-        limits = [MAX_WINDUP / self.gain * abs(each) for each in commanded]
+        most = settings.max_windup / settings.motion_gain
+        limits = [most * abs(each) for each in commanded]
         if _is_on_spot(commanded):
             limits[0] = self._step
         both = zip(self.lag, commanded, measured, limits, strict=True)
@@ -183,11 +57,12 @@ class MotionFeedback:
     def corrected(self, commanded: Twist2D) -> Twist2D:
         """Return the motion to drive for; straight on the yaw is not corrected."""
         linear, angular = commanded
-        forwards, turn = (self.gain * lag for lag in self.lag)
+        s, (forwards, turn) = self.settings, (self.settings.motion_gain * lag for lag in self.lag)
         if _is_on_spot(commanded):
-            return Twist2D(forwards, _corrected(angular, SPOT_GAIN * turn, MAX_SHARE))
+            return Twist2D(forwards, _corrected(angular, s.spot_gain * turn, s.max_correction))
         return Twist2D(
-            _corrected(linear, forwards, MAX_SHARE), _corrected(angular, turn, MAX_CURVE_SHARE)
+            _corrected(linear, forwards, s.max_correction),
+            _corrected(angular, turn, s.max_curve_correction),
         )
 
 
@@ -304,11 +179,10 @@ class PhaseLock:
         velocity = max(low, min(high, max(forward - limit, min(forward + limit, wanted))))
         # No wind-up: a saturated rate teaches nothing.
         if rate and (velocity == wanted or wanted * error < 0.0):
+            s, bound = self.settings, self.settings.integral_limit
             learned = self._speed_errors[k]
-            learned += (
-                self.settings.phase_integral * error * rate / (rate**2 + LEARNING_RATE**2) * dt
-            )
-            self._speed_errors[k] = max(-INTEGRAL_LIMIT, min(INTEGRAL_LIMIT, learned))
+            learned += s.phase_integral * error * rate / (rate**2 + s.learning_rate**2) * dt
+            self._speed_errors[k] = max(-bound, min(bound, learned))
         return velocity
 
     def _scale(self, rates: Sequence[float], positions: Sequence[float]) -> float:
@@ -318,18 +192,19 @@ class PhaseLock:
             for rate, target, position in zip(rates, self.targets, positions, strict=True)
             if rate
         )
-        lag = max(lags, default=0.0)
-        return min(1.0, max(0.0, (ERROR_STOP - lag) / (ERROR_STOP - ERROR_SLOWDOWN)))
+        lag, s = max(lags, default=0.0), self.settings
+        return min(1.0, max(0.0, (s.error_stop - lag) / (s.error_stop - s.error_slowdown)))
 
     def _rephased(self, rates: Sequence[float]) -> list[float]:
         """Return the rates with what brings the cranks back into phase."""
         forwards = [sense * rate for sense, rate in zip(self._senses, rates, strict=True)]
         groups = [list(range(len(rates)))]
-        if max(forwards) - min(forwards) > STRAIGHT * max(map(abs, forwards)):
+        # Sides whose rates are the same within rounding go straight on.
+        if max(forwards) - min(forwards) > 1e-3 * max(map(abs, forwards)):
             groups = [[k for k in groups[0] if self._sides[k] == side] for side in (-1, 0, 1)]
-        changed = list(rates)
+        changed, s = list(rates), self.settings
         for group in filter(None, groups):
             for k, off in zip(group, self.phases(group), strict=True):
-                most = self.settings.rephase * abs(rates[k])
-                changed[k] -= self._senses[k] * max(-most, min(most, off / REPHASE_TIME))
+                most = s.rephase * abs(rates[k])
+                changed[k] -= self._senses[k] * max(-most, min(most, off / s.rephase_time))
         return changed

@@ -8,21 +8,11 @@ from math import degrees, inf, isfinite
 
 from klann_ros.gait.steering import Rates, Steering, Twist2D
 
-from .control_laws import ControllerSettings, CrankCommand, MotionFeedback, PhaseLock
+from .control_laws import CrankCommand, MotionFeedback, PhaseLock
 from .feedback import Backlog, CrankFeedback, SteadyClock, Watchdog
+from .settings import ControllerSettings
 
-# A crank is blocked if its rate stays below this part of the commanded one for this time [s].
-BLOCKED_RATIO, BLOCKED_TIME = 0.1, 0.5
-# At lower commanded rates a crank may well stand [rad/s].
-CREEP_RATE = 0.05
-# An event stays in the diagnostics' message for this time [s].
-EVENT_TIME = 3.0
-# Events that wait to be logged.
-MAX_EVENTS = 100
 STANDS = Twist2D(0.0, 0.0)
-# Of the commanded crank rates [rad/s^2]: far below the least acceleration that the detector of
-# encoder offsets takes for a step.
-MAX_CRANK_ACCELERATION = 15.0
 
 
 class DiagnosticLevel(Enum):
@@ -77,13 +67,13 @@ class WalkController:
             steering.prepare()
         self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
-        self.motion_feedback = MotionFeedback(settings.motion_gain, steering.speed)
+        self.motion_feedback = MotionFeedback(settings, steering.speed)
         # A cache: the command rarely changes.
         self._limited = lru_cache(maxsize=1)(self._limit)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = self.pauses = 0
         self.limits_hit: list[str] = []
-        self.events: deque[str] = deque(maxlen=MAX_EVENTS)
+        self.events: deque[str] = deque(maxlen=100)
         self._event, self._event_age = '', Watchdog(steady)
         self._command_age, self._command_backlog = Watchdog(steady), Backlog()
         # Of any callback, and of the control clock's last progress.
@@ -104,8 +94,7 @@ class WalkController:
     @settings.setter
     def settings(self, settings: ControllerSettings) -> None:
         self._settings = settings
-        self.lock.settings = settings
-        self.motion_feedback.gain = settings.motion_gain
+        self.lock.settings = self.motion_feedback.settings = settings
         for crank in self.cranks:
             crank.max_rate = 4.0 * self._max_rate
         self._limited.cache_clear()
@@ -248,8 +237,6 @@ class WalkController:
         """Forget the times of commands: a simulation has restarted."""
         self._command_age.clear()
         self._last = None
-        for watchdog in (self._loop, self._event_age, *(crank.watchdog for crank in self.cranks)):
-            watchdog.rewind(now)
         for crank in self.cranks:
             crank.received = min(crank.received, now)
         self.motion = STANDS
@@ -306,7 +293,7 @@ class WalkController:
     def _crank_rates(self, rates: Rates, dt: float) -> list[float]:
         """Return the rates of the cranks: those of the sides within their limits."""
         share, _ = self._settings.limits.rates(rates)
-        most = MAX_CRANK_ACCELERATION * dt if self.motion != STANDS else inf
+        most = self._settings.max_crank_acceleration * dt if self.motion != STANDS else inf
         left, right = (
             was + max(-most, min(most, share * rate - was))
             for was, rate in zip(self._rates, rates, strict=True)
@@ -315,11 +302,12 @@ class WalkController:
         return self.steering.crank_rates(self._rates)
 
     def _detect_blocked(self, dt: float) -> None:
+        s = self._settings
         for k, crank in enumerate(self.cranks):
             commanded = abs(self._commanded[k])
-            stuck = commanded > CREEP_RATE and abs(crank.velocity) < BLOCKED_RATIO * commanded
+            stuck = commanded > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * commanded
             self._stalled[k] = self._stalled[k] + dt if stuck else 0.0
-            if self._stalled[k] > BLOCKED_TIME:
+            if self._stalled[k] > s.blocked_time:
                 self._blocked.append(crank.joint)
 
     # Diagnostics.
@@ -339,7 +327,7 @@ class WalkController:
         stopped = self._stopped_by(now)
         if stopped:
             return DiagnosticLevel.ERROR, f'stopped: {stopped}'
-        if self._event_age.age(now) < EVENT_TIME:
+        if self._event_age.age(now) < 3.0:
             return DiagnosticLevel.WARN, self._event
         if self.lock.rate_scale < 1.0 and self.motion != STANDS:
             k = max(range(len(self.cranks)), key=lambda k: abs(self.lock.errors[k]))

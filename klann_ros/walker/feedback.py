@@ -8,22 +8,6 @@ from statistics import median
 
 from klann_ros.kinematics.angles import TURN
 
-# Angles beyond this are no crank's [rad]; rates beyond this multiple of its greatest rate neither.
-MAX_ANGLE, MAX_RATE_RATIO = 1e6, 10.0
-# A crank may be off by this beyond what its greatest rate would have turned it [rad], and the time
-# between two messages is never taken as less [s]: stamps and transport jitter.
-POSITION_MARGIN, MIN_DT = 0.1, 0.02
-# Consecutive readings that confirm a position offset.
-CONFIRMATIONS = 5
-# Gate of reported offsets, in standard deviations of the encoder's noise, of which the least is
-# assumed to be this [rad]. It is learned from NOISE_READINGS readings before any offset is judged.
-NOISE_GATE, MIN_NOISE, NOISE_READINGS = 6.0, 0.002, 50
-# Rates between readings whose median predicts the next one; the prediction is that far behind a
-# crank that accelerates [rad/s^2], and readings further apart predict nothing [s].
-RATE_READINGS, MAX_ACCELERATION, MAX_INTERVAL = 5, 30.0, 0.5
-# Time after a pause during which messages are compared with those before it, the delay of one that
-# is current, and the growth of the usual age of messages from one to the next [s].
-DRAIN_TIME, FRESH_DELAY, AGE_STEP = 1.0, 0.05, 0.05
 # Returns the time of a clock that never stands still [s].
 SteadyClock = Callable[[], float]
 
@@ -47,6 +31,8 @@ class Watchdog:
 
     def age(self, now: float) -> float:
         """Return the time since the last message, by the clock that measured more of it [s]."""
+        # The control clock may go back, as that of a simulation which restarts.
+        self._at = min(self._at, now)
         age = now - self._at
         return max(age, self._steady() - self._steady_at) if self._steady else age
 
@@ -54,17 +40,13 @@ class Watchdog:
         """Forget the last message: the age is infinite."""
         self._at = self._steady_at = -inf
 
-    def rewind(self, now: float) -> None:
-        """Follow the control clock back to an earlier time."""
-        self._at = min(self._at, now)
-
 
 class Backlog:
     """
     The delay of messages that waited in a queue while the process was paused.
 
     Clocks of publishers differ from the receiver's by any offset, so a message's age counts only
-    relative to that of the last message before the pause, and for `DRAIN_TIME` after it.
+    relative to that of the last message before the pause, and for a second after it.
     """
 
     def __init__(self) -> None:
@@ -72,7 +54,7 @@ class Backlog:
 
     def pause(self, now: float) -> None:
         """Expect delayed messages: the process was paused until now [s]."""
-        self._end = now + DRAIN_TIME
+        self._end = now + 1.0
 
     def delay(self, age: float | None, now: float) -> float:
         """Return the delay of a message of a given age (None: unknown), 0 if it is current [s]."""
@@ -80,32 +62,48 @@ class Backlog:
             return 0.0
         # Before the first message clocks are taken to be the same.
         delay = age - (self._usual_age if self._usual_age < inf else 0.0)
-        if now < self._end and delay >= FRESH_DELAY:
+        # Jitter of the transport; the usual age grows by no more from message to message.
+        jitter = 0.05
+        if now < self._end and delay >= jitter:
             return delay
-        self._usual_age, self._end = min(age, self._usual_age + AGE_STEP), -inf
+        self._usual_age, self._end = min(age, self._usual_age + jitter), -inf
         return 0.0
 
 
+@dataclass
 class OffsetDetector:
     """
     Position offsets: steps of an angle that neither its rate nor its noise explains.
 
     The rate is the median of the last rates between readings, so that a step does not explain
-    itself. A step counts if it is still there after `CONFIRMATIONS` readings; a glitch is not.
+    itself. A step counts if it is still there after `confirmations` readings; a glitch is not.
     """
 
-    def __init__(self) -> None:
+    confirmations: int = 5
+    # Gate of reported offsets, in standard deviations of the encoder's noise, of which the least
+    # is assumed to be this [rad]. It is learned from so many readings before any is judged.
+    gate: float = 6.0
+    least_noise: float = 0.002
+    noise_readings: int = 50
+    # Rates between readings whose median predicts the next one; the prediction is that far behind
+    # a crank that accelerates [rad/s^2], and readings further apart predict nothing [s].
+    rate_readings: int = 5
+    max_acceleration: float = 30.0
+    max_interval: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Begin without readings."""
         self._variance, self._count = 0.0, 0
         self.restart()
 
     @property
     def noise(self) -> float:
         """Return the standard deviation of the readings about their prediction [rad]."""
-        return max(MIN_NOISE, sqrt(self._variance))
+        return max(self.least_noise, sqrt(self._variance))
 
     def restart(self) -> None:
         """Forget the readings; the noise stays."""
-        self._rates: deque[float] = deque(maxlen=RATE_READINGS)
+        self._rates: deque[float] = deque(maxlen=self.rate_readings)
         self._steps: list[float] = []
         self._offset = 0.0
         self._position = self._at = nan
@@ -114,20 +112,20 @@ class OffsetDetector:
         """Take an angle [rad] at its time [s]; return the offset [rad] accepted with it, or 0."""
         dt, step = at - self._at, position - self._position
         # NaN compares with nothing.
-        is_next = 0.0 < dt < MAX_INTERVAL
+        is_next = 0.0 < dt < self.max_interval
         if not is_next:
             self.restart()
         self._position, self._at = position, at
-        if len(self._rates) < RATE_READINGS:
+        if len(self._rates) < self.rate_readings:
             if is_next:
                 self._rates.append(step / dt)
             return 0.0
         predicted = median(self._rates) * dt
-        tolerance = NOISE_GATE * self.noise + MAX_ACCELERATION * dt**2
+        tolerance = self.gate * self.noise + self.max_acceleration * dt**2
         self._learn_noise(step - predicted, tolerance)
         # A crank may stop at any time.
         excess = step - max(min(0.0, predicted), min(max(0.0, predicted), step))
-        is_step = abs(excess) > tolerance and self._count > NOISE_READINGS
+        is_step = abs(excess) > tolerance and self._count > self.noise_readings
         if is_step:
             self._offset += step - predicted
         else:
@@ -135,7 +133,7 @@ class OffsetDetector:
             if not self._steps:
                 return 0.0
         self._steps.append(step - predicted if is_step else excess)
-        if len(self._steps) < CONFIRMATIONS:
+        if len(self._steps) < self.confirmations:
             return 0.0
         # What follows a step confirms it; its own excess is acceleration.
         offset = self._offset if abs(sum(self._steps)) > tolerance else 0.0
@@ -144,10 +142,10 @@ class OffsetDetector:
 
     def _learn_noise(self, innovation: float, limit: float) -> None:
         self._count += 1
-        if self._count > NOISE_READINGS:
+        if self._count > self.noise_readings:
             # A step is not noise, though it may be the first sign of more noise.
             innovation = min(abs(innovation), limit)
-        self._variance += (innovation**2 - self._variance) / min(self._count, NOISE_READINGS)
+        self._variance += (innovation**2 - self._variance) / min(self._count, self.noise_readings)
 
 
 @dataclass
@@ -157,6 +155,10 @@ class CrankFeedback:
     joint: str
     max_rate: float
     steady: InitVar[SteadyClock | None] = None
+    # A crank may be off by this beyond what its greatest rate would have turned it [rad], and the
+    # time between two messages is never taken as less [s]: stamps and transport jitter.
+    margin: float = field(default=0.1, repr=False)
+    min_dt: float = field(default=0.02, repr=False)
     # The last accepted angle, without the encoder's whole turns [rad]; NaN before the first. And
     # the rate in the message, or else from angle to angle [rad/s].
     position: float = nan
@@ -207,7 +209,8 @@ class CrankFeedback:
         They arrive at `now` by the control clock; `at` is their own time by any clock, and `age`
         that by the clocks of publisher and receiver, which may differ [s].
         """
-        if not (isfinite(position) and abs(position) <= MAX_ANGLE):
+        # NaN compares with nothing; larger angles are no crank's.
+        if not abs(position) <= 1e6:
             self.rejected += 1
             return False
         delay = self.backlog.delay(age, now)
@@ -218,8 +221,8 @@ class CrankFeedback:
             unwrapped = position + self._turns
             whole = round((unwrapped - self.position) / TURN) * TURN
             # While a queue is drained, readings arrive faster than they were sent.
-            elapsed = max(now - self.received, self.delay - delay, MIN_DT)
-            possible = 1.5 * self.max_rate * elapsed + POSITION_MARGIN
+            elapsed = max(now - self.received, self.delay - delay, self.min_dt)
+            possible = 1.5 * self.max_rate * elapsed + self.margin
             if abs(unwrapped - self.position) <= possible:
                 whole = 0.0
             step = unwrapped - whole - self.position
@@ -235,8 +238,7 @@ class CrankFeedback:
                 self.accepted_jumps += 1
                 self.detector.restart()
         first, position = not self.is_known, position + self._turns
-        # NaN compares with nothing.
-        if velocity is not None and abs(velocity) <= MAX_RATE_RATIO * self.max_rate:
+        if velocity is not None and abs(velocity) <= 10.0 * self.max_rate:
             self.velocity = velocity
         elif at > self.at:
             self.velocity = (position - self.position) / (at - self.at)
@@ -256,4 +258,4 @@ class CrankFeedback:
         if not self._outliers:
             self.jumps += 1
         self._outliers.append(position)
-        return len(self._outliers) >= CONFIRMATIONS
+        return len(self._outliers) >= self.detector.confirmations

@@ -14,22 +14,7 @@ from klann_ros.dynamics import GRAVITY
 from klann_ros.gait.stance import gravity_aligned, Triple
 from klann_ros.kinematics.angles import TURN
 
-# Time constant of the complementary filter between gyro and orientation [s].
-COMPLEMENTARY_FILTER_TIME = 0.5
-# A longer gap between readings invalidates the interval [s], and so does a gap that exceeds the
-# usual one by this factor: the impact of a foot may be lost with a message.
-MAX_READING_GAP, DROPOUT_RATIO = 0.03, 1.8
-# Smoothing factor of the reading period.
-PERIOD_SMOOTHING = 0.05
-# Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad], for
-# this time before anything is measured [s].
-STATIONARY_RATE, STATIONARY_ANGLE, SETTLING_TIME = 0.1, 0.02, 0.5
-# Averaging time of the accelerometer bias [s].
-MAX_CALIBRATION_TIME = 2.0
-# A larger mean at standstill means other units or axes, or missing gravity [m/s^2].
-MAX_BIAS = 1.0
-# Larger impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].
-MAX_IMPULSE = 1.0
+from .settings import OdometryNoise
 
 
 class ImuReading(NamedTuple):
@@ -70,17 +55,8 @@ def imu_reading(
     """
     Return the reading of an IMU whose axes are those of base_link.
 
-    Parameters
-    ----------
-    orientation : (float, float, float, float), optional
-        x, y, z, w.
-    angular : (float, float, float)
-        Angular velocity in base_link [rad/s].
-    at : float
-        Time [s].
-    force : (float, float, float), optional
-        Specific force in base_link [m/s^2].
-
+    `orientation` is a quaternion x, y, z, w; `angular` velocity [rad/s] and specific `force`
+    [m/s^2] are those in base_link, `at` a time [s].
     """
     if orientation is None:
         return ImuReading(None, angular[2], at)
@@ -92,11 +68,12 @@ def imu_reading(
     yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     rate = up[0] * angular[0] + up[1] * angular[1] + up[2] * angular[2]
     level = hypot(up[1], up[2])
-    # Angular rates about the horizontal axes.
-    across = (up[2] * angular[1] - up[1] * angular[2]) / (level or 1.0)
-    along = (up[1] * angular[1] + up[2] * angular[2]) / (level or 1.0)
-    rates = angular[0] - up[0] / (level or 1.0) * along, across
     attitude = atan2(up[1], up[2]), atan2(-up[0], level)
+    # Angular rates about the horizontal axes.
+    level = level or 1.0
+    across = (up[2] * angular[1] - up[1] * angular[2]) / level
+    along = (up[1] * angular[1] + up[2] * angular[2]) / level
+    rates = angular[0] - up[0] / level * along, across
     return ImuReading(yaw, rate, at, attitude, rates, force)
 
 
@@ -117,7 +94,8 @@ class ImuIncrement(NamedTuple):
 class ImuPreintegration:
     """Accumulate readings of an IMU from one reading of the cranks to the next."""
 
-    def __init__(self) -> None:
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._noise = noise
         self.last: ImuReading | None = None
         # Whether a reading had a specific force that could be used.
         self.has_accelerometer = False
@@ -139,9 +117,10 @@ class ImuPreintegration:
         self._count += 1
         dt = max(0.0, reading.at - last.at)
         # The mean of the first readings, then a mean over the time constant.
-        share = min(1.0, max(dt / COMPLEMENTARY_FILTER_TIME, 1.0 / self._count))
+        time = self._noise.orientation_filter_time
+        share = min(1.0, max(dt / time, 1.0 / self._count))
         # After a longer gap the rates are unknown.
-        known = dt if dt < COMPLEMENTARY_FILTER_TIME else 0.0
+        known = dt if dt < time else 0.0
         turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * known
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turn
@@ -164,20 +143,20 @@ class ImuPreintegration:
             self._integrate_force(last, reading)
 
     def _integrate_force(self, last: ImuReading, reading: ImuReading) -> None:
-        dt, force = reading.at - last.at, reading.force
+        dt, force, noise = reading.at - last.at, reading.force, self._noise
         if not (
             force
             and last.attitude
             and reading.attitude
-            and 0.0 < dt < MAX_READING_GAP
+            and 0.0 < dt < noise.max_reading_gap
             # NaN compares with nothing.
-            and all(abs(part) * dt < MAX_IMPULSE for part in force)
+            and all(abs(part) * dt < noise.max_impulse for part in force)
         ):
             self._is_complete = False
             return
         self.has_accelerometer = True
-        self._is_complete &= dt <= DROPOUT_RATIO * (self.period or dt)
-        self.period += PERIOD_SMOOTHING * (dt - self.period) if self.period else dt
+        self._is_complete &= dt <= noise.dropout_ratio * (self.period or dt)
+        self.period += 0.05 * (dt - self.period) if self.period else dt
         roll, pitch = ((a + b) / 2.0 for a, b in zip(last.attitude, reading.attitude, strict=True))
         (level,) = gravity_aligned([force], roll, pitch)
         x, y, z = force
@@ -192,7 +171,7 @@ class ImuPreintegration:
         if last is None:
             return None
         self._silent = 0.0 if self._span else self._silent + seconds
-        is_valid = self._is_complete and self._silent <= MAX_READING_GAP
+        is_valid = self._is_complete and self._silent <= self._noise.max_reading_gap
         delta_velocity = self._sum if is_valid else None
         body_rate = max(map(abs, (last.yaw_rate, *last.attitude_rates)))
         taken = ImuIncrement(self._turn, self._attitude, delta_velocity, self._span, body_rate)
@@ -201,16 +180,11 @@ class ImuPreintegration:
 
 
 class StandstillCalibration:
-    """
-    Detect standstill, and measure the drift of the heading there.
+    """Detect standstill, and measure the drift of the heading there."""
 
-    `gyro_noise` is a density [rad/s/sqrt(Hz)], `creep` the standard deviation of the yaw rate at
-    standstill [rad/s].
-    """
-
-    def __init__(self, gyro_noise: float, creep: float) -> None:
-        self._gyro_noise, self._creep = gyro_noise, creep
-        self._rested, self._required = 0.0, SETTLING_TIME
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._noise = noise
+        self._rested, self._required = 0.0, noise.settling_time
         # Mean specific force less gravity at standstill [m/s^2].
         self._mean = [0.0, 0.0, 0.0]
         self.restart()
@@ -223,14 +197,15 @@ class StandstillCalibration:
     @property
     def is_usable(self) -> bool:
         """Return whether the accelerometer can be used."""
-        return self._rested >= self._required and max(map(abs, self._mean)) < MAX_BIAS
+        limit = self._noise.max_accelerometer_bias
+        return self._rested >= self._required and max(map(abs, self._mean)) < limit
 
     @property
     def state(self) -> str:
         """Return the state of an accelerometer."""
         if self.is_usable:
             return 'used'
-        wrong = self._required > SETTLING_TIME or self._rested >= self._required
+        wrong = self._required > self._noise.settling_time or self._rested >= self._required
         return 'not believed' if wrong else 'unknown until it rests'
 
     def reject(self) -> None:
@@ -251,19 +226,21 @@ class StandstillCalibration:
         They are independent of those before; the variance is 0 where nothing is measured yet. None
         if the walker does not stand still. `heading_variance` is 0 without an orientation.
         """
+        noise = self._noise
         moved = max([abs(a - b) for a, b in zip(angles, self._anchor or angles, strict=True)])
         fastest = max(*map(abs, rates), taken.body_rate)
-        if fastest > STATIONARY_RATE or moved > STATIONARY_ANGLE:
+        if fastest > noise.stationary_rate or moved > noise.stationary_angle:
             self.restart()
             return None
         self._anchor = self._anchor or list(angles)
         self._still += seconds
         if taken.delta_velocity is not None and taken.span:
             self._rested += taken.span
-            share = min(1.0, taken.span / min(self._rested, MAX_CALIBRATION_TIME))
+            # The mean of the last seconds.
+            share = min(1.0, taken.span / min(self._rested, 4.0 * noise.settling_time))
             both = zip(self._mean, taken.delta_velocity, strict=True)
             self._mean = [mean + share * (part / taken.span - mean) for mean, part in both]
-        if self._still < SETTLING_TIME:
+        if self._still < noise.settling_time:
             return 0.0, 0.0
         # The mean rate since the standstill began is known with this information; what the
         # interval adds is that after it less that before it.
@@ -275,11 +252,12 @@ class StandstillCalibration:
 
     def _information(self, heading_variance: float) -> tuple[float, float]:
         """Return the information on the mean rate, by noise and creeping feet, and its vector."""
-        white, time = self._gyro_noise**2, self._time
+        white, time = self._noise.gyro_noise**2, self._time
         if not time:
             return 0.0, 0.0
         noise = white / time
         if heading_variance:
-            noise = 2.0 * (heading_variance + white * COMPLEMENTARY_FILTER_TIME / 2.0) / time**2
-        information = 1.0 / (noise + self._creep**2)
+            filtered = white * self._noise.orientation_filter_time / 2.0
+            noise = 2.0 * (heading_variance + filtered) / time**2
+        information = 1.0 / (noise + self._noise.standstill_yaw_rate**2)
         return information, information * self._turned / time

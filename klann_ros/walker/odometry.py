@@ -51,7 +51,6 @@ a constant which nothing else depends on.
 
 from cmath import rect
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import exp, hypot, nan, pi, sin, sqrt
 from operator import mul
 from typing import NamedTuple
@@ -80,99 +79,13 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .imu import (
-    COMPLEMENTARY_FILTER_TIME,
-    ImuIncrement,
-    ImuPreintegration,
-    ImuReading,
-    StandstillCalibration,
-)
+from .imu import ImuIncrement, ImuPreintegration, ImuReading, StandstillCalibration
+from .settings import OdometryNoise
 
-# Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
-# covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
-FRICTION_INFORMATION = 3e4
-# Stiction speed: a foot that sticks creeps by less than this [m/s].
-STICTION_SPEED = 0.002
-# Largest crank angle of an integration step [rad], and the largest number of steps.
-LONGEST_STEP, MAX_STEPS = 0.05, 500
-# After a longer step, or one of an unknown time, the velocity is unknown [s].
-MAX_STEP_TIME = 0.1
-# Time constant of the complementary filter of crank angles and rates [s]; a larger difference
-# between prediction and reading bypasses it [rad].
-ENCODER_FILTER_TIME, ENCODER_GATE = 0.3, 0.1
-# Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
-# between the feet, the slope, and the mean innovation [s].
-TILT_TIME, LOAD_SHIFT_TIME, SLOPE_TIME, INNOVATION_TIME = 0.03, 0.05, 10.0, 1.0
-# Time after which the slope is known well enough to contradict the feet [s].
-SLOPE_SETTLING_TIME = SLOPE_TIME / 4.0
-# Mean innovation that rejects the accelerometer, as a part of the largest friction; and its root
-# mean square where the contact model holds, beyond which the errors of the model grow with it.
-INNOVATION_GATE, USUAL_INNOVATION = 0.25, 0.03
-# Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
-SLIP_SCALE_WITH_GYRO, SLIP_SCALE_WITH_ACCEL = 0.5, 0.2
-# Without an accelerometer the body's rocking is unknown: error of the velocity at an instant as a
-# part of it, as in benchmarks/odometry.py. The pose averages it.
-ROCKING_ERROR = 0.4
-# Time between checks of the support [s], and the distance of the centre of mass from the feet that
-# carry the body, seen from above, beyond which they cannot [m].
-CHECK_PERIOD, MAX_OUTSIDE = 0.1, 0.01
-STATES = 9
-# Sigma points of a normal distribution in one dimension, and their weights: with nine of them the
-# standard deviations in a circle change by 3 % at most.
-SIGMA_POINTS, SIGMA_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
-GYRO_BIAS, ACCEL_BIAS = 6, slice(7, 9)
+STATES, GYRO_BIAS, ACCEL_BIAS = 9, 6, slice(7, 9)
 # The yaw and its drift, which a gyro measures.
 GYRO_STATES = [2, GYRO_BIAS]
 GYRO_BLOCK = np.ix_(GYRO_STATES, GYRO_STATES)
-
-
-@dataclass(frozen=True)
-class OdometryNoise:
-    """
-    Uncertainties of the estimator: standard deviations and noise densities.
-
-    Attributes
-    ----------
-    friction : float
-        Friction coefficient of the feet, which is unknown: the default lies between wet tile and
-        rubber on concrete.
-    accelerometer_noise, gyro_noise : float
-        Densities of white noise [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; the former includes errors of
-        the measured attitude and of scale.
-    accelerometer_bias, gyro_bias : float
-        Before the first standstill [m/s^2], [rad/s].
-    accelerometer_drift, gyro_drift : float
-        Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
-    standstill_yaw_rate : float
-        Of the yaw at standstill, as feet creep on soft ground [rad/s].
-    heading_error : float
-        Of an IMU's yaw whose message gives no covariance [rad].
-    advance_error : float
-        Relative error of the advance.
-    slip_error, slip_yaw_error : float
-        Errors of the motion and of its rotation at the reach of the feet, relative to the slip.
-    contact_error : float
-        Error relative to the difference between least squares and the friction law.
-    height_error, tilt_error : float
-        Of the pose on its feet [m], [rad].
-
-    """
-
-    friction: float = 0.6
-    accelerometer_noise: float = 0.005
-    gyro_noise: float = 5e-4
-    accelerometer_bias: float = 0.3
-    gyro_bias: float = 0.005
-    accelerometer_drift: float = 0.003
-    gyro_drift: float = 2e-5
-    standstill_yaw_rate: float = 0.001
-    heading_error: float = 0.005
-    advance_error: float = 0.01
-    slip_error: float = 0.11
-    slip_yaw_error: float = 0.085
-    contact_error: float = 0.5
-    height_error: float = 0.01
-    tilt_error: float = 0.02
 
 
 class OdometryEstimate(NamedTuple):
@@ -238,9 +151,9 @@ class Odometry:
         self.noise = n = noise or OdometryNoise()
         self._feet = feet
         self.support: Support | None = None
-        self.calibration = StandstillCalibration(n.gyro_noise, n.standstill_yaw_rate)
+        self.calibration = StandstillCalibration(n)
         self.travelled = self.slid = 0.0
-        self._imu, self._heading_variance = ImuPreintegration(), 0.0
+        self._imu, self._heading_variance = ImuPreintegration(self.noise), 0.0
         self._cranks: list[float] | None = None
         self._rates: list[float] = []
         self._state = np.zeros(STATES)
@@ -248,8 +161,10 @@ class Odometry:
         self._covariance = np.diag(np.square(deviations))
         # Sigma points of the consider parameters, and the pose by each, from the state on.
         errors = n.advance_error, n.slip_error, n.slip_error, n.slip_yaw_error, n.contact_error
-        self._errors = np.kron(np.diag(errors), SIGMA_POINTS).astype(np.complex128)
-        self._weights = np.tile(SIGMA_WEIGHTS / SIGMA_WEIGHTS.sum(), len(errors))
+        # With nine of them the standard deviations in a circle change by 3 % at most.
+        points, weights = np.polynomial.hermite_e.hermegauss(5)
+        self._errors = np.kron(np.diag(errors), points).astype(np.complex128)
+        self._weights = np.tile(weights / weights.sum(), len(errors))
         self._moved = np.zeros(len(self._weights), dtype=np.complex128)
         self._turned = np.zeros(len(self._weights))
         self._attitude: tuple[float, float] | None = None
@@ -314,7 +229,7 @@ class Odometry:
 
     def forget_imu(self) -> None:
         """Go on without the IMU."""
-        self._imu, self._heading_variance = ImuPreintegration(), 0.0
+        self._imu, self._heading_variance = ImuPreintegration(self.noise), 0.0
         self._slope, self._slope_time = 0j, 0.0
 
     def jump(self) -> None:
@@ -340,11 +255,12 @@ class Odometry:
         before = list(cranks) if self._cranks is None else self._cranks
         self._cranks = angles = self._filtered(before, cranks, rates, seconds)
         turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
-        steps = min(MAX_STEPS, 1 + int(max(map(abs, turned)) / LONGEST_STEP))
+        n = self.noise
+        steps = min(500, 1 + int(max(map(abs, turned)) / n.longest_step))
         if seconds <= 0.0:
             along = sum(map(mul, turned, rates))
             squares = sum(map(mul, rates, rates))
-            seconds = along / squares if along > 0.0 else MAX_STEP_TIME * steps
+            seconds = along / squares if along > 0.0 else n.max_step_time * steps
         taken = self._imu.take(seconds)
         if taken is not None:
             self._calibrate(taken, rates, seconds)
@@ -365,9 +281,10 @@ class Odometry:
         last, self._rates = self._rates or rates, list(rates)
         both = zip(before, last, rates, cranks, strict=True)
         away = [was + (p + q) / 2.0 * seconds - is_ for was, p, q, is_ in both]
-        if not 0.0 < seconds < MAX_STEP_TIME or max(map(abs, away)) >= ENCODER_GATE:
+        n = self.noise
+        if not 0.0 < seconds < n.max_step_time or max(map(abs, away)) >= n.encoder_gate:
             return list(cranks)
-        share = exp(-seconds / ENCODER_FILTER_TIME)
+        share = exp(-seconds / n.encoder_filter_time)
         return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
 
     def _calibrate(self, taken: ImuIncrement, rates: Sequence[float], seconds: float) -> None:
@@ -375,7 +292,7 @@ class Odometry:
         # After the filter of heading and gyro.
         heading = 0.0
         if self._imu.last and self._imu.last.yaw is not None:
-            share = self._imu.period / (2.0 * COMPLEMENTARY_FILTER_TIME)
+            share = self._imu.period / (2.0 * self.noise.orientation_filter_time)
             heading = self._heading_variance * share
         measured = self.calibration.update(taken, self._cranks or (), rates, seconds, heading)
         if measured is None:
@@ -411,7 +328,7 @@ class Odometry:
         self._pose = pose = stance_pose(feet, rolled, rest, self._attitude, centre)
         if before is None:
             return
-        if dt >= MAX_STEP_TIME:
+        if dt >= self.noise.max_step_time:
             self._stop()
         push = None
         self._yaw_rate = taken.turn * part / dt - self.gyro_bias if taken else None
@@ -439,8 +356,9 @@ class Odometry:
         self, rest: Support, measured: tuple[float, float] | None, dt: float
     ) -> None:
         """Set roll and pitch to those of the IMU, or to what the body tips to; learn the slope."""
+        n = self.noise
         if measured is None:
-            share = 1.0 - exp(-dt / TILT_TIME)
+            share = 1.0 - exp(-dt / n.tilt_time)
             roll, pitch = self._attitude or (rest.roll, rest.pitch)
             self._attitude = (
                 roll + share * (rest.roll - roll), pitch + share * (rest.pitch - pitch)
@@ -448,28 +366,34 @@ class Odometry:
             return
         self._attitude = measured
         self._slope_time += dt
-        share = min(1.0, dt / min(self._slope_time, SLOPE_TIME)) if dt else 1.0
+        share = min(1.0, dt / min(self._slope_time, n.slope_time)) if dt else 1.0
         roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
-        away, variance = complex(pitch, -roll) - self._slope / GRAVITY, self.noise.tilt_error**2
+        away, variance = complex(pitch, -roll) - self._slope / GRAVITY, n.tilt_error**2
         square = abs(away) ** 2 / (2.0 * variance)
-        self._tilt_square += dt / SLOPE_TIME * (square - self._tilt_square)
+        self._tilt_square += dt / n.slope_time * (square - self._tilt_square)
         # A body that rocks, jumps or stands on other feet measures no slope.
         self._contact_weight = 1.0 / max(1.0, square)
-        if self._slope_time > SLOPE_SETTLING_TIME:
+        if self._slope_is_known:
             share *= self._contact_weight
         self._slope += share * (GRAVITY * complex(sin(pitch), -sin(roll)) - self._slope)
+
+    @property
+    def _slope_is_known(self) -> bool:
+        """Return whether it is known well enough to contradict the feet."""
+        return self._slope_time >= self.noise.slope_time / 4.0
 
     def _check_support(
         self, feet: Sequence[Point], over: Point, measured: tuple[float, float], dt: float
     ) -> None:
         """Learn for which part of the time it lies on feet that cannot carry it."""
         self._next_check -= dt
-        if self._next_check > 0.0 or self._slope_time < SLOPE_SETTLING_TIME:
+        if self._next_check > 0.0 or not self._slope_is_known:
             return
-        self._next_check = CHECK_PERIOD
+        self._next_check = period = 0.1
         level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
-        is_off = outside_feet(feet, over, level) > MAX_OUTSIDE
-        self.support_violation += CHECK_PERIOD / SLOPE_TIME * (is_off - self.support_violation)
+        is_off = outside_feet(feet, over, level) > self.noise.max_outside
+        share = period / self.noise.slope_time
+        self.support_violation += share * (is_off - self.support_violation)
 
     def _predict(self, moves: complex, push: complex | None, dt: float) -> None:
         """Predict the velocity; the centre of mass has the velocity `moves` in base_link."""
@@ -493,7 +417,7 @@ class Odometry:
         # With a gyro the error of the yaw rate is that of the bias.
         yaw = [0, 0, 0, 0, 0, 1] if self._yaw_rate is None else [0, 0, 0, 0, 0, 0, -1]
         # Without an accelerometer friction may change the velocity within the step.
-        noise = n.friction * GRAVITY / FRICTION_INFORMATION
+        noise = n.friction * GRAVITY / n.friction_information
         spread = noise if push is None else n.accelerometer_noise**2 * dt
         self._propagate(3, row, yaw)
         p[3, 3] += spread
@@ -524,7 +448,7 @@ class Odometry:
         if not standing:
             return
         p, size = self._covariance, 3 if self._yaw_rate is None else 2
-        seen, weight = slice(3, 3 + size), FRICTION_INFORMATION * dt
+        seen, weight = slice(3, 3 + size), self.noise.friction_information * dt
         (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
         if size == 2:
             c, e, f = 0.0, 0.0, 1e-18
@@ -536,7 +460,7 @@ class Odometry:
         vx, vy, w = self._state[3:6].tolist()
         prior = MotionPrior(complex(vx, vy), w, information, force)
         feet = [foot._replace(load=held * foot.load) for foot in standing]
-        found = minimize_slip(feet, STICTION_SPEED, prior)
+        found = minimize_slip(feet, self.noise.stiction_speed, prior)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen].dot(inverse_prior)
@@ -551,10 +475,11 @@ class Odometry:
 
     def _adapt(self, force: complex, dt: float) -> None:
         """Learn how hard friction corrects the accelerometer; reject it if that is too much."""
-        self._innovation += (1.0 - exp(-dt / INNOVATION_TIME)) * (force - self._innovation)
+        n = self.noise
+        self._innovation += (1.0 - exp(-dt / n.innovation_time)) * (force - self._innovation)
         square = self.innovation**2 - self._innovation_square
-        self._innovation_square += dt / SLOPE_TIME * square
-        if self.innovation > INNOVATION_GATE:
+        self._innovation_square += dt / n.slope_time * square
+        if self.innovation > n.innovation_gate:
             self._reject_accelerometer()
 
     def _check_shaking(self, taken: ImuIncrement, seconds: float) -> None:
@@ -562,7 +487,8 @@ class Odometry:
         if taken.delta_velocity is None or not taken.span or not self.calibration.is_usable:
             return
         size = hypot(*taken.delta_velocity[:2]) / taken.span
-        self._shaking += min(1.0, seconds / INNOVATION_TIME) * (size - self._shaking)
+        share = min(1.0, seconds / self.noise.innovation_time)
+        self._shaking += share * (size - self._shaking)
         if self._shaking > GRAVITY:
             self._reject_accelerometer()
 
@@ -576,6 +502,7 @@ class Odometry:
 
     def _move(self, standing: Sequence[FootMotion], dt: float) -> None:
         """Move the pose by the velocity, and its covariance by the errors of the contact model."""
+        n = self.noise
         _, _, yaw, vx, vy, w = self._state[:6].tolist()
         motion, along = complex(vx, vy), rect(1.0, yaw + w * dt / 2.0)
         step = along * motion * dt
@@ -588,15 +515,16 @@ class Odometry:
         last = velocity if self._velocity is None else self._velocity
         acceleration = (velocity - last) / dt + 1j * w * velocity
         self._velocity = velocity
-        share = 1.0 - exp(-dt / LOAD_SHIFT_TIME)
+        share = 1.0 - exp(-dt / n.load_shift_time)
         self._acceleration += share * (acceleration - self._acceleration)
         self._slope *= rect(1.0, -w * dt)
         scale, has_gyro = 1.0, self._yaw_rate is not None
         if has_gyro:
-            scale = SLIP_SCALE_WITH_GYRO if self._push is None else SLIP_SCALE_WITH_ACCEL
+            is_feet = self._push is None
+            scale = n.slip_scale_with_gyro if is_feet else n.slip_scale_with_accelerometer
         # Adaptive errors: what the accelerometer contradicts is worse by as much (R. K. Mehra,
         # Approaches to adaptive filtering, IEEE Transactions on Automatic Control 17, 1972).
-        doubt = max(1.0, sqrt(self._innovation_square) / USUAL_INNOVATION)
+        doubt = max(1.0, sqrt(self._innovation_square) / n.usual_innovation)
         self._scale = scale = scale * doubt
         least, turn = least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
@@ -619,7 +547,7 @@ class Odometry:
         var_x, var_y, var_w = np.diagonal(self._covariance)[3:6].tolist()
         slip, reach, rocks = self._scale * self._slip, self._feet.reach, 0.0
         if self._push is None:
-            rocks = ROCKING_ERROR * hypot(vx, vy, angular * reach)
+            rocks = n.rocking_error * hypot(vx, vy, angular * reach)
         common = (n.slip_error * slip) ** 2 + rocks * rocks
         if reading is None:
             var_w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2

@@ -6,16 +6,11 @@ from math import cos, inf, nan, pi, sin
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import TURN
 
-from .control_laws import ControllerSettings
 from .controller import DiagnosticLevel, WalkController
 from .feedback import SteadyClock, Watchdog
 from .imu import ImuReading
-from .odometry import Odometry, OdometryEstimate, OdometryNoise
-
-# Inconsistency with the centre of mass of the file that is reported: part of the time on feet that
-# cannot carry the body, and normalised innovation of the tilt. Over 108 simulated walks with the
-# right one (benchmarks/support/odometry_walks.py) they are at most 0.20 and 5.9.
-SUPPORT_WARNING, TILT_WARNING = 0.25, 7.0
+from .odometry import Odometry, OdometryEstimate
+from .settings import ControllerSettings, OdometryNoise
 
 
 class Walker:
@@ -112,10 +107,10 @@ class Walker:
         odometry, problem = self.odometry, ''
         if known and odometry.support is None:
             problem = 'its centre of mass is not above its feet'
-        elif odometry.support_violation > SUPPORT_WARNING:
+        elif odometry.support_violation > odometry.noise.max_support_violation:
             share = f'{odometry.support_violation:.0%} of the time'
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
-        elif odometry.tilt_innovation > TILT_WARNING:
+        elif odometry.tilt_innovation > odometry.noise.max_tilt_innovation:
             problem = 'its attitude is not that of a body on its feet: check body_centre'
         if level == DiagnosticLevel.OK and problem:
             return DiagnosticLevel.WARN, f'{text}; {problem}'

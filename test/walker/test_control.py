@@ -96,7 +96,7 @@ class Bench:
 
 
 def test_the_lag_of_a_walker_is_made_up_within_bounds_of_its_command() -> None:
-    feedback = MotionFeedback(0.5, speed=0.15)
+    feedback = MotionFeedback(ControllerSettings(), speed=0.15)
     wanted = Twist2D(0.1, 0.05)
     assert feedback.corrected(wanted) == wanted
     for _ in range(100):

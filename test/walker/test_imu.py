@@ -6,7 +6,7 @@ from math import cos, hypot, inf, nan, pi, sin
 from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet
-from klann_ros.walker import imu_reading, ImuReading, Odometry
+from klann_ros.walker import imu_reading, ImuReading, Odometry, OdometryNoise
 from klann_ros.walker.imu import ImuIncrement, ImuPreintegration, StandstillCalibration
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ import pytest
 Triple = tuple[float, float, float]
 PERIOD = 0.01
 CREEP = 1e-4
+NOISE = OdometryNoise(gyro_noise=1e-3, standstill_yaw_rate=CREEP)
 AT_REST, LEVEL = (0.0, 0.0, GRAVITY), (0.0, 0.0)
 STANDS = ((0.0, 0.0), (0.0, 0.0))
 
@@ -30,7 +31,7 @@ class Readings:
     """Readings of an accelerometer one after the other."""
 
     def __init__(self, *, period: float = PERIOD) -> None:
-        self.imu, self.period, self._at = ImuPreintegration(), period, 0.0
+        self.imu, self.period, self._at = ImuPreintegration(OdometryNoise()), period, 0.0
         self.imu.read(ImuReading(None, 0.0, 0.0, LEVEL, force=AT_REST))
         self.imu.take(period)
 
@@ -121,7 +122,7 @@ def rest(calibration: StandstillCalibration, seconds: float, force: Triple = AT_
 
 
 def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
-    calibration = StandstillCalibration(1e-3, CREEP)
+    calibration = StandstillCalibration(NOISE)
     rest(calibration, 0.49)
     assert calibration.state == 'unknown until it rests'
     assert not calibration.is_usable
@@ -133,13 +134,13 @@ def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
     'force', [(0.0, 0.0, 1.0), (0.0, 0.0, -GRAVITY), (0.0, 0.0, 0.0), (GRAVITY, 0.0, 0.0)]
 )
 def test_other_units_and_axes_are_rejected(force: Triple) -> None:
-    calibration = StandstillCalibration(1e-3, CREEP)
+    calibration = StandstillCalibration(NOISE)
     rest(calibration, 1.0, force)
     assert calibration.state == 'not believed'
 
 
 def test_a_rejected_accelerometer_has_to_rest_for_twice_as_long() -> None:
-    calibration = StandstillCalibration(1e-3, CREEP)
+    calibration = StandstillCalibration(NOISE)
     rest(calibration, 0.6)
     for seconds in (1.0, 2.0, 4.0):
         calibration.reject()
@@ -153,7 +154,7 @@ def test_a_rejected_accelerometer_has_to_rest_for_twice_as_long() -> None:
 @pytest.mark.parametrize('variance', [0.0, 1e-6])
 def test_the_drift_of_the_heading_is_measured_by_all_of_the_standstill(variance: float) -> None:
     # The measurements are weighted as independent ones, and together are the mean rate.
-    calibration, rng = StandstillCalibration(1e-3, CREEP), np.random.default_rng(1)
+    calibration, rng = StandstillCalibration(NOISE), np.random.default_rng(1)
     turns = 3e-5 + 1e-5 * rng.standard_normal(200)
     whole = information = 0.0
     for turn in turns:
@@ -168,7 +169,7 @@ def test_the_drift_of_the_heading_is_measured_by_all_of_the_standstill(variance:
 
 
 def test_cranks_that_creep_do_not_stand_still() -> None:
-    calibration = StandstillCalibration(1e-3, CREEP)
+    calibration = StandstillCalibration(NOISE)
     taken = ImuIncrement(0.0, None, None, 0.0, 0.0)
     found = [
         calibration.update(taken, (5e-4 * k, 0.0), (0.05, 0.0), PERIOD, 0.0) for k in range(200)

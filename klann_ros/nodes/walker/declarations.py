@@ -95,4 +95,5 @@ def settings(values: Mapping[str, Any]) -> ControllerSettings:
 
 def noise(values: Mapping[str, Any]) -> OdometryNoise:
     """Return the uncertainties of the odometry."""
-    return OdometryNoise(**{field.name: values[field.name] for field in fields(OdometryNoise)})
+    names = {field.name for field in fields(OdometryNoise)}
+    return OdometryNoise(**{name: value for name, value in values.items() if name in names})

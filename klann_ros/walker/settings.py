@@ -1,0 +1,230 @@
+"""
+Settings of a walker's controller and odometry: what users set, and how both were tuned.
+
+Users set the fields of the docstrings, as parameters of walker_node. The tuning below them was
+chosen in MuJoCo on walker6_two_motors and walker_jansen alone, by `benchmarks/odometry.py` and
+`benchmarks/walk.py --grid`, unless a comment names another source.
+"""
+
+from dataclasses import dataclass, field
+from math import inf
+
+from klann_ros.gait.steering import Rates, Twist2D
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """
+    What a walker may do.
+
+    Attributes
+    ----------
+    max_linear, max_angular : float
+        Of its speed [m/s] and yaw rate [rad/s].
+    max_linear_acceleration, max_angular_acceleration : float
+        Of their changes [m/s^2, rad/s^2].
+    max_curvature : float
+        Of its path [1/m]; infinite where it may turn on the spot.
+    max_crank_rate : float
+        Of each crank [rad/s].
+
+    """
+
+    max_linear: float = 0.3
+    max_angular: float = 0.3
+    max_linear_acceleration: float = 0.3
+    max_angular_acceleration: float = 0.6
+    max_curvature: float = inf
+    max_crank_rate: float = 3.0
+
+    def motion(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
+        """Return the motion that is allowed, on the same path, and what limits it."""
+        hit = []
+        linear, angular = wanted
+        if abs(angular) > self.max_curvature * abs(linear):
+            hit.append('max_curvature')
+            most = self.max_curvature * abs(linear)
+            angular = max(-most, min(most, angular))
+        share = 1.0
+        for name, value, most in (
+            ('max_linear', linear, self.max_linear),
+            ('max_angular', angular, self.max_angular),
+        ):
+            if abs(value) > most:
+                hit.append(name)
+                share = min(share, most / abs(value))
+        return Twist2D(linear * share, angular * share), hit
+
+    def rates(self, wanted: Rates) -> tuple[float, list[str]]:
+        """Return which part of these rates the cranks can have, and what limits them."""
+        fastest = max(map(abs, wanted))
+        if fastest <= self.max_crank_rate:
+            return 1.0, []
+        return self.max_crank_rate / fastest, ['max_crank_rate']
+
+    def approach(self, now: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
+        """Return the motion after a time; both parts approach the command in proportion."""
+        linear, angular = wanted.linear - now.linear, wanted.angular - now.angular
+        share = min(
+            1.0,
+            self.max_linear_acceleration * dt / abs(linear) if linear else 1.0,
+            self.max_angular_acceleration * dt / abs(angular) if angular else 1.0,
+        )
+        return Twist2D(now.linear + share * linear, now.angular + share * angular)
+
+
+@dataclass(frozen=True)
+class ControllerSettings:
+    """
+    Limits, timeouts and gains of the controller.
+
+    Attributes
+    ----------
+    limits : MotionLimits
+        Of its motion.
+    cmd_vel_timeout, feedback_timeout : float
+        Older commands, and older feedback of any crank, stop it [s].
+    max_gap : float
+        After a longer gap between two steps the set points restart at the measured angles [s].
+    phase_lock : bool
+        Whether cranks are kept in phase by their feedback.
+    phase_gain, phase_integral : float
+        P [1/s] and I [1/s^2] of the phase lock.
+    rephase : float
+        The part of its rate by which a crank goes faster or slower to get back into phase.
+    motion_gain : float
+        K of the motion feedback; 0 for no correction [1/s].
+
+    """
+
+    limits: MotionLimits = field(default_factory=MotionLimits)
+    cmd_vel_timeout: float = 0.5
+    feedback_timeout: float = 0.3
+    max_gap: float = 0.2
+    phase_lock: bool = True
+    phase_gain: float = 4.0
+    phase_integral: float = 4.0
+    rephase: float = 0.1
+    motion_gain: float = 0.5
+    # The largest correction of the motion, as a part of the command, and that of the yaw rate in
+    # curves, whose plan may be off by more; the largest lag, of which K times makes this part of
+    # the command; and K of the yaw rate on the spot, where it comes evenly, as a multiple of K.
+    max_correction: float = 0.5
+    max_curve_correction: float = 1.0
+    max_windup: float = 3.0
+    spot_gain: float = 2.0
+    # All cranks slow down for one that lags by the first, and stop for one by the second [rad].
+    error_slowdown: float = 0.1
+    error_stop: float = 0.3
+    # Greatest relative speed error of a motor that is learned, and the crank rate below which
+    # little is [rad/s].
+    integral_limit: float = 0.4
+    learning_rate: float = 0.2
+    # Time constant of small phase corrections [s].
+    rephase_time: float = 1.0
+    # Of the crank rates [rad/s^2]: half of what the encoders' offset detector takes for a step.
+    max_crank_acceleration: float = 15.0
+    # A crank is blocked if its rate stays below this part of the commanded one for this time [s];
+    # at lower commanded rates it may well stand [rad/s].
+    blocked_ratio: float = 0.1
+    blocked_time: float = 0.5
+    creep_rate: float = 0.05
+
+
+@dataclass(frozen=True)
+class OdometryNoise:
+    """
+    Uncertainties of the estimator: standard deviations and noise densities.
+
+    Attributes
+    ----------
+    friction : float
+        Friction coefficient of the feet, which is unknown: the default lies between wet tile and
+        rubber on concrete.
+    accelerometer_noise, gyro_noise : float
+        Densities of white noise [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; the former includes errors of
+        the measured attitude and of scale.
+    accelerometer_bias, gyro_bias : float
+        Before the first standstill [m/s^2], [rad/s].
+    accelerometer_drift, gyro_drift : float
+        Random walks of the biases [m/s^2/sqrt(s)], [rad/s/sqrt(s)].
+    standstill_yaw_rate : float
+        Of the yaw at standstill, as feet creep on soft ground [rad/s].
+    heading_error : float
+        Of an IMU's yaw whose message gives no covariance [rad].
+    advance_error : float
+        Relative error of the advance.
+    slip_error, slip_yaw_error : float
+        Errors of the motion and of its rotation at the reach of the feet, relative to the slip.
+    contact_error : float
+        Error relative to the difference between least squares and the friction law.
+    height_error, tilt_error : float
+        Of the pose on its feet [m], [rad].
+
+    """
+
+    friction: float = 0.6
+    accelerometer_noise: float = 0.005
+    gyro_noise: float = 5e-4
+    accelerometer_bias: float = 0.3
+    gyro_bias: float = 0.005
+    accelerometer_drift: float = 0.003
+    gyro_drift: float = 2e-5
+    standstill_yaw_rate: float = 0.001
+    heading_error: float = 0.005
+    advance_error: float = 0.01
+    slip_error: float = 0.11
+    slip_yaw_error: float = 0.085
+    contact_error: float = 0.5
+    height_error: float = 0.01
+    tilt_error: float = 0.02
+    # Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
+    # covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
+    friction_information: float = 3e4
+    # A foot that sticks creeps by less than this [m/s].
+    stiction_speed: float = 0.002
+    # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
+    slip_scale_with_gyro: float = 0.5
+    slip_scale_with_accelerometer: float = 0.2
+    # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant
+    # as a part of it. The pose averages it.
+    rocking_error: float = 0.4
+    # Largest crank angle of an integration step [rad]; after a longer time the velocity is unknown
+    # [s].
+    longest_step: float = 0.05
+    max_step_time: float = 0.1
+    # Time constant of the complementary filter of crank angles and rates [s]; a larger difference
+    # between prediction and reading bypasses it [rad]. And that of gyro and orientation [s].
+    encoder_filter_time: float = 0.3
+    encoder_gate: float = 0.1
+    orientation_filter_time: float = 0.5
+    # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
+    # between the feet, the slope, and the mean innovation [s].
+    tilt_time: float = 0.03
+    load_shift_time: float = 0.05
+    slope_time: float = 10.0
+    innovation_time: float = 1.0
+    # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its
+    # root mean square where the contact model holds, beyond which its errors grow with it.
+    innovation_gate: float = 0.25
+    usual_innovation: float = 0.03
+    # A longer gap between readings of the IMU invalidates the interval [s], and so does one that
+    # exceeds the usual gap by this factor: the impact of a foot may be lost with a message. Larger
+    # impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].
+    max_reading_gap: float = 0.03
+    dropout_ratio: float = 1.8
+    max_impulse: float = 1.0
+    # Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad],
+    # for this time before anything is measured [s].
+    stationary_rate: float = 0.1
+    stationary_angle: float = 0.02
+    settling_time: float = 0.5
+    # A larger mean at standstill means other units or axes, or missing gravity [m/s^2].
+    max_accelerometer_bias: float = 1.0
+    # Inconsistency with the centre of mass of the file that is reported: the body is on feet that
+    # are beside it by this [m], for this part of the time; and the normalised innovation of the
+    # tilt. Over 108 simulated walks with the right one (benchmarks/support/odometry_walks.py) the
+    # latter are at most 0.20 and 5.9.
+    max_outside: float = 0.01
+    max_support_violation: float = 0.25
+    max_tilt_innovation: float = 7.0
