@@ -9,7 +9,7 @@ import shutil
 import tempfile
 
 from crank_runs import make_messages
-from disk_scripts import can_mount, run_script, UNSHARE
+from disk_faults import forbid, result_of
 from klann_ros.log.errors import RunIncompleteError, RunLostError
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover_command
@@ -19,8 +19,6 @@ from klann_ros.log.write.mcap_file import McapFile
 from klann_ros.log.write.writer import RunWriter
 import pytest
 from run_faults import CHANGES, disk_error, found_in, GONE, listed, Run
-
-HERE = Path(__file__).parent
 
 
 @pytest.fixture
@@ -235,23 +233,7 @@ def test_an_unwritable_metadata_yaml_at_the_end_is_reported(run) -> None:
 def test_files_without_read_permission_are_not_called_lost() -> None:
     # Below /tmp itself, which other users can enter.
     with tempfile.TemporaryDirectory() as folder:
-        found, written, before, errors = run_script(HERE / 'disk_faults.py', 'forbid', folder)
-    assert (found, written) == (40, 40)
-    assert before == []
-    assert 'metadata.yaml cannot be written: Permission denied' in errors[0]
-    assert len(errors) == 2  # and the error of closing
-
-
-def test_a_run_on_an_unmounted_disk_is_whole_there_and_continues_elsewhere(tmp_path) -> None:
-    if not can_mount(tmp_path):
-        pytest.skip('this machine cannot mount a tmpfs in a user namespace')
-    on_disk, elsewhere, counts, errors = run_script(
-        HERE / 'disk_faults.py', 'unmount', tmp_path, before=UNSHARE
-    )
-    # The message before the check is on the disk, but claimed nowhere.
-    assert (on_disk, elsewhere, counts) == (11, 19, [19, 11])
-    assert 'run_0.mcap was removed, moved or replaced' in errors[0]
-    assert len(errors) == 2
+        assert result_of(forbid, folder) == [[40, 0], []]
 
 
 def test_a_with_block_raises_an_incomplete_run(tmp_path) -> None:
