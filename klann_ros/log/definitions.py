@@ -38,21 +38,11 @@ _NAME = re.compile(f'({_WORD})/(msg/)?({_WORD})')
 
 def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str:
     """
-    Return the complete definition of a message type.
+    Return the complete definition of a message type, such as ``sensor_msgs/msg/JointState``.
 
-    Parameters
-    ----------
-    type_name
-        Such as ``sensor_msgs/msg/JointState``.
-    prefixes
-        Install prefixes, searched in this order for ``share/PKG/msg/Type.msg``; by default those
-        of AMENT_PREFIX_PATH, then ``sys.prefix`` for pip's wheels.
-
-    Raises
-    ------
-    UnknownTypeError
-        The name is no message type, or its .msg file or that of a type in it is missing.
-
+    The install prefixes are searched in their order for ``share/PKG/msg/Type.msg``; by default
+    those of AMENT_PREFIX_PATH, then ``sys.prefix`` for pip's wheels. An UnknownTypeError: the name
+    is no message type, or its .msg file or that of a type in it is missing.
     """
     places = default_prefixes() if prefixes is None else [Path(prefix) for prefix in prefixes]
     package, name = _split(type_name)

@@ -95,26 +95,10 @@ def extend(log: AnyPath, output: AnyPath, messages: Sequence[TopicMessages]) -> 
     """
     Write a copy of a log with further messages, as a run's folder with one MCAP file.
 
-    Parameters
-    ----------
-    log
-        A run's folder or a file of it, in any state; it is not changed.
-    output
-        The new folder. It appears when the copy is complete, never before.
-    messages
-        The further messages, on topics that the log does not have.
-
-    Raises
-    ------
-    NotALogError
-        Nothing in the log can be read.
-    RunExistsError
-        The output exists.
-    UnwritableError
-        The output is inside the log, or a topic is in the log.
-    OSError
-        The disk refused.
-
+    The folder appears when the copy is complete, never before; the log, in any state, is not
+    changed. The messages are on topics that it does not have, or it is an UnwritableError, as is
+    an output inside it. A NotALogError means that nothing in it can be read, a RunExistsError that
+    the output exists, an OSError that the disk refused.
     """
     place = Path(output).absolute()
     check_output(log, place)

@@ -27,15 +27,7 @@ exit code: 0 nothing was discarded (a run that was only not closed included), 3 
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the command and return its exit code.
-
-    Parameters
-    ----------
-    argv
-        The arguments; those of the process by default.
-
-    """
+    """Run the command with these arguments, or those of the process; return its exit code."""
     try:
         return _parser().run(_recover, RECOVER_ERRORS, argv)
     except KeyboardInterrupt:

@@ -70,20 +70,10 @@ def leg_description(solver: SolverParameters) -> str:
 
 def described_solver(text: str, time: int) -> SolverParameters:
     """
-    Return the solver that a `leg_description` describes (untrusted).
+    Return the solver that a `leg_description` (untrusted) describes.
 
-    Parameters
-    ----------
-    text
-        A parameter file with the section of one node.
-    time
-        Log time of the message [ns].
-
-    Raises
-    ------
-    ValueError
-        It is no such file.
-
+    It is a parameter file with the section of one node; a ValueError refuses any other. `time` is
+    the log time of the message [ns].
     """
     try:
         ((node, section),) = parse(text).items()
@@ -234,13 +224,8 @@ def fault_record(stopped: str, faults: Iterable[str]) -> dict[str, str]:
     """
     Return the metadata record of a recording's faults; empty without any.
 
-    Parameters
-    ----------
-    stopped
-        The error that ended it early; '' without one.
-    faults
-        Outside changes of the run, one line each.
-
+    `stopped` is the error that ended it early, '' without one; `faults` are outside changes of the
+    run, one line each.
     """
     record = {'stopped': stopped, 'faults': '; '.join(faults)}
     return {key: text for key, text in record.items() if text}

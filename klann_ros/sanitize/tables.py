@@ -38,14 +38,9 @@ def read_table(
     Return a table with these columns and any others, without its empty rows.
 
     The names of these columns may be in capitals. The encoding, the delimiter and quotes are those
-    of any spreadsheet. A short row lacks its last columns.
-
-    Raises
-    ------
-    error_type
-        The file cannot be read, is longer than `max_size` bytes, is no table, or has not these
-        columns, once each. One line says which.
-
+    of any spreadsheet. A short row lacks its last columns. An error of `error_type` in one line
+    means that the file cannot be read, is longer than `max_size` bytes, is no table, or has not
+    these columns, once each.
     """
     shown, text = printable(path), _text(path, error_type, max_size)
     head, _, rest = text.partition('\n')

@@ -1,22 +1,15 @@
 """Losses by sequence numbers: never too many, and all where the numbers are unambiguous."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
-import json
 from typing import Any
 
 from hypothesis import example, given, strategies as st
 from klann_ros.log.loss import LossCounter
-from klann_ros.log.run_parameters import (
-    loss_record,
-    solver_parameters,
-    topic_counts,
-    TopicCount,
-)
+from klann_ros.log.run_parameters import TopicCount
 from klann_ros.log.write.recording import losses_in_words
 import pytest
 
-COUNT = asdict(TopicCount(1, 1))
 WHY = 'several publishers at once, or messages without sequence numbers'
 
 
@@ -157,31 +150,3 @@ def test_few_topics_are_named() -> None:
     names = [f'/{n}\n' for n in range(5)]
     said = losses_in_words(dict.fromkeys(names, TopicCount(1, 1, departed=1)))
     assert '5 publishers left (/0\\n, /1\\n, /2\\n and 2 more): losses at their end' in said
-
-
-def test_a_count_is_written_and_read() -> None:
-    counts = {'/a': TopicCount(9, 5, 1, 2, None, 3, 4), '/b': TopicCount(1, 1)}
-    assert topic_counts(loss_record(counts)) == counts
-
-
-@pytest.mark.parametrize(
-    'garbled',
-    [
-        'many',
-        '[]',
-        '{}',
-        '7',
-        json.dumps(COUNT | {'received': '1e400'}).replace('"1e400"', '1e400'),
-        json.dumps(COUNT | {'missed': [1]}),
-        '[' * 100_000,
-    ],
-)
-def test_an_invalid_loss_record_is_a_value_error(garbled: str) -> None:
-    with pytest.raises(ValueError, match='not a record of losses'):
-        topic_counts({'/a': garbled})
-
-
-@pytest.mark.parametrize('garbled', ['[' * 100_000, '7', '["a"]'])
-def test_an_invalid_solver_record_is_a_value_error(garbled: str) -> None:
-    with pytest.raises(ValueError, match='not a record of a solver'):
-        solver_parameters({'node': '/solver_node', 'time': '1', 'parameters': garbled})

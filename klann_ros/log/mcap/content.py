@@ -85,15 +85,10 @@ def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Co
 
 def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.maxsize) -> Content:
     """
-    Locate the records in a chunk's data, up to the first malformed one.
+    Locate the records in a chunk's unpacked data, up to the first malformed one.
 
-    Parameters
-    ----------
-    data, verified
-        The unpacked bytes, and whether a CRC matched.
-    allowed
-        Maximum cost of the bytes that are no messages.
-
+    `verified` says whether a CRC matched, `allowed` is the maximum cost of the bytes that are no
+    messages.
     """
     starts, definitions = array('Q'), array('Q')
     position, size, broken, others, unknown = 0, len(data), '', 0, 0

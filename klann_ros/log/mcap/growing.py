@@ -24,20 +24,11 @@ NamedRecord = tuple[str, dict[str, str]]
 
 
 class GrowingFile:
-    """
-    Reads whole records as they appear, each byte once; an OSError if it cannot be read.
-
-    Attributes
-    ----------
-    is_finished : bool
-        Whether the end of its data was reached.
-    problem : str
-        Why nothing more can be read; '' while there may be more.
-
-    """
+    """Reads whole records as they appear, each byte once; an OSError if it cannot be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        # Whether the end of its data was reached, and why nothing more can be read.
         self.is_finished, self.problem = False, ''
         self._file = open_regular(path)
         self._next = 0

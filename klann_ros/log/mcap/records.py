@@ -364,19 +364,10 @@ def encoded_chunk(
     entries: Mapping[int, bytes],
 ) -> tuple[bytes, bytes, ChunkIndex]:
     """
-    Return a chunk, its message indexes, and its entry in the summary.
+    Return a chunk at an offset [bytes], its message indexes, and its entry in the summary.
 
-    Parameters
-    ----------
-    start
-        Offset of the chunk in the file [bytes].
-    data, compression
-        The records in it, and the name of their compression with the compressed bytes.
-    times
-        The first and the last log time [ns].
-    entries
-        By channel, log time and offset of each message in turn, as 8 bytes each.
-
+    The compression is a name with the compressed data, the times are the first and the last log
+    time [ns]. The entries are by channel: log time and offset of each message in turn, as 8 bytes.
     """
     name, packed = compression
     first, last = times
@@ -410,17 +401,10 @@ def encoded_end(
     times: tuple[int, int],
 ) -> bytes:
     """
-    Return the end of a file from the summary on.
+    Return the end of a file from the summary on, which starts at an offset [bytes].
 
-    Parameters
-    ----------
-    start
-        Offset of the summary in the file [bytes].
-    groups
-        The other records of the summary by opcode.
-    counts, times
-        The number of messages by channel, and the first and the last log time [ns].
-
+    The groups are the other records of the summary by opcode, the counts those of messages by
+    channel, and the times the first and the last log time [ns].
     """
     number = {opcode: len(records) for opcode, records in groups.items()}
     statistics = Statistics(

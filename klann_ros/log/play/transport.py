@@ -34,13 +34,7 @@ class Timeline:
     Position in a log as a function of monotonic time, running or stopped.
 
     Every change is a new timeline, so that no error accumulates: until then a message at position
-    p is due at ``since + (p - position) / rate``.
-
-    Raises
-    ------
-    ValueError
-        The rate is not within ``RATES``.
-
+    p is due at ``since + (p - position) / rate``. A ValueError refuses a rate outside of `RATES`.
     """
 
     # Position at ``since``, from the start of the log [s].

@@ -45,28 +45,11 @@ _MESSAGE_BLOCK_SIZE = 4 * 1024 * 1024
 
 def unpack(path: Path, is_log: Callable[[bytes], bool]) -> tuple[TemporaryFile, str]:
     """
-    Unpack a file to a temporary one.
+    Unpack a file to a temporary one; return that, and the damage of the file, '' without any.
 
-    Parameters
-    ----------
-    path
-        The compressed file.
-    is_log
-        Returns whether a file with these first bytes is a log.
-
-    Returns
-    -------
-    TemporaryFile
-        The unpacked file.
-    str
-        The damage of the compressed file; '' without any.
-
-    Raises
-    ------
-    NotALogError
-        It cannot be read, its content is no log, the disk has no room, or it unpacks to more than
-        a file of its size may.
-
+    `is_log` says whether a file with some first bytes is a log. A NotALogError means that the file
+    cannot be read, that its content is no log, that the disk has no room, or that it unpacks to
+    more than a file of its size may.
     """
     name = path.name
     for suffix in COMPRESSED_SUFFIXES:

@@ -52,12 +52,8 @@ def run_files(path: AnyPath) -> LogFiles:
     numbers, as the metadata of a killed recording may be a file behind; otherwise all of the usual
     names in natural order (2 before 10). A file that exists compressed and unpacked counts once.
 
-    Raises
-    ------
-    NotALogError
-        The path does not exist, the folder has no file of a bag, or rosbag2 stored it in an
-        unknown format.
-
+    A NotALogError means that the path does not exist, that the folder has no file of a bag, or
+    that rosbag2 stored it in an unknown format.
     """
     place = Path(path)
     try:

@@ -237,17 +237,9 @@ class RowRange:
 
 class MessageRows:
     """
-    The table of messages, in ranges of rows as large as a chunk.
+    The table of messages, in `ranges` of rows as large as a chunk; `unsound` rows hold no message.
 
     A DatabaseError means that SQLite refuses it or that its rows are inconsistent.
-
-    Attributes
-    ----------
-    ranges
-        All messages.
-    unsound
-        Number of rows that are no message.
-
     """
 
     def __init__(self, path: Path, size: int) -> None:

@@ -64,7 +64,7 @@ class BackgroundWriter:
     ) -> None:
         # The error that ended writing.
         self.failure: Exception | None = None
-        self.counters = DropCounters(writer)
+        self.counters = DropCounters(writer.stored_counts)
         self._writer = writer
         self._flush_period = flush_period
         self._batch_period = min(_BATCH_PERIOD, flush_period / 2.0)
@@ -158,17 +158,12 @@ class BackgroundWriter:
             self._write_queued()
             if monotonic() >= due:
                 self._writer.flush()
-                self._check_space()
+                self._writer.check_space(self._min_free_space)
                 due = monotonic() + self._flush_period
             file = self._writer.file
             if self._split_requested or self._limits.are_reached(file.size, file.duration):
                 self._split()
         self._write_queued()
-
-    def _check_space(self) -> None:
-        problem = self._writer.space_problem(self._min_free_space)
-        if problem is not None:
-            raise problem
 
     def _split(self) -> None:
         """
@@ -192,7 +187,7 @@ class BackgroundWriter:
         with self._split_lock:
             self._split_requested = False
             self._writer.split()
-        self._check_space()
+        self._writer.check_space(self._min_free_space)
         self._filled.set()
 
     def _write_queued(self) -> None:
@@ -202,7 +197,7 @@ class BackgroundWriter:
             self._write(self._queue.popleft())
             # The queue may be long; on a full disk the remaining space is for the end of the run.
             if number % 256 == 255 or (number % 16 == 0 and self._writer.is_full):
-                self._check_space()
+                self._writer.check_space(self._min_free_space)
 
     def _write(self, item: Message | RunEntry) -> None:
         if not isinstance(item, Message):

@@ -6,9 +6,8 @@ refused them (unwritten). *Missed* messages were lost before reception: see `kla
 """
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 from klann_ros.log.loss import LossCounter
 from klann_ros.log.run_parameters import TopicCount
@@ -36,17 +35,11 @@ class TopicCounters:
     # Dropped after the queue: the file refused them.
     unwritten: int = 0
 
-    def count(self, written: int, dropped: int, missed: int | None) -> TopicCount:
-        """Return the counts, given those of the file and of messages lost before reception."""
-        return TopicCount(
-            self.received,
-            written,
-            dropped,
-            self.skipped,
-            missed,
-            self.loss.before_discovery,
-            self.loss.departed,
-        )
+    def count(self) -> TopicCount:
+        """Return the present count, of messages before they are written."""
+        dropped, loss = self.overrun + self.unwritten, self.loss
+        others = self.skipped, loss.lost, loss.before_discovery, loss.departed
+        return TopicCount(self.received, 0, dropped, *others)
 
 
 @dataclass(frozen=True)
@@ -59,13 +52,6 @@ class StoredCounts:
     dropped: Counter[str]
 
 
-class CountedRun(Protocol):
-    """A run that is being written."""
-
-    def stored_counts(self) -> StoredCounts:
-        """Return what became of the messages that were passed to the run."""
-
-
 class DropCounters:
     """
     Counters of all topics of a recording to a run.
@@ -74,8 +60,8 @@ class DropCounters:
     received = skipped + dropped + written.
     """
 
-    def __init__(self, run: CountedRun) -> None:
-        self._run = run
+    def __init__(self, stored_counts: Callable[[], StoredCounts]) -> None:
+        self._stored_counts = stored_counts
         self._topics: dict[str, TopicCounters] = {}
 
     def __getitem__(self, topic: str) -> TopicCounters:
@@ -90,22 +76,20 @@ class DropCounters:
 
     def counts(self) -> dict[str, TopicCount]:
         """Return what became of the messages of each topic so far; thread-safe."""
-        stored = self._run.stored_counts()
+        stored = self._stored_counts()
         return {
-            name: counters.count(
+            name: replace(
+                count,
                 written=stored.written[name],
-                dropped=counters.overrun + counters.unwritten + stored.dropped[name],
-                missed=counters.loss.lost if counters.loss.is_known else None,
+                dropped=count.dropped + stored.dropped[name],
+                missed=count.missed if self[name].loss.is_known else None,
             )
-            for name, counters in self._items()
+            for name, count in self.snapshot().items()
         }
 
     def snapshot(self) -> Counts:
-        """Return the present counters of messages before they are written."""
-        return {
-            name: counters.count(written=0, dropped=0, missed=counters.loss.lost)
-            for name, counters in self._items()
-        }
+        """Return the present counts of messages before they are written."""
+        return {name: counters.count() for name, counters in self._items()}
 
     def counts_between(
         self, begin: Counts, end: Counts, stored: Counts, pretrigger: Mapping[str, int]
@@ -113,15 +97,8 @@ class DropCounters:
         """
         Return what became of the messages of each topic between two snapshots.
 
-        Parameters
-        ----------
-        begin, end
-            The snapshots.
-        stored
-            The counts of the run to which these messages were written.
-        pretrigger
-            Messages received before `begin` that were written to that run as well.
-
+        `stored` are the counts of the run to which they were written, and `pretrigger` messages
+        received before `begin` that were written to that run as well.
         """
         counts = {}
         for name, counters in self._items():

@@ -156,7 +156,7 @@ class EventSession:
         entries: Sequence[RunEntry] = (),
         on_status: Callable[[bool, str], object],
     ) -> None:
-        self.counters = DropCounters(self)
+        self.counters = DropCounters(self.stored_counts)
         self.pauses = Pauses(self.counters)
         self._folder, self._settings = folder, settings
         self._open_run, self._entries, self._on_status = open_run, entries, on_status

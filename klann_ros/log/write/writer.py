@@ -18,7 +18,6 @@ from klann_ros.log.bag_metadata import (
 from klann_ros.log.errors import (
     AnyPath,
     DiskFullError,
-    LogError,
     LowSpaceError,
     RunClosedError,
     RunExistsError,
@@ -241,21 +240,20 @@ class RunWriter(AbstractContextManager['RunWriter']):
             self._open_next()
             self._write_metadata_yaml()
 
-    def space_problem(self, min_free_space: int) -> LogError | None:
+    def check_space(self, min_free_space: int) -> None:
         """
-        Return the problem with free space on the disk, if less than this is free [bytes].
+        Raise a DiskFullError or a LowSpaceError if less than this is free on the disk [bytes].
 
-        The run can and should be closed then. An OSError if the free space is unknown.
+        The run can and should be closed then. An OSError means that the free space is unknown.
         """
         reserve = self._folder.reserve
         if reserve is not None:
             chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
             reserve.grow(RESERVE_SIZE + chunks * _INDEX_SIZE)
             if reserve.spent is not None:
-                return DiskFullError(self.path, str(reserve.spent))
+                raise DiskFullError(self.path, str(reserve.spent))
         if min_free_space > 0 and (free := self.free_space) < min_free_space:
-            return LowSpaceError(self.path, free, min_free_space)
-        return None
+            raise LowSpaceError(self.path, free, min_free_space)
 
     def close(self) -> None:
         """

@@ -1,49 +1,77 @@
-"""Drop counters: each message in one place, and the same count for every thread."""
+"""Each message is counted in one place, and a pause skips what was received in it."""
 
 from collections import Counter
 
-from klann_ros.log.run_parameters import TopicCount
+from hypothesis import given, strategies as st
+from klann_ros.log.run_parameters import Pause, TopicCount
 from klann_ros.log.write.drop_counters import DropCounters, StoredCounts
+from klann_ros.log.write.recording import Pauses
+import pytest
+
+TIMES = st.integers(0, 100)
 
 
-class Run:
-    """A run with given counts."""
-
-    def __init__(self, written, dropped):
-        self._counts = StoredCounts(Counter(written), Counter(dropped))
-
-    def stored_counts(self):
-        return self._counts
-
-
-def test_each_topic_has_one_set_of_counters() -> None:
-    counters = DropCounters(Run({}, {}))
-    assert counters['/x'] is counters['/x']
-    assert counters['/x'] is not counters['/y']
-    assert list(counters.counts()) == ['/x', '/y']
+def drop_counters(written=0, dropped=0):
+    """Return the counters of a run with these messages of a topic."""
+    stored = StoredCounts(Counter({'/x': written}), Counter({'/x': dropped}))
+    return DropCounters(lambda: stored)
 
 
 def test_dropped_messages_are_overruns_unwritten_and_removed_ones() -> None:
-    counters = DropCounters(Run({'/x': 80}, {'/x': 10}))
+    counters = drop_counters(80, 10)
     topic = counters['/x']
     topic.received, topic.skipped, topic.overrun, topic.unwritten = 100, 5, 3, 2
     assert counters.counts() == {'/x': TopicCount(100, 80, dropped=15, skipped=5, missed=0)}
-
-
-def test_the_loss_of_mixed_publishers_is_unknown() -> None:
-    counters = DropCounters(Run({}, {}))
-    counters['/x'].loss.count(1)
-    counters['/x'].loss.count(5)
-    assert counters.counts()['/x'].lost == 3
-    counters['/x'].loss.count(6, publishers=2)
-    assert counters.counts()['/x'].lost is None
+    topic.loss.count(1)
+    topic.loss.count(5)
+    assert counters.counts()['/x'].missed == 3
+    # The numbers of several publishers are mixed.
+    topic.loss.count(6, publishers=2)
+    assert counters.counts()['/x'].missed is None
 
 
 def test_counts_between_two_snapshots_add_up() -> None:
-    counters = DropCounters(Run({}, {}))
+    counters = drop_counters()
     counters['/a'].received = 5
     begin = counters.snapshot()
     counters['/a'].received = 9
     counters['/b'].received = 2
     counts = counters.counts_between(begin, counters.snapshot(), {}, {'/b': 1})
     assert (counts['/a'].received, counts['/b'].received) == (4, 3)
+
+
+@pytest.fixture
+def counters():
+    return drop_counters()
+
+
+@pytest.mark.parametrize('received', [0, 2**63])
+def test_without_a_pause_nothing_is_skipped(counters, received) -> None:
+    assert not Pauses(counters).skips(counters['/x'], received)
+    assert counters['/x'].skipped == 0
+
+
+@given(begin=TIMES, length=TIMES, received=TIMES, is_taken_late=st.booleans())
+def test_the_time_of_reception_decides(begin, length, received, is_taken_late) -> None:
+    counters = drop_counters()
+    pauses = Pauses(counters)
+    pauses.begin(begin)
+    end = begin + length
+    if is_taken_late or received >= end:
+        pauses.end(end)
+    assert pauses.skips(counters['/x'], received) == (begin <= received < end)
+    assert counters['/x'].skipped == (begin <= received < end)
+
+
+def test_each_pause_has_counts_of_its_own(counters) -> None:
+    pauses = Pauses(counters)
+    for begin, topics in ((10, ['/x', '/x', '/y']), (30, ['/y'])):
+        pauses.begin(begin)
+        for topic in topics:
+            assert pauses.skips(counters[topic], begin + 5)
+        pauses.end(begin + 10)
+        counts = {topic: topics.count(topic) for topic in topics}
+        assert pauses.take_last() == Pause(begin, begin + 10, counts)
+    # The clock is set back into it.
+    assert not pauses.skips(counters['/x'], 35)
+    assert counters.skipped() == {'/x': 2, '/y': 2}
