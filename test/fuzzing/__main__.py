@@ -13,9 +13,7 @@ import sys
 import tempfile
 import time
 
-from fuzzing.cost_law import check_cost
-from fuzzing.laws import check, MAX_MEMORY, memory
-from fuzzing.legal_law import check_legal
+from fuzzing.laws import check, check_cost, check_legal, MAX_MEMORY, memory
 from fuzzing.samples import make_samples
 
 TIMEOUT = 30

@@ -1,27 +1,36 @@
-"""The laws for any damage: the recovered messages, the report, and the cost."""
+"""The laws: of damage, of legal files, and of cost."""
 
 from collections import Counter
+from contextlib import redirect_stderr, redirect_stdout
 import hashlib
+import io
 from pathlib import Path
 import random
 import re
 import resource
 import shutil
 
-from fuzzing.commands import run
 from fuzzing.damages import damage, damage_metadata
+from fuzzing.hostile import FORGED
 from fuzzing.oracle import sound_chunks
 from fuzzing.samples import content
-from fuzzing.shown import hold
 from klann_ros.log import recover_command
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.review import command as review_command
 from klann_ros.sanitize.text import counted
+from mcap_bytes.hostile import HEADER, packed_chunk
+from mcap_bytes.legal import change_file
+from mcap_bytes.records import record
+from work import Work
 
 MAX_MEMORY = 200 * 2**20
 UNVERIFIED = 'no CRC, so damage'
 KINDS = ('.mcap', '.db3', '.zstd')
+# Calls for a byte of the file, for one that is unpacked, for a message, and at all.
+EACH, UNPACKED, MESSAGE, ONCE = 30, 3, 30, 60_000
+_OPCODES = (*range(17), 6, 6, 12, 128, 255)
+_SIZE = 4000
 
 
 def check(sample, seed, place):
@@ -110,3 +119,107 @@ def _check_reading(log, case):
 def _digest(folder):
     files = sorted(Path(folder).iterdir())
     return [(path.name, hashlib.sha256(path.read_bytes()).digest()) for path in files]
+
+
+def run(main, arguments):
+    """Return the exit code of a command and all that it says."""
+    said = io.StringIO()
+    with redirect_stdout(said), redirect_stderr(said):
+        code = main(arguments)
+    return code, said.getvalue()
+
+
+def hold(text, case, *, colours=False):
+    """Hold all that was printed to the law: nothing moves the terminal, and no line is forged."""
+    shown = text
+    if colours:
+        for code in ('1;31', '1;33', '36', '1;32', '1', '2', '0'):
+            shown = shown.replace(f'\x1b[{code}m', '')
+    odd = sorted({letter for letter in shown if not letter.isprintable()} - {'\n'})
+    assert not odd, f'{case}: it says {odd!r}'
+    forged = [line for line in shown.splitlines() if line.lstrip().startswith(FORGED)]
+    assert not forged, f'{case}: {forged[0]}'
+
+
+def check_legal(sample, seed, place):
+    """Change a copy of a run by a seed, if it is sound; it stays so, and all that is in it."""
+    with open_log(sample.folder) as before:
+        if before.problems:
+            return
+    log = place / sample.name
+    shutil.copytree(sample.folder, log)
+    chance = random.Random(seed)  # noqa: S311 - no secret
+    try:
+        for path in sorted(log.glob('*.mcap')):
+            change_file(path, chance)
+        _check_legal(log, sample, f'{sample.name}, seed {seed}, changed legally')
+    finally:
+        shutil.rmtree(place)
+
+
+def _check_legal(log, sample, case):
+    with open_log(log) as found:
+        messages = [content(message) for message in found.messages()]
+        in_blocks = sum(map(len, found.blocks()))
+        others = _others(found)
+        assert not found.problems, f'{case}: {found.problem}'
+        assert (len(messages), in_blocks) == (len(sample.messages),) * 2, case
+        assert set(messages) == sample.messages, case
+    with open_log(sample.folder) as before:
+        assert others == _others(before), case
+    code, text = run(recover_command.main, [str(log), '-o', str(log.with_name('again'))])
+    assert code == 0, f'{case}: {text}'
+    kept = counted(len(messages), 'message'), counted(len(others[0]), 'attachment')
+    assert 'kept: {} in all, {}'.format(*kept) in text, case
+    _, text = run(review_command.main, [str(log)])
+    assert 'the log is damaged' not in text, f'{case}: {text}'
+
+
+def _others(log):
+    """Return the names of attachments and metadata records."""
+    return [item.name for item in log.attachments], sorted(log.metadata)
+
+
+def check_cost(_, seed, place):
+    """Read a file of a pattern that is made by a seed, again and again."""
+    chance = random.Random(seed)  # noqa: S311 - no secret
+    data = _repeated(b''.join(_part(chance) for _ in range(chance.randrange(1, 5))), chance)
+    unpacked = 0
+    if chance.random() < 0.4:
+        chunk, count = packed_chunk(data, crc=chance.choice([None, 0, 1])), chance.randrange(1, 9)
+        data, unpacked = chunk * count, len(data) * count
+    place.mkdir()
+    path = place / 'x.mcap'
+    path.write_bytes(HEADER + data)
+    with Work() as done:
+        found = _read(path)
+    allowed = EACH * len(data) + UNPACKED * unpacked + MESSAGE * found + ONCE
+    path.unlink()
+    place.rmdir()
+    assert done.calls <= allowed, f'seed {seed}: {done.calls} calls, {allowed} are allowed'
+
+
+def _read(path):
+    try:
+        with open_log(path) as log:
+            return sum(1 for _ in log.messages()) + sum(map(len, log.blocks()))
+    except NotALogError:
+        return 0
+
+
+def _part(chance):
+    """Return a record, or the head of one that claims what it likes, or some bytes."""
+    kind = chance.randrange(4)
+    content = bytes(chance.choice([0, 0, 1]) * n for n in range(chance.choice([0, 4, 8, 22, 50])))
+    if kind == 0:
+        return record(chance.choice(_OPCODES), content)
+    if kind == 1:
+        length = chance.choice([0, 1, 40, 200, 2000, _SIZE, 3 * _SIZE, 2**40])
+        return bytes([chance.choice(_OPCODES)]) + length.to_bytes(8, 'little') + content
+    if kind == 2:
+        return chance.randbytes(chance.randrange(1, 12))
+    return bytes(chance.randrange(1, 12))
+
+
+def _repeated(pattern, chance):
+    return pattern * (chance.choice([_SIZE, 3 * _SIZE]) // len(pattern))

@@ -1,13 +1,11 @@
 """Some runs and files of each law; `scripts/fuzz` makes thousands of them."""
 
-from fuzzing.cost_law import check_cost
-from fuzzing.laws import check, MAX_MEMORY, memory
-from fuzzing.legal_law import check_legal
+from fuzzing.laws import check, check_cost, check_legal, MAX_MEMORY, memory
 from fuzzing.samples import make_samples
 from mcap_bytes.legal import LegalFile
 import pytest
 
-CASES = 66
+CASES = 44
 PART = 22
 
 

@@ -9,23 +9,14 @@ from klann_ros.log.errors import UnknownTypeError
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-HEADER = 'std_msgs/Header builtin_interfaces/Time'
 LINE = '=' * 80 + '\n'
 
 
-@pytest.fixture
-def message_file():
+def message_file(package, name):
     """Return the text of an installed .msg file, found independently."""
-
-    def read(package, name):
-        prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
-        for prefix in filter(None, prefixes):
-            path = Path(prefix, 'share', package, 'msg', f'{name}.msg')
-            if path.exists():
-                return path.read_bytes().decode()
-        raise FileNotFoundError(name)
-
-    return read
+    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
+    paths = [Path(prefix, 'share', package, 'msg', f'{name}.msg') for prefix in prefixes if prefix]
+    return next(path.read_bytes().decode() for path in paths if path.exists())
 
 
 @pytest.mark.parametrize(
@@ -40,24 +31,18 @@ def message_file():
         ('sensor_msgs', 'JointState', 'std_msgs/Header builtin_interfaces/Time'),
     ],
 )
-def test_a_definition_is_the_files_depth_first(message_file, package, name, others) -> None:
+def test_a_definition_is_the_files_depth_first(package, name, others) -> None:
     parts = [f'{LINE}MSG: {other}\n{message_file(*other.split("/"))}' for other in others.split()]
     assert definition(f'{package}/msg/{name}') == message_file(package, name) + ''.join(parts)
 
 
 @pytest.mark.parametrize(
-    'name',
-    [
-        'visualization_msgs/msg/MarkerArray',
-        'diagnostic_msgs/msg/DiagnosticArray',
-        'geometry_msgs/msg/TwistStamped',
-        'rcl_interfaces/msg/ParameterEvent',
-    ],
+    'name', ['visualization_msgs/msg/MarkerArray', 'diagnostic_msgs/msg/DiagnosticArray']
 )
 def test_each_dependency_stands_there_once_and_the_text_parses(name) -> None:
     text = definition(name)
     heads = [line for line in text.splitlines() if line.startswith('MSG: ')]
-    assert len(heads) == len(set(heads))
+    assert len(heads) == len(set(heads)) > 2
     assert name in get_types_from_msg(text, name)
 
 

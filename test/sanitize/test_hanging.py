@@ -75,19 +75,7 @@ def test_an_empty_path_is_not_the_folder_one_is_in(tool: str) -> None:
     assert line == f'{tool}: error: argument LOG: it is empty; is a variable not set?'
 
 
-@pytest.mark.parametrize('kind', ['pipe', 'sparse'])
-def test_a_special_file_as_second_log_is_refused_in_one_line(
-    run: Path, tmp_path, kind: str
-) -> None:
-    make(kind, tmp_path / 'log.mcap')
-    code, _, errors = called('review', run, tmp_path / 'log.mcap')
-    assert code == 2
-    assert errors.count('\n') == 1
-
-
-@pytest.mark.parametrize(
-    ('kind', 'named'), [*((kind, True) for kind in KINDS), ('pipe', False), ('sparse', False)]
-)
+@pytest.mark.parametrize(('kind', 'named'), [*((kind, True) for kind in KINDS), ('pipe', False)])
 def test_the_good_files_of_a_folder_are_read_and_the_other_is_named(
     run: Path, tmp_path, kind: str, named: bool
 ) -> None:
@@ -121,14 +109,14 @@ def test_a_special_file_as_metadata_is_reported(run: Path, tmp_path, kind: str) 
 
 @pytest.mark.parametrize(
     ('kind', 'option'),
-    [*((kind, '--limits') for kind in KINDS), ('pipe', '--geometry'), ('sparse', '--geometry')],
+    [*((kind, '--limits') for kind in KINDS), ('pipe', '--geometry'), ('pipe', '')],
 )
-def test_a_special_file_of_limits_or_lengths_is_refused_in_one_line(
+def test_a_special_file_beside_the_log_is_refused_in_one_line(
     run: Path, tmp_path, kind: str, option: str
 ) -> None:
     file = tmp_path / 'file.yaml'
     make(kind, file)
-    code, output, errors = called('review', run, option, file)
+    code, output, errors = called('review', run, *filter(None, [option]), file)
     assert (code, output) == (2, '')
     assert errors.startswith(f'review: {file} ')
     assert errors.count('\n') == 1

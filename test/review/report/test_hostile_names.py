@@ -9,7 +9,7 @@ from pathlib import Path
 from findings import found
 from fork_server import called
 from fuzzing.hostile import EVIL, hostile_run
-from fuzzing.shown import hold
+from fuzzing.laws import hold
 from klann_ros.review.command import main
 from klann_ros.sanitize.text import printable
 import pytest
