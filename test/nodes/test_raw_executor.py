@@ -4,19 +4,15 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-import math
 import threading
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PointStamped, TwistStamped
 from klann_ros.nodes import raw_executor
 from klann_ros.nodes.process import error_and_place, spin_on
 from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
 from rclpy import executors
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock as RosClock, ClockType
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -26,9 +22,9 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from ros_domain import Domain, PATIENCE
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
+from typing_extensions import Self
 
 STEADY = RosClock(clock_type=ClockType.STEADY_TIME)
 LOOPS = pytest.mark.parametrize('plain', [False, True], ids=['lean', 'plain'])
@@ -102,13 +98,13 @@ def number_in(data: bytes) -> float:
 
 
 class Running:
-    """An echo whose loop runs in a thread of its own."""
+    """An echo whose loop runs in a thread of its own, until the context ends."""
 
     def __init__(
         self,
         ros: Domain,
         *,
-        plain: bool,
+        plain: bool = False,
         spin: Callable[..., None] = lambda run, _: run(),
         **options: Any,
     ) -> None:
@@ -139,22 +135,16 @@ class Running:
         self.thread.join(PATIENCE)
         assert not self.thread.is_alive()
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         if not self.done.done():
             self.done.set_result(0)
         self.ends()
         self.executor.shutdown()
         self.echo.destroy_node()
         self.context.try_shutdown()
-
-
-@contextmanager
-def running(ros: Domain, *, plain: bool = False, **options: Any) -> Iterator[Running]:
-    made = Running(ros, plain=plain, **options)
-    try:
-        yield made
-    finally:
-        made.close()
 
 
 @contextmanager
@@ -182,7 +172,7 @@ def load(ros: Domain, rate: float = 1000.0) -> Iterator[list[float]]:
 def test_a_burst_is_taken_in_order_with_message_info(ros: Domain, plain: bool) -> None:
     back: list[bytes] = []
     ros.probe.node.create_subscription(Float64, 'back', back.append, 2000, raw=True)
-    with running(ros, plain=plain) as run:
+    with Running(ros, plain=plain) as run:
         ros.probe.await_publishers('back')
         there = ros.probe.publisher(Float64, 'there')
         numbers = [float(k) for k in range(700)]
@@ -202,7 +192,7 @@ def test_a_burst_is_taken_in_order_with_message_info(ros: Domain, plain: bool) -
 
 @LOOPS
 def test_all_else_is_served_in_one_thread_with_and_without_load(ros: Domain, plain: bool) -> None:
-    with running(ros, plain=plain) as run:
+    with Running(ros, plain=plain) as run:
         typed = ros.probe.publisher(Float64, 'typed')
 
         def serve() -> None:
@@ -230,7 +220,7 @@ def test_all_else_is_served_in_one_thread_with_and_without_load(ros: Domain, pla
 @LOOPS
 def test_simulated_time_moves_clock_and_timers(ros: Domain, plain: bool) -> None:
     options = {'parameter_overrides': [Parameter('use_sim_time', value=True)]}
-    with running(ros, plain=plain, **options) as run, load(ros, 100.0):
+    with Running(ros, plain=plain, **options) as run, load(ros, 100.0):
         clock = ros.probe.publisher(Clock, '/clock', reliable=False)
         for second in (10, 20, 30):
             message = Clock()
@@ -256,7 +246,7 @@ def test_threads_wake_up_only_for_messages(ros: Domain, monkeypatch: pytest.Monk
             super().wait(timeout)
 
     monkeypatch.setattr(raw_executor.rclpy_implementation, 'WaitSet', Counting)
-    with running(ros) as run:
+    with Running(ros) as run:
         there = ros.probe.publisher(Float64, 'there')
         for timer in run.echo.timers:
             timer.cancel()
@@ -281,7 +271,7 @@ def test_threads_wake_up_only_for_messages(ros: Domain, monkeypatch: pytest.Monk
 def test_a_late_subscription_is_served(ros: Domain, where: str) -> None:
     late = ros.probe.publisher(Float64, 'late', subscribers=0)
     there = ros.probe.publisher(Float64, 'there', subscribers=0)
-    with running(ros) as run:
+    with Running(ros) as run:
         if where == 'outside':
             run.echo.listen('late')
         elif where == 'service':
@@ -312,7 +302,7 @@ def test_a_lean_timer_can_be_cancelled_reset_and_destroyed(ros: Domain, plain: b
         ros.probe.spin(seconds)
         return run.echo.ticks['lean steady'] - before
 
-    with running(ros, plain=plain) as run:
+    with Running(ros, plain=plain) as run:
         ros.probe.until(lambda: run.echo.ticks['lean steady'] > 0)
         run.echo.lean_timer.cancel()
         # It may be running just now.
@@ -328,10 +318,12 @@ def test_a_lean_timer_can_be_cancelled_reset_and_destroyed(ros: Domain, plain: b
         ros.probe.until(lambda: len(late) > count)
 
 
-def test_messages_from_before_the_loop_are_taken(ros: Domain) -> None:
-    with running(ros) as run:
+def test_a_loop_whose_future_is_done_ends_and_the_next_takes_what_came_before(ros: Domain) -> None:
+    with Running(ros) as run:
         there = ros.probe.publisher(Float64, 'there')
         run.done.set_result(0)
+        run.ends()
+        run.start()
         run.ends()
         there.publish(Float64(data=1.0))
         ros.probe.spin(0.3)
@@ -341,7 +333,7 @@ def test_messages_from_before_the_loop_are_taken(ros: Domain) -> None:
 
 
 def test_a_subscription_that_goes_leaves_the_others(ros: Domain) -> None:
-    with running(ros) as run, load(ros):
+    with Running(ros) as run, load(ros):
         other = run.echo.listen('other')
         ros.probe.publisher(Float64, 'other')
         ros.probe.call(Trigger, 'echo/call', Trigger.Request())
@@ -353,7 +345,7 @@ def test_a_subscription_that_goes_leaves_the_others(ros: Domain) -> None:
 
 @LOOPS
 def test_events_of_a_subscription_are_reported(ros: Domain, plain: bool) -> None:
-    with running(ros, plain=plain) as run, load(ros, 200.0):
+    with Running(ros, plain=plain) as run, load(ros, 200.0):
         ros.probe.until(lambda: run.echo.matches == 1)
         second = ros.probe.publisher(Float64, 'there')
         ros.probe.until(lambda: run.echo.matches == 2)
@@ -362,7 +354,7 @@ def test_events_of_a_subscription_are_reported(ros: Domain, plain: bool) -> None
 
 
 def test_a_flood_does_not_starve_a_service(ros: Domain) -> None:
-    with running(ros) as run:
+    with Running(ros) as run:
         run.echo.pause = 0.005
         there = ros.probe.publisher(Float64, 'there')
         client = ros.probe.node.create_client(Trigger, 'echo/call')
@@ -377,19 +369,19 @@ def test_a_flood_does_not_starve_a_service(ros: Domain) -> None:
 
 
 def test_a_busy_executor_does_not_starve_messages(ros: Domain) -> None:
-    with running(ros) as run:
+    with Running(ros) as run:
         run.echo.create_timer(0.0, lambda: time.sleep(0.001), clock=STEADY)
         there = ros.probe.publisher(Float64, 'there')
-        for k in range(100):
+        for k in range(20):
             there.publish(Float64(data=float(k)))
-        ros.probe.until(lambda: len(run.echo.taken) == 100)
+        ros.probe.until(lambda: len(run.echo.taken) == 20)
 
 
 @LOOPS
 @pytest.mark.parametrize('rate', [0.1, 1000.0])
 def test_it_ends_with_its_future(ros: Domain, plain: bool, rate: float) -> None:
     before = threading.active_count()
-    with running(ros, plain=plain) as run, load(ros, rate):
+    with Running(ros, plain=plain) as run, load(ros, rate):
         ros.probe.spin(0.3)
         run.done.set_result(0)
         run.ends()
@@ -398,27 +390,18 @@ def test_it_ends_with_its_future(ros: Domain, plain: bool, rate: float) -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == 'watch']
 
 
-def test_a_future_that_is_done_before_is_an_end(ros: Domain) -> None:
-    with running(ros) as run:
-        run.done.set_result(0)
-        run.ends()
-        run.start()
-        run.ends()
-
-
 @LOOPS
 def test_the_end_of_the_context_ends_it(ros: Domain, plain: bool) -> None:
-    with running(ros, plain=plain) as run, load(ros):
+    with Running(ros, plain=plain, spin=spin_on) as run, load(ros):
         ros.probe.spin(0.3)
         run.context.shutdown()
         run.ends()
-        # The callback may have been about to publish, which is its own affair.
-        assert run.error is None or isinstance(run.error, ExternalShutdownException | RCLError)
+        assert isinstance(run.error, ExternalShutdownException)
 
 
 @LOOPS
 def test_the_end_of_the_executor_ends_it(ros: Domain, plain: bool) -> None:
-    with running(ros, plain=plain) as run:
+    with Running(ros, plain=plain) as run:
         ros.probe.spin(0.3)
         run.echo.create_service(
             Trigger, 'echo/end', lambda _, response: (run.executor.shutdown(), response)[1]
@@ -432,7 +415,7 @@ def test_the_end_of_the_executor_ends_it(ros: Domain, plain: bool) -> None:
 
 @LOOPS
 def test_errors_of_callbacks_are_raised(ros: Domain, plain: bool) -> None:
-    with running(ros, plain=plain) as run:
+    with Running(ros, plain=plain) as run:
         there = ros.probe.publisher(Float64, 'there')
         run.echo.trouble = ZeroDivisionError
         there.publish(Float64())
@@ -459,7 +442,7 @@ def test_errors_of_callbacks_are_raised(ros: Domain, plain: bool) -> None:
 def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
     ros: Domain, plain: bool
 ) -> None:
-    with running(ros, plain=plain, spin=spin_on) as run:
+    with Running(ros, plain=plain, spin=spin_on) as run:
         there = ros.probe.publisher(Float64, 'there')
         client = ros.probe.node.create_client(Trigger, 'echo/call')
         ros.probe.until(client.service_is_ready)
@@ -474,14 +457,6 @@ def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
         # rclpy would add a callback to the future at each wake-up.
         assert len(run.done._callbacks) == 1
         assert run.error is None
-
-
-def test_the_end_of_the_context_ends_spinning(ros: Domain) -> None:
-    def spin() -> None:
-        raise ExternalShutdownException
-
-    with pytest.raises(ExternalShutdownException):
-        spin_on(spin, ros.probe.node)
 
 
 def test_an_error_is_one_line_with_its_place() -> None:
@@ -510,38 +485,3 @@ def test_another_rclpy_gets_the_plain_path(ros: Domain, monkeypatch: pytest.Monk
             patch.delattr(place, name)
             assert RawMessageExecutor(executor)._plain
     executor.shutdown()
-
-
-OUTPUTS = {'joint_states': JointState, 'point_h': PointStamped, 'velocity_h': TwistStamped}
-# Of the five states one has no crank angle, and two have a velocity.
-COUNTS = {'joint_states': 4, 'point_h': 4, 'velocity_h': 2}
-STATES = [
-    JointState(name=['crank'], position=[1.0], velocity=[2.0]),
-    JointState(name=['other', 'crank'], position=[0.0, -7.5]),
-    JointState(name=['crank'], position=[math.nan]),
-    JointState(name=['crank'], position=[3.0], velocity=[math.nan], effort=[1.0]),
-    JointState(name=['crank'], position=[400.0], velocity=[-1e-3]),
-]
-
-
-def test_a_solver_answers_the_same_bytes_on_both_paths(
-    ros: Domain, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def answers() -> dict[str, list[bytes]]:
-        received = {name: ros.probe.listen(kind, name, raw=True) for name, kind in OUTPUTS.items()}
-        solver = ros.solver()
-        for topic in OUTPUTS:
-            ros.probe.await_publishers(topic)
-        crank = ros.probe.publisher(JointState, 'crank_state')
-        for number, state in enumerate(STATES, start=1):
-            state.header.stamp = Time(sec=number, nanosec=number)
-            crank.publish(state)
-        for topic, count in COUNTS.items():
-            ros.probe.until(lambda: len(received[topic]) >= count)  # noqa: B023 - called at once
-        assert solver.stop() == 0
-        return {topic: list(messages) for topic, messages in received.items()}
-
-    lean = answers()
-    monkeypatch.setenv(raw_executor.PLAIN, '1')
-    assert answers() == lean
-    assert {topic: len(messages) for topic, messages in lean.items()} == COUNTS

@@ -4,7 +4,7 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from bags import COUNT, LENGTH, PERIOD, START, write_bag, write_split_bag
+from bags import COUNT, PERIOD, START, write_bag, write_split_bag
 from mcap.writer import CompressionType
 import pytest
 from rcl_interfaces.srv import GetParameters
@@ -97,28 +97,11 @@ def test_a_step_publishes_exactly_the_next_message(player: Controlled) -> None:
     assert values(player.numbers) == [50, 51, 52]
 
 
-def test_a_step_is_refused_while_it_plays(player: Controlled) -> None:
-    assert player.change('rate', STILL).successful
-    assert player.call('resume').success
-    answer = player.call('step')
-    assert not answer.success
-    assert answer.message == 'it is playing; pause it first'
-
-
 def test_a_resumed_player_continues_at_its_position(player: Controlled) -> None:
     player.ros.probe.spin(0.7)
     assert player.call('resume').success
     player.ros.probe.until(lambda: len(player.numbers) >= 50)
     assert values(player.numbers)[:50] == list(range(50, 100))
-
-
-def test_a_pause_reports_the_position(player: Controlled) -> None:
-    assert player.call('resume').success
-    player.ros.probe.until(lambda: len(player.numbers) >= 10)
-    answer = player.call('pause')
-    assert answer.message == f'paused at {player.position:.6f} s'
-    assert 0.59 <= player.position <= LENGTH
-    assert player.call('pause').success
 
 
 def test_a_rate_is_changed_while_it_plays(player: Controlled) -> None:
@@ -249,10 +232,3 @@ def test_two_topics_of_different_types_cannot_become_one(ros: Domain, bag: Path)
     assert received == list(range(COUNT))
     assert '/robot_description is not played: ' in process.errors
     assert 'a message of /number is left out: Failed to publish' in process.errors
-
-
-def test_a_paused_player_is_stopped_by_a_signal(ros: Domain, bag: Path) -> None:
-    process = ros.start('player_node', str(bag), '--start-paused', '--delay', '0')
-    ros.probe.until(lambda: 'player_node' in ros.probe.node.get_node_names())
-    assert process.stop(signal.SIGTERM) == 0
-    assert 'Traceback' not in process.errors

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from klann_ros.kinematics import LinkageLeg, shipped_linkage, shipped_linkages
+from klann_ros.kinematics import LinkageLeg, shipped_linkage
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER, solver_parameters
@@ -14,9 +14,7 @@ from klann_ros.review.command import main as review
 import numpy as np
 import pytest
 from ros_domain import Domain, RecorderReports
-from sensor_msgs.msg import JointState
 from solver_conversation import Conversation
-from std_msgs.msg import Float64
 
 LINKAGES = Path(str(resources.files('klann_ros') / 'linkages'))
 ANGLES = [0.0, 1.0, 1.1, -2.0, 9.0, 3.0]
@@ -34,23 +32,6 @@ def test_its_joints_and_its_foot_are_published(ros: Domain, name: str) -> None:
         assert np.sin(np.subtract(pose.position[1:], expected.x)) == pytest.approx(0, abs=1e-12)
         talk.assert_feet({'': expected.h}, number)
         assert len(pose.velocity) == 0
-
-
-def test_every_shipped_linkage_is_driven(ros: Domain) -> None:
-    poses, angles = {}, {}
-    for name in shipped_linkages():
-        poses[name] = ros.probe.listen(JointState, f'/{name}/joint_states')
-        ros.solve('-r', f'__ns:=/{name}', linkage=LINKAGES / f'{name}.yaml')
-        # Not every crank turns fully.
-        (start, end), *_ = LinkageLeg(shipped_linkage(name)).reachable_arcs()
-        angles[name] = (start + end) / 2
-        ros.probe.publisher(Float64, f'/{name}/crank_angle').publish(Float64(data=angles[name]))
-    ros.probe.until(lambda: all(poses.values()))
-    for name, (pose, *_) in poses.items():
-        leg = LinkageLeg(shipped_linkage(name))
-        assert tuple(pose.name) == leg.joint_names, name
-        differences = np.subtract(pose.position, leg.closed_form(angles[name]).joints)
-        assert np.remainder(differences + 1, 2 * math.pi) == pytest.approx(1, abs=1e-12), name
 
 
 def test_its_velocities_follow_the_cranks(ros: Domain) -> None:
