@@ -107,7 +107,6 @@ class _Task(NamedTuple):
 def _process_map(
     function: _Function, items: Iterable[Any], jobs: int | None, time_limit: float | None
 ) -> _Answers:
-    """Yield as `parallel_map` does."""
     new_tasks = (_Task(number, item) for number, item in enumerate(items))
     retries: list[_Task] = []
     workers: list[_Worker] = []
@@ -236,7 +235,6 @@ def _ray_map(
     time_limit: float | None,
     address: str | None,
 ) -> _Answers:
-    """Yield as `parallel_map` does."""
     # No usage statistics to its makers.
     os.environ.setdefault('RAY_USAGE_STATS_ENABLED', '0')
     try:

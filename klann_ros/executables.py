@@ -136,31 +136,17 @@ def _drop_output() -> None:
     os.close(nowhere)
 
 
-# Crank angle in, leg pose out.
 solver_node = partial(_node, 'solver_node')
-# Drives the crank.
 crank_node = partial(_node, 'crank_node')
-# cmd_vel in, cranks of a walker and odom out.
 walker_node = partial(_node, 'walker_node')
-# Leg topics in, crash-safe MCAP run out.
 recorder_node = partial(_node, 'recorder_node')
-# An MCAP run back onto topics.
 player_node = partial(_node, 'player_node', uses_terminal=True)
-# Shows legs in a browser, live, and lets pages drive them.
 view_node = partial(_node, 'view_node')
-# Simulates the robot; no hardware needed.
 sim_node = partial(_node, 'sim_node')
-# Reports the faults of a run.
 review = partial(_tool, 'review', 'klann_ros.review.command', report_failed=3)
-# Makes a readable run out of a damaged one.
 recover = partial(_tool, 'recover', 'klann_ros.log.recover_command', report_failed=1)
-# Writes a robot as MJCF, URDF, SVG and DXF.
 export = partial(_tool, 'export', 'klann_ros.export.command', report_failed=3)
-# Writes the data sheet of a robot.
 describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)
-# Finds the dimensions of a leg as it was built.
 calibrate = partial(_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
-# Makes and marks the exercises of a class.
 exercise = partial(_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)
-# Searches for legs that fulfil requirements.
 design = partial(_tool, 'design', 'klann_ros.design.command', report_failed=3)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 import json
 
-from klann_ros.live.clients import Answer, PageState
+from klann_ros.live.clients import PageState
 from klann_ros.live.guard import Guard
-from klann_ros.live.protocol import Command
+from klann_ros.live.protocol import Answer, Command
 from klann_ros.live.server import LiveServer
 
 # A hostile name of a node.

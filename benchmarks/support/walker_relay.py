@@ -14,7 +14,7 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.nodes.endpoints import INPUT, OUTPUT
 from klann_ros.nodes.process import run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointReader
+from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.nodes.walker.messages import odometry_template
 from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.stop_signals import StopSignals
@@ -42,7 +42,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
             (TwistStamped, 'cmd_vel', self._hear),
         ):
             self.create_subscription(kind, topic, callback, INPUT, **(options if raw else {}))
-        self._reader = JointReader(CRANKS[0])
+        self._reader = JointsReader(CRANKS[:1])
         self._filled = odometry_template('odom', 'base_link'), JointStateTemplate(CRANKS)
         self._typed = Odometry(), JointState(name=CRANKS, position=[0.0] * 2, velocity=[0.0] * 2)
 
@@ -50,7 +50,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
         pass
 
     def _relay_raw(self, data: bytes, _: Any) -> None:
-        *_, sec, nanosec = self._reader.read(data)
+        *_, sec, nanosec = self._reader.read(data)[CRANKS[0]]
         odom, command = self._filled
         self._odom.publish(odom.fill(sec, nanosec, (0.0,) * 85))
         self._commands.publish(command.fill(sec, nanosec, (0.0, 0.0), (0.0, 0.0)))

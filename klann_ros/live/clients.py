@@ -9,7 +9,6 @@ fewer frames, a stalled one costs a socket, and no client delays another.
 import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 import json
 import re
 from threading import Lock
@@ -17,7 +16,7 @@ from time import monotonic
 from typing import Any
 
 from aiohttp import web
-from klann_ros.live.protocol import Command, parsed, ProtocolError, RateLimit
+from klann_ros.live.protocol import Answer, Command, parsed, ProtocolError, RateLimit
 from klann_ros.sanitize.text import printable
 
 # Answers wait for the next frame: nothing is sent between frames.
@@ -60,8 +59,6 @@ _MEANINGS: Sequence[tuple[str, str]] = (
 _COMPILED = tuple((re.compile(pattern), meaning) for pattern, meaning in _MEANINGS)
 # Values that the page shows.
 _SHOWN = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
-
-Answer = Callable[[bool, str], None]
 
 
 class PageState:
@@ -217,7 +214,6 @@ class Client:
         return ''
 
     async def _change_or_answer(self, version: int) -> None:
-        """Wait for a change, or for the answer to a command."""
         waits = [
             asyncio.ensure_future(self._notifier.after(version)),
             asyncio.ensure_future(self._answered.wait()),
@@ -258,40 +254,26 @@ class Client:
         return '{' + ','.join(fields) + '}'
 
 
-@dataclass(frozen=True)
-class StatusText:
-    """A status on the page."""
-
-    name: str
-    # One of LEVELS.
-    level: str
-    # Its meaning in plain words; '' if only its own text explains it.
-    meaning: str
-    text: str
-    # Its values.
-    figures: dict[str, str]
-
-    def as_data(self) -> dict[str, Any]:
-        """Return it, ready for JSON."""
-        return asdict(self)
-
-
 def status_text(
     level: int, name: str, message: str, values: Sequence[tuple[str, str]]
-) -> StatusText:
-    """Return a status of diagnostic_msgs in plain words; its texts are untrusted."""
+) -> dict[str, Any]:
+    """
+    Return a status of diagnostic_msgs for the page, ready for JSON; its texts are untrusted.
+
+    `level` is one of LEVELS, `meaning` in plain words, '' if only its own text explains it, and
+    `figures` its values.
+    """
     shown = printable(message)
     meaning = next((m for pattern, m in _COMPILED if pattern.search(shown)), '')
     if meaning and level == 0 and 'does not turn fully' in shown:
         meaning = f'The leg is solved. {meaning}'
-    figures = {key: printable(value, 60) for key, value in values[:MAX_VALUES] if key in _SHOWN}
-    return StatusText(
-        printable(name, 100),
-        LEVELS[level] if 0 <= level < len(LEVELS) else 'error',
-        meaning,
-        shown,
-        figures,
-    )
+    return {
+        'name': printable(name, 100),
+        'level': LEVELS[level] if 0 <= level < len(LEVELS) else 'error',
+        'meaning': meaning,
+        'text': shown,
+        'figures': {k: printable(v, 60) for k, v in values[:MAX_VALUES] if k in _SHOWN},
+    }
 
 
 def recorded(values: Sequence[tuple[str, str]]) -> dict[str, int]:

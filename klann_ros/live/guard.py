@@ -37,7 +37,6 @@ class Guard:
     # The address that it listens on, as given, and its port.
     host: str
     port: int
-    # The session token.
     token: str
     # Whether every change is refused, with the token as well.
     read_only: bool = False
@@ -110,7 +109,6 @@ def _split(host: str) -> tuple[str, int]:
 
 
 def _address(name: str) -> IPv4Address | IPv6Address | None:
-    """Return a name that is a number as an address."""
     try:
         return ip_address(name)
     except ValueError:

@@ -48,7 +48,6 @@ class LiveLeg:
     # The pose of its plane in base_link [m], [rad]; None if unknown.
     mount_xyz: tuple[float, ...] | None = None
     mount_rpy: tuple[float, ...] = _UPRIGHT
-    # Separates its name and its joints' names.
     joint_separator: str = '/'
 
     @property
@@ -78,7 +77,6 @@ class LiveLeg:
 class LiveSolver:
     """A node that publishes legs, and their parameters that can be set."""
 
-    # Its full name.
     node: str
     legs: tuple[LiveLeg, ...]
     # Lengths, bends and the two signs [m], [rad].

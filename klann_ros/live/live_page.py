@@ -1,7 +1,6 @@
 """The live page as it is served: one HTML file, and styles and scripts beside it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from string import Template
@@ -21,19 +20,12 @@ _STYLES = (
     SHARED / 'tables.css',
     _STATIC_FILES / 'live.css',
 )
+_NAMES = 'space connection picture walker history drive tables live'
 # In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
-    SHARED / 'theme.js',
-    SHARED / 'drawing.js',
-    _STATIC_FILES / 'space.js',
-    _STATIC_FILES / 'connection.js',
-    _STATIC_FILES / 'picture.js',
-    _STATIC_FILES / 'walker.js',
-    _STATIC_FILES / 'history.js',
-    _STATIC_FILES / 'drive.js',
-    _STATIC_FILES / 'tables.js',
-    _STATIC_FILES / 'live.js',
+    *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
+    *(_STATIC_FILES / f'{name}.js' for name in _NAMES.split()),
 )
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.
@@ -48,18 +40,10 @@ NO_RUNS = (
 )
 
 
-@dataclass(frozen=True)
-class File:
-    """A file of the page."""
-
-    kind: str
-    text: str
-
-
-# Only these files are served; no path is built from a request.
+# Content types and texts; only these files are served, and no path is built from a request.
 FILES = {
-    **{path.name: File('text/css', text(path)) for path in _STYLES},
-    **{path.name: File('text/javascript', text(path)) for path in _SCRIPTS},
+    **{path.name: ('text/css', text(path)) for path in _STYLES},
+    **{path.name: ('text/javascript', text(path)) for path in _SCRIPTS},
 }
 
 

@@ -33,6 +33,10 @@ _MAX_VALUES = 20
 _MAX_NUMBER = 2**53
 
 
+# Takes the success of a command and a message.
+Answer = Callable[[bool, str], None]
+
+
 class ProtocolError(Exception):
     """A malformed message of a page; the text says why."""
 
@@ -41,13 +45,10 @@ class ProtocolError(Exception):
 class Command:
     """A command of a page."""
 
-    # Its number, repeated in the answer.
     number: int
-    # One of COMMANDS.
     command: str
     # Its target: the name of a drive, a solver, a recorder or a player.
     target: str
-    # Its numbers, if any.
     value: float = 0.0
     turn: float = 0.0
     # The name of a service, such as `pause`.

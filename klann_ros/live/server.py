@@ -65,7 +65,6 @@ class LiveServer:
         runs: str = '',
         warn: Callable[[str], object] = lambda _: None,
     ) -> None:
-        # The rules, with the actual port.
         self.guard = guard
         self._log = _RequestLog(warn)
         self._state, self._runs = state, runs
@@ -169,10 +168,10 @@ class LiveServer:
         return web.Response(status=204)
 
     async def _file(self, request: web.Request) -> web.Response:
-        file = FILES.get(request.match_info['name'])
-        if file is None:
+        content_type, text = FILES.get(request.match_info['name'], ('', ''))
+        if not content_type:
             raise web.HTTPNotFound
-        return web.Response(text=file.text, content_type=file.kind)
+        return web.Response(text=text, content_type=content_type)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         self.guard.check_origin(_only(request, 'Origin'), _only(request, 'Host'))

@@ -41,20 +41,16 @@ class UnknownParameterError(ParameterNotDeclaredException):
 class Declaration:
     """A parameter as a node declares it."""
 
-    # Its name.
     name: str
-    # Its default, which fixes its type.
     default: Any
     # Its description, with the unit in brackets.
     description: str
     _: KW_ONLY
-    # The least and the greatest value.
     limits: tuple[float, float] | None = None
     # The only values, where there are any.
     choices: Sequence[str] = ()
     # The condition on its value, in words, where neither limits nor choices give it.
     constraint: str = ''
-    # Whether it can only be given at start.
     read_only: bool = True
     # Whether integers and doubles are accepted alike, and stored as the default's type if double.
     any_number: bool = False
@@ -253,7 +249,6 @@ def _meant(wrong: Any, default: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as it is typed."""
     is_list = isinstance(value, Sequence) and not isinstance(value, str)
     return printable(f'[{", ".join(map(str, value))}]' if is_list else value, _MAX_VALUE_LENGTH)
 

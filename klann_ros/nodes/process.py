@@ -85,7 +85,6 @@ def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _hint(rest: Sequence[str]) -> str:
-    """Return a hint about arguments that look like ROS's."""
     if any(argument in _ROS_FLAGS or ':=' in argument for argument in rest):
         return '; arguments for ROS go behind --ros-args'
     if any(argument.endswith(('.yaml', '.yml')) for argument in rest):
@@ -152,7 +151,6 @@ def _spin(
     raw: bool,
     batch_period: float,
 ) -> int:
-    """Run a node until its end; return the exit code of its shutdown."""
     executor = SingleThreadedExecutor()
     try:
         prepare_sets(node, name)

@@ -275,18 +275,18 @@ def test_a_topic_has_its_rate_and_losses() -> None:
 )
 def test_a_status_is_shown_in_plain_language(level: int, message: str, meaning: str) -> None:
     status = status_text(level, 'solver_node: leg', message, [('solved', '5'), ('x', 'y')])
-    assert meaning in status.meaning
-    assert bool(status.meaning) == bool(meaning)
-    assert status.text == message
-    assert status.figures == {'solved': '5'}
+    assert meaning in status['meaning']
+    assert bool(status['meaning']) == bool(meaning)
+    assert status['text'] == message
+    assert status['figures'] == {'solved': '5'}
 
 
 def test_a_foreign_status_is_short_and_printable() -> None:
     status = status_text(250, 'x' * 10_000, 'a\u202eb\x1b[31m', [('rate', 'y' * 10_000)] * 1000)
-    assert status.level == 'error'
-    assert len(status.name) < 150
-    assert status.text.isprintable()
-    assert len(status.figures['rate']) < 100
+    assert status['level'] == 'error'
+    assert len(status['name']) < 150
+    assert status['text'].isprintable()
+    assert len(status['figures']['rate']) < 100
 
 
 def test_written_counts_of_recorders_are_summed() -> None:

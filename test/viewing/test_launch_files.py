@@ -9,7 +9,6 @@ from launch_api import FLAT, NAMES
 from launch_syntax import calls, constants, declared, FILES, included, keywords, nodes, ROOT
 import pytest
 
-FOLDERS = ('config', 'launch', 'rviz', 'urdf')
 # Looked for at the start, with its package named; not every user needs it.
 OPTIONAL = {'robot_localization', 'mujoco_ros2_control'}
 KEYWORDS = {name: words for names in NAMES.values() for name, words in names.items()}
@@ -28,26 +27,6 @@ def others_programs(name: str) -> set[tuple[object, object]]:
     """Return package and executable of every node that is not ours."""
     named = [keywords(call) for call in calls(name, 'Node')]
     return {(n['package'], n['executable']) for n in named if n['package'] != 'klann_ros'}
-
-
-def order(name: str) -> list[str]:
-    """Return what a launch file does after declaring its arguments, each as what makes it."""
-    made = {
-        target.id: getattr(node.value.func, 'id', '')
-        for node in nodes(name, ast.Assign)
-        for target in node.targets
-        if isinstance(target, ast.Name) and isinstance(node.value, ast.Call)
-    }
-    (description,) = calls(name, 'LaunchDescription')
-    kinds = []
-    for entity in description.args[0].elts:
-        if isinstance(entity, ast.Name):
-            kinds.append(made[entity.id])
-        elif isinstance(entity, ast.Call) and entity.func.id == 'OpaqueFunction':
-            kinds.append(entity.keywords[0].value.id)
-        elif isinstance(entity, ast.Call):
-            kinds.append(entity.func.id)
-    return kinds
 
 
 def test_the_launch_files_are_those_of_the_manual() -> None:
@@ -90,13 +69,6 @@ def test_nothing_to_do_at_an_exit_is_none_and_not_an_empty_list(name: str) -> No
                 assert all(part.elts for part in lists), ast.unparse(call)
 
 
-@pytest.mark.parametrize('name', [name for name in FILES if name != 'checks.py'])
-def test_the_checks_come_before_everything_that_starts_something(name: str) -> None:
-    kinds = order(name)
-    first = kinds.index('IncludeLaunchDescription' if name != 'walker.launch.py' else 'included')
-    assert set(kinds[:first]) <= {'check'}
-
-
 def test_every_launch_file_includes_the_checks() -> None:
     assert {name: included(name) for name in FILES} == {
         'checks.py': set(),
@@ -118,19 +90,6 @@ def test_every_program_of_others_is_looked_for() -> None:
     }
     started = {program for name in FILES for program in others_programs(name)}
     assert looked_for == started
-
-
-@pytest.mark.parametrize('name', FILES)
-def test_every_file_that_is_named_is_shipped(name: str) -> None:
-    for call in calls(name, 'PathJoinSubstitution'):
-        (parts,) = call.args
-        assert isinstance(parts, ast.List)
-        words = constants(parts.elts)
-        if len(words) == 2:
-            folder, start = words
-            assert folder in FOLDERS
-            # The walker's file ends with the number of its legs.
-            assert list((ROOT / folder).glob(f'{start}*'))
 
 
 @pytest.mark.parametrize('name', FILES)
@@ -177,20 +136,6 @@ def test_every_argument_is_declared_and_described(name: str) -> None:
     for argument, description in declared(name).items():
         assert isinstance(description, str), argument
         assert description.endswith('.'), argument
-
-
-def test_checked_arguments_are_declared() -> None:
-    checked = {
-        constant for call in calls('checks.py', 'asked') for constant in constants(call.args)
-    }
-    checked |= {
-        node.value.value
-        for node in nodes('checks.py', ast.Yield)
-        if isinstance(node.value, ast.Constant)
-    }
-    assert checked == {'hardware', 'params_file', 'rviz', 'rviz_config', 'slider'}
-    files = ('leg.launch.py', 'description.launch.py', 'ros2_control.launch.py')
-    assert checked <= {argument for name in files for argument in declared(name)}
 
 
 @pytest.mark.parametrize('name', FILES)

@@ -27,7 +27,6 @@ class CrankMotion:
         step      start + amplitude k after k / frequency: a jump every 1 / frequency
     """
 
-    # One of MODES.
     mode: str = 'constant'
     # Crank rate of constant (signed) and sweep (its magnitude counts) [rad/s].
     speed: float = TURN

@@ -1,8 +1,7 @@
 """`crank_node`: drives the crank."""
 
 from array import array
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from math import copysign, inf, isfinite, remainder
 from typing import Any, TYPE_CHECKING
 
@@ -69,7 +68,6 @@ class CrankNode(Node):
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _summary(self, values: Mapping[str, Any]) -> str:
-        """Return the planned motion in words."""
         kind = f'{values["speed"]:g} rad/s'
         if values['mode'] in ('sine', 'step'):
             kind = f'{values["amplitude"]:g} rad at {values["frequency"]:g} Hz'
@@ -82,7 +80,6 @@ class CrankNode(Node):
         )
 
     def _messages(self, revolutions: float) -> float:
-        """Return the number of messages of the revolutions, both ends included."""
         require(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
         if revolutions == 0.0:
             return inf
@@ -91,17 +88,12 @@ class CrankNode(Node):
         return float(round(duration * self._rate) + 1)
 
     def _make_output(self, output: str, crank_joint: str) -> None:
-        kinds: dict[str, tuple[type, Callable[..., None]]] = {
-            'crank_angle': (Float64, self._publish_angle),
-            'crank_state': (JointState, self._publish_state),
-        }
-        kind, publish = kinds[output]
-        self._publisher = create_publisher(self, kind, output)
-        self._publish: Callable[[float, float, float], None] = partial(publish, kind())
-        self._crank_joint = crank_joint
+        is_state = output == 'crank_state'
+        self._publisher = create_publisher(self, JointState if is_state else Float64, output)
+        self._publish = self._publish_state if is_state else self._publish_angle
+        self._angle, self._state = Float64(), JointState(name=[crank_joint])
 
     def _wait(self) -> None:
-        """Begin once there are enough subscribers."""
         now = self._steady.now()
         has_too_few = self._publisher.get_subscription_count() < self._min_subscribers
         if has_too_few or self._lease.holder:
@@ -169,13 +161,13 @@ class CrankNode(Node):
     def _elapsed(self) -> float:
         return float((self._steady.now() - self._begin).nanoseconds) / 1e9
 
-    def _publish_angle(self, message: Float64, angle: float, *_: float) -> None:
-        message.data = angle
-        self._publisher.publish(message)
+    def _publish_angle(self, angle: float, *_: float) -> None:
+        self._angle.data = angle
+        self._publisher.publish(self._angle)
 
-    def _publish_state(self, message: JointState, angle: float, rate: float, t: float) -> None:
+    def _publish_state(self, angle: float, rate: float, t: float) -> None:
+        message = self._state
         message.header.stamp = (self._origin + Duration(seconds=t)).to_msg()
-        message.name = [self._crank_joint]
         message.position = array('d', [angle])
         message.velocity = array('d', [rate])
         self._publisher.publish(message)

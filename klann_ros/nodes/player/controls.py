@@ -145,7 +145,6 @@ class PlayerControls:
         self._pressed.trigger()
 
     def _do(self, name: str) -> tuple[bool, str]:
-        """Call a transport's function; return the success and the message."""
         act, state = self._actions[name]
         if self._drivers and name != 'pause':
             topic, driver = next(iter(self._drivers.items()))

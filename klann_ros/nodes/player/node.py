@@ -162,7 +162,6 @@ class PlayerNode(ProcessNode):
         self._clock_publisher.publish(message)
 
     def _summary(self, options: argparse.Namespace) -> str:
-        """Return log and options in words."""
         rate, position = (self.get_parameter(name).value for name in ('rate', 'position'))
         parts = [
             f'ready: {printable(options.log)}, {counted(len(self._topics.names), "topic")}',
@@ -174,7 +173,6 @@ class PlayerNode(ProcessNode):
         return ', '.join(filter(None, parts))
 
     def _warn(self, options: argparse.Namespace) -> None:
-        """Warn of damage in the log, and of options that select nothing."""
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted({topic.name for topic in self._log.topics})
         unknown = sorted(set(options.topics or ()) - set(names))

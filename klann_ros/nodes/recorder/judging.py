@@ -125,7 +125,6 @@ class Judging:
         self._report()
 
     def _request(self) -> None:
-        """Start an evaluation unless one is running."""
         # After a stall of this process its messages are still to be read.
         if not (self._paused or self._requested.is_set() or self._has_stalled()):
             self._now, self._names = time_ns(), frozenset(self._published())

@@ -146,7 +146,6 @@ class RecorderNode(ProcessNode):
         return {name: count.missed or 0 for name, count in counts.items()}
 
     def _on_findings(self, findings: Sequence[RecordedFinding]) -> None:
-        """Write new findings to the run, and report them at once."""
         for finding in findings:
             self._recording.add_finding(finding)
         self._diagnostics.report(self._recording.state())
@@ -202,7 +201,6 @@ class RecorderNode(ProcessNode):
 
 
 def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> RecordingSession:
-    """Create a run and return its session; a StartError if the folder cannot be created."""
     name = f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
     folder = Path(values['output'] or _DEFAULT_FOLDER / name).expanduser()
     try:
@@ -260,7 +258,6 @@ def _open(
     on_failure: Callable[[], object] = lambda: None,
     capacity: int = QUEUE_CAPACITY,
 ) -> tuple[RunWriter, BackgroundWriter]:
-    """Create a run and its writer thread."""
     check_free_space(path, values['min_free_space'])
     run = RunWriter(
         path,
@@ -289,7 +286,6 @@ def _report_unfinished(folder: Path, logger: RcutilsLogger) -> None:
 
 
 def _write_recorder_info(run: RunWriter) -> None:
-    """Write the host and the versions of the recorder's software."""
     run.add_metadata(
         RECORDER_RECORD,
         {

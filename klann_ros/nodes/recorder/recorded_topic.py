@@ -169,7 +169,6 @@ class _Duplicates:
 
 
 def _recorded(profile: QoSProfile) -> Qos:
-    """Return a profile as a log holds it."""
     return Qos(
         history=profile.history.name.lower(),
         depth=profile.depth,
@@ -195,7 +194,6 @@ def _matching_profile(offered: QoSProfile) -> QoSProfile:
 
 
 def _queued(subscription: Any) -> Iterator[tuple[bytes, Info]]:
-    """Take and yield the queued messages with their message info."""
     # At most the queue depth, so that a flood cannot starve timers and services.
     for _ in range(subscription.qos_profile.depth):
         with subscription.handle:

@@ -3,64 +3,27 @@
 from array import array
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
-from time import monotonic, time_ns
+from time import time_ns
 from typing import Any
 
 from klann_ros.log.run_parameters import SolverParameters
 from klann_ros.nodes.endpoints import name_refusal, node_of
 from klann_ros.nodes.process import ros_error
+from klann_ros.nodes.service_calls import ServiceCalls
 from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
-from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 _UNKNOWN = '_UNKNOWN_'
+_SERVICES = ((ListParameters, 'list_parameters'), (GetParameters, 'get_parameters'))
 # A response is lost if the server has not discovered the client yet. The timeout [s] doubles with
 # each retry, so that a slow response arrives in the end.
 _FIRST_TIMEOUT = 0.5
 _MAX_TIMEOUT = 60.0
-
-
-class _ParameterClient:
-    """Parameter services of a node, with one request at a time."""
-
-    def __init__(self, node: Node, name: str) -> None:
-        self.names = node.create_client(ListParameters, f'{name}/list_parameters')
-        self.values = node.create_client(GetParameters, f'{name}/get_parameters')
-        self.parameters: dict[str, Any] | None = None
-        self._request: tuple[Client, Future] | None = None
-        self._end = 0.0
-        self._timeout = _FIRST_TIMEOUT
-
-    def is_ready(self) -> bool:
-        """Return whether the services exist and no request is pending."""
-        ready = self.names.service_is_ready() and self.values.service_is_ready()
-        return ready and self._request is None
-
-    def send(self, client: Client, request: Any, on_response: Callable[[Future], None]) -> None:
-        future = client.call_async(request)
-        self._request = client, future
-        self._end = monotonic() + self._timeout
-        future.add_done_callback(on_response)
-
-    def finish(self) -> None:
-        self._request = None
-        self._timeout = _FIRST_TIMEOUT
-
-    def cancel_late(self) -> bool:
-        """Cancel a request after its timeout; return whether there was one."""
-        if self._request is None or monotonic() < self._end:
-            return False
-        client, future = self._request
-        client.remove_pending_request(future)
-        self._request = None
-        self._timeout = min(2 * self._timeout, _MAX_TIMEOUT)
-        return True
 
 
 class SolverWatch:
@@ -77,14 +40,19 @@ class SolverWatch:
         on_parameters: Callable[[SolverParameters], None],
         others: Collection[str] = (),
     ) -> None:
-        # Full names of the nodes with pending requests.
+        # Full names of the nodes whose parameters are still to be read.
         self.pending: set[str] = set()
         self._others = frozenset(others)
         self._node = node
         self._on_parameters = on_parameters
-        self._clients: dict[str, _ParameterClient] = {}
+        self._calls = ServiceCalls(node)
+        # The known publishers, and the names of their nodes.
         self._known: set[tuple[int, ...]] = set()
-        self._due: set[str] = set()
+        self._nodes: set[str] = set()
+        # Nodes that are to be asked, and those that were, with the timeout of the request [s].
+        self._due: dict[str, float] = {}
+        self._asked: dict[str, float] = {}
+        self._parameters: dict[str, dict[str, Any]] = {}
         node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events
         )
@@ -100,43 +68,55 @@ class SolverWatch:
                 self._known.add(identity)
                 # Nodes outside ROS may have any name, and have no parameters.
                 if not name_refusal(f'{name}/list_parameters'):
+                    self._nodes.add(name)
                     self._request(name)
 
     def send_requests(self) -> None:
         """Send due and repeated requests; to be called repeatedly."""
-        self._due |= {name for name, client in self._clients.items() if client.cancel_late()}
-        for name in [name for name in self._due if self._clients[name].is_ready()]:
-            self._due.remove(name)
-            client = self._clients[name]
-            on_response = partial(self._on_names, name)
-            client.send(client.names, ListParameters.Request(), on_response)
+        self._calls.expire()
+        for name in [name for name in self._due if name not in self._asked]:
+            ready = [self._calls.is_ready(kind, f'{name}/{last}') for kind, last in _SERVICES]
+            if all(ready):
+                self._asked[name] = self._due.pop(name)
+                self._call(name, _SERVICES[0], ListParameters.Request(), self._on_names)
 
     def _request(self, name: str) -> None:
-        if name not in self._clients:
-            self._clients[name] = _ParameterClient(self._node, name)
-        self._due.add(name)
+        self._due[name] = _FIRST_TIMEOUT
         self.pending.add(name)
 
     def _on_event(self, event: ParameterEvent) -> None:
         parameters = (*event.new_parameters, *event.changed_parameters)
         # A named leg's length has its name before it.
         changed = {parameter.name.rpartition('.')[2] for parameter in parameters}
-        if event.node in self._clients and changed & set(GEOMETRY_NAMES):
+        if event.node in self._nodes and changed & set(GEOMETRY_NAMES):
             self._request(event.node)
 
-    def _on_names(self, name: str, future: Future) -> None:
-        names = list(future.result().result.names)
+    def _call(
+        self,
+        name: str,
+        service: tuple[Any, str],
+        request: Any,
+        on_response: Callable[[str, Any], object],
+    ) -> None:
+        def repeat(*_: object) -> None:
+            self._due[name] = min(2.0 * self._asked.pop(name), _MAX_TIMEOUT)
+
+        kind, last = service
+        answered, timeout = partial(on_response, name), self._asked[name]
+        self._calls.call(kind, f'{name}/{last}', request, answered, repeat, timeout=timeout)
+
+    def _on_names(self, name: str, response: ListParameters.Response) -> None:
+        names = list(response.result.names)
         if set(GEOMETRY_NAMES) <= set(names) or self._others & set(names):
-            client = self._clients[name]
-            on_response = partial(self._on_values, name, names)
-            client.send(client.values, GetParameters.Request(names=names), on_response)
+            request = GetParameters.Request(names=names)
+            self._call(name, _SERVICES[1], request, partial(self._on_values, names))
         else:
             self._finish(name)
 
-    def _on_values(self, name: str, names: list[str], future: Future) -> None:
+    def _on_values(self, names: list[str], name: str, response: GetParameters.Response) -> None:
         self._finish(name)
         try:
-            values = [_plain(value) for value in future.result().values]
+            values = [_plain(value) for value in response.values]
             plain = dict(zip(names, values, strict=True))
         except (RuntimeError, ValueError) as error:
             # A wrong number of values, or an unknown type.
@@ -144,12 +124,12 @@ class SolverWatch:
             self._node.get_logger().warning(text)
             return
         # Parameter events at the start may arrive before and after the response.
-        if plain != self._clients[name].parameters:
-            self._clients[name].parameters = plain
+        if plain != self._parameters.get(name):
+            self._parameters[name] = plain
             self._on_parameters(SolverParameters(name, time_ns(), plain))
 
     def _finish(self, name: str) -> None:
-        self._clients[name].finish()
+        del self._asked[name]
         if name not in self._due:
             self.pending.discard(name)
 

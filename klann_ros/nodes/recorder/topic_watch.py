@@ -234,7 +234,6 @@ class TopicWatch:
         self._warn(f'{of} is not recorded: {reason}')
 
     def _warn(self, text: str) -> None:
-        """Log a warning, each once."""
         if text in self._warnings or len(self._warnings) >= _MAX_WARNINGS:
             return
         self._warnings.add(text)

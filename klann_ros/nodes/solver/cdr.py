@@ -30,7 +30,6 @@ class JointReading(NamedTuple):
     position: float
     # None unless there are as many velocities as names.
     velocity: float | None
-    # The stamp of the message.
     sec: int
     nanosec: int
 
@@ -44,35 +43,25 @@ def read_float64(data: bytes) -> float:
     return float(value)
 
 
-class JointReader:
-    """Read a joint of successive sensor_msgs/JointState messages."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._layout: _Layout | None = None
-
-    def read(self, data: bytes) -> JointReading:
-        """Return the joint in a message; a ValueError for a message without it, or malformed."""
-        # Most messages differ from the last one in their numbers only.
-        if self._layout is None or not self._layout.fits(data):
-            self._layout = _layout(data, self._name)
-        return self._layout.joint(data)
-
-
 class JointsReader:
-    """Read several joints of successive sensor_msgs/JointState messages."""
+    """Read joints of successive sensor_msgs/JointState messages."""
 
     def __init__(self, joints: Iterable[str]) -> None:
-        self._readers = {joint: JointReader(joint) for joint in joints}
+        self._layouts: dict[str, _Layout | None] = dict.fromkeys(joints)
 
     def read(self, data: bytes) -> dict[str, JointReading]:
         """Return the joints that are in a message; a ValueError without any, or if malformed."""
         found, problem = {}, ValueError()
-        for joint, reader in self._readers.items():
-            try:
-                found[joint] = reader.read(data)
-            except ValueError as error:  # noqa: PERF203, RUF100 - of each joint
-                problem = error
+        for joint, known in self._layouts.items():
+            layout = known
+            # Most messages differ from the last one in their numbers only.
+            if layout is None or not layout.fits(data):
+                try:
+                    layout = self._layouts[joint] = _layout(data, joint)
+                except ValueError as error:
+                    problem = error
+                    continue
+            found[joint] = layout.joint(data)
         if not found:
             raise problem
         return found
@@ -95,14 +84,12 @@ class _Layout(NamedTuple):
 
 
 def _listed(names: Sequence[bytes]) -> str:
-    """Return the first of the untrusted names."""
     decoded = (name.decode(errors='replace') for name in names[:_MAX_NAMES])
     shown = [printable(name, _MAX_NAME_LENGTH) for name in decoded]
     return ', '.join(shown if len(names) <= _MAX_NAMES else [*shown, '...'])
 
 
 def _layout(data: bytes, joint: str) -> _Layout:
-    """Read all but the numbers of a JointState."""
     try:
         cursor = CdrCursor(data)
         names, sequences = read_joint_state(cursor)

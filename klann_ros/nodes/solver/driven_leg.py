@@ -1,6 +1,5 @@
 """A leg of a solver node: its crank, its solver, and the solver's statistics."""
 
-from dataclasses import dataclass, field
 from math import nan, pi
 
 from klann_ros.kinematics import (
@@ -76,39 +75,21 @@ class SolverStatistics:
         return max((pose.condition for pose in self.worst), default=nan)
 
 
-@dataclass(eq=False)
 class DrivenLeg:
     """A leg with its crank, its solver and the solver's statistics."""
 
-    # Its geometry and its drive.
-    robot_leg: RobotLeg
-    # Its solver.
-    leg: AnyLeg
-    # Separates its name and its joints' in JointState.
-    joint_separator: str = '/'
-    statistics: SolverStatistics = field(default_factory=SolverStatistics, init=False)
-    # The last pose; None before the first.
-    last: LinkagePose | None = field(default=None, init=False)
-
-    @property
-    def name(self) -> str:
-        """Return its name; '' for an unnamed leg."""
-        return self.robot_leg.name
-
-    @property
-    def crank_joint(self) -> str:
-        """Return the joint in crank_state that turns its crank."""
-        return self.robot_leg.crank_joint
-
-    def prefixed(self, name: str) -> str:
-        """Return this leg's topic or frame of a name."""
-        return self.robot_leg.prefix + name
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Return the published names of its joints, the crank's first."""
-        names = self.leg.joint_names
-        return tuple(self.robot_leg.joint_name(name, self.joint_separator) for name in names)
+    def __init__(self, robot_leg: RobotLeg, leg: AnyLeg, joint_separator: str = '/') -> None:
+        # Replaced when its lengths are changed.
+        self.leg = leg
+        self.name, self.crank_joint = robot_leg.name, robot_leg.crank_joint
+        # Before the names of its topics and frames.
+        self.prefix = robot_leg.prefix
+        # As published, the crank's first.
+        self.joint_names = [robot_leg.joint_name(j, joint_separator) for j in leg.joint_names]
+        self._direction, self._phase = robot_leg.direction, robot_leg.phase
+        self.statistics = SolverStatistics()
+        # The last pose; None before the first.
+        self.last: LinkagePose | None = None
 
     def answer(self, alpha: float, rate: float | None) -> tuple[LinkagePose, LinkageMotion | None]:
         """
@@ -118,7 +99,7 @@ class DrivenLeg:
         KinematicsError for one without a solution, is counted before it is raised.
         """
         try:
-            pose = self.leg.solve(self.robot_leg.direction * alpha + self.robot_leg.phase)
+            pose = self.leg.solve(self._direction * alpha + self._phase)
         except CrankAngleError as error:
             self.statistics.reject(str(error))
             raise
@@ -130,6 +111,6 @@ class DrivenLeg:
         if rate is None:
             return pose, None
         try:
-            return pose, self.leg.velocity(pose, self.robot_leg.direction * rate)
+            return pose, self.leg.velocity(pose, self._direction * rate)
         except SingularPoseError:
             return pose, None

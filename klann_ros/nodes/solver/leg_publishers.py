@@ -56,12 +56,11 @@ class LegMessages:
         self._joint_state: dict[tuple[str, ...], JointStateTemplate] = {}
         self._feet = {}
         for leg in legs:
-            prefixed = leg.prefixed
             self._feet[leg.name] = _Foot(
-                publisher(PointStamped, prefixed('point_h')),
-                PointTemplate(prefixed(frame_id)),
-                publisher(TwistStamped, prefixed('velocity_h')),
-                TwistTemplate(prefixed(frame_id)),
+                publisher(PointStamped, f'{leg.prefix}point_h'),
+                PointTemplate(leg.prefix + frame_id),
+                publisher(TwistStamped, f'{leg.prefix}velocity_h'),
+                TwistTemplate(leg.prefix + frame_id),
             )
 
     def publish(self, answers: Sequence[Answer], stamp: Stamp) -> None:
@@ -148,7 +147,6 @@ class LegMarkers:
         self._publisher.publish(markers)
 
     def _fixed_parts(self, leg: DrivenLeg, stamp: Time) -> list[Marker]:
-        """Return the path of the foot, and the pivots."""
         try:
             path = foot_path(leg.leg)
             pose = leg.leg.closed_form(float(path.alphas[0]))
@@ -165,7 +163,6 @@ class LegMarkers:
         return [line, pivots]
 
     def _moving_parts(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
-        """Return the joints, and the bars of every body."""
         drawn = PoseDrawing.of(pose)
         places = list(drawn.points.values())
         size = max(float(max(p[k] for p in places) - min(p[k] for p in places)) for k in (0, 1))
@@ -184,7 +181,7 @@ class LegMarkers:
     ) -> Marker:
         marker = Marker(ns=leg.name or 'leg', id=number, type=kind, action=Marker.ADD)
         marker.header.stamp = stamp
-        marker.header.frame_id = leg.prefixed(self._frame_id)
+        marker.header.frame_id = leg.prefix + self._frame_id
         marker.pose.orientation.w = 1.0
         marker.scale.x = marker.scale.y = marker.scale.z = size
         red, green, blue = (part / 255 for part in bytes.fromhex(colour[1:]))

@@ -226,7 +226,6 @@ class SolverDiagnostics:
     def _level_and_message(
         self, statistics: SolverStatistics, silence: float, input_problem: str
     ) -> tuple[bytes, str]:
-        """Return the level and the most important message."""
         if silence > STALE_AFTER:
             return DiagnosticStatus.STALE, f'no input for {silence:.1f} s'
         if statistics.failure:

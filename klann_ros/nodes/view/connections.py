@@ -1,13 +1,10 @@
-"""Other nodes, as the live page needs them: the ROS graph, subscriptions, and service calls."""
+"""Other nodes, as the live page needs them: the ROS graph and subscriptions."""
 
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from threading import Lock
 from time import monotonic
 from typing import Any
 
-from klann_ros.live.clients import Answer
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, STRING_TYPE
 from klann_ros.nodes.endpoints import (
@@ -20,15 +17,10 @@ from klann_ros.nodes.endpoints import (
 from klann_ros.nodes.process import ROS_ERRORS
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.client import Client
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -68,12 +60,6 @@ _BUTTONS = {
 }
 # Discovery knows a publisher before it knows its node.
 _UNKNOWN_NODE = '_UNKNOWN_'
-
-# Timeout of a service call [s].
-CALL_TIMEOUT = 3.0
-# Pending calls, and clients that are kept.
-_MAX_PENDING, _MAX_CLIENTS = 64, 64
-BUSY = 'too much is under way already'
 
 Names = Sequence[tuple[str, Sequence[str]]]
 
@@ -283,119 +269,6 @@ class TopicSubscriptions:
             self._node.get_logger().warning(f'{printable(name)} is not shown: {printable(error)}')
             return
         self.topics = {**self.topics, name: topic}
-
-
-@dataclass
-class _Call:
-    """A pending request, and its end on the steady clock [s]."""
-
-    client: Client
-    future: Future
-    answer: Answer
-    end: float
-
-
-class ServiceCalls:
-    """Work for ROS's thread, and calls of services there, with a timeout."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._due: deque[Callable[[], object]] = deque()
-        self._lock = Lock()
-        self._pending: list[_Call] = []
-        self._clients: dict[str, Client] = {}
-        self._guard = node.create_guard_condition(self._run)
-
-    def put(self, work: Callable[[], object]) -> bool:
-        """Run a function soon, unless too many are due; thread safe."""
-        with self._lock:
-            if len(self._due) >= _MAX_PENDING:
-                return False
-            self._due.append(work)
-        self._guard.trigger()
-        return True
-
-    def expire(self) -> None:
-        """Answer calls after their timeout; to be called periodically."""
-        now = monotonic()
-        for call in [call for call in self._pending if now > call.end]:
-            self._pending.remove(call)
-            call.client.remove_pending_request(call.future)
-            call.answer(False, f'no answer for {CALL_TIMEOUT:g} s')
-
-    def trigger(self, service: str, answer: Answer) -> None:
-        """Call a service without arguments."""
-
-        def on_response(response: Any) -> None:
-            answer(bool(response.success), printable(response.message))
-
-        self._call(Trigger, service, Trigger.Request(), on_response, answer)
-
-    def set_parameters(self, node: str, values: Mapping[str, Any], answer: Answer) -> None:
-        """Set parameters of a node, all or none."""
-
-        def on_response(response: Any) -> None:
-            result = response.result
-            default = '' if result.successful else 'no reason given'
-            answer(bool(result.successful), printable(result.reason, 600) or default)
-
-        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
-        request = SetParametersAtomically.Request(parameters=parameters)
-        service = f'{node}/set_parameters_atomically'
-        self._call(SetParametersAtomically, service, request, on_response, answer)
-
-    def get_number(self, node: str, name: str, on_value: Callable[[str, float], object]) -> None:
-        """Read a numeric parameter of a node."""
-
-        def on_response(response: Any) -> None:
-            for value in response.values[:1]:
-                on_value(name, float(value.double_value or value.integer_value))
-
-        request, service = GetParameters.Request(names=[name]), f'{node}/get_parameters'
-        self._call(GetParameters, service, request, on_response, lambda *_: None)
-
-    def _run(self) -> None:
-        while True:
-            with self._lock:
-                if not self._due:
-                    return
-                work = self._due.popleft()
-            work()
-
-    def _call(
-        self,
-        kind: Any,
-        service: str,
-        request: Any,
-        on_response: Callable[[Any], object],
-        answer: Answer,
-    ) -> None:
-        if len(self._pending) >= _MAX_PENDING:
-            answer(False, BUSY)
-            return
-        client = self._client(kind, service)
-        call = _Call(client, client.call_async(request), answer, monotonic() + CALL_TIMEOUT)
-        self._pending.append(call)
-
-        def on_done(future: Future) -> None:
-            if call in self._pending:
-                self._pending.remove(call)
-                error = future.exception()
-                if error is None:
-                    on_response(future.result())
-                else:
-                    answer(False, printable(error))
-
-        call.future.add_done_callback(on_done)
-
-    def _client(self, kind: Any, service: str) -> Client:
-        client = self._clients.get(service)
-        if client is None:
-            if len(self._clients) >= _MAX_CLIENTS:
-                _, oldest = self._clients.popitem()
-                self._node.destroy_client(oldest)
-            client = self._clients[service] = self._node.create_client(kind, service)
-        return client
 
 
 def _query(query: Callable[[], Any]) -> list[Any]:

@@ -12,9 +12,8 @@ from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from klann_ros.live.clients import Answer
 from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
-from klann_ros.live.protocol import Command
+from klann_ros.live.protocol import Answer, Command
 from klann_ros.live.rates import TopicRate
 from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.nodes.lease import DELIVERY_TIME, Lease

@@ -9,7 +9,7 @@ from math import atan2, isfinite
 from time import monotonic
 from typing import Any
 
-from klann_ros.live.clients import Answer, PageState, recorded, status_text, StatusText
+from klann_ros.live.clients import PageState, recorded, status_text
 from klann_ros.live.drive import crank_at
 from klann_ros.live.legs import (
     assumed_solver,
@@ -20,7 +20,7 @@ from klann_ros.live.legs import (
     replayed_solver,
     solver_of,
 )
-from klann_ros.live.protocol import Command
+from klann_ros.live.protocol import Answer, Command
 from klann_ros.log.run_parameters import (
     described_solver,
     REPLAYED_PARAMETER,
@@ -31,19 +31,18 @@ from klann_ros.log.run_parameters import (
 from klann_ros.nodes.endpoints import create_steady_timer
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
+from klann_ros.nodes.service_calls import BUSY, ServiceCalls
 from klann_ros.review.load.geometry import parent
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
 from .connections import (
-    BUSY,
     DIAGNOSTICS,
     Graph,
     JOINT_STATE,
     Machine,
     Names,
     ODOMETRY,
-    ServiceCalls,
     SubscribedTopic,
     TopicSubscriptions,
 )
@@ -298,11 +297,11 @@ class LiveState(PageState):
             if machine.kind == 'player' and machine.node not in before:
                 self._query_player(machine.node)
         statuses = self._statuses()
-        self.set_part('diagnostics', [status.as_data() for _, status in statuses.values()])
+        self.set_part('diagnostics', [text for _, text in statuses.values()])
         self.set_part('machines', [self._machine(m, statuses) for m in self._machines])
 
     def _machine(
-        self, machine: Machine, statuses: Mapping[str, tuple[Any, StatusText]]
+        self, machine: Machine, statuses: Mapping[str, tuple[Any, dict[str, Any]]]
     ) -> dict[str, Any]:
         data: dict[str, Any] = {
             'kind': machine.kind,
@@ -318,22 +317,17 @@ class LiveState(PageState):
         return data
 
     def _query_player(self, node: str) -> None:
-        """Read the numbers of a player."""
 
-        def set_value(name: str, value: float) -> None:
-            if isfinite(value):
-                self._player_values[node] = {**self._player_values.get(node, {}), name: value}
+        def set_values(values: dict[str, float]) -> None:
+            if all(map(isfinite, values.values())):
+                self._player_values[node] = values
 
-        def query() -> None:
-            for name in ('length', 'position', 'rate'):
-                self._calls.get_number(node, name, set_value)
+        names = ('length', 'position', 'rate')
+        self._calls.put(lambda: self._calls.get_numbers(node, names, set_values))
 
-        self._calls.put(query)
-
-    def _statuses(self) -> dict[str, tuple[Any, StatusText]]:
-        """Return the last status of each name, with its meaning."""
+    def _statuses(self) -> dict[str, tuple[Any, dict[str, Any]]]:
         now = monotonic()
-        found: dict[str, tuple[Any, StatusText]] = {}
+        found: dict[str, tuple[Any, dict[str, Any]]] = {}
         for topic in self._subscriptions.of_kind(DIAGNOSTICS):
             for time, array in sorted(topic.newest(), key=lambda one: one[0]):
                 if now - time > _STATUS_TIMEOUT:

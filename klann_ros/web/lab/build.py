@@ -22,73 +22,34 @@ _JS_YAML = SHARED / 'js_yaml'
 
 EXERCISES = _FOLDER.parents[1] / 'exercises' / 'exercises.yaml'
 
+
+def _scripts(folder: Path, names: str) -> tuple[Path, ...]:
+    return tuple(folder / f'{name}.js' for name in names.split())
+
+
 SOLVER = (
     _JS_YAML / 'js-yaml.min.js',
-    *(
-        _STATIC_FILES / f'{name}.js'
-        for name in (
-            'complex',
-            'structure',
-            'order',
-            'linkage',
-            'dyads',
-            'blocks',
-            'solve',
-            'branch',
-            'assemblies',
-            'reach',
-            'yaml',
-            'yaml_text',
-            'schema',
-            'file',
-            'parameters',
-        )
-    ),
+    *_scripts(_STATIC_FILES, 'complex structure order linkage dyads blocks solve branch'),
+    *_scripts(_STATIC_FILES, 'assemblies reach yaml yaml_text schema file parameters'),
 )
 """What needs no browser: any linkage, solved as the kinematics does."""
 
 COMMENT = re.compile(r'^ *#.*\n| +#.*$', re.MULTILINE)
 LAB_PARTS = Parts(
     is_compact=True,
-    styles=(
-        *FRAME,
-        SHARED / 'drawing.css',
-        SHARED / 'tables.css',
-        _STATIC_FILES / 'lab.css',
-    ),
+    styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC_FILES / 'lab.css'),
     # In this order: each uses what stands above it.
     scripts=(
-        SHARED / 'theme.js',
-        SHARED / 'drawing.js',
+        *_scripts(SHARED, 'theme drawing'),
         *SOLVER,
-        _STATIC_FILES / 'texts.js',
-        _STATIC_FILES / 'dragging.js',
-        _STATIC_FILES / 'link.js',
-        _STATIC_FILES / 'model.js',
-        _STATIC_FILES / 'scene.js',
-        _STATIC_FILES / 'panels.js',
-        _STATIC_FILES / 'turn_chart.js',
-        _STATIC_FILES / 'decimal_field.js',
-        _STATIC_FILES / 'numbers.js',
-        _STATIC_FILES / 'newton.js',
-        _STATIC_FILES / 'path_drawing.js',
-        _STATIC_FILES / 'open_practice.js',
-        _STATIC_FILES / 'lab.js',
+        *_scripts(_STATIC_FILES, 'texts dragging link model scene panels turn_chart'),
+        *_scripts(_STATIC_FILES, 'decimal_field numbers newton path_drawing open_practice lab'),
     ),
 )
 
-
-PRACTICE = tuple(
-    _STATIC_FILES / 'practice' / f'{name}.js'
-    for name in (
-        'expression',
-        'calculation',
-        'exercise',
-        'marking',
-        'notation',
-        'figure',
-        'practice',
-    )
+PRACTICE = _scripts(
+    _STATIC_FILES / 'practice',
+    'expression calculation exercise marking notation figure practice',
 )
 """The practice mode; all but the last three files need no browser."""
 

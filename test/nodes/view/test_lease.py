@@ -13,7 +13,7 @@ from crank_runs import make_messages, write_run
 from geometry_msgs.msg import TwistStamped
 from klann_ros.live.protocol import Command
 from klann_ros.nodes.lease import Lease
-from klann_ros.nodes.view.connections import ServiceCalls
+from klann_ros.nodes.service_calls import ServiceCalls
 from klann_ros.nodes.view.drives import Drives, Offer
 from live_browser import address
 from ros_domain import Domain, Process

@@ -235,8 +235,8 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
         offer(recorder, name, is_done=name != 'split')
     for name in ('pause', 'resume', 'step'):
         offer(player, name)
-    player.declare_parameter('position', 1.5)
-    player.declare_parameter('rate', 2.0)
+    for name, value in {'length': 9.0, 'position': 1.5, 'rate': 2.0}.items():
+        player.declare_parameter(name, value)
     moving.until("document.querySelectorAll('#machines .card').length === 2")
     cards = moving.page.locator('#machines .card')
     of = {'recorder': cards.filter(has_text='Recorder'), 'player': cards.filter(has_text='Player')}
@@ -248,7 +248,7 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
     moving.ros.probe.until(lambda: 'made_up_player step' in called)
     moving.ros.probe.until(lambda: '1.50 s' in of['player'].text_content())
     of['player'].locator('input').evaluate(
-        "(node) => { node.max = 9; node.value = 4; node.dispatchEvent(new Event('change')); }"
+        "(node) => { node.value = 4; node.dispatchEvent(new Event('change')); }"
     )
     moving.ros.probe.until(lambda: player.get_parameter('position').value == 4.0)
     assert moving.page.locator('img').count() == 0

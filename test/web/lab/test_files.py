@@ -1,5 +1,6 @@
 """What the lab saves solver_node loads, files mean the same to both, and bombs do nothing."""
 
+from pathlib import Path
 from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkage, shipped_linkages
@@ -8,10 +9,21 @@ from klann_ros.sanitize.yaml_text import parse
 from lab_solver import in_node, NODE, TEXTS
 import numpy as np
 import pytest
+import yaml
 
 if NODE is None:
     pytest.skip('no node: apt-get install nodejs', allow_module_level=True)
 
+FILES = yaml.safe_load(Path(__file__).with_name('files.yaml').read_text('utf-8'))
+BOMBS = [
+    '[' * 21 + ']' * 21,
+    f'{"x" * 2000}: 1\n',
+    '[' * 100_000,
+    '{a: ' * 5000,
+    '- ' * 10_000,
+    'a: ' + 'x' * 2_000_000,
+    'x' * 10_000_000,
+]
 SAVE = """
 function answer({ texts, factor }) {
   const found = {};
@@ -102,9 +114,7 @@ def test_saved_parameters_are_those_of_the_leg(saved: dict[str, Any]) -> None:
 
 
 def test_shipped_parameters_are_read() -> None:
-    import pathlib
-
-    folder = pathlib.Path(__file__).resolve().parents[3] / 'config'
+    folder = Path(__file__).resolve().parents[3] / 'config'
     texts = [(folder / f'{name}.yaml').read_text() for name in ('sem104', 'patent')]
     for found, geometry in zip(
         read_in_node(texts, is_yaml=False),
@@ -118,80 +128,16 @@ def test_shipped_parameters_are_read() -> None:
         assert numbers['D.x'] == geometry.x_d
 
 
-# To Python, too, these mean what they look like, or nothing.
-YAML = [
-    *TEXTS.values(),
-    "a: 1\nb: [1, -2.5, 1e3, .5, +3, 1.]\nc: {d: \"x\\n\\u00e9\", e: 'it''s'}\n",
-    '- a\n- {b: 1}\n-\n  c: 2\n- d: 1\n  e: 2\n- - 1\n  - 2\n',
-    'a:\n- 1\n- 2\nb: # said\n  c: x # not this\n  d: a#b\n',
-    '---\na: yes\nb: no\nc: ~\nd: null\ne: on\nf: "on"\n',
-    'a: [1,\n  2, # two\n  3]\nb: {x: 1,\n y: 2}\n',
-    'url: http://a.test/x\ntime: 1:30\nversion: 1.2.3\n',
-    '"a b": 1\n\'c\': 2\n',
-    '',
-    '# nothing\n',
-    'a: 08\nb: 1e5\nc: 1.5e+3\nd: -.5\n',
-    '__proto__: {polluted: 1}\nconstructor: {prototype: {polluted: 1}}\nb: {__proto__: 1}\n',
-    'a: "\\U0001F600"\n? b\n: [c: 1, d]\n',
-]
-REFUSED = [
-    'a: &x 1\nb: *x\n',
-    'a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n',
-    'a: 1\na: 2\n',
-    'a: |\n  text\n',
-    'a: >\n  text\n',
-    'a: !!python/object:os.system x\n',
-    'a: .inf\n',
-    'a: .nan\n',
-    'a: 1e999\n',
-    'a: 1_000\n',
-    'a: 0x10\n',
-    'a: 017\n',
-    'a: 2020-01-01\n',
-    '<<: {a: 1}\n',
-    '%YAML 1.1\n---\na: 1\n',
-    'a: 1\n---\nb: 2\n',
-    '\ta: 1\n',
-    'a: "x\n  y"\n',
-    'a: b: c\n',
-    'a: [1, 2\n',
-    'a: {b: 1\n',
-    'a: 1\n  b: 2\n',
-    '1: 2\n',
-    'null: 2\n',
-    '? [a]\n: b\n',
-    '? {a: 1}\n: b\n',
-    '__proto__: 1\n__proto__: 2\n',
-    'a: !!str 1\n',
-    'a: ! 1\n',
-    'a: !x\n  |\n  y\n',
-    'a: [b?]\n',
-    'a: [:b]\n',
-    'a: {b\n}c: 1\n',
-    'a: "\\ud83d\\ude00"\n',
-    'a: "\\U00110000"\n',
-    'a: 1\n...\n',
-    '[' * 21 + ']' * 21,
-    f'{"x" * 2000}: 1\n',
-    'a: "\\q"\n',
-    'a: \x00\n',
-    'a: \x1b[31m\n',
-    '[' * 100_000,
-    '{a: ' * 5000,
-    '- ' * 10_000,
-    'a: ' + 'x' * 2_000_000,
-    'x' * 10_000_000,
-]
-
-
 def test_yaml_means_the_same_to_both() -> None:
-    for text, found in zip(YAML, read_in_node(YAML, is_yaml=True), strict=True):
+    texts = [*TEXTS.values(), *FILES['read alike']]
+    for text, found in zip(texts, read_in_node(texts, is_yaml=True), strict=True):
         assert found.get('content', found) == parse(text)
 
 
 def test_refused_files_have_a_reason_in_one_line() -> None:
-    found = read_in_node(REFUSED, is_yaml=True)
-    assert [text[:40] for text, one in zip(REFUSED, found, strict=True) if 'content' in one] == []
+    texts = [*FILES['refused'], *BOMBS]
+    found = read_in_node(texts, is_yaml=True)
+    assert [text[:40] for text, one in zip(texts, found, strict=True) if 'content' in one] == []
 
 
 MARKS = [
@@ -232,49 +178,13 @@ def test_damaged_files_mean_no_more_than_to_python() -> None:
     assert 20 < taken < 180
 
 
-def broken(place: str, new: str) -> str:
-    text = TEXTS['klann']
-    assert place in text
-    return text.replace(place, new, 1)
-
-
-NO_LINKAGES = [
-    broken('length: 120', 'length: 0'),
-    broken('length: 120', 'length: -1'),
-    broken('length: 120', 'length: 1e300'),
-    broken('length: 120', 'length: 1e-300'),
-    broken('length: 120', 'length: x'),
-    broken('length: 120', 'length: true'),
-    broken('length: 120', 'length: 120, colour: red'),
-    broken('[0, 90]', '[0, 90, 1]'),
-    broken('[0, 90]', '[.nan, 90]'),
-    broken('crank: alpha', 'crank: alfa'),
-    broken('foot: H', 'foot: A'),
-    broken('foot: H', 'foot: "<img src=x onerror=alert(1)>"'),
-    broken('from: D, to: C', 'from: D, to: Q'),
-    broken('bend: 10', 'bend: 1000'),
-    broken('gamma: 15', 'gama: 15'),
-    broken('alpha: 60, ', ''),
-    broken('start:', 'assembly: [1, 1, 1]\nstart:'),
-    broken('start:', 'assembly: [-1, 1]\nstart:'),
-    broken('units: {length: mm, angle: deg}', 'units: {length: mm}'),
-    broken('name: Klann leg', 'name: "a\\nb"'),
-    broken('name: Klann leg', 'name: ""'),
-    '[]',
-    '{}',
-    'null',
-    '/**: {ros__parameters: {l_ab: -1.0}}',
-    '/**: {ros__parameters: {l_ab: 5.0}}',
-    '/**: {ros__parameters: {assembly: [1, 2]}}',
-    'a: {ros__parameters: {}}\nb: {ros__parameters: {}}',
-    '/**: {ros__parameters: {left: {l_ab: 0.1}}}',
-]
-
-
 def test_no_linkage_is_refused_in_a_line_as_python_does() -> None:
-    found = read_in_node(NO_LINKAGES, is_yaml=False)
-    assert [one.get('content') for one in found] == [None] * len(NO_LINKAGES)
-    for text in NO_LINKAGES:
+    broken = [TEXTS['klann'].replace(*change, 1) for change in FILES['broken']]
+    assert TEXTS['klann'] not in broken
+    texts = [*broken, *FILES['no linkages']]
+    found = read_in_node(texts, is_yaml=False)
+    assert [one.get('content') for one in found] == [None] * len(texts)
+    for text in texts:
         if 'ros__parameters' not in text:
             with pytest.raises(ValueError, match='holds no linkage'):
                 linkage_from_text(text, 'file')
