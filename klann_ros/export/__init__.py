@@ -11,7 +11,7 @@ The command `export` writes the MJCF of `klann_ros.twin` as well.
 >>> layers(robot.legs[0].linkage, plates(robot, hole=3.2e-3, width=20e-3)).layer
 (0, 1, 2, 1, 1, 0)
 >>> urdf(robot).count('<joint')
-12
+11
 
 It does not need ROS. DXF needs ezdxf, which is imported only to write it.
 """
