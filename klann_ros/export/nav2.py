@@ -34,15 +34,7 @@ _HEAD = """\
 
 
 def nav2_parameters(robot: Robot) -> str:
-    """
-    Return the parameters of Nav2 for a walker that can turn, as YAML.
-
-    Raises
-    ------
-    ValueError
-        It is no walker, or cannot turn.
-
-    """
+    """Return the parameters of Nav2 for a walker, as YAML; a ValueError if it cannot turn."""
     steering = Steering(Feet(robot, foot_radius=FOOT_RADIUS))
     if not steering.can_turn:
         raise ValueError(f'{printable(robot.name)} cannot turn: all of its feet are on one crank')

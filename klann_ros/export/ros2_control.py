@@ -46,20 +46,9 @@ _YAML_HEAD = """\
 
 def ros2_control_files(file: str, robot: Robot) -> dict[str, bytes]:
     """
-    Return the files of a walker under ros2_control, by their names.
+    Return the files of the walker in a parameter file under ros2_control, by their names.
 
-    Parameters
-    ----------
-    file : str
-        The parameter file of the robot.
-    robot : Robot
-        The robot, with masses.
-
-    Raises
-    ------
-    ValueError
-        The robot is no walker, or has no masses.
-
+    A ValueError says that the robot is no walker, or has no masses.
     """
     if not robot.is_walker:
         raise ValueError(f'{printable(file)} is refused: --ros2-control needs a walker')

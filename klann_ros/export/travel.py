@@ -37,15 +37,7 @@ class SlideLine(NamedTuple):
 
 
 def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
-    """
-    Return the least and the greatest distance of each sliding body [m].
-
-    Raises
-    ------
-    ExportError
-        The crank reaches no angle.
-
-    """
+    """Return the least and the greatest distance of each sliding body [m]; or an ExportError."""
     structure = linkage.structure
     if not structure.slides:
         return {}

@@ -15,15 +15,7 @@ MAX_CRANK_ANGLE = 1e6
 
 
 def wrap(angle: float) -> float:
-    """
-    Return the angle in (-pi, pi].
-
-    Parameters
-    ----------
-    angle : float
-        Any finite angle [rad].
-
-    """
+    """Return a finite angle in (-pi, pi] [rad]."""
     if -pi < angle <= pi:
         return angle
     wrapped = remainder(angle, TURN)

@@ -22,15 +22,9 @@ PARABOLA_ZOOM, WIDENING, MIN_WIDTH = 64.0, 8.0, 1e-8
 
 def root(function: Callable[[float], float], left: Sample, right: Sample) -> float:
     """
-    Return the root of a function, to the last digits of the bracket's ends.
+    Return the root of a continuous function, to the last digits of the bracket's ends.
 
-    Parameters
-    ----------
-    function : callable
-        A continuous function; an argument where it is NaN counts as its root.
-    left, right : (float, float)
-        Two arguments with their values: of opposite sign, or one of them 0.
-
+    The values at these are of opposite sign, or 0; an argument where it is NaN counts as a root.
     """
     steps = _chandrupatla(left, right, scale=max(abs(left[0]), abs(right[0])))
     try:
@@ -45,15 +39,9 @@ def root(function: Callable[[float], float], left: Sample, right: Sample) -> flo
 
 def last_nonnegative(function: Functions, inside: FloatArray, outside: FloatArray) -> FloatArray:
     """
-    Return the last arguments where functions are not negative, to rounding.
+    Return the last arguments where n functions are not negative, to rounding.
 
-    Parameters
-    ----------
-    function : callable
-        Values, shape (k,), each at one argument; NaN counts as negative.
-    inside, outside : numpy.ndarray, shape (n,)
-        Arguments where each function is not negative, and is negative.
-
+    Each is not negative at its argument in `inside`, and negative, or NaN, in `outside`.
     """
     rows = np.arange(len(inside))
     values = function(rows, outside), np.maximum(function(rows, inside), 0.0)
@@ -91,13 +79,9 @@ def _chandrupatla(
 
     Inverse quadratic interpolation where the last three values ensure convergence, else
     bisection; the root stays bracketed. It is exact relative to `scale`, or else to itself: a
-    root at 0 has no last digit.
-
-    References
-    ----------
-    T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a
-    nonlinear function without using derivatives, Advances in Engineering Software 28 (1997) 145.
-
+    root at 0 has no last digit. (T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm
+    for finding the zero of a nonlinear function without using derivatives, Advances in
+    Engineering Software 28 (1997) 145.)
     """
     # b is the newest, a on the other side of the root, c the one before.
     (b, f_b), (a, f_a) = right, left
@@ -152,19 +136,9 @@ def minimum_near(
     Return the arguments and values of the minima of functions, within a width of a middle.
 
     It zooms in at the least of nine points, more narrowly where a parabola through it and its
-    neighbours predicts the minimum, until only rounding is left to gain.
-
-    Parameters
-    ----------
-    function : callable
-        Values, each at nine arguments, shape (k, 9); NaN where there is none.
-    middle : numpy.ndarray, shape (n,)
-        Start of each search.
-    width : float
-        Half-width of the interval.
-    rounding : numpy.ndarray, shape (n,)
-        Round-off of the values.
-
+    neighbours predicts the minimum, until only rounding is left to gain. The functions return
+    values at nine arguments each, shape (k, 9); NaN where there is none. `middle` and `rounding`,
+    the round-off of the values, have shape (n,).
     """
     at, least = middle.copy(), np.full(len(middle), np.inf)
     middle, widths = middle.copy(), np.full(len(middle), width)

@@ -28,17 +28,9 @@ def pose_svg(
     pose: Any, path: Sequence[FloatArray] = (), *, names: dict[tuple[str, str], str] | None = None
 ) -> str:
     """
-    Return a pose as SVG: bars, plates, joints and the letters of its points.
+    Return a LinkagePose as SVG: bars, plates, joints and the letters of its points.
 
-    Parameters
-    ----------
-    pose : LinkagePose
-        The pose.
-    path : sequence of numpy.ndarray, shape (n, 2)
-        Lines drawn behind it, such as the foot path [m].
-    names : dict of (str, str) to str, optional
-        Names of bars, by their two points.
-
+    `path` are lines drawn behind it, shape (n, 2) each [m], `names` those of bars by their points.
     """
     view = _View([pose.points, *path])
     shapes = [_polyline(view.points(line), **_PATH) for line in path]

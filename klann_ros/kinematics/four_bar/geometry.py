@@ -14,7 +14,6 @@ from klann_ros.kinematics.linkage.structure import (
     Dimension,
     Structure,
 )
-from klann_ros.sanitize.text import did_you_mean
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
 STRUCTURE = Structure(
@@ -97,14 +96,3 @@ class FourBarGeometry(NamedGeometry):
     def mirrored(self) -> 'FourBarGeometry':
         """Return it mirrored in its ground: every angle has the other sign."""
         return replace(self, assembly=-self.assembly)
-
-    def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBarGeometry':
-        """Return it with another link held; see `FourBar.inversion`."""
-        if fixed not in LENGTHS:
-            hint = did_you_mean(fixed, LENGTHS)
-            msg = f'fixed = {fixed!r} is refused: it must be one of {", ".join(LENGTHS)}{hint}'
-            raise GeometryError(msg)
-        first = LENGTHS.index(fixed)
-        sign = self.assembly if assembly is None else assembly
-        held, driven, across, other = self.lengths[first:] + self.lengths[:first]
-        return FourBarGeometry(held, driven, across, other, sign)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.angles import crank_angle, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import linkage_poses
+from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.dyads import TANGENCY_TOLERANCE
 from klann_ros.kinematics.linkage.leg import Leg
 from klann_ros.kinematics.linkage.pose import (
@@ -19,10 +20,11 @@ from klann_ros.kinematics.linkage.pose import (
     PoseEntry,
 )
 from klann_ros.kinematics.linkage.reach import crank_limits, triangle_angle
+from klann_ros.sanitize.text import did_you_mean
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .geometry import FourBarGeometry
+from .geometry import FourBarGeometry, LENGTHS
 from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimits
 
 # Transmission angle limits for large forces (Norton, Design of Machinery).
@@ -231,7 +233,9 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def inversion(self, fixed: str, assembly: int | None = None) -> 'FourBar':
         """
-        Return the four-bar with another of its links held: see `FourBarGeometry.inversion`.
+        Return the four-bar with another of its links held, in this assembly or another.
+
+        A GeometryError says that there is no such link.
 
         Examples
         --------
@@ -239,10 +243,16 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         class I, double crank: ground fixed, crank rotates, coupler rotates, rocker rotates
 
         """
-        geometry, (tolerance, max_crank_step, _) = self._geometry, self._settings
-        held = geometry.inversion(fixed, assembly)
+        if fixed not in LENGTHS:
+            hint = did_you_mean(fixed, LENGTHS)
+            msg = f'fixed = {fixed!r} is refused: it must be one of {", ".join(LENGTHS)}{hint}'
+            raise GeometryError(msg)
+        first, own = LENGTHS.index(fixed), self._geometry.lengths
+        held, driven, across, other = own[first:] + own[:first]
+        tolerance, max_crank_step, _ = self._settings
         settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
-        return FourBar(*held.lengths, held.assembly, **settings)
+        sign = self._geometry.assembly if assembly is None else assembly
+        return FourBar(held, driven, across, other, sign, **settings)
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """

@@ -1,7 +1,8 @@
 """How far a four-bar moves: Grashof's law, dead points, and the limits of its rocker."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import chain
 from math import atan2, copysign, cos, nan, pi, sin
 from typing import NamedTuple
 
@@ -142,7 +143,6 @@ class Grashof:
 
 
 STRETCHED, FOLDED = 'stretched', 'folded'
-DRIVERS = ('crank', 'rocker')
 
 
 class DeadPoint(NamedTuple):
@@ -194,17 +194,20 @@ class RockerLimits(NamedTuple):
     time_ratio: float
 
 
-def dead_points(geometry: FourBarGeometry, driver: str = 'crank') -> list[DeadPoint]:
+def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
     """Return the dead points of a driver, by its angle; see `FourBar.dead_points`."""
-    if driver == 'both':
-        other = replace(geometry, assembly=-geometry.assembly)
-        of_rockers = [*_of_rocker(geometry), *_of_rocker(other)]
-        return [*dead_points(geometry), *sorted(of_rockers, key=lambda point: point.angle)]
-    if driver not in DRIVERS:
+    ways = {
+        'crank': [_of_crank(geometry.lengths)],
+        'rocker': [_of_rocker(geometry)],
+        'both': [
+            _of_crank(geometry.lengths),
+            chain(_of_rocker(geometry), _of_rocker(geometry.mirrored())),
+        ],
+    }
+    if driver not in ways:
         msg = f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'"
         raise ValueError(msg)
-    found = _of_crank(geometry.lengths) if driver == 'crank' else _of_rocker(geometry)
-    return sorted(found, key=lambda point: point.angle)
+    return [p for found in ways[driver] for p in sorted(found, key=lambda point: point.angle)]
 
 
 def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:

@@ -33,23 +33,8 @@ def dyad_joint(p: Point, q: Point, r_p: float, r_q: float, sign: int) -> Point |
 
     The product form of h (Heron's) keeps its digits where the links are nearly in line, and there
     the square root of r_p^2 - a^2 loses half of them. r_p - r_q is formed first: it is exact where
-    d is small.
-
-    Parameters
-    ----------
-    p, q : tuple of float
-        The two ends P and Q, (x, y) [m].
-    r_p, r_q : float
-        Lengths of the links from P and from Q [m].
-    sign : int
-        The assembly mode of the dyad: the sign of the cross product PJ x QJ.
-
-    Returns
-    -------
-    tuple of float or None
-        J = (x, y) [m]; None where the circles do not meet, and where P
-        and Q coincide, so that they meet nowhere or everywhere.
-
+    d is small. `sign`, the assembly mode, is the sign of the cross product PJ x QJ. None where the
+    circles do not meet, and where P and Q coincide, so that they meet nowhere or everywhere.
     """
     (px, py), (qx, qy) = p, q
     d = dist(p, q)

@@ -82,15 +82,7 @@ def linkage_from_file(path: str | Path) -> Linkage:
 
 
 def linkage_text(path: str | Path) -> str:
-    """
-    Return the text of a linkage's file, or of the shipped linkage of that name.
-
-    Raises
-    ------
-    LinkageFileError
-        The file cannot be read.
-
-    """
+    """Return the text of a linkage's file, or of a shipped one; or a LinkageFileError."""
     try:
         return read_regular(path, MAX_FILE_SIZE)
     except (OSError, ValueError) as error:
@@ -133,9 +125,7 @@ def linkage_from_text(text: str, name: str) -> Linkage:
 
     """
     try:
-        content = parse(text)
-        _validate(content)
-        return _linkage(content)
+        return _linkage(parse(text))
     except (GeometryError, YamlError) as error:
         msg = f'{printable(name)} holds no linkage: {printable_line(error)}'
         raise LinkageFileError(msg) from error
@@ -165,13 +155,10 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
     return content
 
 
-def _validate(content: Any) -> None:
+def _linkage(content: Any) -> Linkage:
     wrong = schema_error(content)
     if wrong:
         raise GeometryError(wrong)
-
-
-def _linkage(content: Mapping[str, Any]) -> Linkage:
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     turn = radians if units.get('angle', 'rad') == 'deg' else float
@@ -187,7 +174,7 @@ def _linkage(content: Mapping[str, Any]) -> Linkage:
         structure = structure_of(content)
         _ = structure.groups
     except GeometryError as error:
-        raise GeometryError(f'{error}{describe_misspelling(content, structure_of)}') from error
+        raise GeometryError(f'{error}{describe_misspelling(content)}') from error
     bars = [bar for name in order for bar in body_bars(bodies[name])]
     _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
@@ -234,18 +221,9 @@ def _order(content: Mapping[str, Any]) -> list[str]:
     return [content['crank'], *(name for name in content['bodies'] if name != content['crank'])]
 
 
-def structure_of(content: Mapping[str, Any], bodies: Mapping[str, Any] | None = None) -> Structure:
-    """
-    Return the structure of a file's content, which may lack numbers; or with other bodies.
-
-    Raises
-    ------
-    GeometryError
-        It is no linkage.
-
-    """
-    bodies = bodies or content['bodies']
-    made = tuple(_body(name, bodies[name]) for name in _order(content))
+def structure_of(content: Mapping[str, Any]) -> Structure:
+    """Return the structure of a file's content, which may lack numbers; or a GeometryError."""
+    made = tuple(_body(name, content['bodies'][name]) for name in _order(content))
     return Structure(tuple(content['pivots']), made, content['foot'])
 
 

@@ -16,7 +16,6 @@ from klann_ros.sanitize.text import did_you_mean, listed
 from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
 from .linkage import Linkage
 from .reach import closes_somewhere
-from .structure import Structure
 
 # Reading error of a start from a drawing [rad].
 MAX_START_ERROR = radians(30.0)
@@ -36,26 +35,18 @@ def check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> None
             raise GeometryError(msg)
 
 
-def describe_misspelling(content: Mapping[str, Any], structure: Callable[..., Structure]) -> str:
-    """
-    Return a hint at a misspelt point of a file; empty for none.
-
-    It is one that joins nothing, where another name would. `structure` makes a structure of a
-    file's content and bodies.
-    """
+def describe_misspelling(content: Mapping[str, Any]) -> str:
+    """Return a hint at points of a file in one body alone, which join nothing; empty for none."""
     points = {name: _points(body) for name, body in content['bodies'].items()}
     places = [content['foot'], *content['pivots'], *(p for own in points.values() for p in own)]
     alone = [(name, p) for name, own in points.items() for p in own if places.count(p) == 1]
     for name, point in alone:
         others = [other for other in dict.fromkeys(places) if other not in points[name]]
-        fit = [
-            other for other in others if _forms_linkage(content, name, {point: other}, structure)
-        ]
         # Above all one that nothing else leads to, such as a pivot.
-        fit = [other for other in fit if places.count(other) == 1] or fit
-        hint = did_you_mean(point, fit or others)
-        if fit and not hint:
-            hint = f'; did you mean {" or ".join(fit[:3])}?'
+        lonely = [other for other in others if places.count(other) == 1]
+        hint = did_you_mean(point, lonely) or did_you_mean(point, others)
+        if not hint and len(lonely) == 1:
+            hint = f'; did you mean {lonely[0]}?'
         if hint:
             return f'; the point {point} is in the body {name} alone{hint}'
     shown = listed((f'{point} of {name}' for name, point in alone), 5)
@@ -73,51 +64,15 @@ def body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [*line, *body.get('bars', ())]
 
 
-def _forms_linkage(
-    content: Mapping[str, Any],
-    name: str,
-    renamed: Mapping[str, str],
-    structure: Callable[..., Structure],
-) -> bool:
-    """Return whether it is a linkage with a point of a body renamed."""
-    body = content['bodies'][name]
-
-    def other(bar: Mapping[str, Any]) -> dict[str, Any]:
-        return {**bar, **{end: renamed.get(bar[end], bar[end]) for end in ('from', 'to')}}
-
-    changed = {**body, 'bars': [other(bar) for bar in body.get('bars', ())]}
-    if 'slides' in body:
-        changed['slides'] = other(body['slides'])
-    try:
-        _ = structure(content, {**content['bodies'], name: changed}).groups
-    except GeometryError:
-        return False
-    return True
-
-
 def linkage_from_start(
     plain: Linkage, start: Sequence[float], signs: Sequence[int] | None, *, in_degrees: bool
 ) -> Linkage:
     """
-    Return a linkage in the assembly that its start leads to.
+    Return a linkage, given in whatever assembly, in the one that its start leads to.
 
-    Parameters
-    ----------
-    plain : Linkage
-        The linkage in whatever assembly.
-    start : sequence of float
-        An angle for every body, the crank's first [rad], and a distance for what slides [m].
-    signs : sequence of int, optional
-        The assembly that the file states beside it.
-    in_degrees : bool
-        Whether the file has its angles in degrees.
-
-    Raises
-    ------
-    GeometryError
-        The start can only be degrees, leads nowhere, or to another assembly than the one stated;
-        the text names those that there are.
-
+    `start` is an angle for every body, the crank's first [rad], or a distance [m]; `signs` is the
+    assembly that the file states beside it. A GeometryError says that the start can only be
+    degrees, leads nowhere, or to another assembly, and names those that there are.
     """
     if not in_degrees:
         _check_degrees(plain, tuple(start))

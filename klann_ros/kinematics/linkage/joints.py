@@ -140,21 +140,8 @@ def solve_rates(
     """
     Return dx and du of all bodies that keep the loops closed: block by block, at many poses.
 
-    Parameters
-    ----------
-    structure : Structure
-        The bodies and joints.
-    u : list of numpy.ndarray of complex
-        The bodies' vectors, all of one shape.
-    blocks : iterable of Closing
-        The blocks in the order of their solution.
-    crank : float
-        dx of the crank.
-    opened : sequence, optional
-        Of each block the openings of its loops at fixed coordinates, one a loop [m].
-    bent : sequence, optional
-        Of each body the part of du that dx does not determine; see `velocity_product`.
-
+    `crank` is dx of the crank; `opened` are of each block the openings of its loops at fixed
+    coordinates [m], `bent` of each body the part of du that dx does not determine.
     """
     zero = np.zeros(np.shape(u[-1]))
     x, du = [zero] * len(u), list(bent) or [zero] * len(u)

@@ -22,17 +22,7 @@ Terms = dict[int, tuple[int, int]]
 
 
 class LoopVectors:
-    """
-    The vectors W_kj u_j of a structure, each once, however many loops it is in.
-
-    Attributes
-    ----------
-    loops : list of Terms
-        What each loop consists of.
-    foot : Terms
-        The same of the foot.
-
-    """
+    """The vectors W_kj u_j of a structure, each once, however many loops it is in."""
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
