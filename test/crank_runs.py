@@ -73,6 +73,7 @@ def write_mcap(
     *,
     profile: str = 'ros2',
     others: bool = False,
+    metadata: Iterable[tuple[str, dict[str, str]]] = (),
     **options: Any,
 ) -> Path:
     """Write a file by the MCAP library alone, a chunk or more for each batch of messages."""
@@ -95,6 +96,8 @@ def write_mcap(
                 times, number = (item.log_time, item.publish_time), numbers[topic]
                 writer.add_message(number, times[0], item.data, times[1], item.sequence)
             writer.flush()  # type: ignore[no-untyped-call] # theirs
+        for name, content in metadata:
+            writer.add_metadata(name, content)
         if others:
             writer.add_attachment(1, 2, 'a', 'text/plain', b'x' * 100)
             writer.add_metadata('m', {'k': 'v'})

@@ -420,9 +420,14 @@ def healthy() -> Script:
     return script()
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def make_script() -> Callable[..., Script]:
     return script
+
+
+@pytest.fixture(scope='session')
+def messages_of() -> Callable[[Script], Iterator[Message]]:
+    return messages
 
 
 class Rewriter:

@@ -9,30 +9,28 @@ import struct
 import tempfile
 import warnings
 
+from crank_runs import write_mcap
 from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.log.definitions import definition
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import LOSS_RECORD, PAUSE_RECORD, SOLVER_RECORD
 from klann_ros.review.command import main
-from leg_runs import STORE
-from mcap.writer import Writer
-import numpy as np
+from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 
-CRANK, STATE, POINT = (
-    'std_msgs/msg/Float64',
-    'sensor_msgs/msg/JointState',
-    'geometry_msgs/msg/PointStamped',
-)
+TOPICS = [
+    topic_of('/crank_angle', 'std_msgs/msg/Float64'),
+    topic_of('/joint_states', STATE),
+    topic_of('/point_h', POINT),
+]
 PARAMETERS = (
     *('legs', 'direction', 'phase', 'crank_joint', 'l_ab', 'assembly', 'use_sim_time'),
     *('linkage_description', 'a.l_gh', 'a.phase'),
 )
 JOINTS = ['alpha', 'gamma', 'beta', 'delta', 'theta']
-TOPICS = [('/crank_angle', CRANK), ('/joint_states', STATE), ('/point_h', POINT)]
 
 # The usual, the edges, and values of no clock.
 times = st.one_of(
-    st.integers(1_700_000_000_000_000_000, 1_700_000_000_000_000_030),
+    st.integers(START, START + 30),
     st.sampled_from([0, 1, 2**62, 2**63 - 1, 2**63, 2**64 - 1]),
     st.integers(0, 2**64 - 1),
 )
@@ -79,53 +77,31 @@ records = st.lists(
 )
 
 
-def header(stamp):
-    time = STORE.types['builtin_interfaces/msg/Time'](*stamp)
-    return STORE.types['std_msgs/msg/Header'](time, 'frame')
-
-
 @st.composite
 def messages(draw):
-    """Draw a topic's number, the bytes of a message, its times and its sequence number."""
-    number = draw(st.integers(0, 2))
+    """Draw a message of any numbers and times, now and then of any bytes."""
     stamp = draw(st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)))
     if draw(st.booleans()):
-        stamp = (1_700_000_000, draw(st.integers(0, 30)))
-    if number == 0:
-        data = struct.pack('<4sd', b'\0\1\0\0', draw(numbers))
+        stamp = START // 10**9, draw(st.integers(0, 30))
+    topic = draw(st.sampled_from(TOPICS))
+    if topic.type == STATE:
+        arrays = [
+            draw(st.lists(numbers, min_size=size, max_size=size))
+            for size in (draw(st.just(5) | sizes), draw(sizes))
+        ]
+        names = draw(st.sampled_from([JOINTS, JOINTS[::-1], ['crank'], [*JOINTS, 'alpha']]))
+        content = joint_state(0, names, *arrays)
+    elif topic.type == POINT:
+        content = foot_at(0, (draw(numbers), draw(numbers)))
     else:
-        kind = TOPICS[number][1]
-        if number == 1:
-            arrays = [
-                draw(st.lists(numbers, min_size=size, max_size=size))
-                for size in (draw(st.just(5) | sizes), draw(sizes))
-            ]
-            as_array = STORE.types['sensor_msgs/msg/JointState']
-            names = draw(st.sampled_from([JOINTS, JOINTS[::-1], ['crank'], [*JOINTS, 'alpha']]))
-            content = as_array(header(stamp), names, *map(np.array, arrays), np.array([]))
-        else:
-            xyz = STORE.types['geometry_msgs/msg/Point'](*[draw(numbers) for _ in range(3)])
-            content = STORE.types[kind](header(stamp), xyz)
-        data = bytes(STORE.serialize_cdr(content, kind))
+        content = make(topic.type, data=draw(numbers))
+    data = bytes(STORE.serialize_cdr(content, topic.type))
+    if topic.type in (STATE, POINT):
+        data = data[:4] + struct.pack('<iI', *stamp) + data[12:]
     if draw(st.integers(0, 9)) == 0:
         data = draw(st.binary(max_size=60))
     sequence = draw(st.one_of(st.integers(0, 30), st.integers(0, 2**32 - 1)))
-    return number, data, draw(times), draw(times), sequence
-
-
-def write(path: Path, contents, metadata) -> None:
-    with path.open('wb') as file:
-        writer = Writer(file, chunk_size=300)
-        writer.start('ros2')
-        channels = []
-        for name, kind in TOPICS:
-            schema = writer.register_schema(kind, 'ros2msg', definition(kind).encode())
-            channels.append(writer.register_channel(name, 'cdr', schema))
-        for number, data, log_time, publish_time, sequence in contents:
-            writer.add_message(channels[number], log_time, data, publish_time, sequence)
-        for name, record in metadata:
-            writer.add_metadata(name, record)
-        writer.finish()
+    return Message(topic, data, draw(times), draw(times), sequence)
 
 
 @settings(max_examples=15)
@@ -135,7 +111,7 @@ def test_a_review_ends_with_a_report(contents, metadata) -> None:
         # What overflows or is no number is meant to be seen, not to be warned of.
         warnings.simplefilter('error')
         path = Path(folder, 'log.mcap')
-        write(path, contents, metadata)
+        write_mcap(path, [contents], metadata=metadata, chunk_size=300)
         out = [f'--csv={folder}/run.csv', f'--json={folder}/run.json']
         with redirect_stdout(StringIO()) as output:
             assert main([str(path), str(path), *out]) in (0, 1)

@@ -12,9 +12,7 @@ from typing import Any
 
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.log.definitions import definition
-from klann_ros.log.reader import open_log
-from klann_ros.log.records import Message, Topic
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
     Pause,
     PAUSE_RECORD,
@@ -27,12 +25,9 @@ from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.model.review import Severity
 from klann_ros.review.report.data import save_json
 from klann_ros.review.reviewing import review_run
-from leg_runs import LegRun, START
+from leg_runs import START
 import pytest
 
-FLOAT, STATE = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
-STATE_TOPIC = Topic('/crank_state', STATE, definition(STATE))
-CDR = bytes([0, 1, 0, 0])
 COUNT = 200
 PERIOD = 5_000_000
 # Not the first and the last: what is cut off by the edges is no question.
@@ -78,7 +73,7 @@ def changed(messages: Messages, fate: Fates) -> Messages:
     kept = []
     for message in messages:
         n = message.sequence - 1
-        if message.topic.name == '/crank_angle':
+        if message.topic.name in ('/crank_angle', '/crank_state'):
             if fate.has_question(n):
                 kept.append(message)
         elif fate.has_answer(n):
@@ -89,18 +84,8 @@ def changed(messages: Messages, fate: Fates) -> Messages:
 class Runs:
     """Writes runs in which the questions of a healthy one have some fates."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._count = folder, 0
-        run = LegRun(count=COUNT, turns=1.0, iterations=False).write(folder / 'healthy')
-        with open_log(run) as log:
-            healthy = list(log.messages())
-        asked = Topic('/crank_angle', FLOAT, definition(FLOAT))
-        poses = [m for m in healthy if m.topic.name == '/joint_states']
-        cranks = [
-            replace(m, topic=asked, data=CDR + struct.pack('<d', alpha))
-            for m, alpha in zip(poses, alphas(run), strict=True)
-        ]
-        self.healthy = sorted([*healthy, *cranks], key=lambda m: m.log_time)
+    def __init__(self, folder: Path, messages: Messages) -> None:
+        self._folder, self._count, self.healthy = folder, 0, messages
 
     def write(self, fate: Fates, changed_: Callable[[Message], Message] = lambda m: m) -> Path:
         self._count += 1
@@ -119,13 +104,18 @@ class Runs:
 
 
 @pytest.fixture(scope='module')
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    return Runs(tmp_path_factory.mktemp('fates'))
+def runs(tmp_path_factory: pytest.TempPathFactory, make_script: Any, messages_of: Any) -> Runs:
+    messages = [*messages_of(make_script(turns=1.0, count=COUNT))]
+    return Runs(tmp_path_factory.mktemp('fates'), messages)
 
 
-def alphas(run: Path) -> list[float]:
-    (leg,) = review_run(run).legs
-    return [float(alpha) for alpha in leg.recording.poses.values[:, 0]]
+@pytest.fixture(scope='module')
+def stamped_runs(
+    tmp_path_factory: pytest.TempPathFactory, make_script: Any, messages_of: Any
+) -> Runs:
+    """Return runs whose questions have stamps of their own."""
+    messages = [*messages_of(make_script(turns=1.0, count=COUNT).by_crank_state())]
+    return Runs(tmp_path_factory.mktemp('stamped'), messages)
 
 
 @settings(max_examples=20, deadline=None)
@@ -163,29 +153,19 @@ def test_questions_within_0_2_s_of_a_pause_are_at_holes(runs: Runs) -> None:
 @settings(max_examples=10, deadline=None)
 @given(single=st.sets(INSIDE, max_size=40), at_once=st.integers(1, 7))
 def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
-    runs: Runs, single: set[int], at_once: int
+    stamped_runs: Runs, single: set[int], at_once: int
 ) -> None:
     fate = Fates(single, range(0), set(), range(0), set())
 
     def stamped(message: Message) -> Message:
         n = (message.publish_time - START) // PERIOD
         stamp = struct.pack('<iI', 5 + n // at_once, 0)
-        if message.topic.name == '/crank_angle':
-            return replace(message, topic=STATE_TOPIC, data=state(stamp, message.data[4:]))
-        return replace(message, data=CDR + stamp + message.data[12:])
+        return replace(message, data=message.data[:4] + stamp + message.data[12:])
 
-    review = review_run(runs.write(fate, stamped))
+    review = review_run(stamped_runs.write(fate, stamped))
     (leg,) = review.legs
     assert leg.answers.asked == COUNT
     assert leg.unanswered.count == len(single)
-
-
-def state(stamp: bytes, alpha: bytes) -> bytes:
-    """Return a JointState of the joint `crank`, without frame, velocity or effort."""
-    name = struct.pack('<II6s', 1, 6, b'crank\0')
-    return (
-        CDR + stamp + struct.pack('<I4x', 1) + name + struct.pack('<2xI4x', 1) + alpha + bytes(8)
-    )
 
 
 def test_missing_answers_are_a_note_where_losses_are_unknown(healthy, make_run) -> None:
