@@ -7,12 +7,14 @@ from pathlib import Path
 import struct
 from typing import Any
 
+from bags import text
 from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import (
+    leg_description,
     LOSS_RECORD,
     loss_record,
     Pause,
@@ -27,8 +29,10 @@ from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
 from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 import pytest
+from xacro_legs import ROOT, urdf_of
 
 PERIOD = 5_000_000
+STRING = 'std_msgs/msg/String'
 CRANK = topic_of('/crank_angle', 'std_msgs/msg/Float64')
 POSES = topic_of('/joint_states', STATE)
 FEET = topic_of('/point_h', POINT)
@@ -85,11 +89,12 @@ class Script:
         for n in range(len(self.answers))[first:last]:
             self.change(n, stamp=self.answers[n].stamp + by)
 
-    def solve(self, index: int, by: float = 0.0, **geometry: Any) -> None:
-        """Answer with the pose of another angle, or of another leg."""
+    def solve(self, index: int, by: float = 0.0, last: int = 0, **geometry: Any) -> None:
+        """Answer with the pose of another angle, or with some of another leg."""
         leg = KlannLeg(replace(self.geometry or KlannGeometry(), **geometry))
-        pose = leg.solve(self.answers[index].alpha + by)
-        self.change(index, pose=list(pose.joints), foot=pose.h)
+        for n in range(index, max(last, index + 1)):
+            pose = leg.solve(self.answers[n].alpha + by)
+            self.change(n, pose=list(pose.joints), foot=pose.h)
 
     def turn(self, first: int, by: float, last: int | None = None, every: int = 1) -> None:
         """Turn the crank further at some angles [rad]."""
@@ -164,6 +169,26 @@ class Script:
             Message(getattr(self, topic), each.encode('latin-1'), time + n, time + n, 0)
             for n, each in enumerate(contents)
         ]
+
+    def describe(
+        self, robot: str, at: float = 0.0, topic: str = '/robot_description', **numbers: float
+    ) -> None:
+        """Publish the URDF of a robot, a shipped one by its name, with other lengths of bars."""
+        time = START + round(1e9 * at)
+        if robot == 'patent':
+            robot = urdf_of(ROOT / 'config' / 'patent.yaml')
+        elif robot.isidentifier():
+            robot = (ROOT / 'urdf' / f'{robot}.urdf').read_text(encoding='utf-8')
+        for name, length in numbers.items():
+            robot = robot.replace(f'{getattr(KlannGeometry(), name)} 0 0', f'{length} 0 0')
+        self.messages.append(Message(topic_of(topic, STRING), text(robot), time + 1000, time, 0))
+
+    def describe_leg(self, parameters: dict[str, float], at: float = 0.0) -> None:
+        """Publish the parameters of a leg as solver_node does."""
+        time = START + round(1e9 * at)
+        words = leg_description(SolverParameters('/solver_node', time, parameters))
+        topic = topic_of('/leg_description', STRING)
+        self.messages.append(Message(topic, text(words), time, time, 1))
 
     def alter(self, topic: str, **fields: str) -> None:
         """Give a topic another name, type or definition."""

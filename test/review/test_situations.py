@@ -24,7 +24,8 @@ def script_of(situation: dict[str, Any], make_script: Any) -> Any:
     """Return the run of a situation: a healthy one, and one thing done to it after the other."""
     given = {**situation.get('run', {})}
     if 'geometry' in given:
-        given['geometry'] = KlannGeometry(**given['geometry'])
+        leg = given['geometry']
+        given['geometry'] = KlannGeometry.patent() if leg == 'patent' else KlannGeometry(**leg)
     made = make_script(**given)
     for step in situation.get('do', ()):
         do(made, step)
@@ -59,6 +60,8 @@ def test_a_situation_has_its_findings(make_script, make_run, situation: dict[str
     assert lost.items() >= situation.get('lost', {}).items()
     if 'means' in situation:
         assert situation['means'] in review.findings[-1].meaning
+    if 'source' in situation:
+        assert review.legs[0].recording.solver.source == situation['source']
     if 'judged' in situation:
         legs = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs if leg.errors}
         assert legs == situation['judged']
