@@ -185,14 +185,14 @@ class Descriptions:
                 found.append(_Described(time, klann_legs_in_urdf(_text(data))))
 
     def described(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
-        """Return a solver with the described leg, if its own is unknown."""
+        """Return a solver of an unknown leg with the described one, if any."""
         spaces = [space for space, found in self._found.items() if any(d.legs for d in found)]
         # A single description holds for every namespace.
         space = namespace if namespace in spaces or len(spaces) != 1 else spaces[0]
         found = sorted(self._found.get(space, ()), key=lambda described: described.time)
         assembly = _assembly(poses)
         legs = [_klann_leg(described.legs.get(name), assembly) for described in found]
-        if solver.leg is not None or not legs or legs[-1] is None:
+        if not legs or legs[-1] is None:
             return solver
         times = [described.time for described in found]
         source = f'{printable(f"{space}/{NAME}")}, assembly mode from its poses'
@@ -221,37 +221,20 @@ def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> K
         return None
 
 
-class _ExpectedJoint(NamedTuple):
-    """
-    A joint that `klann.urdf.xacro` generates.
-
-    It turns about z (`turns` is the sign), compensates another joint (`back`), or is a bend. `on`
-    is its parent joint, '' for the plane of the leg. Each number of its origin is a dimension or
-    zero.
-    """
-
-    name: str
-    on: str = ''
-    x: str = ''
-    y: str = ''
-    bend: str = ''
-    bend_sign: int = 1
-    turns: int = 0
-    back: str = ''
-
-
-_JOINTS = (
-    _ExpectedJoint('alpha', y='y_a', turns=1),
-    _ExpectedJoint('alpha_back', 'alpha', x='l_ab', turns=1, back='alpha'),
-    _ExpectedJoint('gamma', 'alpha_back', turns=-1),
-    _ExpectedJoint('bend_c', 'gamma', x='l_bc', bend='angle_bcg'),
-    _ExpectedJoint('beta', x='x_d', turns=1),
-    _ExpectedJoint('delta', x='x_e', y='y_e', turns=1),
-    _ExpectedJoint('delta_back', 'delta', x='l_ef', turns=1, back='delta'),
-    _ExpectedJoint('theta', 'delta_back', turns=-1),
-    _ExpectedJoint('bend_g', 'theta', x='l_fg', bend='angle_fgh', bend_sign=-1),
-    _ExpectedJoint('foot', 'bend_g', x='l_gh'),
-)
+# The joints of a leg by `klann.urdf.xacro`, and the dimensions in their origins, by the places of
+# x, y, z, roll, pitch and yaw; the other numbers are zero.
+_JOINTS: dict[str, dict[int, str]] = {
+    'alpha': {1: 'y_a'},
+    'alpha_back': {0: 'l_ab'},
+    'gamma': {},
+    'bend_c': {0: 'l_bc', 5: 'angle_bcg'},
+    'beta': {0: 'x_d'},
+    'delta': {0: 'x_e', 1: 'y_e'},
+    'delta_back': {0: 'l_ef'},
+    'theta': {},
+    'bend_g': {0: 'l_fg', 5: 'angle_fgh'},
+    'foot': {0: 'l_gh'},
+}
 # A tree cannot close loops: these bars end freely, and have the length of the box on this joint.
 _BAR_LENGTHS = {'l_dc': 'beta', 'l_cg': 'bend_c'}
 
@@ -278,8 +261,7 @@ def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
         return {}
     for link in robot.iterfind('link'):
         boxes[link.get('name')] = link.find('visual/geometry/box')
-    crank = _JOINTS[0].name
-    prefixes = (name.removesuffix(crank) for name in joints if name.endswith(crank))
+    prefixes = (name.removesuffix('alpha') for name in joints if name.endswith('alpha'))
     found = {}
     for prefix in (each for each in prefixes if not each or each[-1] in SEPARATORS):
         # Joints of another robot may have such names.
@@ -292,42 +274,19 @@ def _dimensions(
     joints: Mapping[str, Element], boxes: Mapping[str | None, Element | None], prefix: str
 ) -> dict[str, float]:
     """Return the dimensions of the leg whose joints have a prefix; a ValueError for another."""
-    plane = _link(joints[f'{prefix}{_JOINTS[0].name}'], 'parent')
     found: dict[str, float] = {}
-    for made in _JOINTS:
-        joint = joints[f'{prefix}{made.name}']
-        on = _link(joints[f'{prefix}{made.on}'], 'child') if made.on else plane
-        mimics = (f'{prefix}{made.back}', -1.0, 0.0) if made.back else None
-        kind = 'continuous' if made.turns else 'fixed'
-        # The axis of a fixed joint is arbitrary.
-        axis = _numbers(joint.find('axis'), 'xyz', '1 0 0') if made.turns else (0.0, 0.0, 0.0)
-        actual = _link(joint, 'parent'), joint.get('type'), axis, _mimicked(joint)
-        origin = joint.find('origin')
-        places = (made.x, made.y, '', '', '', made.bend)
+    for name, places in _JOINTS.items():
+        origin = joints[f'{prefix}{name}'].find('origin')
         values = _numbers(origin, 'xyz', '0 0 0') + _numbers(origin, 'rpy', '0 0 0')
-        others = [value for name, value in zip(places, values, strict=True) if not name]
-        if actual != (on, kind, (0.0, 0.0, float(made.turns)), mimics) or any(others):
-            raise ValueError(f'{made.name} is a joint of another robot')
-        found |= {name: value for name, value in zip(places, values, strict=True) if name}
-        if made.bend_sign < 0:
-            found[made.bend] *= -1
+        if any(value for place, value in enumerate(values) if place not in places):
+            raise ValueError(f'{name} is a joint of another robot')
+        found |= {dimension: values[place] for place, dimension in places.items()}
+    found['angle_fgh'] *= -1
     for name, on in _BAR_LENGTHS.items():
-        box = boxes[_link(joints[f'{prefix}{on}'], 'child')]
+        child = joints[f'{prefix}{on}'].find('child')
+        box = None if child is None else boxes[child.get('link')]
         found[name] = _numbers(box, 'size', '')[0]
     return found
-
-
-def _link(joint: Element, end: str) -> str | None:
-    link = joint.find(end)
-    return None if link is None else link.get('link')
-
-
-def _mimicked(joint: Element) -> tuple[str | None, float, float] | None:
-    mimic = joint.find('mimic')
-    if mimic is None:
-        return None
-    factor, offset = mimic.get('multiplier', '1'), mimic.get('offset', '0')
-    return mimic.get('joint'), float(factor), float(offset)
 
 
 def _numbers(element: Element | None, name: str, default: str) -> tuple[float, ...]:
