@@ -1,13 +1,15 @@
 """Runs made by the real solver and the real writer, without ROS: a message is its CDR bytes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
 import struct
+from types import MappingProxyType
 from typing import Any
 
 from bags import text
+from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
 from klann_ros.log.qos import Qos, qos_to_yaml
@@ -28,6 +30,7 @@ from klann_ros.log.run_parameters import (
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
 from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
+import numpy as np
 import pytest
 from xacro_legs import ROOT, urdf_of
 
@@ -193,6 +196,39 @@ class Script:
     def alter(self, topic: str, **fields: str) -> None:
         """Give a topic another name, type or definition."""
         setattr(self, topic, replace(getattr(self, topic), **fields))
+
+    def swing(
+        self,
+        scale: float = 1.0,
+        friction: float = 0.0,
+        steps: int = 0,
+        of_poses: bool = False,
+        others: Mapping[int, float] = MappingProxyType({}),
+        **parameters: Any,
+    ) -> None:
+        """Let the speed of the crank swing, with some of the torque for it as efforts [N m]."""
+        self.by_crank_state()
+        self.parameters = {'bar_density': 1.0, 'foot_mass': 0.2, **parameters}
+        times = PERIOD / 1e9 * np.arange(len(self.answers))
+        turned = 0.3 + 6.0 * times + 0.4 * np.sin(5.0 * times)
+        rates = 6.0 + 2.0 * np.cos(5.0 * times)
+        masses = rods(KlannGeometry(), 1.0, foot_mass=0.2)
+        dynamics = Dynamics(KlannGeometry(), masses)
+        torque = dynamics.crank_torque(turned, rates, -10.0 * np.sin(5.0 * times))
+        efforts = scale * torque + friction * np.sign(rates)
+        efforts[list(others)] = list(others.values())
+        sense, phase = self.parameters.get('direction', 1), self.parameters.get('phase', 0.0)
+        leg = KlannLeg()
+        for n, alpha in enumerate(turned):
+            # An encoder counts steps of a turn.
+            angle = (alpha - phase) / sense
+            angle = math.tau / steps * round(angle * steps / math.tau) if steps else angle
+            pose = leg.solve(sense * angle + phase)
+            self.change(n, alpha=angle, pose=list(pose.joints), foot=pose.h)
+        if of_poses:
+            self.pose_efforts = efforts
+        else:
+            self.crank_efforts = sense * efforts
 
     def reach(self, **geometry: float) -> None:
         """Answer by a leg that cannot reach all angles."""
