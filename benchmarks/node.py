@@ -10,11 +10,11 @@ from statistics import median
 import sys
 
 from klann_ros.kinematics.linkage.file import SHIPPED
-from support.aims import exit_code, is_met, SMOKE
+from support.aims import exit_code, is_met, sized
 from support.node_under_test import Figures, NodeUnderTest, RELAY, SOLVER
 
-ROUNDS, SECONDS = (1, 0.2) if SMOKE else (5, 3.0)
-RATES = (200.0,) if SMOKE else (200.0, 1000.0)
+ROUNDS, SECONDS = sized(1, 3, 5), sized(0.2, 2.0, 3.0)
+RATES = sized((200.0,), (200.0, 1000.0))
 # The aims: CPU a message, and latencies, as parts of the relay's.
 MOST_CPU, MOST_LATENCY = 0.5, 1.0
 # Jansen's CPU a message as a part of Klann's.

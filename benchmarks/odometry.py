@@ -32,7 +32,7 @@ from klann_ros.log import open_log
 from klann_ros.walker import imu_reading, Odometry
 import numpy as np
 from numpy.typing import NDArray
-from support.aims import SMOKE
+from support.aims import sized, SMOKE
 from support.invariant_ekf import InvariantEkf
 from support.odometry_baselines import NoSlip, RobotLocalization, Sample
 from support.odometry_walks import (
@@ -51,7 +51,9 @@ ENCODER, CRANK_RATE, GYRO, FORCE, ORIENTATION = 0.002, 0.01, 0.005, 0.03, 0.002
 GYRO_BIAS, FORCE_BIAS = 0.003, 0.1
 METHODS = ('ours, no IMU', 'no slip', 'ours, IMU', 'no slip + gyro', 'robot_loc.', 'inv. EKF')
 # A kilometre is no walk: RPE over this distance [m].
-RPE_DISTANCE = 0.1 if SMOKE else 1.0
+RPE_DISTANCE = sized(0.1, 1.0)
+# Of a walk [s].
+SECONDS = sized(2.0, 24.0)
 SECOND_SEEDS = 100
 
 
@@ -193,9 +195,7 @@ Task = tuple[Path, str, str, int, bool]
 def compared(task: Task) -> tuple[Task, dict[str, Result]]:
     """Return the errors of all methods on a walk."""
     folder, name, floor, seed, second = task
-    walk = recorded(
-        folder, name, floor, seed, second=second, **({'seconds': 2.0} if SMOKE else {})
-    )
+    walk = recorded(folder, name, floor, seed, second=second, seconds=SECONDS)
     true = truth(walk)
     found = estimates(feet_of(name), walk, seed)
     return task, {method: result(true, *each) for method, each in found.items()}
@@ -248,7 +248,7 @@ def checked(folder: Path) -> Iterator[str]:
     metre = {'delta': RPE_DISTANCE, 'delta_unit': metrics.Unit.meters, 'all_pairs': True}
     moved, turned = metrics.PoseRelation.translation_part, metrics.PoseRelation.rotation_angle_rad
     for name, floor in (('six', 'flat'), ('jansen', 'rough'), ('eight', 'slope')):
-        walk = recorded(folder, name, floor, 1, seconds=2.0 if SMOKE else 24.0)
+        walk = recorded(folder, name, floor, 1, seconds=SECONDS)
         true = truth(walk)
         poses, _ = estimates(feet_of(name), walk, 1)['ours, IMU']
         ours, found = result(true, poses, None), []
@@ -303,9 +303,9 @@ def main() -> None:
     )
     default = Path(tempfile.gettempdir()) / f'klann_ros_walks{"_smoke" if SMOKE else ""}'
     parser.add_argument('--walks', type=Path, default=default, help='folder of recorded walks')
-    parser.add_argument('--seeds', type=int, default=1 if SMOKE else 20, help='walks a row')
-    parser.add_argument('--held-out', type=int, default=0 if SMOKE else 10, help='walks a robot')
-    parser.add_argument('--processes', type=int, default=1)
+    parser.add_argument('--seeds', type=int, default=sized(1, 1, 10), help='walks a row')
+    parser.add_argument('--held-out', type=int, default=sized(0, 0, 10), help='walks a robot')
+    parser.add_argument('--processes', type=int, default=sized(1, 2))
     parser.add_argument('--run', type=Path, help='folder or file of a recorded run')
     parser.add_argument('--evo', action='store_true', help='check three walks against evo')
     options = parser.parse_args()

@@ -1,7 +1,7 @@
 """
 The search beside pylinkage's particle swarm and leggedsnake's NSGA-II, on the same problem.
 
-    python benchmarks/optimisers.py [SEEDS] [--smoke]
+    python benchmarks/optimisers.py [SEEDS]
 
 The foot path of a hidden Jansen leg, each of its 11 lengths within 20 % of the shipped one, is to
 be found within these ranges, at 96 equal steps of the crank. The others have the defaults of their
@@ -22,9 +22,9 @@ from klann_ros.kinematics import linkage_poses, shipped_linkage, Variants
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized, SMOKE
 
-SEEDS, SECONDS, EVALUATIONS = (1, 0.2, 480) if SMOKE else (20, 8.0, 2000)
+SEEDS, SECONDS, EVALUATIONS = sized(1, 3, 20), sized(0.2, 8.0), sized(480, 2000)
 if SMOKE:
     refine.MAX_STEPS = 2
 FRAMES, SPREAD, PARTICLES = 96, 0.2, 100

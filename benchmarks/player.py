@@ -6,13 +6,13 @@ Stamps are the middleware's: what a listener in this process adds is not in the 
 
 import sys
 
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized
 from support.replay import percentile, Replay, replay
 
 # Topics, messages a second of each, seconds.
-SECONDS = 0.3 if SMOKE else 10.0
+SECONDS = sized(0.3, 5.0, 10.0)
 AIMED, FAST = (3, 1000.0, SECONDS), (10, 1000.0, SECONDS)
-RATES = () if SMOKE else (2.0, 4.0, 8.0, 16.0)
+RATES: tuple[float, ...] = sized((), (2.0, 4.0, 8.0, 16.0))
 # The aim: the error of the time between two messages at rate 1 [s].
 MOST_P99 = 2e-3
 # It keeps up if it takes at most so much longer than it should.

@@ -13,13 +13,13 @@ from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg
 import numba
 import numpy as np
 from support import extended
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized
 from support.fsolve_leg import FsolveLeg
 from support.pylinkage_leg import PylinkageLeg
 from support.rounds import Aim, report, run, Way
 
-ROUNDS_OF_A_TURN, ROUNDS_OF_A_MILLION = (1, 1) if SMOKE else (41, 9)
-MILLION = 100_000 if SMOKE else 1_000_000
+ROUNDS_OF_A_TURN, ROUNDS_OF_A_MILLION = sized(1, 41), sized(1, 9)
+MILLION = sized(100_000, 1_000_000)
 GEOMETRY = KlannGeometry.sem104()
 
 

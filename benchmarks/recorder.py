@@ -2,8 +2,8 @@
 What a recorded message costs: recorder_node against a stock rclpy recorder with the same writer.
 
 They run in turn, several times, each as a process of its own, on three topics of 1 kHz each; what
-counts is the ratio within a round. Then recorder_node alone takes 10,000 messages a second for a
-minute, of which none may be missing in its run.
+counts is the ratio within a round. Then recorder_node alone takes 10,000 messages a second, of
+which none may be missing in its run; with --full for a minute.
 """
 
 from pathlib import Path
@@ -11,15 +11,15 @@ from statistics import median
 import sys
 import tempfile
 
-from support.aims import exit_code, is_met, SMOKE
+from support.aims import exit_code, is_met, sized
 from support.recorder_under_test import Cost, RecorderUnderTest
 
-ROUNDS, SECONDS = (1, 0.2) if SMOKE else (5, 4.0)
+ROUNDS, SECONDS = sized(1, 3, 5), sized(0.2, 2.0, 4.0)
 RATE, TOPICS = 1000.0, 3
 MOST_CPU = 0.25
 # What rosbag2's C++ recorder was seen to need on this load [us a message].
 ROSBAG2 = 26.0
-FLOOD_TOPICS, FLOOD_RATE, FLOOD_SECONDS = 5, 2000.0, 0.2 if SMOKE else 60.0
+FLOOD_TOPICS, FLOOD_RATE, FLOOD_SECONDS = 5, 2000.0, sized(0.2, 20.0, 60.0)
 
 
 def measured(*, ours: bool, topics: int, rate: float, seconds: float) -> Cost:

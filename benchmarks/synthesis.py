@@ -11,10 +11,10 @@ import time
 
 from klann_ros.synthesis import burmester_points, function_generators, PlacedFourBar, PlanePose
 import numpy as np
-from support.aims import exit_code, SMOKE
+from support.aims import exit_code, sized
 from traced_four_bars import is_traced, random_task, with_positions
 
-TASKS, RECOVERED = (20, 10) if SMOKE else (10_000, 10_000)
+TASKS, RECOVERED = sized(20, 2000, 10_000), sized(10, 2000, 10_000)
 
 
 def main() -> int:

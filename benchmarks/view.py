@@ -8,9 +8,7 @@ On request (`soak`) ten minutes with 99 pages that read nothing: whether memory 
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-import os
-from pathlib import Path
+from contextlib import AbstractContextManager, contextmanager
 import socket
 from statistics import median
 import subprocess
@@ -19,20 +17,19 @@ import time
 from typing import Any
 
 from browser import find
-from support.aims import exit_code, REST, SMOKE
+from support.aims import exit_code, REST, sized
 from support.node_under_test import NodeUnderTest, SOLVER
+from support.programs import command, cpu_of, end, memory_of, started
 
-ROUNDS, SECONDS = (1, 0.3) if SMOKE else (5, 3.0)
+ROUNDS, SECONDS = sized(1, 3, 5), sized(0.3, 3.0)
 RATE = 1000.0
-STALLED, SETTLED = (3, 0.5) if SMOKE else (99, 2.5)
+VIEWPORT = {'width': sized(360, 1280), 'height': sized(240, 900)}
+STALLED, SETTLED = sized(3, 99), sized(0.5, 2.5)
 # Of ten minutes, in which the solver answers a quarter of the time [s].
 SOAK, SOAK_REST = 600.0, 9.0
 # The aims.
 MOST_P99, MOST_CPU, MOST_MEGABYTES = 1.05, 1.1, 1.0
 MOST_START, LEAST_FRAMES, MOST_SLIDER, MOST_STOP = 3.0, 50.0, 50.0, 0.5
-VIEW = 'import sys; from klann_ros.executables import view_node as n; sys.exit(n())'
-CRANK = 'import sys; from klann_ros.executables import crank_node as n; sys.exit(n())'
-# A page that draws sixty times a second, without drawing.
 PAGE = """
 import asyncio, json, sys, aiohttp
 async def main(url):
@@ -50,7 +47,9 @@ SLIDER = """async (angle) => {
     const slider = document.getElementById('angle');
     const picture = document.getElementById('picture');
     const wanted = angle * Math.PI / 180;
-    const isThere = () => Math.abs(Number(picture.dataset.x.split(' ')[0]) - wanted) < 1e-6;
+    // The crank has turned before.
+    const off = () => (Number(picture.dataset.x.split(' ')[0]) - wanted) / 2;
+    const isThere = () => Math.abs(Math.sin(off())) < 1e-6;
     const begin = performance.now();
     const drawn = new Promise((done) => {
         new MutationObserver((_, watch) => {
@@ -81,22 +80,16 @@ FRAMES = """async (seconds) => {
 
 
 @contextmanager
-def process(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a Python program, and end it."""
-    command = [sys.executable, '-c', code, *arguments]
-    made = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        yield made
-    finally:
-        made.terminate()
-        made.wait()
-
-
-@contextmanager
 def viewing() -> Iterator[tuple[int, str]]:
     """Run a view_node; yield its process's number and its address."""
-    with process(VIEW, '--port', '0') as made:
+    line = command('view_node', '--port', 0)
+    with started(line, stdout=subprocess.PIPE, text=True) as made:
         yield made.pid, next(iter(made.stdout or [])).strip()
+
+
+def page_at(url: str) -> AbstractContextManager[Any]:
+    """Open a page that draws sixty times a second, without drawing."""
+    return started([sys.executable, '-c', PAGE, url])
 
 
 def stalled(url: str) -> socket.socket:
@@ -112,18 +105,6 @@ def stalled(url: str) -> socket.socket:
     return made
 
 
-def memory(pid: int) -> float:
-    """Return a process's resident memory [MB]."""
-    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
-    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
-
-
-def cpu(pid: int) -> float:
-    """Return the time that a process has run [s]."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
 def all_met(*figures: tuple[str, float, float, str]) -> bool:
     """Print figures with their aims, the most each may be; those below 0 are the least."""
     for name, value, most, unit in figures:
@@ -137,7 +118,7 @@ def server() -> bool:
     node = NodeUnderTest(SOLVER)
     ratios, costs, grown, lost = [], [], [], {0: 0, STALLED: 0}
     try:
-        with viewing() as (pid, url), process(PAGE, url):
+        with viewing() as (pid, url), page_at(url):
             time.sleep(REST)
             node.measure(RATE, SECONDS)
             for number in range(ROUNDS):
@@ -146,11 +127,11 @@ def server() -> bool:
                     pages = [stalled(url) for _ in range(count)]
                     # Opening them costs CPU; the measurement covers open ones only.
                     time.sleep(SETTLED)
-                    size, spent = memory(pid), cpu(pid)
+                    size, spent = memory_of(pid), cpu_of(pid)
                     figures = node.measure(RATE, SECONDS)
-                    p99[count], cost[count] = figures.p99, cpu(pid) - spent
+                    p99[count], cost[count] = figures.p99, cpu_of(pid) - spent
                     lost[count] += figures.lost
-                    grown.append(memory(pid) - size)
+                    grown.append(memory_of(pid) - size)
                     for page in pages:
                         page.close()
                 ratios.append(p99[STALLED] / p99[0])
@@ -172,13 +153,13 @@ def soak() -> bool:
     node = NodeUnderTest(SOLVER)
     sizes, lost = [], 0
     try:
-        with viewing() as (pid, url), process(PAGE, url):
+        with viewing() as (pid, url), page_at(url):
             pages = [stalled(url) for _ in range(STALLED)]
             end = time.monotonic() + SOAK
             while time.monotonic() < end:
                 lost += node.measure(RATE, SECONDS).lost
                 time.sleep(SOAK_REST)
-                sizes.append(memory(pid))
+                sizes.append(memory_of(pid))
             for page in pages:
                 page.close()
     finally:
@@ -195,19 +176,18 @@ def soak() -> bool:
 
 def in_browser(browser: Any) -> bool:
     """Measure the page; return whether the aims are met."""
-    with process(SOLVER[-1]):
-        with process(CRANK, '--ros-args', '-p', 'rate:=1000.0'):
-            time.sleep(REST)
-            begin = time.monotonic()
-            with viewing() as (_, url):
-                page = browser.new_page(viewport={'width': 1280, 'height': 900})
-                page.goto(url)
-                page.wait_for_selector('#picture[data-x]')
-                start = time.monotonic() - begin
-                time.sleep(0.5 if SMOKE else 3.0)
-                frames, cost = page.evaluate(FRAMES, 0.5 if SMOKE else 5.0)
-                page.close()
+    with started(SOLVER), started(command('crank_node', rate=1000.0)) as crank:
+        time.sleep(REST)
+        begin = time.monotonic()
         with viewing() as (_, url):
+            page = browser.new_page(viewport=VIEWPORT)
+            page.goto(url)
+            page.wait_for_selector('#picture[data-x]')
+            start = time.monotonic() - begin
+            time.sleep(sized(0.5, 3.0))
+            frames, cost = page.evaluate(FRAMES, sized(0.5, 5.0))
+            page.close()
+            end(crank)
             late, stop = slider(browser, url)
     print(f'a frame is drawn in {cost:.2f} ms')
     return all_met(
@@ -231,7 +211,7 @@ def slider(browser: Any, url: str) -> tuple[float, float]:
     node.create_subscription(
         Float64, 'crank_angle', lambda _: heard.append(time.monotonic()), QoSProfile(depth=2000)
     )
-    page = browser.new_page(viewport={'width': 1280, 'height': 900})
+    page = browser.new_page(viewport=VIEWPORT)
     page.goto(url)
 
     def until(is_so: Callable[[], Any]) -> None:
@@ -244,15 +224,15 @@ def slider(browser: Any, url: str) -> tuple[float, float]:
     page.wait_for_selector('#take:enabled')
     page.click('#take')
     page.wait_for_selector('#angle:enabled')
-    time.sleep(1.0)
-    angles = [float(7 * k % 170) for k in range(1, 3 if SMOKE else 41)]
+    time.sleep(sized(0.1, 1.0))
+    angles = [float(7 * k % 170) for k in range(1, sized(3, 41))]
     late = sorted(page.evaluate(SLIDER, angle) for angle in angles)
     page.locator('#speed').fill('3')
-    for _ in range(50):
+    for _ in range(sized(10, 50)):
         rclpy.spin_once(node, timeout_sec=0.02)
     closed = time.monotonic()
     page.close()
-    while time.monotonic() < closed + 1.5:
+    while time.monotonic() < closed + sized(0.3, 1.5):
         rclpy.spin_once(node, timeout_sec=0.02)
     node.destroy_node()
     rclpy.shutdown()

@@ -24,27 +24,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 import rclpy
 from sensor_msgs.msg import JointState
-from support.aims import exit_code, is_met, SMOKE
-from support.node_under_test import cpu_of, end
+from support.aims import exit_code, is_met, sized
+from support.programs import command, cpu_of, end, support_command
 
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
-GIVEN = ('--ros-args', '--params-file', str(WALKER))
+GIVEN = ('--ros-args', '--params-file', WALKER, '-p')
 # The aims: CPU as a part of the relay's with typed messages, of a second, and of real time.
 MOST_CPU, MOST_LATENCY, LEAST_FACTOR = 1.0, 1e-3, 0.99
-WARM_UP = 0.2 if SMOKE else 4.0
+WARM_UP = sized(0.2, 4.0)
 # What may wait to be taken, and how often nothing is found before nothing is there.
 DEPTH, IDLE = 100_000, 20
-
-
-def node(name: str, *arguments: str) -> list[str]:
-    """Return how to start one of our nodes."""
-    code = f'import sys; from klann_ros.executables import {name} as main; sys.exit(main())'
-    return [sys.executable, '-c', code, *arguments]
-
-
-def relay(loop: str) -> list[str]:
-    """Return how to start a relay."""
-    return [sys.executable, str(Path(__file__).with_name('support') / 'walker_relay.py'), loop]
 
 
 class Cost(NamedTuple):
@@ -110,10 +99,10 @@ class Probe:
         return sorted((self.odom[stamp] - self.cranks[stamp]) / 1e9 for stamp in both)
 
 
-def cost(command: list[str], seconds: float) -> Cost:
+def cost(line: list[str], seconds: float) -> Cost:
     """Return what a node costs that walks a simulated walker."""
-    sim = subprocess.Popen(node('sim_node', *GIVEN, '-p', 'linear:=0.15'))
-    walker = subprocess.Popen(command)
+    sim = subprocess.Popen(command('sim_node', *GIVEN, 'linear:=0.15'))
+    walker = subprocess.Popen(line)
     cores = os.sched_getaffinity(0)
     if len(cores) > 1:
         os.sched_setaffinity(sim.pid, {max(cores)})
@@ -130,6 +119,10 @@ def cost(command: list[str], seconds: float) -> Cost:
         time.sleep(seconds)
         after = [(cpu_of(each.pid), time.monotonic()) for each in (sim, walker)]
         probe.take()
+        # Reported once a second.
+        while not probe.factors and sim.poll() is None:
+            time.sleep(0.1)
+            probe.take()
     finally:
         for each in (walker, sim):
             end(each)
@@ -146,10 +139,12 @@ def cost(command: list[str], seconds: float) -> Cost:
 def main() -> int:
     """Walk, print what it costs, and return whether the aims are met."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--seconds', type=float, default=1.2 if SMOKE else 10.0)
+    parser.add_argument('--seconds', type=float, default=sized(0.3, 10.0))
     seconds = parser.parse_args().seconds
-    walk = cost(node('walker_node', *GIVEN, '-p', 'use_imu:=true'), seconds)
-    lean, typed = (cost(relay(loop), seconds) for loop in ('lean', 'rclpy'))
+    walk = cost(command('walker_node', *GIVEN, 'use_imu:=true'), seconds)
+    lean, typed = (
+        cost(support_command('walker_relay', loop), seconds) for loop in ('lean', 'rclpy')
+    )
     aims = (
         ('CPU of walker_node, of the relay with typed messages', walk.cpu / typed.cpu, MOST_CPU),
         ('odom after crank_state, p50 [ms]', 1e3 * walk.p50, 1e3 * MOST_LATENCY),

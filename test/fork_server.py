@@ -322,6 +322,7 @@ def _run_script() -> int:
         text = compile(sys.argv.pop(1), '<string>', 'exec')
         exec(text, {'__name__': '__main__'})  # noqa: S102 - a test's own
     else:
-        sys.path.insert(0, str(Path(sys.argv[0]).parent))
+        places = os.environ.get('PYTHONPATH', '').split(os.pathsep)
+        sys.path[:0] = [str(Path(sys.argv[0]).parent), *filter(None, places)]
         runpy.run_path(sys.argv[0], run_name='__main__')
     return 0

@@ -3,10 +3,9 @@
 import os
 from pathlib import Path
 import re
-import subprocess
-import sys
 
 from domain import own_world
+from fork_server import called, PYTHON
 import pytest
 from walk_runs import Walking
 import yaml
@@ -17,17 +16,11 @@ BENCHMARKS = sorted(path.stem for path in (ROOT / 'benchmarks').glob('*.py'))
 
 def output_of(name: str, *arguments: str | Path, folder: Path) -> str:
     """Run a benchmark; return what it printed."""
-    folders = [str(ROOT / 'test'), str(ROOT / 'scripts/support')]
-    paths = [*folders, os.environ.get('PYTHONPATH', '')]
+    paths = [str(ROOT / 'scripts/support'), os.environ.get('PYTHONPATH', '')]
     with own_world(folder) as world:
-        result = subprocess.run(
-            [sys.executable, ROOT / 'benchmarks' / f'{name}.py', *arguments],
-            env=os.environ | world | {'PYTHONPATH': os.pathsep.join(filter(None, paths))},
-            capture_output=True,
-            check=False,
-            text=True,
-            timeout=240,
-        )
+        environment = {**os.environ, **world, 'PYTHONPATH': os.pathsep.join(filter(None, paths))}
+        script = ROOT / 'benchmarks' / f'{name}.py'
+        result = called(PYTHON, script, *arguments, environment=environment, patience=240.0)
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 

@@ -1,42 +1,31 @@
 """
 Kill a recorder again and again at random moments: a crash costs at most a second.
 
-    python benchmarks/support/kill.py [TIMES]
+    PYTHONPATH=benchmarks python -m support.kill [TIMES]
 
 A crank of 1 kHz turns a solver; recorder_node takes all topics. For each topic it prints how much
 time lies between the kill and the last message in the file, and how many are missing before it.
 """
 
-import os
 from pathlib import Path
 import random
-import subprocess
+from subprocess import DEVNULL, Popen
 import sys
 import tempfile
 import time
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
-
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '92')
+from support.programs import command, started
 
 # What is recorded of the crank and its solver, each at its rate.
 TOPICS = ('/crank_angle', '/joint_states', '/point_h')
 MOST = 1.0
 
 
-def start(name: str, *parameters: str, output: int | None = None) -> subprocess.Popen[bytes]:
-    """Start an executable with parameters."""
-    code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
-    given = [word for parameter in parameters for word in ('-p', parameter)]
-    command = [sys.executable, '-c', code, *(['--ros-args', *given] if given else [])]
-    return subprocess.Popen(command, stderr=output)
-
-
 def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
     """Record, kill; return the lost time [s] of each topic, and the gaps before."""
-    recorder = start('recorder_node', f'output:={folder}', 'all_topics:=true', output=-3)
+    recorder = Popen(command('recorder_node', output=folder, all_topics='true'), stderr=DEVNULL)
     while not _heard(folder):
         time.sleep(0.1)
     time.sleep(seconds)
@@ -67,23 +56,20 @@ def _loss(log: Log, topic: str, end: int) -> tuple[float, int]:
 
 def main(times: int) -> int:
     """Print what each kill has cost; return 0 if it was never more than a second."""
-    crank = start('crank_node', 'rate:=1000.0', output=-3)
-    solver = start('solver_node', output=-3)
     worst, missing = 0.0, 0
-    try:
-        with tempfile.TemporaryDirectory() as work:
-            for number in range(times):
-                seconds = random.uniform(0.5, 3.0)  # noqa: S311 - no secret
-                losses = killed(Path(work, f'run_{number}'), seconds)
-                worst = max(worst, *(lost for lost, _ in losses.values()))
-                missing += sum(count for _, count in losses.values())
-                rows = losses.items()
-                said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in rows)
-                print(f'{number + 1:3}: {said}', flush=True)
-    finally:
-        for process in (crank, solver):
-            process.terminate()
-            process.wait()
+    with (
+        started(command('crank_node', rate=1000.0), stderr=DEVNULL),
+        started(command('solver_node'), stderr=DEVNULL),
+        tempfile.TemporaryDirectory() as work,
+    ):
+        for number in range(times):
+            seconds = random.uniform(0.5, 3.0)  # noqa: S311 - no secret
+            losses = killed(Path(work, f'run_{number}'), seconds)
+            worst = max(worst, *(lost for lost, _ in losses.values()))
+            missing += sum(count for _, count in losses.values())
+            rows = losses.items()
+            said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in rows)
+            print(f'{number + 1:3}: {said}', flush=True)
     print(f'at most {worst:.3f} s were lost, and {missing} messages before that')
     return 0 if worst <= MOST and not missing else 1
 

@@ -1,11 +1,8 @@
 """A node as a process: cranks go in, answers come out, and what it costs is read from outside."""
 
 from dataclasses import dataclass
-import os
-from pathlib import Path
 import struct
 import subprocess
-import sys
 import time
 from typing import Any
 
@@ -17,19 +14,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from .aims import REST
+from .programs import command, cpu_of, end, support_command
 
-# The traffic never leaves the machine, nor meets another's.
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '90')
-
-RELAY = [sys.executable, str(Path(__file__).with_name('relay_node.py'))]
-SOLVER = [
-    sys.executable,
-    '-c',
-    'import sys; from klann_ros.executables import solver_node; sys.exit(solver_node())',
-]
+RELAY, SOLVER = support_command('relay_node'), command('solver_node')
 WARM_UP = REST / 4.0
-STOP_TIME = 5.0
 OUTPUTS = ((JointState, 'joint_states'), (PointStamped, 'point_h'))
 
 
@@ -42,23 +30,6 @@ class Figures:
     p99: float
     idle: float
     lost: int
-
-
-def cpu_of(process: int) -> float:
-    """Return the time that all threads of a process have run [s]."""
-    threads = Path(f'/proc/{process}/task').iterdir()
-    return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
-
-
-def end(process: subprocess.Popen[bytes]) -> None:
-    """Stop a process by a signal; kill it if it goes on."""
-    process.terminate()
-    try:
-        process.wait(STOP_TIME)
-    except subprocess.TimeoutExpired:
-        # rclpy.spin of a relay now and then sleeps through the signal.
-        process.kill()
-        process.wait()
 
 
 class NodeUnderTest:
@@ -114,11 +85,6 @@ class NodeUnderTest:
     def cpu(self) -> float:
         """Return the time that all its threads have run [s]."""
         return cpu_of(self.process.pid)
-
-    def memory(self) -> float:
-        """Return its resident memory [MB]."""
-        pages = int(Path(f'/proc/{self.process.pid}/statm').read_text().split()[1])
-        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
     def stop(self) -> None:
         """End it."""

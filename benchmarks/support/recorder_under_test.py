@@ -2,10 +2,8 @@
 
 from collections import Counter
 from dataclasses import dataclass
-import os
 from pathlib import Path
 import subprocess
-import sys
 import time
 
 from klann_ros.log.reader import open_log
@@ -15,17 +13,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from .aims import REST
+from .programs import command, cpu_of, memory_of, support_command
 
-# The traffic never leaves the machine, nor meets another's.
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '91')
-
-OURS = [
-    sys.executable,
-    '-c',
-    'import sys; from klann_ros.executables import recorder_node; sys.exit(recorder_node())',
-]
-STOCK = [sys.executable, str(Path(__file__).with_name('stock_recorder.py'))]
 WARM_UP = REST / 2.0
 # How many messages are published at once: a publisher that wakes up for each has no time for it.
 BURST = 5
@@ -65,14 +54,13 @@ class RecorderUnderTest:
         self._publishers = [self._node.create_publisher(JointState, n, OUTPUT) for n in names]
         self._folder = folder / 'run'
         if ours:
-            parameters = [f'output:={self._folder}', f'topics:=[{",".join(names)}]']
-            command = [*OURS, '--ros-args', *(w for p in parameters for w in ('-p', p))]
+            line = command('recorder_node', output=self._folder, topics=f'[{",".join(names)}]')
         else:
-            command = [*STOCK, str(self._folder), *names]
+            line = support_command('stock_recorder', self._folder, *names)
         self._ours = ours
         self._log = folder / 'recorder.log'
         with self._log.open('w') as log:
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log)
+            self._process = subprocess.Popen(line, stdin=subprocess.PIPE, stderr=log)
         while any(p.get_subscription_count() < 1 for p in self._publishers):
             if self._process.poll() is not None:
                 raise SystemExit(f'the recorder has ended:\n{self._log.read_text()}')
@@ -81,14 +69,14 @@ class RecorderUnderTest:
 
     def measure(self, rate: float, seconds: float) -> Cost:
         """Publish on every topic at a rate [Hz] for some time [s], then end it."""
-        idle = self._cpu()
+        idle = cpu_of(self._process.pid)
         time.sleep(REST)
-        idle = self._cpu() - idle
+        idle = cpu_of(self._process.pid) - idle
         warm_up, count = round(rate * WARM_UP), round(rate * seconds)
         self._publish(rate, warm_up)
-        before = self._cpu()
+        before = cpu_of(self._process.pid)
         self._publish(rate, count)
-        spent, memory = self._cpu() - before, self._memory()
+        spent, memory = cpu_of(self._process.pid) - before, memory_of(self._process.pid)
         self._stop()
         lost = (warm_up + count) * len(self._publishers) - self._written()
         per_message = spent / (count * len(self._publishers))
@@ -124,14 +112,3 @@ class RecorderUnderTest:
         self._process.communicate()
         self._node.destroy_node()
         self._context.try_shutdown()
-
-    def _cpu(self) -> float:
-        """Return the time that all its threads have run [s]."""
-        total = 0
-        for thread in Path(f'/proc/{self._process.pid}/task').iterdir():
-            total += int((thread / 'schedstat').read_text().split()[0])
-        return total / 1e9
-
-    def _memory(self) -> float:
-        pages = int(Path(f'/proc/{self._process.pid}/statm').read_text().split()[1])
-        return pages * os.sysconf('SC_PAGE_SIZE') / 1e6

@@ -7,7 +7,6 @@ from math import nan
 import os
 from pathlib import Path
 import subprocess
-import sys
 import tempfile
 from typing import Any
 
@@ -22,11 +21,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-# The traffic never leaves the machine, nor meets another's.
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-os.environ.setdefault('ROS_DOMAIN_ID', '91')
+from .programs import command
 
-PLAYER = 'import sys; from klann_ros.executables import player_node; sys.exit(player_node())'
 KINDS = (
     JointState(name=['alpha', 'gamma', 'beta', 'delta', 'theta'], position=[0.1] * 5),
     PointStamped(),
@@ -86,10 +82,10 @@ def replay(topics: int, hz: float, seconds: float, rate: float = 1.0) -> Replay:
         log = write_log(Path(folder, 'log'), topics, hz, seconds)
         count = topics * round(hz * seconds)
         listener = _Listener(topics)
-        command = [sys.executable, '-c', PLAYER, str(log), '--rate', str(rate)]
+        line = command('player_node', log, '--rate', rate, '--delay', DELAY)
         with (
             Path(folder, 'said').open('w+') as said,
-            subprocess.Popen([*command, '--delay', str(DELAY)], stderr=said) as player,
+            subprocess.Popen(line, stderr=said) as player,
         ):
             cpu = listener.listen(player, count)
             player.wait()

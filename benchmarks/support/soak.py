@@ -7,6 +7,7 @@ Let solver_node answer 1 kHz for a long time: nothing may be lost, and its memor
 import sys
 
 from support.node_under_test import NodeUnderTest, SOLVER
+from support.programs import memory_of
 
 RATE = 1000.0
 # Growth that a leak of one small object a message would exceed many times [MB].
@@ -22,7 +23,7 @@ def main(minutes: float) -> int:
         for minute in range(round(minutes)):
             figures = node.measure(RATE, 57.0)
             lost += figures.lost
-            memory.append(node.memory())
+            memory.append(memory_of(node.process.pid))
             print(
                 f'{minute + 1:6} {figures.cpu:7.1f} {figures.p50:7.0f} {figures.p99:7.0f} '
                 f'{figures.lost:5} {memory[-1]:7.1f}',

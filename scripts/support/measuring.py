@@ -15,14 +15,16 @@ def benchmark(arguments: list[str]) -> int:
         prog='scripts/benchmark', description='Measure speed, as ratios of the same work.'
     )
     parser.add_argument('name', nargs='*', help=f'of {", ".join(scripts)}; default: all')
-    chosen = parser.parse_args(arguments).name or list(scripts)
+    parser.add_argument('--full', action='store_true', help='as published: up to hours')
+    options = parser.parse_args(arguments)
+    chosen, form = options.name or list(scripts), ['--full'] * options.full
     if unknown := [name for name in chosen if name not in scripts]:
         parser.error(f'no such benchmark: {", ".join(unknown)}')
     missed = []
     with environment('benchmark') as env:
         for name in chosen:
             print(f'{name}: ', end='', flush=True)
-            if run([env.python, scripts[name]], _with_tests(env)) != 0:
+            if run([env.python, scripts[name], *form], _with_tests(env)) != 0:
                 missed.append(name)
     if missed:
         print(f'missed their aim: {", ".join(missed)}')
