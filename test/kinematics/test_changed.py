@@ -56,25 +56,14 @@ def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
     assert inversion.tolerance == BAR.tolerance
     of_law = BAR.grashof.inversions[fixed]
     assert (inversion.grashof.motion, inversion.grashof.class_) == (of_law.motion, of_law.class_)
-    # The same loop: what is between two links does not know which of them is held.
+    # The same loop: its links around it, the ground and the rocker against their directions.
     for theta2 in (0.4, 2.5, 5.0):
-        pose = BAR.closed_form(theta2)
-        angles = dict(zip(LINKS, (0.0, *pose.joints), strict=True))
-        order = LINKS * 2
-        held, driven = order[order.index(fixed)], order[order.index(fixed) + 1]
-        # Bars run around the loop, the ground and the rocker against it.
-        turned = {'ground': math.pi, 'rocker': math.pi}
-        between = (angles[driven] + turned.get(driven, 0.0)) - (
-            angles[held] + turned.get(held, 0.0)
-        )
-        found = []
-        for sign in (1, -1):
-            other = BAR.inversion(fixed, sign).closed_form(between - math.pi)
-            found.append(other.transmission_angle)
-        third, fourth = order[order.index(fixed) + 2], order[order.index(fixed) + 3]
-        own = (angles[fourth] + turned.get(fourth, 0.0)) - (angles[third] + turned.get(third, 0.0))
-        expected = math.pi - abs(math.remainder(own, math.tau))
-        assert min(abs(angle - expected) for angle in found) < 1e-9
+        _, theta3, theta4 = BAR.closed_form(theta2).joints
+        around = np.roll([math.pi, theta2, theta3, theta4 + math.pi], -LINKS.index(fixed))
+        _, driven, across, other = around + (math.pi - around[0])
+        for assembly in (1, -1):
+            f = BAR.inversion(fixed, assembly).f(driven, [across, other - math.pi])
+            assert f == pytest.approx(0.0, abs=1e-15)
 
 
 @pytest.mark.parametrize('fixed', ['coupler bar', '', None, 2])

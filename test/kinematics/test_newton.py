@@ -17,7 +17,6 @@ from klann_ros.kinematics import (
     LinkageLeg,
     NotConvergedError,
     shipped_linkage,
-    shipped_linkages,
     SingularPoseError,
     UnreachableError,
 )
@@ -229,18 +228,3 @@ def test_invalid_angles_are_refused(call: str) -> None:
 def test_a_singular_estimate_has_no_correction() -> None:
     with pytest.raises(SingularPoseError):
         FourBar(2, 1, 2, 1).correction(0.0, [0.0, 0.0])
-
-
-def test_the_cranks_angle_has_one_name_in_every_linkage() -> None:
-    legs = [
-        KlannLeg(),
-        BAR[0],
-        *(LinkageLeg(shipped_linkage(name)) for name in shipped_linkages()),
-    ]
-    for leg in legs:
-        pose = leg.solve(1.25)
-        assert pose.crank_angle == pose.joints[0] == 1.25
-    pose = BAR[0].solve(ALPHA)
-    assert (pose.theta2, round(math.degrees(pose.alpha), 2)) == (ALPHA, 81.53)
-    assert repr(pose).startswith(f'FourBarPose(theta2={ALPHA:.7g}, theta3=')
-    assert 'alpha' not in repr(pose)

@@ -53,26 +53,14 @@ def f_alpha(geometry: KlannGeometry, alpha: float) -> np.ndarray:
 
 def test_the_patent_leg_takes_the_printed_pose() -> None:
     geometry = KlannGeometry.patent()
-    printed = np.array(
-        [
-            [1.599, 0.750],
-            [1.331, 0.750],
-            [0.741, 0.750],
-            [1.009, 0.574],
-            [1.366, 1.366],
-            [0.866, 1.500],
-            [0.232, 0.866],
-            [0.000, 0.000],
-        ]
-    )
+    printed = np.array([
+        [1.599, 0.750], [1.331, 0.750], [0.741, 0.750], [1.009, 0.574],
+        [1.366, 1.366], [0.866, 1.500], [0.232, 0.866], [0.000, 0.000],
+    ])  # fmt: skip
     pose = KlannLeg(geometry).solve(math.pi)
     np.testing.assert_allclose(pose.points, printed - [1.599, 0.574], rtol=0, atol=1e-14)
-    assert (geometry.x_d, geometry.y_a, geometry.x_e, geometry.y_e) == (
-        -0.59,
-        0.176,
-        -0.233,
-        0.792,
-    )
+    pivots = (geometry.x_d, geometry.y_a, geometry.x_e, geometry.y_e)
+    assert pivots == (-0.59, 0.176, -0.233, 0.792)
     assert geometry.assembly == (-1, -1)
     assert geometry.angle_bcg < 0
     assert geometry.angle_fgh < 0

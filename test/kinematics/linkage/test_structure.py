@@ -1,7 +1,5 @@
 """The loop equations and their blocks follow from the bodies."""
 
-from importlib.resources import files
-from itertools import pairwise
 from pathlib import Path
 
 from klann_ros.kinematics import (
@@ -12,7 +10,7 @@ from klann_ros.kinematics import (
     shipped_linkage,
     shipped_linkages,
 )
-from klann_ros.kinematics.linkage.structure import Bar, Body, Structure
+from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
 import pytest
 import yaml
@@ -45,7 +43,7 @@ def test_loops_are_dyads_one_after_the_other_or_coupled(
 
 def test_coupled_loops_with_two_poses_at_one_crank_angle_are_refused() -> None:
     """After a turn of this crank the rockers are on their other side."""
-    text = (files('klann_ros.linkages') / 'stephenson.yaml').read_text()
+    text = (SHIPPED / 'stephenson.yaml').read_text(encoding='utf-8')
     for old, new in (
         ('[180, 200]', '[141, 107]'),
         ('length: 25}', 'length: 77}'),
@@ -75,37 +73,18 @@ def per_loop(linkage: Linkage) -> list:
     return [block for block in linkage.blocks for _ in range(len(block.unknowns) // 2)]
 
 
-def split(body: Body) -> Body:
-    """Return a body whose first bar has three points more on it; a line has no length to part."""
-    if body.slides:
-        return body
-    first, *others = body.bars
-    names = [first.start, *(f'{first.start}{k}{body.angle}' for k in range(3)), first.end]
-    parts = [Bar(p, q) for p, q in pairwise(names)]
-    return body._replace(bars=(*parts, *others))
-
-
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
     plain = shipped_linkage(name)
-    structure = plain.structure
-    finer_structure = Structure(
-        structure.pivots, tuple(map(split, structure.bodies)), structure.foot
-    )
-    numbers = []
-    given = {
-        (d.kind, d.place): v for d, v in zip(structure.dimensions, plain.numbers, strict=True)
-    }
-    # Each body's first bar has become four, of a quarter of its length.
-    old = [
-        n for n, _ in enumerate(structure.bars) for _ in range(4 if n in structure.straight else 1)
-    ]
-    for dimension in finer_structure.dimensions:
-        kind, place = dimension.kind, dimension.place
-        of = place if kind in ('x', 'y') else old[place]
-        quarter = kind == 'length' and of in structure.straight
-        numbers.append(given.get((kind, of), 0.0) / (4 if quarter else 1))
-    finer = Linkage(finer_structure, numbers, start=plain.start_guess)
+    content = yaml.safe_load((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'))
+    for angle, body in content['bodies'].items():
+        if 'slides' not in body:
+            first, *others = body['bars']
+            middle, half = f'{first["from"]}_{angle}', first['length'] / 2
+            parts = ((first['from'], middle), (middle, first['to']))
+            halves = [{'from': p, 'to': q, 'length': half} for p, q in parts]
+            body['bars'] = [*halves, *others]
+    finer = linkage_from_text(yaml.safe_dump(content, sort_keys=False), 'finer')
     assert unknowns(finer) == unknowns(plain)
     assert finer.assembly == plain.assembly
     assert LinkageLeg(finer).reachable_arcs() == LinkageLeg(plain).reachable_arcs()
