@@ -116,41 +116,15 @@ def run(
             finished.set_result(code)
 
     for_ros = split(argv)[1]
-    unreadable = unreadable_params_file(for_ros)
-    if unreadable:
-        return _refuse(name, StartError(unreadable))
     try:
-        # StopSignals handles them.
-        rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
-    except UnknownROSArgsError as error:
-        known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
-        return _refuse(name, StartError(f'unknown arguments for ROS {error}; it takes {known}'))
-    except _START_ERRORS as error:
-        if 'log directory' in str(error):
-            error = StartError(f'{ros_error(error)}; {_LOG_FOLDER_REMEDY}')
-        return _refuse(name, error)
-    try:
+        _init(for_ros)
         stop.on_stop(finish)
         report_unit_warnings(lambda text: get_logger(name).warning(text))
-        try:
-            node = make_node(finish)
-        except _START_ERRORS as error:
-            return _refuse(name, error)
-        closed = _spin(name, node, finished, for_ros, raw=raw, batch_period=batch_period)
-        return int(finished.result() or closed)
-    finally:
+        node = make_node(finish)
+    except _START_ERRORS as error:
         rclpy.try_shutdown()
-
-
-def _spin(
-    name: str,
-    node: Node,
-    finished: Future,
-    for_ros: Sequence[str],
-    *,
-    raw: bool,
-    batch_period: float,
-) -> int:
+        print(f'{name}: {ros_error(error)}', file=sys.stderr)
+        return 1
     executor = SingleThreadedExecutor()
     try:
         prepare_sets(node, name)
@@ -166,12 +140,38 @@ def _spin(
         closed = node.close() if isinstance(node, ProcessNode) else 0
         node.destroy_node()
         executor.shutdown()
-    return closed
+        rclpy.try_shutdown()
+    return int(finished.result() or closed)
 
 
-def _refuse(name: str, error: Exception) -> int:
-    print(f'{name}: {ros_error(error)}', file=sys.stderr)
-    return 1
+def _init(for_ros: Sequence[str]) -> None:
+    """Initialize ROS; a StartError names a refused argument, or the remedy."""
+    _check_params_files(for_ros)
+    try:
+        # StopSignals handles them.
+        rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
+    except UnknownROSArgsError as error:
+        known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
+        raise StartError(f'unknown arguments for ROS {error}; it takes {known}') from error
+    except _START_ERRORS as error:
+        if 'log directory' not in str(error):
+            raise
+        raise StartError(f'{ros_error(error)}; {_LOG_FOLDER_REMEDY}') from error
+
+
+def _check_params_files(arguments: Sequence[str]) -> None:
+    """Refuse special files: for a pipe without a writer ROS blocks and ignores every signal."""
+    for file in _behind(arguments, '--params-file'):
+        # A shell's process substitution, as in `--params-file <(...)`, has a writer.
+        if file.startswith(('/dev/fd/', '/proc/self/fd/')):
+            continue
+        try:
+            open_regular(file).close()
+        except NotRegularFileError as error:
+            reason = f'{printable(file)} cannot be read: {error.strerror}'
+            raise StartError(reason) from error
+        except (OSError, ValueError):
+            continue  # ROS reports it
 
 
 def ros_error(error: Exception) -> str:
@@ -220,25 +220,6 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
         *islice(_without_effect(node, files), MAX_LINES + 1),
     ]
     return lines if len(lines) <= MAX_LINES else [*lines[:MAX_LINES], '... and more of the kind']
-
-
-def unreadable_params_file(arguments: Sequence[str]) -> str:
-    """
-    Return a line about the first parameter file that is no regular file; '' without one.
-
-    For a pipe without a writer ROS would block for ever and ignore every signal.
-    """
-    for file in _behind(arguments, '--params-file'):
-        # A shell's process substitution, as in `--params-file <(...)`, has a writer.
-        if file.startswith(('/dev/fd/', '/proc/self/fd/')):
-            continue
-        try:
-            open_regular(file).close()
-        except NotRegularFileError as error:
-            return f'{printable(file)} cannot be read: {error.strerror}'
-        except (OSError, ValueError):
-            continue  # ROS reports it
-    return ''
 
 
 def _behind(arguments: Sequence[str], *flags: str) -> Iterator[str]:

@@ -57,6 +57,9 @@ def test_an_integer_becomes_a_double_where_the_default_is_one(create: Callable[.
         descriptor = solver.describe_parameter(name)
         assert descriptor.read_only
         assert descriptor.description
+    length, bend = (solver.describe_parameter(name) for name in ('l_ab', 'angle_fgh'))
+    assert ('[m]' in length.description, '[rad]' in bend.description) == (True, True)
+    assert not length.read_only
 
 
 def test_masses_are_declared_where_they_are_given(create: Callable[..., Any]) -> None:

@@ -15,49 +15,9 @@ LAYOUTS = {
     path.stem: json.loads(path.read_text(encoding='utf-8'))
     for path in sorted((ROOT / 'foxglove').glob('*.json'))
 }
+KNOWN = yaml.safe_load(Path(__file__).with_name('viewers.yaml').read_text('utf-8'))
+TYPES = KNOWN['types']
 STORE = get_typestore(Stores.ROS2_JAZZY)
-# Of the topics of a leg, of a walker, and of an annotated run.
-TYPES = {
-    '/joint_states': 'sensor_msgs/msg/JointState',
-    '/point_h': 'geometry_msgs/msg/PointStamped',
-    '/markers': 'visualization_msgs/msg/MarkerArray',
-    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
-    '/robot_description': 'std_msgs/msg/String',
-    '/cmd_vel': 'geometry_msgs/msg/TwistStamped',
-    '/crank_command': 'sensor_msgs/msg/JointState',
-    '/crank_state': 'sensor_msgs/msg/JointState',
-    '/imu': 'sensor_msgs/msg/Imu',
-    '/odom': 'nav_msgs/msg/Odometry',
-    '/ground_truth': 'nav_msgs/msg/Odometry',
-    '/review/findings': 'diagnostic_msgs/msg/DiagnosticArray',
-    '/review/joint_states': 'sensor_msgs/msg/JointState',
-    '/review/point_h': 'geometry_msgs/msg/PointStamped',
-}
-TITLES = {'title', 'foxglovePanelTitle', 'lichtblickPanelTitle'}
-PATH = {'value', 'enabled', 'timestampMethod', 'label', 'color', 'showLine', 'lineSize'}
-# Configurations of Lichtblick's panels (packages/suite-base/src/panels, 2026-11), required first.
-PANELS: dict[str, tuple[set[str], set[str]]] = {
-    '3D': (
-        {'cameraState', 'followTf', 'followMode', 'scene', 'transforms', 'topics', 'layers'},
-        {'imageMode', 'publish'},
-    ),
-    'Plot': (
-        {
-            *('paths', 'showLegend', 'legendDisplay', 'showPlotValuesInLegend', 'isSynced'),
-            *('showXAxisLabels', 'showYAxisLabels', 'xAxisVal', 'sidebarDimension'),
-        },
-        {'xAxisPath', 'xAxisLabel', 'yAxisLabel', 'minYValue', 'maxYValue', *TITLES},
-    ),
-    'DiagnosticSummary': (
-        {'minLevel', 'pinnedIds', 'topicToRender', 'hardwareIdFilter'},
-        {'sortByLevel', 'secondsUntilStale'},
-    ),
-    'DiagnosticStatusPanel': (
-        {'topicToRender'},
-        {'selectedHardwareId', 'selectedName', 'splitFraction', 'collapsedSections'},
-    ),
-    'StateTransitions': ({'isSynced', 'paths'}, {'xAxisRange', 'showPoints', *TITLES}),
-}
 
 
 def strings(value: object) -> Iterator[str]:
@@ -113,11 +73,10 @@ def test_foxglove_shows_existing_fields(name: str) -> None:
 @pytest.mark.parametrize('name', LAYOUTS)
 def test_foxglove_panels_are_configured_as_they_can_be(name: str) -> None:
     for panel, config in LAYOUTS[name]['configById'].items():
-        required, optional = PANELS[panel.partition('!')[0]]
-        assert required <= config.keys()
-        assert config.keys() <= required | optional
+        keys = {kind: {*own} for kind, own in KNOWN['panels'][panel.partition('!')[0]].items()}
+        assert keys['required'] <= config.keys() <= keys['required'] | keys['optional']
         for path in [*config.get('paths', ()), *filter(None, [config.get('xAxisPath')])]:
-            assert path.keys() <= PATH
+            assert path.keys() <= {*KNOWN['path']}
             assert path['timestampMethod'] in ('receiveTime', 'headerStamp')
 
 

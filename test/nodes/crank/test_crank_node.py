@@ -1,7 +1,5 @@
 """`crank_node`: the n-th angle is a function of n / rate alone."""
 
-import math
-
 from klann_ros.nodes.crank.motion import CrankMotion
 import pytest
 from ros_domain import Domain
@@ -54,18 +52,10 @@ def test_a_state_has_stamp_name_and_rate(ros: Domain) -> None:
         assert stamps[n] - stamps[0] == pytest.approx(n * 10**7, abs=2)
 
 
-def test_it_turns_in_real_time(ros: Domain) -> None:
-    states = ros.probe.listen(JointState, 'crank_state')
-    ros.start('crank_node', output='crank_state', rate=50.0)
-    ros.probe.until(lambda: len(states) >= 100)
-    first, last = states[0], states[99]
-    assert last.position[0] - first.position[0] == pytest.approx(2 * math.pi * 99 / 50.0)
-
-
 def test_it_waits_for_its_subscribers(ros: Domain) -> None:
     crank = ros.start('crank_node', revolutions=1, rate=10.0, min_subscribers=1)
     ros.probe.until(lambda: 'crank_node' in ros.probe.node.get_node_names())
-    ros.probe.spin(1.5)
+    ros.probe.spin(0.6)
     assert crank.popen.poll() is None
     angles = ros.probe.listen(Float64, 'crank_angle')
     ros.probe.until(lambda: len(angles) >= 11)

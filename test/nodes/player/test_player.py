@@ -97,13 +97,6 @@ def test_a_step_publishes_exactly_the_next_message(player: Controlled) -> None:
     assert values(player.numbers) == [50, 51, 52]
 
 
-def test_a_resumed_player_continues_at_its_position(player: Controlled) -> None:
-    player.ros.probe.spin(0.7)
-    assert player.call('resume').success
-    player.ros.probe.until(lambda: len(player.numbers) >= 50)
-    assert values(player.numbers)[:50] == list(range(50, 100))
-
-
 def test_a_rate_is_changed_while_it_plays(player: Controlled) -> None:
     assert player.change('rate', STILL).successful
     assert player.call('resume').success

@@ -70,11 +70,10 @@ def test_it_has_no_lengths_to_change(ros: Domain) -> None:
     assert result.reason == f'l_gh cannot be changed: the leg is the linkage in {file}'
 
 
-@pytest.mark.parametrize('name', ['jansen', 'quick_return'])
 def test_its_run_explains_itself_and_is_reviewed(
-    ros: Domain, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+    ros: Domain, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = LINKAGES / f'{name}.yaml'
+    file = LINKAGES / 'quick_return.yaml'
     reports = RecorderReports(ros.probe)
     ros.solver(linkage=file)
     recorder = ros.start('recorder_node', output=tmp_path / 'run')
@@ -101,19 +100,10 @@ def test_its_run_explains_itself_and_is_reviewed(
 
     # Held against a linkage of other lengths, every pose is wrong.
     other = tmp_path / 'other.yaml'
-    astray = 'feet (point_h) are not at the position that the angles of their poses give'
-    changed, now, finding = {
-        'jansen': ('length: 49.0', 'length: 49.5', astray),
-        'quick_return': (
-            'length: 150',
-            'length: 151',
-            'do not close the loops (by up to 0.001 m)',
-        ),
-    }[name]
-    other.write_text(text.replace(changed, now), encoding='utf-8')
+    other.write_text(text.replace('length: 150', 'length: 151'), encoding='utf-8')
     code, output = reviewed(capsys, [*patient, '--geometry', other])
     assert code == 1
-    assert finding in output
+    assert 'do not close the loops (by up to 0.001 m)' in output
 
 
 def has_solver_record(run: Path) -> bool:
