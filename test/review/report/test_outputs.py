@@ -1,6 +1,5 @@
 """What a review writes: never what it reads, whole or not at all, and known at the start."""
 
-from collections.abc import Callable
 import os
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -11,7 +10,33 @@ from klann_ros.review.command import main
 from klann_ros.sanitize.files import is_within
 import pytest
 
-OPTIONS = ('--html', '--json', '--csv')
+# Arguments behind the run, and why they are refused; paths are those of `place`.
+REFUSED = [
+    ('--html run/run_0.mcap', 'run/run_0.mcap cannot be written: it is inside run, '),
+    ('--json run/metadata.yaml', 'run/metadata.yaml cannot be written: it is inside run, '),
+    ('--csv run/new.html', 'it is inside run, which is only read'),
+    ('--html run/more/new.html', 'it is inside run, which is only read'),
+    ('--html folder/x', 'which is only read'),
+    ('--html folder/../run/x', 'which is only read'),
+    ('--html soft', 'which is only read'),
+    ('--html hard', 'which is only read'),
+    ('--html hard_metadata', 'which is only read'),
+    ('--geometry file --json file', 'it is file, which is only read'),
+    ('--limits file --json file', 'it is file, which is only read'),
+    ('file --json file', 'it is file, which is only read'),
+    ('--html other.mcap', 'it is a log, and no log is overwritten'),
+    ('--html other.db3', 'it is a log, and no log is overwritten'),
+    ('--html page --json page', '--json and --html are the same file'),
+    ('--html file --csv hard_file', 'the same file'),
+    ('--html more', 'it is a folder'),
+    ('--html no/page', 'there is no folder {place}/no'),
+    ('--html file/page', 'there is no folder {place}/file'),
+    (f'--html {"x" * 300}', 'File name too long'),
+    ('--html new/', 'that is no path of a file'),
+    ('--html=', 'that is no path of a file'),
+    ('--json link', 'it is a symbolic link: name the file itself'),
+    ('--json dangling', 'it is a symbolic link: name the file itself'),
+]
 
 
 @pytest.fixture
@@ -20,99 +45,56 @@ def run(healthy, make_run) -> Path:
 
 
 @pytest.fixture
-def refused(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., str]:
-    """Return what gives the refusal of arguments: one line, before anything is read."""
+def place(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the run, of other files and of links to them, as the working one."""
+    monkeypatch.chdir(tmp_path)
+    (run / 'more').mkdir()
+    Path('more').mkdir()
+    Path('file').write_text('l_ab: 0.12\n')
+    Path('other.mcap').write_bytes((run / 'run_0.mcap').read_bytes())
+    Path('other.db3').write_bytes(b'SQLite format 3\0' + bytes(100))
+    links = {'folder': run, 'soft': run / 'run_0.mcap', 'link': 'file', 'dangling': 'nothing'}
+    for name, target in links.items():
+        Path(name).symlink_to(target)
+    Path('hard').hardlink_to(run / 'run_0.mcap')
+    Path('hard_metadata').hardlink_to(run / 'metadata.yaml')
+    Path('hard_file').hardlink_to('file')
 
     def review_run(*_: object, **__: object) -> None:
         raise AssertionError('it has begun to work')
 
     monkeypatch.setattr(command, 'review_run', review_run)
-
-    def reason(*arguments: object) -> str:
-        assert main([str(argument) for argument in arguments]) == 3
-        out, error = capsys.readouterr()
-        assert (out, error.count('\n')) == ('', 1)
-        return str(error)
-
-    return reason
+    return tmp_path
 
 
-def content(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+def content(folder: Path) -> dict[str, bytes | None]:
+    return {str(p): p.read_bytes() if p.is_file() else None for p in folder.rglob('*')}
 
 
-@pytest.mark.parametrize('option', OPTIONS)
-@pytest.mark.parametrize('name', ['run_0.mcap', 'metadata.yaml', 'new.html', 'more/new.html'])
-def test_nothing_is_written_into_a_run(run: Path, refused, option: str, name: str) -> None:
-    (run / 'more').mkdir()
-    before = content(run)
-    error = refused(run, option, run / name)
-    assert f'review: {option} {run / name} cannot be written: it is inside {run}, ' in error
-    assert content(run) == before
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Return the refusal of arguments: one line, before anything is read."""
+    assert main([*arguments]) == 3
+    out, error = capsys.readouterr()
+    assert (out, error.count('\n')) == ('', 1)
+    return str(error)
 
 
-def test_symbolic_links_are_kept(run: Path, refused, tmp_path: Path) -> None:
-    file = run / 'run_0.mcap'
-    (tmp_path / 'folder').symlink_to(run)
-    (tmp_path / 'soft').symlink_to(file)
-    (tmp_path / 'hard').hardlink_to(file)
-    (tmp_path / 'other').hardlink_to(run / 'metadata.yaml')
-    before = content(run)
-    for path in ('folder/x', 'folder/../run/x', 'soft', 'hard', 'other'):
-        assert 'which is only read' in refused(run, '--html', tmp_path / path)
-    assert 'which is only read' in refused(tmp_path / 'folder', '--html', run / 'x')
-    assert 'which is only read' in refused(tmp_path / 'soft', '--html', tmp_path / 'hard')
-    with file.open('rb') as opened:
-        path = f'/proc/self/fd/{opened.fileno()}'
-        assert 'which is only read' in refused(run, '--html', path)
-        assert 'which is only read' in refused(path, '--html', file)
-    assert content(run) == before
+@pytest.mark.parametrize(('arguments', 'reason'), REFUSED)
+def test_an_output_is_refused_at_once_and_nothing_is_changed(
+    place: Path, capsys: pytest.CaptureFixture[str], arguments: str, reason: str
+) -> None:
+    before = content(place)
+    error = refusal(capsys, 'run', *arguments.split())
+    assert 'cannot be written: ' in error or 'the same file' in error
+    assert reason.format(place=place) in error
+    assert content(place) == before
 
 
-@pytest.mark.parametrize('option', ['--geometry', '--limits', 'LOG2'])
-def test_all_that_is_read_is_kept(run: Path, refused, tmp_path: Path, option: str) -> None:
-    file = tmp_path / 'file'
-    file.write_text('l_ab: 0.12\n')
-    given = [option, file] if option != 'LOG2' else [file]
-    assert f'it is {file}, which is only read' in refused(run, *given, '--json', file)
-    assert file.read_text() == 'l_ab: 0.12\n'
-
-
-def test_no_other_log_is_overwritten(run: Path, refused, tmp_path: Path) -> None:
-    other = tmp_path / 'other.mcap'
-    other.write_bytes((run / 'run_0.mcap').read_bytes())
-    assert 'it is a log, and no log is overwritten' in refused(run, '--html', other)
-    bag = tmp_path / 'bag.db3'
-    bag.write_bytes(b'SQLite format 3\0' + bytes(100))
-    assert 'it is a log' in refused(run, '--html', bag)
-
-
-def test_two_outputs_are_two_files(run: Path, refused, tmp_path: Path) -> None:
-    one = tmp_path / 'page'
-    assert '--json and --html are the same file' in refused(run, '--html', one, '--json', one)
-    one.write_text('old')
-    (tmp_path / 'hard').hardlink_to(one)
-    assert 'the same file' in refused(run, '--html', one, '--csv', tmp_path / 'hard')
-    assert one.read_text() == 'old'
-
-
-def test_an_unwritable_output_is_refused_at_once(run: Path, refused, tmp_path: Path) -> None:
-    file = tmp_path / 'file'
-    file.write_text('')
-    for path, reason in (
-        (tmp_path, 'it is a folder'),
-        (tmp_path / 'no' / 'page', f'there is no folder {tmp_path / "no"}'),
-        (file / 'page', f'there is no folder {file}'),
-        (tmp_path / ('x' * 300), 'File name too long'),
-        (f'{tmp_path}/new/', 'that is no path of a file'),
-        ('', 'that is no path of a file'),
-    ):
-        error = refused(run, '--html', path)
-        assert reason in error
-        assert 'cannot be written: ' in error
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['file', 'run']
+def test_a_run_is_known_by_every_name(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (place / 'hard').open('rb') as opened:
+        name = f'/proc/self/fd/{opened.fileno()}'
+        for log, output in (('folder', 'run/x'), ('soft', 'hard'), ('run', name), (name, 'hard')):
+            assert 'which is only read' in refusal(capsys, log, '--html', output)
 
 
 def in_process(
@@ -161,16 +143,6 @@ def test_the_permissions_of_a_file_stay(run: Path, tmp_path: Path) -> None:
     assert main([str(run), '--json', str(file)]) == 0
     assert file.read_text().startswith('{')
     assert file.stat().st_mode & 0o777 == 0o640
-
-
-@pytest.mark.parametrize('target', ['file', 'nothing'])
-def test_no_target_of_a_link_is_written(run: Path, refused, tmp_path: Path, target: str) -> None:
-    (tmp_path / 'file').write_text('old')
-    (tmp_path / 'link').symlink_to(target)
-    error = refused(run, '--json', tmp_path / 'link')
-    assert 'it is a symbolic link: name the file itself' in error
-    assert (tmp_path / 'file').read_text() == 'old'
-    assert not (tmp_path / 'nothing').exists()
 
 
 def test_a_pipe_is_written_in_place_and_not_awaited_without_a_reader(
