@@ -25,32 +25,9 @@ class PoseArtists:
     """
     The artists of a pose on axes, updated when it moves.
 
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        The axes.
-    pose : LinkagePose
-        The pose.
-    letters : bool
-        Whether to label the points.
-    width : float
-        Width of the bars, to which the joints are scaled [points].
-
-    Attributes
-    ----------
-    bodies : list of matplotlib.lines.Line2D
-        The bars of each body.
-    plates : list of matplotlib.patches.Polygon
-        The bodies with more than two points.
-    guides : list of matplotlib.lines.Line2D
-        The lines of sliding bodies.
-    blocks : list of matplotlib.patches.Polygon
-        The blocks on these lines.
-    joints : dict of str to matplotlib.lines.Line2D
-        The joints by their kind.
-    letters : dict of str to matplotlib.text.Annotation
-        The points' names.
-
+    Lines for bars, guides and the joints by their kind, polygons for the plates of bodies with
+    more than two points, markers for sliding blocks, and the points' names as annotations. `width`
+    is that of the bars, to which the joints are scaled [points].
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class FoundRun:
     """A run, or a path that is none."""
 
     path: str
-    fault: str = ''  # why it cannot be one; '' for a run
+    fault: str = ''  #: why it cannot be one; '' for a run
 
 
 def find_runs(paths: Iterable[str]) -> list[FoundRun]:
@@ -109,18 +109,18 @@ class ExpectationsFileError(LogError):
 class ExpectedTopic:
     """Expectations of a topic."""
 
-    min_rate: float = 0.0  # of the mean [Hz]
-    max_gap: float = inf  # [s]
-    max_lost: float = 1.0  # share of its messages, 0 to 1
+    min_rate: float = 0.0  #: of the mean [Hz]
+    max_gap: float = inf  #: [s]
+    max_lost: float = 1.0  #: share of its messages, 0 to 1
 
 
 @dataclass(frozen=True)
 class Expectations:
     """Expectations of every run."""
 
-    topics: Mapping[str, ExpectedTopic] = field(default_factory=dict)  # the required topics
-    allow: frozenset[str] = frozenset()  # checks whose findings do not count
-    baseline: str = ''  # a run from which no other may differ beyond the limits; '' for none
+    topics: Mapping[str, ExpectedTopic] = field(default_factory=dict)  #: the required topics
+    allow: frozenset[str] = frozenset()  #: checks whose findings do not count
+    baseline: str = ''  #: a run from which no other may differ beyond the limits; '' for none
 
     def unmet(self, review: Review, baseline: Review | None) -> Iterator[Finding]:
         """Yield the unmet expectations of a reviewed run."""
@@ -215,11 +215,11 @@ class Task:
     """A run to judge."""
 
     run: FoundRun
-    robot: Robot | None = None  # the reference robot, instead of the one in the run
+    robot: Robot | None = None  #: the reference robot, instead of the one in the run
     limits: Limits = field(default_factory=Limits)
     expectations: Expectations = field(default_factory=Expectations)
-    page: str = ''  # path of its page; '' for none
-    annotated: str = ''  # path of its annotated copy; '' for none
+    page: str = ''  #: path of its page; '' for none
+    annotated: str = ''  #: path of its annotated copy; '' for none
 
     @property
     def settings(self) -> str:

@@ -30,33 +30,33 @@ EXIT_CODES = {OK: 0, FINDINGS: 1, UNREADABLE: 2}
 class Row:
     """The row of a run; None for unknown. Figures of legs are the worst, or largest, of all."""
 
-    run: str  # its path
-    verdict: str  # 'ok', 'findings' or 'unreadable'
-    reason: str = ''  # the most severe finding, or why it cannot be read; '' for none
+    run: str  #: its path
+    verdict: str  #: 'ok', 'findings' or 'unreadable'
+    reason: str = ''  #: the most severe finding, or why it cannot be read; '' for none
     # Number of findings; allowed ones are in no other number.
     errors: int = 0
     warnings: int = 0
     notes: int = 0
     allowed: int = 0
-    start_time: float | None = None  # [s since the epoch]
-    duration: float | None = None  # [s]
-    size: int | None = None  # of its files [bytes]
-    modified: int | None = None  # latest modification [ns since the epoch]
+    start_time: float | None = None  #: [s since the epoch]
+    duration: float | None = None  #: [s]
+    size: int | None = None  #: of its files [bytes]
+    modified: int | None = None  #: latest modification [ns since the epoch]
     messages: int | None = None
     topics: int | None = None
     legs: int | None = None
     poses: int | None = None
-    lost: int | None = None  # known number of lost messages
-    longest_gap: float | None = None  # on any topic [s]
-    turns: float | None = None  # net turns of a crank
-    stride: float | None = None  # [m]
-    lift: float | None = None  # [m]
-    worst_residual: float | None = None  # [m]
-    worst_angle_error: float | None = None  # [rad]
-    worst_foot_error: float | None = None  # [m]
-    worst_transmission_angle: float | None = None  # [rad]
-    findings: str = '[]'  # as a JSON list
-    settings: str = ''  # hash of limits, reference and expectations
+    lost: int | None = None  #: known number of lost messages
+    longest_gap: float | None = None  #: on any topic [s]
+    turns: float | None = None  #: net turns of a crank
+    stride: float | None = None  #: [m]
+    lift: float | None = None  #: [m]
+    worst_residual: float | None = None  #: [m]
+    worst_angle_error: float | None = None  #: [rad]
+    worst_foot_error: float | None = None  #: [m]
+    worst_transmission_angle: float | None = None  #: [rad]
+    findings: str = '[]'  #: as a JSON list
+    settings: str = ''  #: hash of limits, reference and expectations
 
     @property
     def exit_code(self) -> int:

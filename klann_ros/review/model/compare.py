@@ -48,50 +48,22 @@ def leg_dimensions(solver: LegSolver) -> dict[str, Quantity | str]:
 
 @dataclass(frozen=True)
 class Difference:
-    """
-    A difference of two runs above the limit.
+    """A difference of two runs above the limit."""
 
-    Attributes
-    ----------
-    what : str
-        The differing quantity.
-    text : str
-        Description.
-    size : float
-        Second minus first where it has a sign; infinite without a number.
-    unit : str
-        Of the size.
-    leg : str
-        The leg; '' for the only one, or the whole run.
-
-    """
-
-    what: str
-    text: str
-    size: float
-    unit: str
-    leg: str = ''
+    what: str  #: the differing quantity
+    text: str  #: description
+    size: float  #: second minus first where it has a sign; infinite without a number
+    unit: str  #: of the size
+    leg: str = ''  #: the leg; '' for the only one, or the whole run
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """
-    Two runs side by side.
+    """Two runs side by side."""
 
-    Attributes
-    ----------
-    paths : tuple of str
-        Paths of the runs.
-    differences : tuple of Difference
-        The differences; none for a run and itself.
-    remarks : tuple of str
-        Parts that could not be compared, with the reason.
-
-    """
-
-    paths: tuple[str, str]
-    differences: tuple[Difference, ...]
-    remarks: tuple[str, ...] = ()
+    paths: tuple[str, str]  #: paths of the runs
+    differences: tuple[Difference, ...]  #: none for a run and itself
+    remarks: tuple[str, ...] = ()  #: parts that could not be compared, with the reason
 
     @property
     def alike(self) -> str:

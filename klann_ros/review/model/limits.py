@@ -16,63 +16,29 @@ class LimitsFileError(LogError):
 
 @dataclass(frozen=True)
 class Limits:
-    """
-    The limits of the checks: the largest values without a finding.
+    """The limits of the checks: the largest values without a finding."""
 
-    Attributes
-    ----------
-    gap_periods, gap_time : float
-        An interval without messages is a gap above this number of periods, and this time [s].
-    start_time : float
-        No gap begins within this time of the topic's first message: nodes start [s].
-    stale_time : float
-        A topic that ends earlier than this before the run is stale [s].
-    latency : float
-        Time from publishing to receiving, 99th percentile [s].
-    clock_offset : float
-        Difference of a stamp from the time of publishing, in the median [s].
-    closure : float
-        Closure error of a recorded pose [m].
-    angle : float
-        Difference of an angle from the solved one [rad], times the sine of the transmission angle.
-    foot : float
-        Distance of point_h from the foot of its pose [m].
-    crank_jump : float
-        Change of the crank angle from one input to the next [rad].
-    path_drift : float
-        Distance between the foot's paths in the first and the last part of the run [m].
-    crank_lag, phase : float
-        Difference of a walker's crank, and of the phase of two cranks, from the command [rad].
-    odometry : float
-        Distance of odometry from the ground truth, as a part of the way.
-    torque : float
-        Difference of a crank's effort from the torque that the masses of its legs take, as a part
-        of the largest such torque in the run; three standard errors come on top.
-    compare_path, compare_angle : float
-        Differences of two runs at the same crank angle: of the feet [m], of the angles [rad].
-    compare_length : float
-        Difference of two geometries, in each of their lengths [m] and angles [rad].
-
-    """
-
-    gap_periods: float = 5.0
-    gap_time: float = 0.05
-    start_time: float = 0.3
-    stale_time: float = 2.0
-    latency: float = 0.1
-    clock_offset: float = 0.5
-    closure: float = 1e-9
+    gap_periods: float = 5.0  #: a longer interval is a gap [median intervals]
+    gap_time: float = 0.05  #: if it is longer than this as well [s]
+    start_time: float = 0.3  #: no gap begins this early in a topic: nodes start [s]
+    stale_time: float = 2.0  #: a topic that ends earlier than this before the run is stale [s]
+    latency: float = 0.1  #: time from publishing to receiving, 99th percentile [s]
+    clock_offset: float = 0.5  #: median difference of a stamp from the time of publishing [s]
+    closure: float = 1e-9  #: closure error of a recorded pose [m]
+    #: Difference of an angle from the solved one, times the sine of the transmission angle [rad].
     angle: float = 1e-9
-    foot: float = 1e-9
-    crank_jump: float = 0.35
-    path_drift: float = 1e-3
+    foot: float = 1e-9  #: distance of point_h from the foot of its pose [m]
+    crank_jump: float = 0.35  #: change of the crank angle from one input to the next [rad]
+    path_drift: float = 1e-3  #: of the foot path from the first to the last part of the run [m]
+    #: Difference of a crank's effort from the torque that the masses of its legs take, as a part
+    #: of the largest such torque in the run; three standard errors come on top.
     torque: float = 0.1
-    crank_lag: float = 0.35
-    phase: float = 0.2
-    odometry: float = 0.05
-    compare_path: float = 1e-6
-    compare_angle: float = 1e-6
-    compare_length: float = 0.0
+    crank_lag: float = 0.35  #: difference of a walker's crank from its command [rad]
+    phase: float = 0.2  #: and of the phase of two cranks [rad]
+    odometry: float = 0.05  #: distance of odometry from the ground truth, as a part of the way
+    compare_path: float = 1e-6  #: difference of two runs' feet at the same crank angle [m]
+    compare_angle: float = 1e-6  #: and of their angles [rad]
+    compare_length: float = 0.0  #: of two geometries, in each length [m] and angle [rad]
 
     def max_interval(self, period: float) -> float:
         """Return the longest interval that is no gap, for a period [s]."""

@@ -139,17 +139,17 @@ _TURN = 2 * np.pi
 class LegFigures:
     """Figures of a leg in a run; NaN for unknown."""
 
-    turns: float  # net turns of the crank, positive counter-clockwise
-    stride: float  # extent of the foot path in x [m]; NaN where the crank did not turn once
-    lift: float  # and in y
-    duty_factor: float  # share of the poses in stance
-    # Largest distance of the stance path from its best straight line, as a share of its length;
-    # of the geometry, over a turn.
+    turns: float  #: net turns of the crank, positive counter-clockwise
+    stride: float  #: extent of the foot path in x [m]; NaN where the crank did not turn once
+    lift: float  #: and in y
+    duty_factor: float  #: share of the poses in stance
+    #: Largest distance of the stance path from its best straight line, as a share of its length;
+    #: of the geometry, over a turn.
     straightness: float
-    worst_transmission_angle: float  # least min(mu, pi - mu) of all dyads [rad]
-    worst_residual: float  # of a recorded pose [m]
-    worst_angle_error: float  # largest difference from the solved pose [rad]
-    worst_foot_error: float  # largest distance of H from the foot of its pose [m]
+    worst_transmission_angle: float  #: least min(mu, pi - mu) of all dyads [rad]
+    worst_residual: float  #: of a recorded pose [m]
+    worst_angle_error: float  #: largest difference from the solved pose [rad]
+    worst_foot_error: float  #: largest distance of H from the foot of its pose [m]
 
 
 def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:

@@ -31,32 +31,15 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """
-    A finding of a check.
+    """A finding of a check."""
 
-    Attributes
-    ----------
-    check : str
-        Name of the check.
-    severity : Severity
-        Its severity.
-    text : str
-        Description.
-    meaning : str
-        Meaning or likely cause.
-    time : float or None
-        First occurrence, log time from the start of the run [s]; None for the whole run.
-    leg : str
-        Its leg; '' for the only one, or the whole run.
-
-    """
-
-    check: str
+    check: str  #: name of the check
     severity: Severity
-    text: str
-    meaning: str
+    text: str  #: description
+    meaning: str  #: meaning or likely cause
+    #: First occurrence, log time from the start of the run [s]; None for the whole run.
     time: float | None = None
-    leg: str = ''
+    leg: str = ''  #: its leg; '' for the only one, or the whole run
 
     @property
     def is_fault(self) -> bool:
@@ -66,29 +49,13 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class ReviewedLeg:
-    """
-    A leg of a reviewed run.
+    """A leg of a reviewed run; `errors`, `answers` and `unanswered` are about `evaluated`."""
 
-    Attributes
-    ----------
-    recording : LegRecording
-        Its whole recording.
-    evaluated : LegRecording
-        The part since the last change of its geometry, which the other attributes are about.
-    errors : PoseErrors or None
-        Errors against the solved poses; None for an unknown leg.
-    answers : Answers
-        Its inputs, and their answers.
-    unanswered : Unanswered
-        Inputs without an expected answer.
-
-    """
-
-    recording: LegRecording
-    evaluated: LegRecording
-    errors: PoseErrors | None
-    answers: Answers
-    unanswered: Unanswered
+    recording: LegRecording  #: its whole recording
+    evaluated: LegRecording  #: the part since the last change of its geometry
+    errors: PoseErrors | None  #: errors against the solved poses; None for an unknown leg
+    answers: Answers  #: its inputs, and their answers
+    unanswered: Unanswered  #: inputs without an expected answer
 
     @cached_property
     def figures(self) -> LegFigures:
@@ -106,32 +73,14 @@ class ReviewedLeg:
 
 @dataclass(frozen=True, eq=False)
 class Review:
-    """
-    A reviewed run.
-
-    Attributes
-    ----------
-    recording : RunRecording
-        Its recording.
-    legs : tuple of ReviewedLeg
-        Its legs.
-    gaps : tuple of Gap
-        The gaps of each periodic topic, whatever their reason.
-    limits : Limits
-        The limits of the checks.
-    walks : tuple of WalkFigures
-        Figures of the walkers.
-    findings : tuple of Finding
-        Its findings, by falling severity.
-
-    """
+    """A reviewed run."""
 
     recording: RunRecording
     legs: tuple[ReviewedLeg, ...]
-    gaps: tuple[Gap, ...]
-    limits: Limits
-    walks: tuple[WalkFigures, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    gaps: tuple[Gap, ...]  #: the gaps of each periodic topic, whatever their reason
+    limits: Limits  #: the limits of the checks
+    walks: tuple[WalkFigures, ...] = ()  #: figures of the walkers
+    findings: tuple[Finding, ...] = ()  #: by falling severity
 
     @property
     def topics(self) -> tuple[TopicFigures, ...]:

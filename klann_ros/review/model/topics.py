@@ -80,43 +80,19 @@ class TopicRecording:
 
 @dataclass(frozen=True)
 class TopicFigures:
-    """
-    A topic in a run, by its messages' times; NaN where there are too few messages.
-
-    Attributes
-    ----------
-    name, type : str
-        The topic and its message type.
-    count : int
-        Messages in the run.
-    rate : float
-        Mean rate of the log times [Hz].
-    period : float
-        Median time between two messages [s].
-    longest_gap : float
-        Longest time between two messages [s].
-    latency_p50, latency_p99 : float
-        Median and 99th percentile of the time from publishing to receiving [s]; NaN for unknown.
-    lost : int or None
-        Messages lost on the way into the run; None for unknown.
-    early : int
-        Messages of later publishers from before their discovery.
-    publishers_left : int
-        Publishers that left; with any, `lost` is a lower bound.
-
-    """
+    """A topic in a run, by its messages' times; NaN where there are too few messages."""
 
     name: str
     type: str  # noqa: A003, RUF100 - as all tools call it; ruff lets it be
-    count: int
-    rate: float
-    period: float
-    longest_gap: float
-    latency_p50: float
-    latency_p99: float
-    lost: int | None
-    early: int
-    publishers_left: int
+    count: int  #: messages in the run
+    rate: float  #: mean rate of the log times [Hz]
+    period: float  #: median time between two messages [s]
+    longest_gap: float  #: longest time between two messages [s]
+    latency_p50: float  #: median time from publishing to receiving [s]; NaN for unknown
+    latency_p99: float  #: its 99th percentile [s]
+    lost: int | None  #: messages lost on the way into the run; None for unknown
+    early: int  #: messages of later publishers from before their discovery
+    publishers_left: int  #: publishers that left; with any, `lost` is a lower bound
 
     @property
     def lost_in_words(self) -> str:

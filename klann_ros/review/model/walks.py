@@ -19,11 +19,12 @@ class WalkFigures:
     """Figures of a walker, with the log times of the largest ones [ns]; NaN for unknown."""
 
     namespace: str
-    distance: float = nan  # travelled, by the ground truth or else by odometry [m]
-    odometry_error: float = nan  # distance from the ground truth, both relative to their start [m]
-    heading_error: float = nan  # difference of the headings [rad]
-    crank_lag: float = nan  # difference of a crank from its command [rad]
-    phase_error: float = nan  # error of the phase between two cranks [rad]
+    distance: float = nan  #: travelled, by the ground truth or else by odometry [m]
+    #: Distance from the ground truth, both relative to their start [m].
+    odometry_error: float = nan
+    heading_error: float = nan  #: difference of the headings [rad]
+    crank_lag: float = nan  #: difference of a crank from its command [rad]
+    phase_error: float = nan  #: error of the phase between two cranks [rad]
     odometry_time: int | None = None
     lag_time: int | None = None
     phase_time: int | None = None
