@@ -1,6 +1,7 @@
 """Runs to damage: ours and other recorders', small, of a dozen chunks each."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 import random
 import shutil
@@ -13,7 +14,7 @@ from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.write.writer import RunWriter
 from mcap.writer import CompressionType
-from mcap_bytes.legal import change_file
+from mcap_bytes.conformance import CHUNKS as CHUNKED, FLAGS, legal_file
 from rosbag2_bags import KINDS, write_bag
 from rosbags.typesys import get_typestore, Stores
 import yaml
@@ -34,7 +35,7 @@ class Sample:
 
 def make_samples(place):
     """Write all kinds of runs into a folder; return them."""
-    messages = _messages()
+    messages = make_messages()
     kinds = [
         *(_ours(place, compression, messages) for compression in ('zstd', 'lz4', 'none')),
         _killed(place, messages),
@@ -45,8 +46,8 @@ def make_samples(place):
         _others(place, 'plain', messages, compression=CompressionType.NONE, enable_crcs=False),
     ]
     kinds += [
-        _extended(place, 'extended', _ours(place / 'before', 'zstd', messages)),
-        _extended(place, 'extended_without_index', place / 'without_index'),
+        _extended(place / 'extended', messages, FLAGS),
+        _extended(place / 'extended_without_index', messages, [CHUNKED]),
     ]
     kinds.append(_packed(place / 'packed', place / 'ours_zstd' / 'ours_zstd_0.mcap'))
     found = frozenset(content(message) for message in messages)
@@ -80,7 +81,9 @@ def content(message):
     return message.data, message.log_time, message.publish_time, message.sequence
 
 
-def _messages():
+@cache
+def make_messages():
+    """Return the messages of all samples."""
     store = get_typestore(Stores.ROS2_JAZZY)
     topics = [
         Topic(name, kind, definition(kind), qos_to_yaml([Qos(depth=depth)]), 'RIHS01_' + 'a' * 64)
@@ -124,14 +127,13 @@ def _write(folder, messages, compression='zstd'):
     return writer.file.path
 
 
-def _extended(place, name, folder):
-    """Write a run again as a later version of MCAP might: legal, and longer."""
-    shutil.copytree(folder, place / name)
-    for path in (place / name).glob('*.mcap'):
-        for seed in range(3):
-            # Nothing large: a chunk that damage moved into it would be no longer of the file.
-            change_file(path, random.Random(seed), large=False)  # noqa: S311 - no secret
-    return place / name
+def _extended(folder, messages, flags):
+    """Write a run as a later version of MCAP might: legal, and longer."""
+    folder.mkdir()
+    # Nothing large: a chunk that damage moved into it would be no longer of the file.
+    data = legal_file(messages, random.Random(5), flags={*flags}, large=False, compression='zstd')  # noqa: S311
+    (folder / f'{folder.name}_0.mcap').write_bytes(data)
+    return folder
 
 
 def _ours(place, compression, messages):

@@ -14,7 +14,6 @@ from crank_runs import (
     killed,
     MESSAGES,
     NO_INDEX,
-    record_spans,
     spans_of,
     write_mcap,
     write_run,
@@ -22,7 +21,7 @@ from crank_runs import (
 from klann_ros.log.reader import open_log
 from klann_ros.log.recovery import recover
 from mcap_bytes import records as mcap
-from mcap_bytes.legal import LegalFile
+from mcap_bytes.conformance import CHUNKS, conformance_file, content_of, FLAGS, PAD, PADDING
 import pytest
 
 ENDS = ['closed', 'killed', 'without an index']
@@ -88,18 +87,19 @@ def test_a_chunk_with_an_unknown_opcode_is_reported_missing(sound, opcode) -> No
     assert len(recovery.lost) == 1
 
 
-def test_a_chunk_with_fields_behind_it_is_whole_though_damage_follows(sound, end) -> None:
-    path, data, _ = sound
-    parts = LegalFile(bytes(data))
-    number = [n for n, part in enumerate(parts.data) if part.opcode == mcap.CHUNK][2]
-    parts.data[number].content += b'\1\xff\xff'
-    data = bytearray(parts.joined())
-    following = record_spans(data)[number + 1]
-    data[slice(following[1], following[1] + 9)] = b'\xff' * 9
+def test_a_chunk_with_fields_behind_it_is_whole_though_damage_follows(tmp_path, end) -> None:
+    flags = {CHUNKS, PAD} if end == 'without an index' else {*FLAGS}
+    data = conformance_file(content_of(MESSAGES), flags, pad_inner=PADDING, chunks=6)
+    _, behind = spans_of(data, mcap.CHUNK)[2]
+    data = bytearray(killed(data) if end == 'killed' else data)
+    data[slice(behind, behind + 9)] = b'\xff' * 9
+    path = tmp_path / 'walk' / 'walk_0.mcap'
+    path.parent.mkdir()
     path.write_bytes(data)
     _, kept, _, recovery = read(path)
     # What follows is the index of the chunk, or else the next one.
-    assert kept == (all_but(3) if end == 'without an index' else MESSAGES)
+    whole = all_but(3) if end == 'without an index' else MESSAGES
+    assert [message.sequence for message in kept] == [message.sequence for message in whole]
     assert recovery.lost
 
 
@@ -116,12 +116,8 @@ def test_zeros_over_the_head_of_a_chunk_make_it_no_empty_one(sound, first) -> No
 
 
 def test_a_rotten_attachment_with_fields_behind_it_is_reported(tmp_path) -> None:
-    path = write_run(tmp_path / 'walk', BATCHES)
-    parts = LegalFile(path.read_bytes())
-    for part in parts.data:
-        if part.opcode == mcap.ATTACHMENT:
-            part.content += b'\1\xff\xff'
-    sound = parts.joined()
+    path = tmp_path / 'x.mcap'
+    sound = conformance_file(content_of(BATCHES[0]), {*FLAGS})
     path.write_bytes(sound)
     assert recover(path, tmp_path / 'sound').attachments == 1
     path.write_bytes(sound.replace(b'l_ab: 0.12', b'l_ab: 0.13'))

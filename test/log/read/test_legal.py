@@ -5,7 +5,7 @@ import struct
 from klann_ros.log.reader import open_log
 from klann_ros.log.recovery import recover
 from mcap_bytes import records as mcap
-from mcap_bytes.legal import UNKNOWN
+from mcap_bytes.conformance import UNKNOWN
 import pytest
 
 TIMES = range(100, 110)
