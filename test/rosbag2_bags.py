@@ -99,6 +99,7 @@ def in_blocks(bag: Path) -> list[tuple[str, str, int, bytes]]:
         ]
 
 
-def digest(folder: Path) -> dict[str, str]:
-    """Return the digests of the files in a folder."""
-    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
+def digest(log: Path) -> dict[str, str]:
+    """Return the digest of a file, or those of the files in a folder."""
+    paths = [log] if log.is_file() else log.iterdir()
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}

@@ -131,7 +131,8 @@ def _extended(folder, messages, flags):
     """Write a run as a later version of MCAP might: legal, and longer."""
     folder.mkdir()
     # Nothing large: a chunk that damage moved into it would be no longer of the file.
-    data = legal_file(messages, random.Random(5), flags={*flags}, large=False, compression='zstd')  # noqa: S311
+    chance, options = random.Random(5), {'large': False, 'compression': 'zstd'}  # noqa: S311
+    data = legal_file(messages, chance, flags={*flags}, **options)
     (folder / f'{folder.name}_0.mcap').write_bytes(data)
     return folder
 

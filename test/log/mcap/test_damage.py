@@ -3,25 +3,13 @@
 import struct
 import tracemalloc
 
-from crank_runs import BATCHES, CHUNK, DATA_END, killed, MESSAGES, spans_of, START
+from crank_runs import CHUNK, DATA_END, MESSAGES, spans_of
 from klann_ros.log.mcap.decompression import MIN_LIMIT
 from klann_ros.log.reader import open_log
 from klann_ros.log.recovery import recover
 from mcap.writer import MCAP0_MAGIC
 import pytest
 import zstandard
-
-
-def test_an_unclosed_file_is_read_and_reported(run_file) -> None:
-    run_file.write_bytes(killed(run_file.read_bytes()))
-    with open_log(run_file) as log:
-        assert not log.complete
-        assert 'not closed' in log.problem
-        assert list(log.messages()) == MESSAGES
-        assert (log.start_time, log.end_time) == (START, BATCHES[-1][-1].log_time)
-        assert [topic.name for topic in log.topics] == ['/crank_angle']
-        assert log.metadata['solver'] == [{'tolerance': '1e-12'}]
-        assert [item.name for item in log.attachments] == ['geometry.yaml']
 
 
 def test_a_rotten_summary_costs_nothing(run_file) -> None:

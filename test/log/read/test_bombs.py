@@ -1,13 +1,11 @@
 """A small file, whatever is in it, does not ask for more than 200 MB, nor for ever."""
 
 import json
-import os
 from pathlib import Path
 import random
 import struct
-import subprocess
-import sys
 
+import fork_server
 from klann_ros.log.definitions import definition
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap import decompression
@@ -27,7 +25,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 MB = 2**20
-SERVER = Path(__file__).with_name('memory_server.py')
 
 
 def topic(name, kind, schema):
@@ -95,26 +92,37 @@ BOMBS = {
 }
 
 
-@pytest.fixture(scope='module')
-def run():
-    """Return a function that runs a job on a file: its result, the memory it took, its words."""
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
-    command = [sys.executable, SERVER]
-    pipes = {'stdin': subprocess.PIPE, 'stdout': subprocess.PIPE}
-    with subprocess.Popen(command, **pipes, text=True, env=environment) as server:
+# Prints a job's result, the memory it took over what was there [bytes], and what it said.
+MEASURE = """
+from contextlib import redirect_stderr, redirect_stdout
+import io, json, sys
+from klann_ros.log.reader import open_log
+from klann_ros.log.recover_command import main as recover
+from klann_ros.review.command import main as review
+def play(arguments):
+    with open_log(*arguments) as log:
+        return sum(1 for _ in log.messages(start=log.start_time))
+def peak():
+    return int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0]) * 1024
+job, *arguments = sys.argv[1:]
+before, said = peak(), io.StringIO()
+with redirect_stdout(said), redirect_stderr(said):
+    result = {'play': play, 'recover': recover, 'review': review}[job](arguments)
+print(json.dumps([result, peak() - before, said.getvalue()]))
+"""
 
-        def ask(job, path):
-            arguments = [str(path), *(['-o', f'{path}.out'] if job == 'recover' else [])]
-            print(json.dumps([job, arguments]), file=server.stdin, flush=True)
-            answer = json.loads(server.stdout.readline())
-            assert answer is not None, f'{job} died of {path}, or did not end'
-            return answer
 
-        yield ask
+def run(job, path):
+    """Run a job on a file in a process with a peak of its own."""
+    output = ['-o', f'{path}.out'] if job == 'recover' else []
+    code = fork_server.PYTHON, '-c', MEASURE
+    done = fork_server.called(*code, job, path, *output, patience=120.0)
+    assert done.stderr == ''
+    return json.loads(done.stdout)
 
 
 @pytest.mark.parametrize('bomb', BOMBS)
-def test_a_small_file_takes_less_than_200_mb(run, bomb, tmp_path) -> None:
+def test_a_small_file_takes_less_than_200_mb(bomb, tmp_path) -> None:
     make, jobs = BOMBS[bomb]
     (tmp_path / 'x.mcap').write_bytes(make())
     used = {job: run(job, tmp_path / 'x.mcap')[1] for job in jobs}
@@ -133,7 +141,7 @@ def grid(tmp_path_factory):
 
 
 @pytest.mark.parametrize('job', ['recover', 'review'])
-def test_a_large_message_that_the_recorder_packed_well_is_read(run, grid, job) -> None:
+def test_a_large_message_that_the_recorder_packed_well_is_read(grid, job) -> None:
     _, used, said = run(job, grid)
     assert used > 49_000_000
     assert 'damaged' not in said

@@ -115,9 +115,6 @@ MALFORMED = {
 ENDLESS = {
     'references': 'a: &a [x, x]\n'
     + ''.join(f'b{n}: &b [*a, *a]\na{n}: &a [*b, *b]\n' for n in range(40)),
-    'merges': 'a: &a {x: 1}\n'
-    + ''.join(f'b{n}: &b\n  <<: [*a, *a]\na{n}: &a\n  <<: [*b, *b]\n' for n in range(40)),
-    'depth': '[' * 200,
     'length': '- a\n' * 20_000,
 }
 
