@@ -23,22 +23,14 @@ class NoWalkerError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """
-    Feet and centre of mass in base_link; over many poses.
+    """Feet and centre of mass in base_link; over many poses."""
 
-    Attributes
-    ----------
-    feet : numpy.ndarray, shape (..., n, 3)
-        Where the n feet touch the ground [m].
-    rolled : numpy.ndarray, shape (..., n, 2)
-        Rolling displacement of the spherical feet [m]: a foot that rolls moves without sliding.
-    centre : numpy.ndarray, shape (..., 3)
-        The centre of mass of all [m].
-
-    """
-
+    # Where the n feet touch the ground, shape (..., n, 3) [m].
     feet: Array
+    # Rolling displacement of the spherical feet, shape (..., n, 2) [m]: a foot that rolls moves
+    # without sliding.
     rolled: Array
+    # The centre of mass of all, shape (..., 3) [m].
     centre: Array
 
 
@@ -159,8 +151,9 @@ class Feet:
         self, cranks: Sequence[float]
     ) -> tuple[list[list[float]], list[list[float]], list[float]]:
         """Return feet, rolling and centre of mass of one pose: `at`, in plain numbers."""
-        placed = self.at(cranks)
-        return placed.feet.tolist(), placed.rolled.tolist(), placed.centre.tolist()
+        values = self._values(cranks)
+        centre, rows = self._fixed + self._shares @ values[:, 5:], values.tolist()
+        return [row[:3] for row in rows], [row[3:5] for row in rows], centre.tolist()
 
     def _values(self, cranks: ArrayLike) -> Array:
         """Return foot, rolling and centre of mass of each leg, shape (..., n, 8)."""

@@ -126,16 +126,17 @@ def outside_feet(
     feet: Sequence[Point],
     centre: Point,
     attitude: tuple[float, float],
+    guess: Facet = (0, 1, 2),
     tolerance: float = 0.01,
 ) -> float:
     """
     Return how far a centre of mass is outside of the feet that an attitude shows to carry it [m].
 
     The body lies on a facet of its feet within a tolerance of roll and pitch [rad]; 0 where there
-    is none, as while it tips, or where one can carry it.
+    is none, as while it tips, or where one can carry it, which `guess` may do.
     """
     nearest = inf
-    for facet in _facets(len(feet)):
+    for facet in (guess, *_facets(len(feet))):
         corners = [feet[i] for i in facet]
         middle = [sum(values) / 3.0 for values in zip(*corners, strict=True)]
         rest = _on(feet, middle, facet)

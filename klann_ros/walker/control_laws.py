@@ -75,17 +75,7 @@ def _corrected(wanted: float, correction: float, most: float) -> float:
 
 
 class CrankCommand(NamedTuple):
-    """
-    What the cranks are to do.
-
-    Attributes
-    ----------
-    position : tuple of float
-        Where each is to be [rad].
-    velocity : tuple of float
-        The rate that its motor is to have [rad/s].
-
-    """
+    """What the cranks are to do: where each is to be [rad], and the rate of its motor [rad/s]."""
 
     position: tuple[float, ...]
     velocity: tuple[float, ...]
@@ -95,21 +85,16 @@ class PhaseLock:
     """
     The lock of a walker's cranks.
 
+    `targets` are their set points, and `errors` target - position at the last step [rad];
+    `rate_scale` is the ratio of the targets' rates to the commanded ones, below 1 while they wait
+    for a crank.
+
     Parameters
     ----------
     senses, sides : sequence of float
         Which way each drives forwards, and on which side: see `Feet`.
     settings : ControllerSettings
         Gains and the limit of the crank rate; they can be replaced at any time.
-
-    Attributes
-    ----------
-    targets : list of float
-        The set points of the cranks [rad].
-    errors : list of float
-        Target - position, at the last step [rad].
-    rate_scale : float
-        Ratio of the targets' rates to the commanded ones: below 1 while they wait for a crank.
 
     """
 
@@ -141,19 +126,7 @@ class PhaseLock:
         return [(phase - mean + pi) % TURN - pi for phase in phases]
 
     def step(self, dt: float, rates: Sequence[float], positions: Sequence[float]) -> CrankCommand:
-        """
-        Move the targets on, and return the command.
-
-        Parameters
-        ----------
-        dt : float
-            The time since the last step [s].
-        rates : sequence of float
-            The commanded crank rates [rad/s].
-        positions : sequence of float
-            Where they are [rad].
-
-        """
+        """Move the targets on by a time [s] at rates [rad/s], and return the command."""
         if not self.targets:
             self.reset(positions)
         moving, is_locked = list(rates), self.settings.phase_lock

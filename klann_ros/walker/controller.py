@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Mapping, Sequence
 from enum import Enum
-from functools import lru_cache
 from math import degrees, inf, isfinite
 
 from klann_ros.gait.steering import Rates, Steering, Twist2D
@@ -16,12 +15,11 @@ STANDS = Twist2D(0.0, 0.0)
 
 
 class DiagnosticLevel(Enum):
-    """The level of a diagnostic status."""
+    """The level of a diagnostic status, as in ROS."""
 
     OK = 0
     WARN = 1
     ERROR = 2
-    STALE = 3
 
 
 class WalkController:
@@ -30,6 +28,11 @@ class WalkController:
 
     Times are of one control clock, which may be simulated. Timeouts run on the steady clock as
     well, so that they pass where the control clock stands still.
+
+    `motion` is that for which the `cranks`, in the order of `Feet.joints`, are driven just now.
+    `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
+    it cannot follow, and `pauses` the gaps in its loop. `limits_hit` are the active limits, and
+    `events` those to be logged; the logger removes them.
 
     Parameters
     ----------
@@ -40,36 +43,20 @@ class WalkController:
     steady : callable, optional
         Returns the time of a clock that always runs [s]; not needed if the control clock does.
 
-    Attributes
-    ----------
-    cranks : list of CrankFeedback
-        The cranks, in the order of `Feet.joints`.
-    motion : Twist2D
-        The motion that the cranks are driven for just now.
-    rejected, late, refused : int
-        Commands that were not finite, that were too old, and turns that it cannot follow.
-    pauses : int
-        Gaps in its own loop, after which the set points restarted.
-    limits_hit : list of str
-        Active limits.
-    events : deque of str
-        Events to be logged; the logger removes them.
-
     """
 
     def __init__(
         self, steering: Steering, settings: ControllerSettings, steady: SteadyClock | None = None
     ) -> None:
-        self.steering, self._settings = steering, settings
+        self.steering = steering
         feet = steering.feet
         # Half a second that the first turn need not wait for.
         if steering.can_turn:
             steering.prepare()
-        self.cranks = [CrankFeedback(joint, 4.0 * self._max_rate, steady) for joint in feet.joints]
+        self.cranks = [CrankFeedback(joint, inf, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.speed)
-        # A cache: the command rarely changes.
-        self._limited = lru_cache(maxsize=1)(self._limit)
+        self.configure(settings)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = self.pauses = 0
         self.limits_hit: list[str] = []
@@ -86,22 +73,11 @@ class WalkController:
         self._commanded: Sequence[float] = [0.0] * len(self.cranks)
         self._blocked: list[str] = []
 
-    @property
-    def settings(self) -> ControllerSettings:
-        """Return limits, timeouts and gains; they can be replaced at any time."""
-        return self._settings
-
-    @settings.setter
-    def settings(self, settings: ControllerSettings) -> None:
-        self._settings = settings
-        self.lock.settings = self.motion_feedback.settings = settings
+    def configure(self, settings: ControllerSettings) -> None:
+        """Replace limits, timeouts and gains."""
+        self.settings = self.lock.settings = self.motion_feedback.settings = settings
         for crank in self.cranks:
-            crank.max_rate = 4.0 * self._max_rate
-        self._limited.cache_clear()
-
-    @property
-    def _max_rate(self) -> float:
-        return self._settings.limits.max_crank_rate
+            crank.max_rate = 4.0 * settings.limits.max_crank_rate
 
     # Inputs.
 
@@ -124,10 +100,10 @@ class WalkController:
         if not (isfinite(linear) and isfinite(angular)):
             self.rejected += 1
             return f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
-        if age > self._settings.cmd_vel_timeout:
+        if age > self.settings.cmd_vel_timeout:
             self.late += 1
             return f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
-        if delay > self._settings.cmd_vel_timeout:
+        if delay > self.settings.cmd_vel_timeout:
             self.late += 1
             return f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
         self._wanted = Twist2D(linear, angular)
@@ -167,7 +143,7 @@ class WalkController:
         """Note that the control loop runs; whatever is called next may be the first in a while."""
         gap = self._loop.age(now)
         self._loop.feed(now)
-        if self._settings.max_gap < gap < inf:
+        if self.settings.max_gap < gap < inf:
             self._pause(gap, now)
 
     def _pause(self, gap: float, now: float) -> None:
@@ -179,7 +155,7 @@ class WalkController:
         self._command_backlog.pause(now)
         for crank in self.cranks:
             crank.backlog.pause(now)
-        if gap > self._settings.feedback_timeout:
+        if gap > self.settings.feedback_timeout:
             self.motion = STANDS
 
     def measured(self, motion: Twist2D, seconds: float) -> None:
@@ -213,7 +189,7 @@ class WalkController:
             self._progress.feed(now)
         gap = 0.0 if self._last is None else now - self._last
         self._last = now
-        if gap > self._settings.max_gap:
+        if gap > self.settings.max_gap:
             self._pause(gap, now)
         self.limits_hit = []
         if not self._is_known:
@@ -270,20 +246,18 @@ class WalkController:
         self._stalled = [0.0] * len(self.cranks)
 
     def _approach(self, now: float, dt: float) -> Twist2D:
-        aim, self.limits_hit = self._limited(STANDS if self._is_command_old(now) else self._wanted)
+        limits = self.settings.limits
+        wanted = STANDS if self._is_command_old(now) else self._wanted
+        wanted, self.limits_hit = limits.motion(wanted)
+        share, slow = limits.rates(self.steering.rates(wanted))
+        self.limits_hit += slow
+        aim = Twist2D(wanted.linear * share, wanted.angular * share)
         if self.motion != aim:
-            self.motion = self._settings.limits.approach(self.motion, aim, dt)
+            self.motion = limits.approach(self.motion, aim, dt)
         return self.motion
 
     def _is_command_old(self, now: float) -> bool:
-        return self._command_age.age(now) > self._settings.cmd_vel_timeout
-
-    def _limit(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
-        """Return the motion that is possible, and what limits it."""
-        limits = self._settings.limits
-        wanted, hit = limits.motion(wanted)
-        share, slow = limits.rates(self.steering.rates(wanted))
-        return Twist2D(wanted.linear * share, wanted.angular * share), hit + slow
+        return self._command_age.age(now) > self.settings.cmd_vel_timeout
 
     def _side_rates(self, motion: Twist2D) -> Rates:
         wanted = self.motion_feedback.corrected(motion)
@@ -292,8 +266,8 @@ class WalkController:
 
     def _crank_rates(self, rates: Rates, dt: float) -> list[float]:
         """Return the rates of the cranks: those of the sides within their limits."""
-        share, _ = self._settings.limits.rates(rates)
-        most = self._settings.max_crank_acceleration * dt if self.motion != STANDS else inf
+        share, _ = self.settings.limits.rates(rates)
+        most = self.settings.max_crank_acceleration * dt if self.motion != STANDS else inf
         left, right = (
             was + max(-most, min(most, share * rate - was))
             for was, rate in zip(self._rates, rates, strict=True)
@@ -302,7 +276,7 @@ class WalkController:
         return self.steering.crank_rates(self._rates)
 
     def _detect_blocked(self, dt: float) -> None:
-        s = self._settings
+        s = self.settings
         for k, crank in enumerate(self.cranks):
             commanded = abs(self._commanded[k])
             stuck = commanded > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * commanded
@@ -319,7 +293,7 @@ class WalkController:
 
     def timed_out_joints(self, now: float) -> list[str]:
         """Return the cranks whose feedback has stopped, or never began."""
-        timeout = self._settings.feedback_timeout
+        timeout = self.settings.feedback_timeout
         return [crank.joint for crank in self.cranks if crank.age(now) > timeout]
 
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
@@ -330,12 +304,9 @@ class WalkController:
         if self._event_age.age(now) < 3.0:
             return DiagnosticLevel.WARN, self._event
         if self.lock.rate_scale < 1.0 and self.motion != STANDS:
-            k = max(range(len(self.cranks)), key=lambda k: abs(self.lock.errors[k]))
-            lag = degrees(abs(self.lock.errors[k]))
-            return (
-                DiagnosticLevel.WARN,
-                f'slowing down: {self.cranks[k].joint} lags by {lag:.0f} deg',
-            )
+            lags = [degrees(abs(error)) for error in self.lock.errors]
+            joint = self.cranks[lags.index(max(lags))].joint
+            return DiagnosticLevel.WARN, f'slowing down: {joint} lags by {max(lags):.0f} deg'
         if self.limits_hit:
             return DiagnosticLevel.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
         if self.motion == STANDS:
@@ -349,7 +320,7 @@ class WalkController:
             since = f'for {age:.1f} s' if age < inf else 'yet'
             return f'no feedback of {", ".join(silent)} {since}'
         stands = self._progress.age(now) if now == self._last else 0.0
-        if stands > self._settings.feedback_timeout:
+        if stands > self.settings.feedback_timeout:
             return f'the clock has stood still for {stands:.1f} s'
         if self._blocked:
             return f'{", ".join(self._blocked)} does not turn; a cmd_vel of 0 permits another try'

@@ -58,6 +58,7 @@ from typing import NamedTuple
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait.feet import Feet
 from klann_ros.gait.stance import (
+    Facet,
     foot_motion,
     FootMotion,
     inverse,
@@ -82,31 +83,18 @@ import numpy as np
 from .imu import ImuIncrement, ImuPreintegration, ImuReading, StandstillCalibration
 from .settings import OdometryNoise
 
-STATES, GYRO_BIAS, ACCEL_BIAS = 9, 6, slice(7, 9)
-# The yaw and its drift, which a gyro measures.
-GYRO_STATES = [2, GYRO_BIAS]
-GYRO_BLOCK = np.ix_(GYRO_STATES, GYRO_STATES)
+# The yaw and the gyro's bias; the accelerometer's biases.
+GYRO_STATES, ACCEL_BIAS = slice(2, 7, 4), slice(7, 9)
+Attitude = tuple[float, float]
 
 
 class OdometryEstimate(NamedTuple):
     """
     Pose and velocity of a walker, in a frame that begins on the ground below its start.
 
-    Attributes
-    ----------
-    x, y, z : float
-        base_link's origin [m].
-    roll, pitch, yaw : float
-        As in REP 103 [rad].
-    linear : (float, float)
-        Velocity over ground, forwards and to the left [m/s].
-    angular : float
-        Yaw rate [rad/s].
-    covariance : 3 tuples of 3 floats
-        Of x, y, yaw.
-    rate_variances : (float, float, float)
-        Of the velocity and the yaw rate.
-
+    x, y, z are base_link's origin [m]; roll, pitch, yaw are as in REP 103 [rad]; `linear` is the
+    velocity over ground, forwards and to the left [m/s], and `angular` the yaw rate [rad/s];
+    `covariance` is that of x, y and yaw, and `rate_variances` are of the velocity and yaw rate.
     """
 
     x: float
@@ -125,25 +113,17 @@ class Odometry:
     """
     Estimate the motion of a walker.
 
+    `support` is that of the feet which carry it: None before the first angles, and where its
+    centre of mass is not above its feet. `travelled` and `slid` are the distances that it moved,
+    and that its feet slid [m]; `support_violation` is the part of the last 10 s in which the
+    measured attitude is that of a body on feet that cannot carry it.
+
     Parameters
     ----------
     feet : Feet
         The walker's.
     noise : OdometryNoise, optional
         Uncertainties.
-
-    Attributes
-    ----------
-    support : Support or None
-        The feet that carry it; None before the first angles, and where its centre of mass is not
-        above its feet.
-    calibration : StandstillCalibration
-        Of the IMU.
-    travelled, slid : float
-        Distances that it moved, and that its feet slid [m].
-    support_violation : float
-        The part of the last 10 s in which the measured attitude is that of a body on feet that
-        cannot carry it, as its centre of mass in the file is outside of them.
 
     """
 
@@ -156,18 +136,18 @@ class Odometry:
         self._imu, self._heading_variance = ImuPreintegration(self.noise), 0.0
         self._cranks: list[float] | None = None
         self._rates: list[float] = []
-        self._state = np.zeros(STATES)
+        self._state = np.zeros(9)
         deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
         self._covariance = np.diag(np.square(deviations))
         # Sigma points of the consider parameters, and the pose by each, from the state on.
         errors = n.advance_error, n.slip_error, n.slip_error, n.slip_yaw_error, n.contact_error
         # With nine of them the standard deviations in a circle change by 3 % at most.
         points, weights = np.polynomial.hermite_e.hermegauss(5)
-        self._errors = np.kron(np.diag(errors), points).astype(np.complex128)
+        self._errors = np.outer(errors, points)
         self._weights = np.tile(weights / weights.sum(), len(errors))
-        self._moved = np.zeros(len(self._weights), dtype=np.complex128)
-        self._turned = np.zeros(len(self._weights))
-        self._attitude: tuple[float, float] | None = None
+        self._turned = np.zeros(self._errors.shape)
+        self._moved, self._directions = 0j * self._turned, np.exp(1j * self._turned)
+        self._attitude: Attitude | None = None
         self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
         # Weight of the contact model: less where the measured attitude contradicts its feet.
         self._contact_weight = 1.0
@@ -195,24 +175,16 @@ class Odometry:
     @property
     def gyro_bias(self) -> float:
         """Return the drift of the heading [rad/s]."""
-        return float(self._state[GYRO_BIAS])
+        return float(self._state[6])
 
     @property
     def innovation(self) -> float:
-        """
-        Return the normalised mean innovation of the velocity, from 0 to 1.
-
-        It is the friction that the measured motion needs in the mean, as a part of the largest.
-        """
+        """Return the friction that the measured motion needs in the mean, by the largest."""
         return abs(self._innovation)
 
     @property
     def tilt_innovation(self) -> float:
-        """
-        Return the normalised innovation of the attitude, a root mean square; 1 is usual.
-
-        More means that it does not stand on the feet that its file says.
-        """
+        """Return the root mean square of the attitude's normalised innovation; 1 is usual."""
         return sqrt(self._tilt_square)
 
     @property
@@ -242,15 +214,8 @@ class Odometry:
         """
         Return the estimate after a reading of the cranks.
 
-        Parameters
-        ----------
-        cranks : sequence of float
-            Their angles [rad].
-        rates : sequence of float
-            Their rates [rad/s].
-        seconds : float
-            Time since the last reading; if it is 0, that of the angles at these rates.
-
+        `cranks` are their angles [rad], `rates` theirs [rad/s], and `seconds` is the time since
+        the last reading; if it is 0, that of the angles at these rates.
         """
         before = list(cranks) if self._cranks is None else self._cranks
         self._cranks = angles = self._filtered(before, cranks, rates, seconds)
@@ -271,11 +236,7 @@ class Odometry:
         return self._estimate()
 
     def _filtered(
-        self,
-        before: Sequence[float],
-        cranks: Sequence[float],
-        rates: Sequence[float],
-        seconds: float,
+        self, before: list[float], cranks: Sequence[float], rates: Sequence[float], seconds: float
     ) -> list[float]:
         """Return the angles without most noise of the encoders, which would be slip of feet."""
         last, self._rates = self._rates or rates, list(rates)
@@ -299,7 +260,7 @@ class Odometry:
             return
         rate, variance = measured
         if variance:
-            self._update_bias(GYRO_BIAS, rate, variance)
+            self._update_bias(6, rate, variance)
         if taken.delta_velocity is not None and taken.span:
             variance = self.noise.accelerometer_noise**2 / taken.span
             for k in (0, 1):
@@ -322,9 +283,10 @@ class Odometry:
         if rest is None:
             self._stop()
             return
-        self._update_attitude(rest, taken.attitude if taken else None, dt)
-        if taken and taken.attitude:
-            self._check_support(feet, over, taken.attitude, dt)
+        measured = taken.attitude if taken else None
+        self._update_attitude(rest, measured, dt)
+        if measured:
+            self._check_support(feet, over, rest.facet, measured, dt)
         self._pose = pose = stance_pose(feet, rolled, rest, self._attitude, centre)
         if before is None:
             return
@@ -352,9 +314,7 @@ class Odometry:
         over = zero_moment_point(complex(*centre[:2]), self._height, acceleration)
         return over.real, over.imag, centre[2]
 
-    def _update_attitude(
-        self, rest: Support, measured: tuple[float, float] | None, dt: float
-    ) -> None:
+    def _update_attitude(self, rest: Support, measured: Attitude | None, dt: float) -> None:
         """Set roll and pitch to those of the IMU, or to what the body tips to; learn the slope."""
         n = self.noise
         if measured is None:
@@ -383,7 +343,7 @@ class Odometry:
         return self._slope_time >= self.noise.slope_time / 4.0
 
     def _check_support(
-        self, feet: Sequence[Point], over: Point, measured: tuple[float, float], dt: float
+        self, feet: Sequence[Point], over: Point, facet: Facet, measured: Attitude, dt: float
     ) -> None:
         """Learn for which part of the time it lies on feet that cannot carry it."""
         self._next_check -= dt
@@ -391,7 +351,7 @@ class Odometry:
             return
         self._next_check = period = 0.1
         level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
-        is_off = outside_feet(feet, over, level) > self.noise.max_outside
+        is_off = outside_feet(feet, over, level, facet) > self.noise.max_outside
         share = period / self.noise.slope_time
         self.support_violation += share * (is_off - self.support_violation)
 
@@ -428,14 +388,14 @@ class Odometry:
         if self._yaw_rate is None:
             p[5, 5] += noise / self._feet.gyration**2
         else:
-            p[GYRO_BIAS, GYRO_BIAS] += n.gyro_drift**2 * dt
+            p[6, 6] += n.gyro_drift**2 * dt
             if self._imu.last and self._imu.last.yaw is None:
                 p[2, 2] += n.gyro_noise**2 * dt
 
     def _propagate(self, first: int, row: Sequence[complex], yaw: Sequence[float]) -> None:
         """Propagate the covariance: three rows of the Jacobian, the first two as x + jy."""
         # `dot` takes half the time of @ on matrices this small.
-        p, f, rows = self._covariance, np.zeros((3, STATES)), slice(first, first + 3)
+        p, f, rows = self._covariance, np.zeros((3, 9)), slice(first, first + 3)
         both = np.array(row, dtype=np.complex128)
         f[0, : len(row)], f[1, : len(row)], f[2, : len(yaw)] = both.real, both.imag, yaw
         changed = f.dot(p)
@@ -459,16 +419,16 @@ class Odometry:
         force = has_slope * held / (self.noise.friction * GRAVITY) * self._slope
         vx, vy, w = self._state[3:6].tolist()
         prior = MotionPrior(complex(vx, vy), w, information, force)
-        feet = [foot._replace(load=held * foot.load) for foot in standing]
+        feet = [FootMotion(moves, arm, held * load) for moves, arm, load in standing]
         found = minimize_slip(feet, self.noise.stiction_speed, prior)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen].dot(inverse_prior)
-        saved = self._state[GYRO_STATES], p[GYRO_BLOCK]
+        saved = self._state[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
         p -= gain.dot(p[seen, seen] - _square(found.covariance, size)).dot(gain.T)
         self._state += gain.dot(by)
         if size == 2:
-            self._state[GYRO_STATES], p[GYRO_BLOCK] = saved
+            self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
         self._slip = found.slid / weight
         if has_slope:
             self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)
@@ -531,20 +491,22 @@ class Odometry:
         self._propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
         # The pose by the errors of the contact model.
         slip, contact = scale * self._slip, scale * (least - motion)
-        yaws = (0.0, 0.0) if has_gyro else (slip / self._feet.reach, turn - w)
-        effects = (doubt * motion, slip, 1j * slip, 0.0, contact), (0.0, 0.0, 0.0, *yaws)
-        moves, turns = np.array(effects).dot(self._errors)
-        self._moved += along * dt * (np.exp(1j * self._turned) * (motion + moves) - motion)
-        self._turned += turns.real * dt
+        effects = np.array((doubt * motion, slip, 1j * slip, 0.0, contact))
+        moves = self._directions * (motion + effects[:, None] * self._errors) - motion
+        self._moved += along * dt * moves
+        if not has_gyro:
+            turns = np.array((0.0, 0.0, 0.0, slip / self._feet.reach, turn - w))
+            self._turned += turns[:, None] * self._errors * dt
+            self._directions = np.exp(1j * self._turned)
 
     def _estimate(self) -> OdometryEstimate:
         rest, reading, n = self.support, self._imu.last, self.noise
         px, py, yaw, vx, vy, angular = self._state[:6].tolist()
-        away = np.array([self._moved.real, self._moved.imag, self._turned])
+        away = np.array([self._moved.real, self._moved.imag, self._turned]).reshape(3, -1)
         p = (self._covariance[:3, :3] + (self._weights * away).dot(away.T)).tolist()
         p[2][2] += self._heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
-        var_x, var_y, var_w = np.diagonal(self._covariance)[3:6].tolist()
+        var_x, var_y, var_w = (float(self._covariance[k, k]) for k in (3, 4, 5))
         slip, reach, rocks = self._scale * self._slip, self._feet.reach, 0.0
         if self._push is None:
             rocks = n.rocking_error * hypot(vx, vy, angular * reach)

@@ -22,22 +22,13 @@ class Walker:
     steering : Steering
         Maps body motion to crank rates.
     settings : ControllerSettings, optional
-        Limits, timeouts and gains of its controller.
+        Of its `controller`, which turns its cranks.
     noise : OdometryNoise, optional
-        Uncertainties of its odometry.
+        Of its `odometry`, which follows them.
     imu_timeout : float
         Maximum age of IMU readings [s]; older ones are ignored.
     steady : callable, optional
         Returns the time of a clock that always runs [s]; see `WalkController`.
-
-    Attributes
-    ----------
-    feet : Feet
-        Its feet.
-    controller : WalkController
-        What turns its cranks.
-    odometry : Odometry
-        What follows them.
 
     """
 
@@ -122,19 +113,17 @@ class Walker:
         lock, rest = controller.lock, odometry.support
         found: dict[str, str] = {}
         for crank, error, phase in zip(controller.cranks, lock.errors, lock.phases(), strict=True):
+            joint = crank.joint
             found |= {
-                f'{crank.joint} {name}': text
-                for name, text in (
-                    ('phase_error', f'{error:.5f}'),
-                    ('off_gait', f'{phase:.4f}'),
-                    ('velocity', f'{crank.velocity:.4f}'),
-                    ('silent', f'{crank.age(now):.2f}'),
-                    ('rejected', str(crank.rejected)),
-                    ('jumps', str(crank.jumps)),
-                    ('offsets', str(crank.offsets)),
-                    ('offset_sum', f'{crank.offset_sum:.4f}'),
-                    ('encoder_noise', f'{crank.detector.noise:.5f}'),
-                )
+                f'{joint} phase_error': f'{error:.5f}',
+                f'{joint} off_gait': f'{phase:.4f}',
+                f'{joint} velocity': f'{crank.velocity:.4f}',
+                f'{joint} silent': f'{crank.age(now):.2f}',
+                f'{joint} rejected': str(crank.rejected),
+                f'{joint} jumps': str(crank.jumps),
+                f'{joint} offsets': str(crank.offsets),
+                f'{joint} offset_sum': f'{crank.offset_sum:.4f}',
+                f'{joint} encoder_noise': f'{crank.detector.noise:.5f}',
             }
         names = [leg.name for leg in self.feet.robot.legs]
         has_imu = self._imu_age.age(now) <= self._imu_timeout

@@ -524,7 +524,8 @@ def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelera
 
 def test_settings_change_while_it_walks(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(3.0)
-    bench.control.settings = ControllerSettings(MotionLimits(max_linear=0.05), cmd_vel_timeout=0.1)
+    limits = MotionLimits(max_linear=0.05)
+    bench.control.configure(ControllerSettings(limits, cmd_vel_timeout=0.1))
     assert bench.run(2.0).rates == pytest.approx([0.05 / steering.speed] * 2, rel=0.05)
     bench.commands = False
     assert bench.run(0.5).rates == [0.0, 0.0]

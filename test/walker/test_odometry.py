@@ -325,7 +325,7 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
     walker.odometry._slope_time = 10.0
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
     for _ in range(400):
-        walker.odometry._check_support(SEESAW, centre, leans, 0.01)
+        walker.odometry._check_support(SEESAW, centre, (1, 2, 3), leans, 0.01)
     level, text = walker.verdict(0.0)
     assert ('check body_centre' in text) == bool(away)
     assert (level == DiagnosticLevel.WARN) == bool(away)

@@ -5,7 +5,7 @@ from functools import partial
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
@@ -25,18 +25,13 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
+from klann_ros.walker import imu_reading, Walker
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
 from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
 from .messages import CrankOutput, ImuReader, OdomOutput, read_twist
 
-_LEVELS = {
-    DiagnosticLevel.OK: DiagnosticStatus.OK,
-    DiagnosticLevel.WARN: DiagnosticStatus.WARN,
-    DiagnosticLevel.ERROR: DiagnosticStatus.ERROR,
-}
 # Minimum time between two log lines about events [s].
 EVENT_PERIOD = 1.0
 # Events in one line of the log.
@@ -120,7 +115,7 @@ class WalkerNode(Node):
 
     def _on_change(self, values: Mapping[str, Any]) -> None:
         self._values |= values
-        self._walker.controller.settings = settings(self._values)
+        self._walker.controller.configure(settings(self._values))
 
     def _summary(self, values: dict[str, Any]) -> str:
         feet, steering = self._walker.feet, self._walker.controller.steering
@@ -205,7 +200,7 @@ class WalkerNode(Node):
         now = self._now()
         level, message = self._walker.verdict(now)
         values = self._walker.values(now).items()
-        status = diagnostic_status(self, 'walker', _LEVELS[level], message, values)
+        status = diagnostic_status(self, 'walker', bytes([level.value]), message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _on_watch(self) -> None:
