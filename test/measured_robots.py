@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from klann_ros.calibration import CrankSamples, MeasuredSeries, series_of
+from klann_ros.calibration import CrankSamples, kind_of, MeasuredSeries, series_of
 from klann_ros.kinematics import KlannGeometry, Linkage, linkage_poses
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
@@ -69,15 +69,31 @@ class Robot:
         rng = np.random.default_rng([self.seed, j])
         return np.array(poses.angles[:, [j]]) + rng.normal(0.0, noise, (self.count, 1))
 
-    def measured(
-        self, names: Sequence[str] = 'HG', *, stated: bool = True
-    ) -> list[MeasuredSeries]:
-        crank = CrankSamples.of(self.times, self.crank)
-        noise = self.noise if stated else None
-        return [
-            series_of('point', name, self.times, self.seen(name), crank, noise=noise)
-            for name in names
-        ]
+    def series(
+        self,
+        name: str,
+        values: np.ndarray | None = None,
+        *,
+        crank: np.ndarray | None = None,
+        noise: float | None = None,
+    ) -> MeasuredSeries:
+        """Return a point or an angle as measured, with other values or crank angles."""
+        kind = kind_of(self.linkage, name)
+        if values is None:
+            values = self.seen(name) if kind == 'point' else self.angle(name)
+        encoder = CrankSamples.of(self.times, self.crank if crank is None else crank)
+        return series_of(kind, name, self.times[: len(values)], values, encoder, noise=noise)
+
+    def measured(self, names: Sequence[str] = 'HG') -> list[MeasuredSeries]:
+        return [self.series(name, noise=self.noise) for name in names]
+
+    def moved(self, crank: np.ndarray, names: Sequence[str] = 'HG') -> list[np.ndarray]:
+        """Return points as measured where the crank has turned otherwise."""
+        poses = linkage_poses(self.linkage, crank + self.phase, points=True)
+        rng = np.random.default_rng(6)
+        places = [self.linkage.structure.points.index(name) for name in names]
+        noises = rng.normal(0.0, self.noise, (len(places), self.count, 2))
+        return [*(np.moveaxis(poses.points[:, places], 1, 0) + noises)]
 
 
 def errors(calibration: Any, robot: Robot) -> np.ndarray:

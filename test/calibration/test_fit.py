@@ -8,7 +8,7 @@ from typing import Any
 from klann_ros.calibration import (
     calibrate,
     CrankSamples,
-    kind_of,
+    fit,
     MeasurementError,
     series_of,
 )
@@ -19,6 +19,12 @@ import numpy as np
 import pytest
 
 ANGLE_NOISE = math.radians(0.05)
+
+
+def photographed(points: np.ndarray, factor: complex, shift: complex) -> np.ndarray:
+    """Return points, shape (n, 2), as a camera in another pose sees them."""
+    at = points @ (1.0, 1j) * factor + shift
+    return np.column_stack([at.real, at.imag])
 
 
 # What a log of the Klann leg can tell: condition, worst length and l_gh [mm], zero [deg].
@@ -38,9 +44,7 @@ def test_the_known_observability_of_the_klann_leg(  # noqa: PLR0917 - a row of t
     robot = Robot(DRAWN, phase=0.0, speed=math.tau / 5.0)
     measured = robot.measured(points)
     if angle:
-        crank = CrankSamples.of(robot.times, robot.crank)
-        values = robot.angle(angle)
-        measured.append(series_of('angle', angle, robot.times, values, crank, noise=ANGLE_NOISE))
+        measured.append(robot.series(angle, noise=ANGLE_NOISE))
     found = calibrate(DRAWN, measured, crank_noise=0.0)
     assert found.observability.rank == 14
     assert found.observability.condition == pytest.approx(condition, rel=0.02)
@@ -87,9 +91,7 @@ def test_what_is_reported_is_right_though_other_combinations_are_open(
     robot = Robot(leg, count=200, period=0.025, noise=noise, seed=seed)
     measured = robot.measured(drawn.structure.foot)
     if angle:
-        crank = CrankSamples.of(robot.times, robot.crank)
-        values = robot.angle(angle)
-        measured.append(series_of('angle', angle, robot.times, values, crank, noise=ANGLE_NOISE))
+        measured.append(robot.series(angle, noise=ANGLE_NOISE))
     found = calibrate(drawn, measured)
     known = np.isfinite(found.standard_errors)
     assert 1 <= known.sum() < len(known)
@@ -112,15 +114,8 @@ def test_an_unknown_encoder_zero_is_found() -> None:
 
 def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> None:
     robot = Robot()
-    turn = np.exp(0.3j)
-
-    def seen(name: str) -> Any:
-        at = robot.seen(name) @ (1.0, 1j) * turn + (0.2 - 0.1j)
-        crank = CrankSamples.of(robot.times, robot.crank)
-        values = np.column_stack([at.real, at.imag])
-        return series_of('point', name, robot.times, values, crank, noise=NOISE)
-
-    alone = calibrate(DRAWN, [seen('H')], camera=True)
+    seen = robot.series('H', photographed(robot.seen('H'), np.exp(0.3j), 0.2 - 0.1j), noise=NOISE)
+    alone = calibrate(DRAWN, [seen], camera=True)
     assert alone.observability.rank == 16
     (combination,) = alone.observability.combinations
     names = {name for name, _ in combination.parts}
@@ -132,22 +127,16 @@ def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> 
     assert alone.dimension('l_gh')[0] == pytest.approx(robot.linkage.dimensions['l_gh'], abs=2e-3)
     best = alone.further()[0]
     assert best.name == "the camera's pose"
-    crank = CrankSamples.of(robot.times, robot.crank)
-    gamma = series_of('angle', 'gamma', robot.times, robot.angle('gamma'), crank)
-    settled = calibrate(DRAWN, [seen('H'), gamma], camera=True)
+    settled = calibrate(DRAWN, [seen, robot.series('gamma')], camera=True)
     assert settled.is_complete
     assert (np.abs(errors(settled, robot)) < 4.0).all()
     assert settled.dimension('camera rotation')[0] == pytest.approx(0.3, abs=0.01)
 
 
 def test_what_a_camera_in_any_pose_leaves_open_stays_near_the_drawing() -> None:
-    robot, turn = Robot(), np.exp(1.2j)
-    crank = CrankSamples.of(robot.times, robot.crank)
-    measured = []
-    for name in 'HG':
-        at = robot.seen(name) @ (1.0, 1j) * turn + (0.5 - 0.3j)
-        values = np.column_stack([at.real, at.imag])
-        measured.append(series_of('point', name, robot.times, values, crank, noise=NOISE))
+    robot = Robot()
+    views = {name: photographed(robot.seen(name), np.exp(1.2j), 0.5 - 0.3j) for name in 'HG'}
+    measured = [robot.series(name, view, noise=NOISE) for name, view in views.items()]
     found = calibrate(DRAWN, measured, camera=True)
     known = np.isfinite(found.standard_errors[:14])
     assert known.sum() >= 9
@@ -160,10 +149,8 @@ def test_what_a_camera_in_any_pose_leaves_open_stays_near_the_drawing() -> None:
 def test_the_distance_of_a_sliding_body_is_no_angle() -> None:
     drawn = shipped_linkage('slider_crank')
     robot = Robot(built(3, drawn, length=1e-4), noise=1e-5, count=500, speed=2.6)
-    assert kind_of(drawn, 'piston') == 'distance'
-    crank = CrankSamples.of(robot.times, robot.crank)
-    piston = robot.angle('piston', 1e-5)
-    series = series_of('distance', 'piston', robot.times, piston, crank, noise=1e-5)
+    series = robot.series('piston', robot.angle('piston', 1e-5), noise=1e-5)
+    assert series.kind == 'distance'
     found = calibrate(drawn, [*robot.measured('B'), series])
     known = np.isfinite(found.standard_errors)
     assert known.sum() >= 5
@@ -194,12 +181,9 @@ def test_one_more_marker_is_suggested() -> None:
 
 def test_distances_measure_as_well() -> None:
     robot = Robot()
-    crank = CrankSamples.of(robot.times, robot.crank)
-    rng = np.random.default_rng(5)
     distance = np.linalg.norm(robot.seen('H') - robot.place('A'), axis=1)[:, None]
-    wire = series_of(
-        'distance', 'A-H', robot.times, distance + rng.normal(0.0, 1e-5, distance.shape), crank
-    )
+    noise = np.random.default_rng(5).normal(0.0, 1e-5, distance.shape)
+    wire = robot.series('A-H', distance + noise)
     found = calibrate(DRAWN, [*robot.measured('G'), wire])
     assert found.observability.rank >= 12
     known = np.isfinite(found.standard_errors)
@@ -253,17 +237,9 @@ def test_a_gap_of_the_encoder_is_not_interpolated() -> None:
 def test_a_late_clock_is_found_where_the_speed_changes() -> None:
     robot = Robot(count=2000)
     crank = robot.crank + 0.8 * np.sin(2.0 * robot.times)
-    rate = robot.speed + 1.6 * np.cos(2.0 * robot.times)
-    late = linkage_poses(robot.linkage, crank - 0.020 * rate + robot.phase, points=True).points
-    rng = np.random.default_rng(6)
-    measured = [
-        series_of(
-            'point', name, robot.times,
-            late[:, 'ABCDEFGH'.index(name)] + rng.normal(0.0, NOISE, (2000, 2)),
-            CrankSamples.of(robot.times, crank), noise=NOISE,
-        )
-        for name in 'HG'
-    ]  # fmt: skip
+    late = crank - 0.020 * (robot.speed + 1.6 * np.cos(2.0 * robot.times))
+    seen = zip('HG', robot.moved(late), strict=True)
+    measured = [robot.series(name, own, crank=crank, noise=NOISE) for name, own in seen]
     found = calibrate(DRAWN, measured, delay=True)
     assert found.dimension('delay')[0] == pytest.approx(-0.020, abs=5e-4)
     ignored = calibrate(DRAWN, measured)
@@ -280,26 +256,19 @@ def test_a_late_clock_that_no_leg_explains_is_named() -> None:
     # It was taken for a camera in another pose.
     drawn = shipped_linkage('jansen')
     noise = 1e-4 * drawn.size
-    robot = Robot(built(1, drawn, length=1e-3 * drawn.size), noise=noise)
-    crank = robot.crank + 0.8 * np.sin(2.0 * robot.times)
-    points = linkage_poses(robot.linkage, crank + robot.phase, points=True).points
-    rng = np.random.default_rng(6)
-    measured = [
-        series_of(
-            'point', name, robot.times + 0.02,
-            points[:, drawn.structure.points.index(name)] + rng.normal(0.0, noise, (1000, 2)),
-            CrankSamples.of(robot.times, crank), noise=noise,
-        )
-        for name in 'XWVUTS'
-    ]  # fmt: skip
+    robot = Robot(built(1, drawn, length=1e-3 * drawn.size), count=500, period=0.01, noise=noise)
+    crank, late = (t + 0.8 * np.sin(2.0 * t / 1.3) for t in (robot.crank, robot.crank - 0.026))
+    seen = zip('XWVUTS', robot.moved(late, 'XWVUTS'), strict=True)
+    measured = [robot.series(name, own, crank=crank, noise=noise) for name, own in seen]
     with pytest.raises(MeasurementError, match='try --delay unknown'):
         calibrate(drawn, measured)
     assert calibrate(drawn, measured, delay=True).is_complete
 
 
-def test_of_very_many_samples_an_even_choice_is_used() -> None:
-    found = calibrate(DRAWN, Robot(count=60_000, period=2e-4).measured())
-    assert [len(fit.inliers) for fit in found.series] == [20_000, 20_000]
+def test_of_very_many_samples_an_even_choice_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fit, 'MAX_SAMPLES', 300)
+    found = calibrate(DRAWN, Robot().measured())
+    assert [len(each.inliers) for each in found.series] == [300, 300]
     assert found.is_complete
 
 
@@ -315,18 +284,9 @@ def test_part_of_a_turn_gives_larger_errors_or_names_the_unknown() -> None:
 def test_backlash_is_a_parameter_where_the_crank_turns_both_ways() -> None:
     robot = Robot(count=2000)
     crank = 4.0 * np.sin(1.1 * robot.times)
-    true = crank - math.radians(0.5) / 2.0 * np.sign(np.cos(1.1 * robot.times)) + robot.phase
-    points = linkage_poses(robot.linkage, true, points=True).points
-    rng = np.random.default_rng(8)
-    measured = [
-        series_of(
-            'point', name, robot.times,
-            points[:, 'ABCDEFGH'.index(name)] + rng.normal(0.0, NOISE, (2000, 2)),
-            CrankSamples.of(robot.times, crank),
-        )
-        for name in 'HG'
-    ]  # fmt: skip
-    found = calibrate(DRAWN, measured)
+    true = crank - math.radians(0.5) / 2.0 * np.sign(np.cos(1.1 * robot.times))
+    seen = zip('HG', robot.moved(true), strict=True)
+    found = calibrate(DRAWN, [robot.series(name, own, crank=crank) for name, own in seen])
     assert math.degrees(found.dimension('backlash')[0]) == pytest.approx(-0.5, abs=0.02)
     assert (np.abs(errors(found, robot)) < 5.0).all()
 
@@ -335,13 +295,7 @@ def test_a_coarse_encoder_shows_as_noise_of_the_crank() -> None:
     robot = Robot(phase=0.3)
     step = math.tau / 4096
     coarse = np.floor(robot.crank / step) * step + step / 2.0
-    measured = [
-        series_of(
-            'point', name, robot.times, robot.seen(name), CrankSamples.of(robot.times, coarse)
-        )
-        for name in 'HG'
-    ]
-    found = calibrate(DRAWN, measured)
+    found = calibrate(DRAWN, [robot.series(name, crank=coarse) for name in 'HG'])
     assert found.crank_noise == pytest.approx(step / math.sqrt(12.0), rel=0.25)
     assert (np.abs(errors(found, robot)) < 4.0).all()
 
@@ -355,8 +309,7 @@ def test_another_assembly_mode_or_direction_is_named(
 ) -> None:
     leg = KlannGeometry(assembly=assembly).linkage
     robot = Robot(leg, count=300, period=0.017, speed=1.3 * direction)
-    crank = CrankSamples.of(robot.times, abs(robot.crank))
-    measured = [series_of('point', n, robot.times, robot.seen(n), crank) for n in 'HG']
+    measured = [robot.series(name, crank=abs(robot.crank)) for name in 'HG']
     with pytest.raises(MeasurementError, match=words):
         calibrate(DRAWN, measured)
 
@@ -375,11 +328,8 @@ def test_another_assembly_mode_or_direction_is_named(
 )
 def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> None:
     robot = Robot(count=300, period=0.017)
-    values = change(robot.seen('H'))
-    crank = CrankSamples.of(robot.times, robot.crank)
-    foot = series_of('point', 'H', robot.times[: len(values)], values, crank)
     with pytest.raises(MeasurementError, match=words):
-        calibrate(DRAWN, [foot])
+        calibrate(DRAWN, [robot.series('H', change(robot.seen('H')))])
 
 
 @pytest.mark.parametrize(
@@ -397,9 +347,7 @@ def test_an_unknown_camera_does_not_make_another_leg_fit(
     drawn = shipped_linkage(name)
     noise = 1e-4 * drawn.size
     robot = Robot(built(1, drawn, length=1e-3 * drawn.size), count=400, period=0.0125, noise=noise)
-    crank = CrankSamples.of(robot.times, robot.crank)
-    values = change(robot.seen(point))
-    foot = series_of('point', drawn.structure.foot, robot.times, values, crank, noise=noise)
+    foot = robot.series(drawn.structure.foot, change(robot.seen(point)), noise=noise)
     with pytest.raises(MeasurementError, match=words):
         calibrate(drawn, [foot], camera=True)
 
@@ -408,13 +356,13 @@ def test_an_unknown_camera_does_not_make_another_leg_fit(
 def test_points_on_one_line_do_not_tell_mirrored_axes(point: str, *, is_told: bool) -> None:
     drawn = shipped_linkage('slider_crank')
     robot = Robot(built(1, drawn, length=1e-4), noise=1e-5, count=400)
-    crank, seen = CrankSamples.of(robot.times, robot.crank), robot.seen(point)
+    seen = robot.seen(point)
     for camera in (False, True):
         turned = seen @ ((0.8, 0.6), (-0.6, 0.8)) if camera else seen
-        series = series_of('point', point, robot.times, turned, crank)
+        series = robot.series(point, turned)
         lines = text_lines(calibrate(drawn, [series], camera=camera), [])
         assert any('mirrored axes' in line for line in lines) == is_told
-    mirrored = series_of('point', point, robot.times, seen * (1.0, -1.0), crank)
+    mirrored = robot.series(point, seen * (1.0, -1.0))
     with nullcontext() if is_told else pytest.raises(MeasurementError, match='are mirrored'):
         calibrate(drawn, [mirrored])
 
@@ -422,11 +370,8 @@ def test_points_on_one_line_do_not_tell_mirrored_axes(point: str, *, is_told: bo
 def test_fewer_numbers_than_parameters_are_refused() -> None:
     drawn = shipped_linkage('strider')
     robot = Robot(drawn, count=25, period=0.2)
-    crank = CrankSamples.of(robot.times, robot.crank)
-    name = drawn.joint_names[-1]
-    angle = series_of('angle', name, robot.times, robot.angle(name), crank)
     with pytest.raises(MeasurementError, match='25 measured numbers are too few for 24 param'):
-        calibrate(drawn, [angle])
+        calibrate(drawn, [robot.series(drawn.joint_names[-1])])
 
 
 def test_a_crank_that_stands_calibrates_nothing() -> None:
