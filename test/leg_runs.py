@@ -17,6 +17,7 @@ from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 1_700_000_000_000_000_000
+FLOAT = 'std_msgs/msg/Float64'
 STATE, POINT = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/PointStamped'
 REPORT = 'diagnostic_msgs/msg/DiagnosticArray'
 
@@ -33,19 +34,23 @@ class LegRun:
 
     # By their names; '' is the unnamed one.
     legs: Mapping[str, Leg] = field(default_factory=lambda: {'': KlannLeg()})
-    # Of named legs, from the crank's angle [rad].
+    # Of named legs, from the crank's angle [rad], and their directions.
     phases: Mapping[str, float] = field(default_factory=dict)
+    directions: Mapping[str, float] = field(default_factory=dict)
     # The solver's; None for a run without them. And those since the n-th message.
     parameters: Mapping[str, Any] | None = None
     later: tuple[int, Mapping[str, Any]] | None = None
-    # Turns of the crank, time between messages [s], number of messages.
+    # First angle of the crank [rad], its turns, time between messages [s], number of messages.
+    start: float = 0.0
     turns: float = 2.0
     period: float = 0.005
     count: int = 400
-    # Whether the run has velocities, poses, and reports of the solver.
+    # Whether the run has inputs, velocities, poses, and reports of the solver.
+    cranks: bool = False
     rates: bool = True
     poses: bool = True
     iterations: bool = True
+    namespace: str = ''
     # A message, and the length of the gap before it [s].
     pause: tuple[int, float] | None = None
     # A value in place of all numbers of a message.
@@ -54,7 +59,8 @@ class LegRun:
     def write(self, folder: Path, compression: str = 'zstd') -> Path:
         with RunWriter(folder, compression=compression) as run:
             for time, parameters in self._records():
-                record = SolverParameters('/solver_node', time, dict(parameters))
+                node = f'{self.namespace}/solver_node'
+                record = SolverParameters(node, time, dict(parameters))
                 run.add_metadata(SOLVER_RECORD, solver_record(record))
             for message in self.messages():
                 run.write(message)
@@ -65,10 +71,13 @@ class LegRun:
         for number in range(self.count):
             yield from self._messages(number)
 
+    def crank(self, number: int) -> float:
+        """Return the angle of the crank in the n-th message [rad]."""
+        return self.start + math.tau * self.turns * number / (self.count - 1)
+
     def alpha(self, number: int, name: str = '') -> float:
         """Return a leg's crank angle in the n-th message [rad]."""
-        turned = math.tau * self.turns * number / (self.count - 1)
-        return turned + self.phases.get(name, 0.0)
+        return self.directions.get(name, 1.0) * self.crank(number) + self.phases.get(name, 0.0)
 
     def _records(self) -> Iterator[tuple[int, Mapping[str, Any]]]:
         if self.parameters is not None:
@@ -83,12 +92,16 @@ class LegRun:
             time += round(self.pause[1] * 1e9)
         rate = math.tau * self.turns / (self.period * (self.count - 1))
         names, positions, velocities, found = [], [], [], []
+        if self.cranks:
+            angle = make(FLOAT, data=self.crank(number))
+            found.append(self._message('/crank_angle', FLOAT, time, number, angle))
         for name, leg in self.legs.items():
             pose, foot = leg.solve(self.alpha(number, name)), self.garbled.get(number)
             h = pose.h if foot is None else (foot, foot)
             names += [f'{name}/{joint}' if name else joint for joint in leg.joint_names]
             positions += pose.joints
-            velocities += [rate, *(rate * x for x in pose.coefficients)]
+            own = self.directions.get(name, 1.0) * rate
+            velocities += [own, *(own * x for x in pose.coefficients)]
             place = f'/{name}' if name else ''
             found.append(self._message(f'{place}/point_h', POINT, time, number, foot_at(time, h)))
         if number in self.garbled:
@@ -107,7 +120,8 @@ class LegRun:
     def _message(self, name: str, kind: str, time: int, number: int, content: Any) -> Message:
         data = bytes(STORE.serialize_cdr(content, kind))
         late = 150_000 + 20_000 * (number % 7)
-        return Message(topic_of(name, kind), data, time + late, time, number + 1)
+        topic = topic_of(self.namespace + name, kind)
+        return Message(topic, data, time + late, time, number + 1)
 
     def _report(self, time: int, number: int) -> Any:
         status = [
