@@ -28,10 +28,12 @@ import klann_ros.review.fleet.command as each
 from klann_ros.review.fleet.rows import rows_from_table
 from leg_runs import LegRun
 import pytest
+import yaml
 
 # The runs that are judged at an interrupt.
-MANY = 16
+MANY = 10
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
+EXPECTATIONS = yaml.safe_load(Path(__file__).with_name('expectations.yaml').read_text())
 # In the order of their names.
 VERDICTS = {
     '<img onerror=x>': 'findings',
@@ -216,44 +218,17 @@ def expectations(folder: Path, text: str) -> Any:
     return expectations_from_file(str(file))
 
 
-def checks(row: Row) -> list[str]:
-    return [found['check'] for found in json.loads(row.findings)]
-
-
-def judged(run: Path, expected: Any) -> Row:
-    (found,) = find_runs([str(run)])
-    return judge(Task(found, expectations=expected)).row
-
-
-@pytest.mark.parametrize(
-    ('text', 'reasons'),
-    [
-        ('topics: {/joint_states: {min_rate: 150, max_gap: 0.05, max_lost: 0}}', []),
-        ('topics: {/joint_states: {min_rate: 250}}', ['has 200 Hz, at least 250 Hz']),
-        ('topics: {/joint_states: {max_gap: 0.001}}', ['has a gap of 0.00502 s']),
-        ('topics: {/imu: }', ['/imu is missing']),
-    ],
-)
-def test_missing_expected_runs_are_found(
-    text: str, reasons: list[str], runs: Path, tmp_path: Path
+@pytest.mark.parametrize('case', EXPECTATIONS, ids=lambda case: str(case['expect']))
+def test_a_run_is_held_against_the_expectations(
+    case: dict[str, Any], runs: Path, tmp_path: Path
 ) -> None:
-    row = judged(runs / 'good', expectations(tmp_path, text))
-    assert checks(row) == ['expected'] * len(reasons)
-    for reason in reasons:
-        assert reason in row.reason
-
-
-def test_allowed_findings_do_not_count(runs: Path, tmp_path: Path) -> None:
-    row = judged(runs / 'wrong', expectations(tmp_path, 'allow: [closure]'))
-    assert (row.verdict, row.allowed, checks(row)) == ('ok', 1, ['closure'])
-
-
-def test_a_run_is_compared_with_the_baseline(runs: Path, tmp_path: Path) -> None:
-    expected = expectations(tmp_path, f'baseline: {runs / "good"}\nallow: [closure]')
-    row = judged(runs / 'wrong', expected)
-    assert row.verdict == 'findings'
-    assert row.reason.startswith('baseline: l_ab is 0.12 m in the first run')
-    assert judged(runs / 'good', expected).verdict == 'ok'
+    (found,) = find_runs([str(runs / case['run'])])
+    text = yaml.safe_dump(case['expect']).replace('RUNS', str(runs))
+    row = judge(Task(found, expectations=expectations(tmp_path, text))).row
+    checks = [each['check'] for each in json.loads(row.findings)]
+    assert (row.verdict, checks) == (case['row']['verdict'], case['row']['checks'])
+    assert row.allowed == len(case['expect'].get('allow', ()))
+    assert case['row']['reason'] in row.reason
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-import math
-import struct
 
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
@@ -100,14 +98,10 @@ def test_a_topic_whose_publisher_left_is_not_waited_for() -> None:
 
 def turned(poses_until: float, crank_until: float) -> list[Message]:
     """Return a run of 3 s with its crank, each until a time [s]."""
-    crank = Topic('/crank_angle', 'std_msgs/msg/Float64', 'float64 data')
-    run = [*LegRun(count=600, turns=3.0).messages()]
-    found = [m for m in run if m.log_time < START + poses_until * SECOND]
-    for m in (m for m in run if m.topic.name == '/joint_states'):
-        if m.log_time < START + crank_until * SECOND:
-            angle = math.tau * 3.0 * (m.sequence - 1) / 599
-            found.append(replace(m, topic=crank, data=struct.pack('<4Bd', 0, 1, 0, 0, angle)))
-    return sorted(found, key=lambda message: message.log_time)
+    run = LegRun(count=600, turns=3.0, cranks=True, iterations=False)
+    ends = {'/crank_angle': START + round(crank_until * SECOND)}
+    end = START + round(poses_until * SECOND)
+    return [m for m in run.messages() if m.log_time < ends.get(m.topic.name, end)]
 
 
 def test_missing_answers_are_reported_while_the_crank_publishes() -> None:
