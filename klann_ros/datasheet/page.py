@@ -19,12 +19,7 @@ from .sheet import CrankSheet, DataSheet, LegSheet
 
 _STATIC_FILES = Path(__file__).resolve().parent / 'static'
 PAGE_PARTS = Parts(
-    styles=(
-        *FRAME,
-        SHARED / 'drawing.css',
-        SHARED / 'tables.css',
-        _STATIC_FILES / 'sheet.css',
-    ),
+    styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC_FILES / 'sheet.css'),
     # Each may use those before it.
     scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC_FILES / 'sheet.js'),
 )

@@ -127,10 +127,7 @@ def peak(function: Callable[[float], float], left: float, right: float) -> float
 
 
 def minimum_near(
-    function: Functions,
-    middle: FloatArray,
-    width: float,
-    rounding: FloatArray,
+    function: Functions, middle: FloatArray, width: float, rounding: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """
     Return the arguments and values of the minima of functions, within a width of a middle.

@@ -9,13 +9,7 @@ import re
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
-from klann_ros.kinematics import (
-    foot_path,
-    KlannGeometry,
-    KlannLeg,
-    length_margins,
-    linkage_poses,
-)
+from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg, length_margins, linkage_poses
 from klann_ros.robot import Robot, robot_from_file, robot_from_parameters, robot_of, RobotLeg
 import numpy as np
 import pytest

@@ -6,12 +6,7 @@ import math
 from typing import Any
 
 from four_bars import COURSE, NAMES
-from klann_ros.kinematics import (
-    FourBar,
-    GeometryError,
-    KlannGeometry,
-    reachable_arcs,
-)
+from klann_ros.kinematics import FourBar, GeometryError, KlannGeometry, reachable_arcs
 from klann_ros.kinematics.klann import BENDS, COORDINATES, LENGTHS
 import pytest
 

@@ -101,11 +101,7 @@ def _pinned_turns(variants: Variants, alphas: FloatArray, kernel: Any, box: bool
                 high = np.max([number.max(axis=1) for number in some], axis=0)
                 extent[rows] = high - np.min([number.min(axis=1) for number in some], axis=0)
     return Turns(
-        feet[:2],
-        feet[2:],
-        np.isnan(feet[0]).mean(axis=1),
-        least,
-        extents if box else None,
+        feet[:2], feet[2:], np.isnan(feet[0]).mean(axis=1), least, extents if box else None
     )
 
 

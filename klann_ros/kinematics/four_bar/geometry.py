@@ -8,12 +8,7 @@ from klann_ros.kinematics import validation
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage.linkage import Linkage, NamedGeometry
 from klann_ros.kinematics.linkage.reach import length_rounding
-from klann_ros.kinematics.linkage.structure import (
-    Bar,
-    Body,
-    Dimension,
-    Structure,
-)
+from klann_ros.kinematics.linkage.structure import Bar, Body, Dimension, Structure
 
 LENGTHS = ('ground', 'crank', 'coupler', 'rocker')
 STRUCTURE = Structure(

@@ -22,13 +22,7 @@ import numpy as np
 from .assemblies import assembly_poses
 from .branch import BRANCH_STEP
 from .linkage import Linkage
-from .pose import (
-    closed_form_vectors,
-    closed_pose,
-    initial_guess,
-    LinkageMotion,
-    LinkagePose,
-)
+from .pose import closed_form_vectors, closed_pose, initial_guess, LinkageMotion, LinkagePose
 from .reach import reachable_arcs
 from .step import step_functions
 

@@ -20,15 +20,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.angles import MAX_UNWRAPPED, wrap
 
 from .equations import LoopEquations
-from .step_source import (
-    BlockSource,
-    elimination_source,
-    format_sum,
-    LoopVectors,
-    Sum,
-    Term,
-    Terms,
-)
+from .step_source import BlockSource, elimination_source, format_sum, LoopVectors, Sum, Term, Terms
 from .structure import Structure
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].

@@ -55,11 +55,7 @@ class Variants:
     """
 
     def __init__(
-        self,
-        base: Linkage,
-        changes: Mapping[str, ArrayLike],
-        *,
-        assembly: ArrayLike | None = None,
+        self, base: Linkage, changes: Mapping[str, ArrayLike], *, assembly: ArrayLike | None = None
     ) -> None:
         self.base = base
         places = dimension_places(base.structure.dimensions, changes)

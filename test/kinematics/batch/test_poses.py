@@ -4,12 +4,7 @@ from dataclasses import replace
 import math
 import tracemalloc
 
-from klann_ros.kinematics import (
-    klann_poses,
-    KlannGeometry,
-    KlannLeg,
-    Reason,
-)
+from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, Reason
 from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 import numpy as np
 import pytest

@@ -78,11 +78,7 @@ def test_rounding_of_the_lengths_leaves_a_change_point_one(
 
 
 @untimed
-@given(
-    a=st.floats(0.1, 10.0),
-    b=st.floats(0.1, 10.0),
-    off=st.tuples(*[st.integers(-1, 1)] * 4),
-)
+@given(a=st.floats(0.1, 10.0), b=st.floats(0.1, 10.0), off=st.tuples(*[st.integers(-1, 1)] * 4))
 def test_two_pairs_are_a_change_point_but_for_rounding(
     a: float, b: float, off: tuple[int, ...]
 ) -> None:

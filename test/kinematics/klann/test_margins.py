@@ -129,9 +129,7 @@ def test_scaled_lengths_scale_the_margins(geometry: KlannGeometry, factor: float
 
 
 @pytest.mark.parametrize('difference', [0.01, 0.0001])
-def test_the_range_ends_at_the_first_loss_though_it_closes_again_beyond(
-    difference: float,
-) -> None:
+def test_the_range_ends_at_the_first_loss_though_it_closes_again_beyond(difference: float) -> None:
     # Where E crosses the path of G, EG becomes shorter than |EF - FG|, over no more than that.
     geometry = KlannGeometry(l_ef=0.36, l_fg=0.36 + difference)
     greatest = length_margins(geometry)['x_e'].greatest
