@@ -52,9 +52,8 @@ def peaucellier(turned: float) -> LinkageLeg:
     )
 
 
-@pytest.mark.parametrize('turned', [90.0, 270.0])
-def test_along_an_exact_straight_line_the_whole_arc_is_one_stance(turned: float) -> None:
-    path = foot_path(peaucellier(turned))
+def test_along_an_exact_straight_line_the_whole_arc_is_one_stance() -> None:
+    path = foot_path(peaucellier(270.0))
     ((start, end),) = path.arcs
     # What the ends of an arc are known to, and not a height.
     assert path.lift < 1e-8
@@ -65,9 +64,8 @@ def test_along_an_exact_straight_line_the_whole_arc_is_one_stance(turned: float)
         assert stance.straightness < 1e-8
 
 
-@pytest.mark.parametrize('turned', [0.0, 180.0])
-def test_a_foot_that_only_rises_and_falls_has_no_stance(turned: float) -> None:
-    path = foot_path(peaucellier(turned))
+def test_a_foot_that_only_rises_and_falls_has_no_stance() -> None:
+    path = foot_path(peaucellier(180.0))
     for ground in (None, 0.001, 0.1):
         with pytest.raises(NoStanceError, match='the foot does not move along x') as caught:
             path.stance(ground)
