@@ -1,7 +1,7 @@
 """What colcon and pip installed is whole, and its solver_node solves, as a process on DDS."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 import math
 import os
@@ -23,15 +23,8 @@ NODES = {
     'sim_node',
 }  # fmt: skip
 EXECUTABLES = {
-    *NODES,
-    'review',
-    'recover',
-    'export',
-    'describe',
-    'calibrate',
-    'exercise',
-    'design',
-}
+    *NODES, 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design',
+}  # fmt: skip
 
 # The root at a crank angle of 60 deg: gamma, beta, delta, theta [deg], and H [m].
 ROOT_60 = (10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574)
@@ -158,14 +151,20 @@ def test_the_lab_is_shared(installation: Installation) -> None:
 
 
 def test_solver_node_solves(installation: Installation, domain: int) -> None:
-    rclpy = pytest.importorskip('rclpy')
-    context = rclpy.context.Context()
-    rclpy.init(context=context, domain_id=domain)
-    with running(installation.command('solver_node')) as solver:
-        try:
-            joints, point = answers_to_60_degrees(rclpy, context, solver)
-        finally:
-            context.try_shutdown()
+    pytest.importorskip('rclpy')
+    from geometry_msgs.msg import PointStamped
+    from ros_domain import Probe
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64
+
+    with running(installation.command('solver_node')), closing(Probe(domain)) as probe:
+        found = probe.listen(JointState, 'joint_states'), probe.listen(PointStamped, 'point_h')
+        crank = probe.publisher(Float64, 'crank_angle')
+        for topic in ('joint_states', 'point_h'):
+            probe.await_publishers(topic)
+        crank.publish(Float64(data=math.radians(60)))
+        probe.until(lambda: all(found))
+    (joints,), (point,) = found
     assert list(joints.name) == ['alpha', 'gamma', 'beta', 'delta', 'theta']
     expected = [math.radians(60), *map(math.radians, ROOT_60)]
     assert list(joints.position) == pytest.approx(expected, rel=0, abs=1e-9)
@@ -174,38 +173,6 @@ def test_solver_node_solves(installation: Installation, domain: int) -> None:
     assert point.header.frame_id == 'leg_plane'
     assert point.header.stamp == joints.header.stamp
     assert abs(joints.header.stamp.sec - time.time()) < 60
-
-
-def answers_to_60_degrees(rclpy, context, solver: subprocess.Popen) -> tuple:
-    """Publish `crank_angle` once; return the joint_states and the point_h that answer it."""
-    from geometry_msgs.msg import PointStamped
-    from sensor_msgs.msg import JointState
-    from std_msgs.msg import Float64
-
-    node = rclpy.create_node('test_installed', context=context)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    joints, points = [], []
-    node.create_subscription(JointState, 'joint_states', joints.append, 10)
-    node.create_subscription(PointStamped, 'point_h', points.append, 10)
-    crank = node.create_publisher(Float64, 'crank_angle', 10)
-
-    def spin_until(done: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + 30
-        while not done():
-            assert solver.poll() is None, solver.stdout.read()
-            assert time.monotonic() < deadline, 'solver_node does not answer'
-            executor.spin_once(timeout_sec=0.1)
-
-    topics = ('joint_states', 'point_h')
-    spin_until(lambda: crank.get_subscription_count() == 1)
-    spin_until(lambda: all(node.count_publishers(topic) == 1 for topic in topics))
-    # That we know of its publishers does not yet mean that they know of us.
-    time.sleep(0.5)
-    crank.publish(Float64(data=math.radians(60)))
-    spin_until(lambda: bool(joints and points))
-    node.destroy_node()
-    return joints[0], points[0]
 
 
 @contextmanager
