@@ -1,11 +1,16 @@
-"""`klann_poses`: the closed form's numbers, in the shapes that were asked for."""
+"""`klann_poses`: what it takes and refuses, and the numbers and shapes of its results."""
 
 from dataclasses import replace
+from fractions import Fraction
 import math
 import tracemalloc
+from typing import Any
 
-from klann_ros.kinematics import klann_poses, KlannGeometry, KlannLeg, Reason
+from hypothesis import given, settings, strategies as st
+from klann_ros.kinematics import KinematicsError, klann_poses, KlannGeometry, KlannLeg, Leg, Reason
 from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
+from klann_ros.kinematics.batch.poses import feet, loop_errors
+from mechanisms import KNOWN, legs, NAMES
 import numpy as np
 import pytest
 
@@ -121,3 +126,139 @@ def test_memory_does_not_grow_with_the_poses(kernel: str) -> None:
 
     assert beyond_results(400_000) < 2_000_000
     assert beyond_results(400_000) < 1.1 * beyond_results(100_000)
+
+
+# Its crank does not turn fully.
+
+
+@pytest.mark.parametrize(
+    'alphas',
+    [
+        [1, 2],
+        (1.0, Fraction(2)),
+        np.array([1, 2], dtype=np.int8),
+        np.array([1.0, 2.0], dtype=np.float32),
+        np.array([1.0, 2.0], dtype=np.longdouble),
+        np.array([1.0, 2.0], dtype='>f8'),
+        np.array([2.0, 9.0, 1.0])[::-2],
+        range(1, 3),
+    ],
+)
+def test_every_kind_of_real_numbers_is_taken(alphas: object) -> None:
+    expected = klann_poses(SEM104, np.array([1.0, 2.0])).h
+    np.testing.assert_array_equal(klann_poses(SEM104, alphas).h, expected)
+
+
+def test_any_iterable_of_geometries_is_taken() -> None:
+    expected = klann_poses([SEM104, PATENT], 1.0).h
+    np.testing.assert_array_equal(klann_poses(iter((SEM104, PATENT)), 1.0).h, expected)
+
+
+def test_the_results_are_read_only_and_the_input_is_left_alone() -> None:
+    alphas = np.linspace(0.0, 1.0, 5)
+    before = alphas.copy()
+    poses = klann_poses(SEM104, alphas, angles=True, points=True)
+    assert not any(
+        array.flags.writeable for array in (poses.h, poses.reason, poses.angles, poses.points)
+    )
+    np.testing.assert_array_equal(alphas, before)
+    assert alphas.flags.writeable
+
+
+@both_kernels
+@pytest.mark.parametrize('count', [None, 3])
+def test_out_is_filled_and_returned(count: int | None, kernel: str) -> None:
+    alphas = np.linspace(0.0, 6.0, 12).reshape(3, 4)
+    geometries = STUCK if count is None else [STUCK] * count
+    shape = (3, 4, 2) if count is None else (count, 3, 4, 2)
+    out = np.full(shape, 7.0)
+    poses = klann_poses(geometries, alphas, out=out, kernel=kernel)
+    assert poses.h is out
+    assert out.flags.writeable
+    np.testing.assert_array_equal(out, klann_poses(geometries, alphas, kernel=kernel).h)
+
+
+@both_kernels
+def test_out_may_be_a_view(kernel: str) -> None:
+    alphas = np.linspace(0.0, 6.0, 100)
+    expected = klann_poses([STUCK, SEM104], alphas, kernel=kernel).h
+    table = np.full((2, 200, 5), 7.0)
+    klann_poses([STUCK, SEM104], alphas, out=table[:, ::-2, 3:0:-2], kernel=kernel)
+    np.testing.assert_array_equal(table[:, ::-2, 3:0:-2], expected)
+    assert (table[:, ::2] == 7.0).all()
+    assert (table[:, :, ::2] == 7.0).all()
+
+
+def test_out_may_overwrite_the_crank_angles() -> None:
+    alphas = np.linspace(0.0, 6.0, 3 * BLOCK_SIZE)
+    expected = klann_poses(SEM104, alphas).h
+    table = np.empty((alphas.size, 2))
+    table[:, 1] = alphas
+    np.testing.assert_array_equal(klann_poses(SEM104, table[:, 1], out=table).h, expected)
+
+
+THREE = [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ('alphas', 'out', 'text'),
+    [
+        (THREE, np.empty((4, 2)), r'out is refused: its shape must be \(3, 2\), not \(4, 2\)'),
+        (THREE, np.empty((2, 3)), r'out is refused: its shape must be \(3, 2\)'),
+        (THREE, np.empty((3, 2), dtype=np.float32), 'an array of float64, not float32'),
+        (THREE, np.empty((3, 2), dtype='>f8'), 'out is refused: .* an array of float64'),
+        (THREE, [[0.0, 0.0]] * 3, 'an array of float64, not list'),
+        (THREE, np.broadcast_to(0.0, (3, 2)), 'it is read-only'),
+        (np.zeros((3, 4)), np.empty((4, 5, 2))[:3, :4], 'its strides .* without a copy'),
+        *(
+            (alphas, None, '^alphas is refused: it must be an array of real numbers')
+            for alphas in (
+                '1.0', ['1', '2'], [1j], [True], [[1.0], [1.0, 2.0]], [10**400], object(),
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_invalid_arrays_are_refused(alphas: object, out: object, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        klann_poses(SEM104, alphas, out=out)
+
+
+@pytest.mark.parametrize('geometries', [None, 3.0, [SEM104, None], KlannLeg(), {'l_ab': 1.0}])
+def test_geometries_must_be_geometries(geometries: object) -> None:
+    with pytest.raises(TypeError, match='is refused: it must be a KlannGeometry'):
+        klann_poses(geometries, 1.0)
+
+
+@settings(max_examples=2 * len(NAMES))
+@given(leg=legs(), data=st.data())
+def test_loops_are_those_of_the_leg(leg: Leg[Any, Any], data: st.DataObject) -> None:
+    n = len(leg.joint_names)
+    row = st.lists(st.floats(-7.0, 7.0), min_size=n, max_size=n)
+    given_angles = np.array(data.draw(st.lists(row, min_size=1, max_size=5)))
+    expected = [np.linalg.norm(leg.f(alpha, x)) for alpha, *x in given_angles.tolist()]
+    limit = 1e-13 * max(1.0, *expected)
+    np.testing.assert_allclose(loop_errors(leg, given_angles), expected, atol=limit)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_feet_of_solved_poses_are_theirs(name: str) -> None:
+    leg, poses = KNOWN[name], []
+    for alpha in np.linspace(-4.0, 4.0, 41):
+        try:
+            poses.append(leg.closed_form(alpha))
+        except KinematicsError:
+            continue
+    assert len(poses) > 5
+    given_angles = np.array([[pose.crank_angle, *pose.x] for pose in poses])
+    np.testing.assert_allclose(feet(leg, given_angles), [pose.h for pose in poses], atol=1e-12)
+    assert loop_errors(leg, given_angles).max() < 1e-9
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
+def test_an_angle_that_is_not_finite_gives_nan(name: str, value: float) -> None:
+    leg = KNOWN[name]
+    given_angles = np.zeros((2, len(leg.joint_names)))
+    given_angles[1, :] = value
+    assert np.isnan(loop_errors(leg, given_angles)).tolist() == [False, True]
+    assert np.isnan(feet(leg, given_angles)).any(axis=1).tolist() == [False, True]
