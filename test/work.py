@@ -2,8 +2,6 @@
 
 import sys
 
-import yaml
-
 
 class Work:
     """
@@ -30,30 +28,3 @@ class Work:
     def _count(self, _frame, event, _argument):
         if event in ('call', 'c_call'):
             self.calls += 1
-
-
-class Yaml:
-    """
-    Counts the characters that are parsed as YAML while it is entered.
-
-    Attributes
-    ----------
-    characters
-        How long the texts were together.
-
-    """
-
-    def __init__(self):
-        self.characters = 0
-        self._load = yaml.load
-
-    def __enter__(self):
-        yaml.load = self._count
-        return self
-
-    def __exit__(self, *_):
-        yaml.load = self._load
-
-    def _count(self, text, *arguments, **options):
-        self.characters += len(text)
-        return self._load(text, *arguments, **options)

@@ -22,19 +22,14 @@ def _zero_tail(data, chance):
     data[start:] = bytes(len(data) - start)
 
 
-def _zero(data, chance):
-    start, end = _region(data, chance)
-    data[start:end] = bytes(end - start)
+def _replace(fill):
+    """Return a damage that replaces a region by as many bytes or others."""
 
+    def replace(data, chance):
+        start, end = _region(data, chance)
+        data[start:end] = fill(chance, end - start)
 
-def _overwrite(data, chance):
-    start, end = _region(data, chance)
-    data[start:end] = chance.randbytes(end - start)
-
-
-def _remove(data, chance):
-    start, end = _region(data, chance)
-    del data[start:end]
+    return replace
 
 
 def _insert(data, chance):
@@ -58,25 +53,30 @@ def _swap(data, chance):
     data[one], data[other] = data[other], data[one]
 
 
-def _wrong_length(data, chance):
-    start = _record(data, chance)
-    if start is not None:
-        wrong = chance.choice([0, 1, 2**20, 2**40, 2**63, 2**64 - 1, chance.randrange(5000)])
-        struct.pack_into('<Q', data, start + 1, wrong)
+def _in_record(change):
+    """Return a damage at the start of one of the records."""
+
+    def damage_record(data, chance):
+        start = _record(data, chance)
+        if start is not None:
+            change(data, start, chance)
+
+    return damage_record
 
 
-def _wrong_opcode(data, chance):
-    start = _record(data, chance)
-    if start is not None:
-        data[start] = chance.choice([*range(17), 128, 255])
+def _wrong_length(data, start, chance):
+    wrong = chance.choice([0, 1, 2**20, 2**40, 2**63, 2**64 - 1, chance.randrange(5000)])
+    struct.pack_into('<Q', data, start + 1, wrong)
 
 
-def _wrong_head(data, chance):
-    """Overwrite some bytes near the start of a record: its inner lengths are there."""
-    start = _record(data, chance)
-    if start is not None:
-        at = min(start + chance.randrange(70), len(data) - 1)
-        data[at] = chance.randrange(256)
+def _wrong_opcode(data, start, chance):
+    data[start] = chance.choice([*range(17), 128, 255])
+
+
+def _wrong_head(data, start, chance):
+    # The record's inner lengths are there.
+    at = min(start + chance.randrange(70), len(data) - 1)
+    data[at] = chance.randrange(256)
 
 
 def _overwrite_page(data, chance):
@@ -105,23 +105,23 @@ def _page(data, chance):
     return chance.randrange(-(-len(data) // PAGE)) * PAGE
 
 
-# Whether a damage can take messages away without a trace of them.
+# Each damage, and whether it can take messages away without a trace of them.
 DAMAGES = {
-    _cut: True,
-    _flip: False,
-    _zero_tail: False,
-    _zero: False,
-    _overwrite: False,
-    _remove: True,
-    _insert: False,
-    _duplicate: True,
-    _swap: True,
-    _wrong_length: False,
-    _wrong_opcode: False,
-    _wrong_head: False,
-    _overwrite_page: True,
-    _copy_page: True,
-    _wrong_in_page: True,
+    'cut': (_cut, True),
+    'flip': (_flip, False),
+    'zero tail': (_zero_tail, False),
+    'zero': (_replace(lambda _, size: bytes(size)), False),
+    'overwrite': (_replace(lambda chance, size: chance.randbytes(size)), False),
+    'remove': (_replace(lambda *_: b''), True),
+    'insert': (_insert, False),
+    'duplicate': (_duplicate, True),
+    'swap': (_swap, True),
+    'wrong length': (_in_record(_wrong_length), False),
+    'wrong opcode': (_in_record(_wrong_opcode), False),
+    'wrong head': (_in_record(_wrong_head), False),
+    'overwrite page': (_overwrite_page, True),
+    'copy page': (_copy_page, True),
+    'wrong in page': (_wrong_in_page, True),
 }
 
 
@@ -129,11 +129,11 @@ def damage(path, chance):
     """Damage a file; return what was done, and whether it can go without a trace."""
     data = bytearray(path.read_bytes())
     done = chance.choices([*DAMAGES], k=chance.choice([1, 1, 1, 2, 3]))
-    for change in done:
+    for name in done:
         if len(data) > 100:
-            change(data, chance)
+            DAMAGES[name][0](data, chance)
     path.write_bytes(data)
-    return [change.__name__ for change in done], any(map(DAMAGES.__getitem__, done))
+    return done, any(DAMAGES[name][1] for name in done)
 
 
 def damage_metadata(folder, chance):

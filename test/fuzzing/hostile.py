@@ -12,6 +12,7 @@ import struct
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, PAUSE_RECORD, SOLVER_RECORD
+from klann_ros.sanitize.cdr import JointStateTemplate
 from mcap.writer import Writer
 import yaml
 
@@ -94,14 +95,8 @@ def _number(number):
 
 def _pose(number):
     """Return a JointState of a leg whose name is as bad as all others."""
-    data = b'\0\1\0\0' + struct.pack('<iII', 1, number, 1) + b'\0' + bytes(3)
-    names = [f'{EVIL[:-1]}/{joint}'.encode() + b'\0' for joint in JOINTS]
-    data += struct.pack('<I', len(names))
-    for name in names:
-        data += bytes(-len(data) % 4) + struct.pack('<I', len(name)) + name
-    data += bytes(-len(data) % 4) + struct.pack('<I', len(names))
-    data += bytes(-(len(data) - 4) % 8) + struct.pack('<5d', *[0.1 * number] * 5)
-    return data + struct.pack('<II', 0, 0)
+    names = [f'{EVIL[:-1]}/{joint}' for joint in JOINTS]
+    return JointStateTemplate(names).fill(1, number, [0.1 * number] * 5)
 
 
 def _records():

@@ -5,10 +5,9 @@ import struct
 import zlib
 
 import lz4.frame
-from mcap_bytes.records import MAGIC
+from mcap_bytes.records import CHUNK, MAGIC, MESSAGE, spans
 import zstandard
 
-CHUNK, ATTACHMENT, MESSAGE = 6, 9, 5
 _HEAD = struct.Struct('<BQQQQII')
 _LIMIT = 2**24
 _KNOWN = range(1, 16)
@@ -76,14 +75,10 @@ def _records_from(data, offset):
 
 
 def _messages(data):
-    offset = 0
-    while offset + 9 <= len(data):
-        opcode, length = struct.unpack_from('<BQ', data, offset)
+    for opcode, start, end in spans(data, 0, len(data) - 8):
         if opcode == MESSAGE:
-            _, sequence, logged, published = struct.unpack_from('<HIQQ', data, offset + 9)
-            place = slice(offset + 31, offset + 9 + length)
-            yield data[place], logged, published, sequence
-        offset += 9 + length
+            _, sequence, logged, published = struct.unpack_from('<HIQQ', data, start + 9)
+            yield data[slice(start + 31, end)], logged, published, sequence
 
 
 _UNPACK = {

@@ -98,28 +98,24 @@ def test_sequence_gaps_are_always_counted(some: list[Stay]) -> None:
     assert counter.lost == sum(stay.missing for stay in some)
 
 
-def test_the_first_publisher_of_a_topic_was_there_before() -> None:
+@pytest.mark.parametrize(
+    ('latched', 'numbers', 'counts'), [(False, [400, 401, 403], (1, 0)), (True, [9, 7], (0, 0))]
+)
+def test_a_first_or_latched_publisher_has_sent_nothing_early(latched, numbers, counts) -> None:
     counter = LossCounter()
-    for number in (400, 401, 403):
+    counter.latched = latched
+    for number in numbers:
         counter.count(number)
-    assert (counter.lost, counter.before_discovery) == (1, 0)
+    assert (counter.lost, counter.before_discovery) == counts
 
 
-def test_a_latched_publisher_has_sent_nothing_early() -> None:
+@pytest.mark.parametrize('arguments', [(None,), (5, 2)])
+def test_nothing_is_known_without_numbers_or_of_several_at_once(arguments) -> None:
     counter = LossCounter()
-    counter.latched = True
-    counter.count(9)
-    counter.count(7)
-    assert counter.before_discovery == 0
-
-
-def test_nothing_is_known_without_numbers_or_of_several_at_once() -> None:
-    for arguments in ((None,), (5, 2)):
-        counter = LossCounter()
-        counter.count(1)
-        assert counter.is_known
-        counter.count(*arguments)
-        assert not counter.is_known
+    counter.count(1)
+    assert counter.is_known
+    counter.count(*arguments)
+    assert not counter.is_known
 
 
 @pytest.mark.parametrize(

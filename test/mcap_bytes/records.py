@@ -111,7 +111,7 @@ def footer(summary, start, offset_start, *, with_crc=True):
 
 
 def spans(data, start, end):
-    """Yield of each record between two offsets: opcode, where it and where its content starts."""
+    """Yield of each record between two offsets: opcode, where it starts and ends."""
     while start < end:
         opcode, length = struct.unpack_from('<BQ', data, start)
         yield opcode, start, start + 9 + length
