@@ -72,7 +72,7 @@ def fill(folder, size, compression, least):
         run.add_metadata(LOSS_RECORD, loss_record({'/crank_angle': count}))
 
     failure = background.close(describe)
-    whole = writer.failure is None
+    whole = writer.file.failure is None
     shutil.copytree(writer.path, Path(folder).with_name('copy'))
     return put, writer.counts.get('/crank_angle', 0), str(failure), whole
 

@@ -128,7 +128,7 @@ class BackgroundWriter:
         return self.failure
 
     def _write_last(self, last: RunEntry | None) -> None:
-        if self._writer.failure is None and not self._writer.closed:
+        if self._writer.file.failure is None and not self._writer.closed:
             # The entry's counts must be true.
             self._writer.check_files()
             if last is not None:

@@ -143,8 +143,8 @@ class DurableFile:
     truncates a partial block, so that the file ends with a whole record. A full disk is final
     only if the reserve cannot help.
 
-    The open file is locked: see :func:`is_being_written`. All methods but :meth:`tell` and
-    :meth:`close` raise an OSError if the disk refuses.
+    The open file is locked: see :func:`is_being_written`. All methods but :meth:`close` raise an
+    OSError if the disk refuses.
     """
 
     def __init__(self, path: Path, reserve: DiskReserve | None = None) -> None:
@@ -162,12 +162,12 @@ class DurableFile:
         with suppress(OSError):  # some network disks have no locks
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def write(self, data: bytes) -> int:
+    def append(self, data: bytes) -> int:
         """Buffer one or more whole records; return their size [bytes]."""
         self.raise_failure()
         self._buffer += data
         if len(self._buffer) > _BUFFER_SIZE:
-            self.flush()
+            self._flush()
         return len(data)
 
     @property
@@ -180,8 +180,7 @@ class DurableFile:
         if self.failure is not None:
             raise self.failure
 
-    def flush(self) -> None:
-        """Pass the buffer to the system: the data survives the end of this process."""
+    def _flush(self) -> None:
         self.raise_failure()
         pending = memoryview(self._buffer)
         done = 0
@@ -201,8 +200,8 @@ class DurableFile:
             raise
 
     def sync(self) -> None:
-        """Flush and fsync: the data survives a power failure."""
-        self.flush()
+        """Write the buffer and fsync: the data survives a power failure."""
+        self._flush()
         try:
             _sync(self._descriptor)
         except OSError as error:

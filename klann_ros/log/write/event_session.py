@@ -84,7 +84,7 @@ class EventOpening:
     time: int
 
 
-class EventRun:
+class EventRun(RecordingSession):
     """
     A run that begins in the past, at a snapshot of the recording's drop counters.
 
@@ -95,19 +95,15 @@ class EventRun:
     def __init__(
         self, opened: OpenedRun, recording: DropCounters, begin: Counts, end: float
     ) -> None:
-        run, self._background = opened
+        run, background = opened
+        super().__init__(run, background, self.counts)
         # Monotonic time of the end [s]; success and a message for the user, from `close` on.
         self.end = end
         self.result: Future[tuple[bool, str]] | None = None
-        self.put, self.path = self._background.put, run.path
-        self.put_entry = self._background.put_entry
+        self.path, self.put_entry = run.path, background.put_entry
         self._recording, self._begin = recording, begin
         self._last: Counts | None = None
         self._pretrigger = Counter[str]()
-        self._session = session = RecordingSession(run, self._background, self.counts)
-        self.split, self.state = session.split, session.state
-        self.add_solver, self.add_finding = session.add_solver, session.add_finding
-        self.add_pause = session.add_pause
 
     def write_pretrigger(self, messages: Iterable[Message]) -> None:
         """Write messages that were received before the first snapshot."""
@@ -118,7 +114,7 @@ class EventRun:
     def counts(self) -> dict[str, TopicCount]:
         """Return what became of the messages of each topic."""
         last = self._recording.snapshot() if self._last is None else self._last
-        own = self._background.counters
+        own = self.counters
         for name in last:
             own[name]  # creates missing counters
         return self._recording.counts_between(self._begin, last, own.counts(), self._pretrigger)
@@ -131,7 +127,7 @@ class EventRun:
     def close(self) -> None:
         """Begin to finish the run; no more messages may follow."""
         self._last = self._recording.snapshot()
-        self.result = _in_thread(self._session.finish)
+        self.result = _in_thread(self.finish)
 
 
 class EventSession:

@@ -41,7 +41,7 @@ from mcap.records import (
 )
 import zstandard
 
-from .durable_file import DiskReserve, DurableFile, FileFault
+from .durable_file import DiskReserve, DurableFile
 
 # Name and function of each compression.
 COMPRESSIONS: dict[str, tuple[str, Callable[[bytearray], bytes]]] = {
@@ -77,7 +77,7 @@ class _Channel:
         return entries.tobytes()
 
 
-class McapFile:
+class McapFile(DurableFile):
     """
     An MCAP file that has its header on the disk as soon as it is created.
 
@@ -94,7 +94,7 @@ class McapFile:
         library: str,
         reserve: DiskReserve | None = None,
     ) -> None:
-        self.path = path
+        super().__init__(path, reserve)
         self._compression, self._compress = COMPRESSIONS[compression]
         self._chunk_size = chunk_size
         self._start_time = self._end_time = 0
@@ -105,29 +105,22 @@ class McapFile:
         # The open chunk, and the records of the summary.
         self._chunk = bytearray()
         self._summary: dict[int, list[bytes]] = {kind: [] for kind in SUMMARY_KINDS}
-        self._file = DurableFile(path, reserve)
-        self.find_fault: Callable[[], FileFault | None] = self._file.find_fault
         # End of each chunk that may not be on the disk [bytes], and the content up to there.
-        self._ends = deque([(0, self._received())])
+        self._ends = deque([(0, self.received())])
         try:
-            self._file.write(MAGIC + encoded(Header(profile, library)))
-            self._file.sync()
+            self.append(MAGIC + encoded(Header(profile, library)))
+            self.sync()
         except BaseException:
-            self._file.close()
+            self.close()
             # Half a header is no file.
             with suppress(OSError):
                 path.unlink()
             raise
 
-    @property
-    def failure(self) -> OSError | None:
-        """Return the disk's first error; nothing can be written after it."""
-        return self._file.failure
-
     def write(self, message: Message) -> None:
         """Add a message; see :meth:`klann_ros.log.write.writer.RunWriter.write`."""
-        if self._file.failure is not None:
-            raise self._file.failure
+        if self.failure is not None:
+            raise self.failure
         topic, log_time, data = message.topic, message.log_time, message.data
         if not (0 <= log_time < _TIME_END and 0 <= message.publish_time < _TIME_END):
             raise UnwritableError(
@@ -163,7 +156,7 @@ class McapFile:
 
     def attach(self, attachment: Attachment) -> None:
         """Add an attachment."""
-        self._file.raise_failure()
+        self.raise_failure()
         times = log_time, create_time = attachment.log_time, attachment.create_time
         if min(times) < 0 or max(times) >= _TIME_END:
             raise UnwritableError(
@@ -171,48 +164,34 @@ class McapFile:
                 f'{create_time} ns must be within 0 and 2^64 - 1 ns'
             )
         name, kind, data = attachment.name, attachment.media_type, attachment.data
-        offset = self._file.size
+        offset = self.size
         record = AttachmentRecord(create_time, log_time, name, kind, data)
-        length = self._file.write(encoded(record))
+        length = self.append(encoded(record))
         index = AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
         self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
 
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
         """Add a metadata record."""
-        self._file.raise_failure()
-        offset = self._file.size
-        length = self._file.write(encoded(Metadata(name, dict(mapping))))
+        self.raise_failure()
+        offset = self.size
+        length = self.append(encoded(Metadata(name, dict(mapping))))
         self._summary[Opcode.METADATA_INDEX].append(encoded(MetadataIndex(offset, length, name)))
 
     def flush(self) -> None:
         """Finish the chunk and fsync."""
-        self._file.raise_failure()
+        self.raise_failure()
         self._finish_chunk()
-        self._file.sync()
+        self.sync()
 
     def finish(self) -> None:
         """Write index, summary and footer, and fsync."""
-        self._file.raise_failure()
+        self.raise_failure()
         self._finish_chunk()
-        self._file.write(encoded(DataEnd(0)))
+        self.append(encoded(DataEnd(0)))
         counts = {each.number: each.count for each in self._channels.values() if each.number}
         times = self._start_time, self._end_time
-        self._file.write(encoded_end(self._file.size, self._summary, counts, times))
-        self._file.sync()
-
-    def close(self) -> None:
-        """Close the file, finished or not. Never raises."""
-        self._file.close()
-
-    @property
-    def size(self) -> int:
-        """Return its size without the open chunk [bytes]."""
-        return self._file.size
-
-    @property
-    def message_count(self) -> int:
-        """Return the number of messages passed to it."""
-        return self._received().message_count
+        self.append(encoded_end(self.size, self._summary, counts, times))
+        self.sync()
 
     @property
     def duration(self) -> float:
@@ -225,13 +204,14 @@ class McapFile:
 
     def durable_summary(self) -> tuple[FileSummary, Counter[Topic]]:
         """Return the file's content, and the messages passed to it that are not in it."""
-        received = self._received()
-        if self._file.failure is None:
+        received = self.received()
+        if self.failure is None:
             return received, Counter()
-        durable = [content for end, content in self._ends if end <= self._file.written_size][-1]
+        durable = [content for end, content in self._ends if end <= self.written_size][-1]
         return durable, Counter(received.counts) - Counter(durable.counts)
 
-    def _received(self) -> FileSummary:
+    def received(self) -> FileSummary:
+        """Return the content of all messages that were passed to it."""
         # One copy: other threads call this.
         channels = list(self._channels.items())
         counts = {topic: channel.count for topic, channel in channels}
@@ -270,7 +250,7 @@ class McapFile:
         channels.append(encoded(record))
         data += channels[-1]
         self._chunk += data
-        self._file.write(data)
+        self.append(data)
         channel.number = number
 
     def _finish_chunk(self) -> None:
@@ -282,13 +262,13 @@ class McapFile:
         first = min(min(channel.index[::2]) for channel in indexed)
         last = max(max(channel.index[::2]) for channel in indexed)
         entries = {channel.number: channel.take_entries() for channel in indexed}
-        start = self._file.size
+        start = self.size
         chunk, indexes, index = encoded_chunk(start, data, packed, (first, last), entries)
         self._chunk = bytearray()
         # Before writing, which may flush.
-        while len(self._ends) > 1 and self._ends[1][0] <= self._file.synced_size:
+        while len(self._ends) > 1 and self._ends[1][0] <= self.synced_size:
             self._ends.popleft()
-        self._ends.append((start + len(chunk), self._received()))
-        self._file.write(chunk)
-        self._file.write(indexes)
+        self._ends.append((start + len(chunk), self.received()))
+        self.append(chunk)
+        self.append(indexes)
         self._summary[Opcode.CHUNK_INDEX].append(encoded(index))

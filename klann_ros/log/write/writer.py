@@ -165,14 +165,9 @@ class RunWriter(AbstractContextManager['RunWriter']):
         return self._folder.reserve is not None and self._folder.reserve.spent is not None
 
     @property
-    def failure(self) -> OSError | None:
-        """Return the disk's first error; nothing can be written after it."""
-        return self.file.failure
-
-    @property
     def is_unfinished(self) -> bool:
         """Return whether the disk prevented the end of a file."""
-        return self.failure is not None and self._is_open
+        return self.file.failure is not None and self._is_open
 
     @property
     def free_space(self) -> int:
@@ -393,7 +388,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def _drop_current(self, fault: FileFault) -> str:
         """Take the file in progress out of the run; return the text of the fault."""
-        path, count = self.file.path, self.file.message_count
+        path, count = self.file.path, self.file.received().message_count
         self._content = self._content.drop_current(self.file)
         loss = f'{counted(count, "message")} {verb(count, "counts", "count")} as lost'
         text = f'{path.name} {fault.value} while it was recorded: its {loss}'
