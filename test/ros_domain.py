@@ -11,7 +11,7 @@ import sys
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fork_server import ForkedProcess, PACKAGE, server
 from klann_ros.nodes.parameters import prepare_sets
 from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
@@ -157,14 +157,11 @@ class Probe:
 
     def add_node(self, name: str, **options: Any) -> Node:
         """Return another node, whose callbacks run when the probe spins."""
-        node = Node(name, context=self.context, **options)
-        self._executor.add_node(node)
-        self._neighbours.append(node)
-        return node
+        return self.add(Node, name, **options)
 
-    def add(self, kind: Callable[..., Any], *arguments: str) -> Any:
-        """Return a node with arguments behind --ros-args; its callbacks run as the probe's do."""
-        node = kind(context=self.context, cli_args=['--ros-args', *arguments])
+    def add(self, kind: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        """Return a node of a kind, likewise."""
+        node = kind(*arguments, context=self.context, **options)
         self._executor.add_node(node)
         self._neighbours.append(node)
         return node
@@ -263,22 +260,24 @@ class RecorderReports:
         self._probe = probe
         self._arrays: list[DiagnosticArray] = probe.listen(DiagnosticArray, '/diagnostics')
 
-    def values(self) -> list[dict[str, str]]:
-        """Return the values of all reports so far."""
-        return [
-            {value.key: value.value for value in status.values}
-            for array in self._arrays
-            for status in array.status
-            if status.name.endswith(': recording')
-        ]
+    @property
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Return the statuses of the recording so far."""
+        statuses = (status for array in self._arrays for status in array.status)
+        return [status for status in statuses if status.name.endswith(': recording')]
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Return the last values, by keys such as `/crank_angle received`."""
+        return {value.key: value.value for s in self.statuses[-1:] for value in s.values}
+
+    def forget(self) -> None:
+        """Forget the statuses so far."""
+        self._arrays.clear()
 
     def count(self, key: str) -> int:
-        """Return the last value of a key, such as `/crank_angle received`."""
-        for array in reversed(self._arrays):
-            for status in array.status:
-                if status.name.endswith(': recording'):
-                    return int(next((v.value for v in status.values if v.key == key), 0))
-        return 0
+        """Return the last value of a key."""
+        return int(self.values.get(key, 0))
 
     def until(self, key: str, count: int) -> None:
         """Wait until a key has reached a count."""
@@ -291,8 +290,8 @@ class RecorderReports:
 
     def until_reports(self, reports: int = 1) -> None:
         """Wait for further reports."""
-        before = len(self.values())
-        self._probe.until(lambda: len(self.values()) >= before + reports)
+        before = len(self.statuses)
+        self._probe.until(lambda: len(self.statuses) >= before + reports)
 
 
 class Domain:
@@ -329,7 +328,8 @@ class Domain:
     def solve(self, *arguments: str, managed: bool = False, **parameters: object) -> Any:
         """Return a solver in this process: its inputs are not lost, however busy the machine."""
         given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
-        solver = self.probe.add(ManagedSolverNode if managed else SolverNode, *arguments, *given)
+        kind = ManagedSolverNode if managed else SolverNode
+        solver = self.probe.add(kind, cli_args=['--ros-args', *arguments, *given])
         prepare_sets(solver, 'solver_node')
         return solver
 

@@ -6,55 +6,23 @@ import signal
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import recorded_pause, topic_counts
 from klann_ros.review.reviewing import review_run
 import pytest
-from recordings import numbers, TOPIC
+from recordings import numbers, Recording, TOPIC
 from ros_domain import Domain, Process, RecorderReports
-from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
 
 
-class Recording:
-    """A recorder and the one publisher that it hears, whose numbers count up from 0."""
-
-    def __init__(self, ros: Domain, **parameters: Any) -> None:
-        self.ros, self.folder, self.next = ros, ros.folder / 'run', 0
-        self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
-        self.reports = RecorderReports(ros.probe)
-        self.publisher = ros.probe.node.create_publisher(Float64, 'crank_angle', 2000)
-        self.process = ros.start('recorder_node', output=self.folder, **parameters)
-        ros.probe.await_subscribers(self.publisher)
-
-    def publish(self, count: int = 100) -> None:
-        for _ in range(count):
-            self.publisher.publish(Float64(data=float(self.next)))
-            self.next += 1
-        self.ros.probe.spin(0.2)
-
-    def until_received(self) -> None:
-        """Wait until all that was published is received, or known to be lost."""
-        count, keys = self.reports.count, (f'{TOPIC} received', f'{TOPIC} lost')
-        self.ros.probe.until(lambda: sum(map(count, keys)) >= self.next)
-
-    def call(self, name: str) -> Trigger.Response:
-        return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
-
-    def split(self) -> str:
-        answers: list[Trigger.Response] = []
-        # What has just been published need not be in the file yet.
-        self.ros.probe.until(lambda: answers.append(self.call('split')) or answers[-1].success)
-        return str(answers[-1].message)
-
-    def values(self) -> dict[str, str]:
-        return values(self.statuses[-1])
-
-    def until_value(self, key: str, value: object) -> None:
-        self.ros.probe.until(lambda: self.statuses and self.values().get(key) == str(value))
+def split(recording: Recording) -> str:
+    answers: list[Any] = []
+    call = recording.call
+    # What has just been published need not be in the file yet.
+    recording.ros.probe.until(lambda: answers.append(call('split')) or answers[-1].success)
+    return str(answers[-1].message)
 
 
 def metadata(path: Path) -> dict[str, list[dict[str, str]]]:
@@ -70,7 +38,7 @@ def split_and_paused(module_ros: Domain) -> dict[str, Any]:
     module_ros.start('solver_node')
     module_ros.probe.until(lambda: 'klann_ros.solver' in metadata(recording.folder))
     recording.publish()
-    seen['first'] = recording.split()
+    seen['first'] = split(recording)
     recording.publish()
     recording.until_received()
     seen['pauses'] = [recording.call('pause') for _ in range(2)]
@@ -79,12 +47,12 @@ def split_and_paused(module_ros: Domain) -> dict[str, Any]:
     recording.until_received()
     seen['resumes'] = [recording.call('resume') for _ in range(2)]
     recording.publish()
-    seen['second'] = recording.split()
+    seen['second'] = split(recording)
     recording.publish()
     recording.until_value(f'{TOPIC} written', 400)
     # A report may fall between the file's name and its counters.
     recording.until_value('file', recording.folder / 'run_2.mcap')
-    seen['status'], seen['values'] = recording.statuses[-1].status[0], recording.values()
+    seen['status'], seen['values'] = recording.reports.statuses[-1], recording.reports.values
     seen['code'] = recording.process.stop(signal.SIGHUP)
     seen['errors'] = recording.process.errors
     return seen
@@ -183,9 +151,7 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: Domain) -> None:
     recording.publish(5000)
     recording.process.popen.send_signal(signal.SIGCONT)
     recording.publish(10)
-    recording.ros.probe.until(
-        lambda: any(array.status[0].level == DiagnosticStatus.WARN for array in recording.statuses)
-    )
+    recording.until_level(DiagnosticStatus.WARN)
     recording.until_received()
     assert recording.process.stop() == 0
     with open_log(recording.folder) as log:
@@ -198,12 +164,12 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: Domain) -> None:
 
 def test_losses_of_departed_publishers_are_not_excluded(ros: Domain) -> None:
     recorder = ros.start('recorder_node', output=ros.folder / 'run')
-    statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    reports = RecorderReports(ros.probe)
     for _ in range(3):
         crank = ros.start('crank_node', revolutions=1, speed=30.0, min_subscribers=1)
         assert crank.wait() == 0
     left = {f'{TOPIC} lost': '0', f'{TOPIC} publishers left': '3'}
-    ros.probe.until(lambda: any(left.items() <= values(status).items() for status in statuses))
+    ros.probe.until(lambda: left.items() <= reports.values.items())
     assert recorder.stop() == 0
     losses = f'0 were lost at least; 3 publishers left ({TOPIC}): losses at their end cannot be '
     assert f'; {losses}detected' in recorder.errors
@@ -213,10 +179,6 @@ def test_losses_of_departed_publishers_are_not_excluded(ros: Domain) -> None:
     assert (topic.lost, topic.early, topic.publishers_left) == (0, 0, 3)
     notes = [finding.text for finding in review.findings if finding.check == 'lost']
     assert notes == [f'3 publishers of {TOPIC} left during the run']
-
-
-def values(status: DiagnosticArray) -> dict[str, str]:
-    return {value.key: value.value for value in status.status[0].values}
 
 
 def test_an_unfinished_run_beside_it_is_named_at_start(ros: Domain) -> None:
