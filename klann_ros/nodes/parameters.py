@@ -13,7 +13,7 @@ from typing import Any
 
 from klann_ros.sanitize.text import printable, refusal
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException, ParameterNotDeclaredException
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, Parameter
 import yaml
@@ -52,8 +52,6 @@ class Declaration:
     # The condition on its value, in words, where neither limits nor choices give it.
     constraint: str = ''
     read_only: bool = True
-    # Whether integers and doubles are accepted alike, and stored as the default's type if double.
-    any_number: bool = False
 
     @property
     def allowed(self) -> str:
@@ -77,17 +75,14 @@ class Declaration:
 
     def refusal(self, value: Any) -> str:
         """Return the reason for refusing a value of the right type; '' to accept it."""
-        if self.any_number and (isinstance(value, bool) or not isinstance(value, int | float)):
-            return f'parameter {self.name} must be a number'
         return '' if self.allows(value) else refusal(self.name, value, self.allowed)
 
 
 def number(
     name: str, default: float, text: str, least: float, most: float, *, read_only: bool = True
 ) -> Declaration:
-    """Return the declaration of a number within limits; integers and doubles are accepted."""
-    limits = least, most
-    return Declaration(name, default, text, limits=limits, read_only=read_only, any_number=True)
+    """Return the declaration of a number within limits."""
+    return Declaration(name, default, text, limits=(least, most), read_only=read_only)
 
 
 def require(condition: bool, name: str, value: Any, requirement: str) -> None:
@@ -168,9 +163,9 @@ def prepare_sets(node: Node, executable: str) -> None:
     """
     Make a node accept `ros2 param set` and `ros2 param load`.
 
-    A read-only parameter may be set to its present value, numbers become doubles for a double, and
-    an unknown name is answered with the nearest one. The node has no pre-set callback of its own,
-    as rclpy would add up the results of both.
+    A read-only parameter may be set to its present value, a number takes the type of its parameter
+    where nothing is lost, and an unknown name is answered with the nearest one. The node has no
+    pre-set callback of its own, as rclpy would add up the results of both.
     """
     node.add_pre_set_parameters_callback(partial(_converted, node, executable))
     set_changed = node.set_parameters_atomically
@@ -195,40 +190,38 @@ def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
 
 
 def _declare(node: Node, parameter: Declaration) -> Any:
-    # A read-only parameter cannot be declared again, as a number may have to be.
-    first = _descriptor(parameter, read_only=parameter.read_only and not parameter.any_number)
-    try:
-        value = node.declare_parameter(parameter.name, parameter.default, first).value
-    except InvalidParameterTypeException as error:
-        raise StartError(_wrong_type(node, parameter)) from error
-    if value is None:
-        raise StartError(f'parameter {parameter.name} has no value')
+    name, value = parameter.name, parameter.default
+    if name in overrides(node):
+        given = overrides(node)[name]
+        value = _like(plain(given.value), parameter.default)
+        if value is None:
+            raise StartError(f'parameter {name} has no value')
+        kinds = [Parameter.Type.from_parameter_value(each) for each in (value, parameter.default)]
+        if kinds[0] != kinds[1]:
+            right = _meant(value, parameter.default)
+            hint = '' if right is None else f' (write {_shown(right)}, not {_shown(value)})'
+            raise StartError(f'parameter {name} must be of type {kinds[1].name.lower()}{hint}')
     reason = parameter.refusal(value)
     if reason:
         raise StartError(reason)
-    if parameter.any_number:
-        value = float(value) if isinstance(parameter.default, float) else value
-        final = _descriptor(parameter, read_only=parameter.read_only)
-        node.undeclare_parameter(parameter.name)
-        node.declare_parameter(parameter.name, value, final, ignore_override=True)
-    return list(value) if isinstance(parameter.default, list) else value
-
-
-def _descriptor(parameter: Declaration, *, read_only: bool) -> ParameterDescriptor:
-    return ParameterDescriptor(
+    descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=parameter.allowed,
-        read_only=read_only,
-        dynamic_typing=parameter.any_number,
+        read_only=parameter.read_only,
     )
+    node.declare_parameter(name, value, descriptor, ignore_override=True)
+    return value
 
 
-def _wrong_type(node: Node, parameter: Declaration) -> str:
-    kind = Parameter.Type.from_parameter_value(parameter.default).name.lower()
-    wrong = overrides(node)[parameter.name].value if parameter.name in overrides(node) else None
-    right = _meant(wrong, parameter.default)
-    hint = '' if right is None else f' (write {_shown(right)}, not {_shown(wrong)})'
-    return f'parameter {parameter.name} must be of type {kind}{hint}'
+def _like(value: Any, default: Any) -> Any:
+    """Return numbers in the type of a default, where nothing is lost; else the value."""
+    if isinstance(default, list) and default and isinstance(value, list):
+        return [_like(each, default[0]) for each in value]
+    if type(value) is int and isinstance(default, float):
+        return float(value)
+    if isinstance(value, float) and type(default) is int and value.is_integer():
+        return int(value)
+    return value
 
 
 def _meant(wrong: Any, default: Any) -> Any:
@@ -239,13 +232,8 @@ def _meant(wrong: Any, default: Any) -> Any:
         return None if None in meant else meant
     if type(wrong) is type(default):
         return wrong
-    if isinstance(default, str):
-        return None if isinstance(wrong, list | None) else f'"\'{wrong}\'"'
-    if type(wrong) is int and isinstance(default, float):
-        return float(wrong)
-    if isinstance(wrong, float) and type(default) is int and wrong.is_integer():
-        return int(wrong)
-    return None
+    is_text = isinstance(default, str) and not isinstance(wrong, list)
+    return f'"\'{wrong}\'"' if is_text else None
 
 
 def _shown(value: Any) -> str:
@@ -259,18 +247,17 @@ def _converted(node: Node, executable: str, parameters: Sequence[Parameter]) -> 
         if not node.has_parameter(parameter.name):
             known = node.list_parameters([], 0).names
             raise UnknownParameterError(unknown_parameter(parameter.name, executable, known))
-    return [_as_double(node, parameter) for parameter in parameters]
+    return [_as_held(node, parameter) for parameter in parameters]
 
 
-def _as_double(node: Node, parameter: Parameter) -> Parameter:
-    """Return a number as a double for a double of `any_number`; YAML takes 1e-12 for a text."""
-    name = parameter.name
-    is_number = parameter.type_ in (Parameter.Type.INTEGER, Parameter.Type.STRING)
-    is_double = node.get_parameter(name).type_ == Parameter.Type.DOUBLE
-    if is_number and is_double and node.describe_parameter(name).dynamic_typing:
+def _as_held(node: Node, parameter: Parameter) -> Parameter:
+    held, value = (plain(each.value) for each in (node.get_parameter(parameter.name), parameter))
+    # YAML takes 1e-12 for a text.
+    if isinstance(held, float) and isinstance(value, str):
         with suppress(ValueError):
-            return Parameter(name, value=float(parameter.value))
-    return parameter
+            value = float(value)
+    value = _like(value, held)
+    return parameter if value is None else Parameter(parameter.name, value=value)
 
 
 def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:

@@ -49,10 +49,12 @@ def test_a_player_logs_its_task_in_one_line(ros: Domain, tmp_path: Path) -> None
     ros.probe.until(lambda: line in player.errors)
 
 
-def test_an_integer_becomes_a_double_where_the_default_is_one(create: Callable[..., Any]) -> None:
-    solver = create('solver_node', '-p', 'phase:=3', '-p', 'direction:=-1')
+def test_a_number_takes_the_type_of_its_default(create: Callable[..., Any]) -> None:
+    given = ('phase:=3', 'direction:=-1.0', 'assembly:=[1.0, 1.0]')
+    solver = create('solver_node', *(word for value in given for word in ('-p', value)))
     values = [solver.get_parameter(name).value for name in ('phase', 'direction')]
     assert (values, [type(value) for value in values]) == ([3.0, -1], [float, int])
+    assert list(solver.get_parameter('assembly').value) == [1, 1]
     for name in ('phase', 'direction'):
         descriptor = solver.describe_parameter(name)
         assert descriptor.read_only

@@ -101,13 +101,7 @@ MOTION = (
 )
 CRANK_PARAMETERS = (
     Declaration('rate', 100.0, 'messages a second [Hz]', limits=(1e-3, 1e4)),
-    Declaration(
-        'revolutions',
-        0,
-        'turns, or periods, until the node ends; 0: endless',
-        constraint='an integer or a double, >= 0',
-        any_number=True,
-    ),
+    Declaration('revolutions', 0.0, 'turns, or periods, until the node ends; 0: endless'),
     Declaration('output', 'crank_angle', 'the topic to publish', choices=OUTPUTS),
     Declaration('crank_joint', 'crank', 'name of the joint in crank_state'),
     Declaration(

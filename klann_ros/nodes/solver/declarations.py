@@ -102,14 +102,12 @@ def drive(prefix: str = '') -> tuple[Declaration, ...]:
             0.0,
             "the leg's crank angle where the crank is at 0 [rad]",
             constraint='finite',
-            any_number=True,
         ),
         Declaration(
             f'{prefix}direction',
             1,
             '+1, or -1 for a leg whose crank turns the other way',
             constraint='+1 or -1',
-            any_number=True,
         ),
     )
 
