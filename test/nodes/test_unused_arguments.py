@@ -58,7 +58,8 @@ def test_a_process_logs_them_as_warnings(ros: Domain) -> None:
 
 def test_a_running_node_suggests_the_nearest_parameter(ros: Domain) -> None:
     ros.solve(legs='[left]')
-    right, wrong = {'left.l_ab': 0.12}, {'left.l_bla': 0.2}
+    # YAML takes 12e-2 for a text.
+    right, wrong = {'left.l_ab': '12e-2'}, {'left.l_bla': 0.2}
     reason = "parameter left.l_bla is none of solver_node's; did you mean left.l_bc?"
     assert ros.probe.set_parameters('solver_node', wrong).reason == reason
     for name in ('', 'z' * 10**6, '\x1b[2Jz'):
