@@ -14,7 +14,7 @@ from support.aims import exit_code, is_met, sized
 from support.node_under_test import Figures, NodeUnderTest, RELAY, SOLVER
 
 ROUNDS, SECONDS = sized(1, 3, 5), sized(0.2, 2.0, 3.0)
-RATES = sized((200.0,), (200.0, 1000.0))
+RATES = sized((200.0,), (1000.0,), (200.0, 1000.0))
 # The aims: CPU a message, and latencies, as parts of the relay's.
 MOST_CPU, MOST_LATENCY = 0.5, 1.0
 # Jansen's CPU a message as a part of Klann's.

@@ -24,7 +24,7 @@ from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 from support.aims import exit_code, sized, SMOKE
 
-SEEDS, SECONDS, EVALUATIONS = sized(1, 3, 20), sized(0.2, 8.0), sized(480, 2000)
+SEEDS, SECONDS, EVALUATIONS = sized(1, 2, 20), sized(0.2, 8.0), sized(480, 2000)
 if SMOKE:
     refine.MAX_STEPS = 2
 FRAMES, SPREAD, PARTICLES = 96, 0.2, 100

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations, permutations, product
 from pathlib import Path
+import sys
 
 from klann_ros.design import refine, requirements_from, RequirementsError, search
 from klann_ros.design.grow import shapes
@@ -100,6 +101,7 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 20)
+    monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
     requirements = requirements_from(
         {
             'grow': {'dyads': 1},

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+import sys
 
 from klann_ros.datasheet import data_sheet
 from klann_ros.design import Found, refine, requirements_from, search
@@ -145,6 +146,7 @@ def test_degenerate_linkages_give_legs_that_close_or_reasons(
 
 def test_a_hidden_leg_is_recovered_from_its_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 20)
+    monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
     drawn = shipped_linkage('klann')
     random = np.random.default_rng(2)
     changes = {n: v * random.uniform(0.95, 1.05, 1) for n, v in drawn.dimensions.items()}

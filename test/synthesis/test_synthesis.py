@@ -4,7 +4,7 @@ from itertools import pairwise
 import math
 from math import isclose, radians
 
-from hypothesis import assume, given, strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 from klann_ros.synthesis import (
     burmester_curve,
@@ -175,6 +175,8 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
         assert abs(((b - a).conjugate() * (c - a)).imag) <= 1e-9 * abs(b - a) * (1 + abs(c - a))
 
 
+# Four hundred cranks are tried for each.
+@settings(max_examples=8)
 @given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
 def test_quick_returns_have_the_time_ratio_and_the_swing(
     ratio: float, swing: float, rocker: float
