@@ -152,22 +152,23 @@ def test_straight_on_cranks_go_back_into_phase_slowly(steering: Steering) -> Non
     assert bench.run(15.0).apart < 0.5
 
 
-def test_a_crank_that_turns_backwards_goes_back_into_phase() -> None:
-    lock = PhaseLock((1.0, -1.0), (1.0, -1.0), ControllerSettings())
-    lock.reset([0.0, -1.0])
+@pytest.mark.parametrize(
+    ('senses', 'sides', 'start', 'rates'),
+    [
+        ((1.0, -1.0), (1.0, -1.0), [0.0, -1.0], [1.0, -1.0]),
+        # In a curve those of one side.
+        ((1.0,) * 4, (1.0, 1.0, -1.0, -1.0), [0.5, 0.0, 0.0, 0.5], [1.0, 1.0, 0.5, 0.5]),
+    ],
+)
+def test_cranks_at_one_rate_go_back_into_phase(
+    senses: tuple[float, ...], sides: tuple[float, ...], start: list[float], rates: list[float]
+) -> None:
+    lock = PhaseLock(senses, sides, ControllerSettings())
+    lock.reset(start)
     for _ in range(3000):
-        lock.step(DT, [1.0, -1.0], lock.targets)
-    assert lock.phases() == pytest.approx([0.0, 0.0], abs=0.01)
-
-
-def test_in_a_curve_the_cranks_of_one_side_go_back_into_phase() -> None:
-    lock = PhaseLock((1.0,) * 4, (1.0, 1.0, -1.0, -1.0), ControllerSettings())
-    lock.reset([0.5, 0.0, 0.0, 0.5])
-    for _ in range(3000):
-        lock.step(DT, [1.0, 1.0, 0.5, 0.5], lock.targets)
-    a, b, c, d = lock.targets
-    assert (a, c) == pytest.approx((b, d), abs=0.01)
-    assert a > c + 10.0
+        lock.step(DT, rates, lock.targets)
+    turned = [at / rate for at, rate in zip(lock.targets, rates, strict=True)]
+    assert turned[::2] == pytest.approx(turned[1::2], abs=0.01)
 
 
 def test_in_a_curve_the_cranks_follow_their_planned_rates(steering: Steering) -> None:
@@ -201,12 +202,20 @@ def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
         assert limits.approach(STANDS, Twist2D(linear, angular), 0.1) == pytest.approx(motion)
 
 
-def test_the_strictest_limit_counts() -> None:
-    limits = MotionLimits(max_linear=0.1, max_angular=0.2)
-    for wanted, motion in (((0.4, 0.4), (0.1, 0.1)), ((-0.2, 0.8), (-0.05, 0.2))):
-        found, active = limits.motion(Twist2D(*wanted))
-        assert found == pytest.approx(motion)
-        assert len(active) == 2
+@pytest.mark.parametrize(
+    ('wanted', 'motion', 'active'),
+    [
+        ((0.4, 0.4), (0.1, 0.1), ['max_linear', 'max_angular']),
+        ((-0.2, 0.8), (-0.05, 0.2), ['max_linear', 'max_angular']),
+        # A limited curvature forbids turning on the spot.
+        ((0.0, 0.2), (0.0, 0.0), ['max_curvature']),
+    ],
+)
+def test_the_strictest_limit_counts(
+    wanted: tuple[float, float], motion: tuple[float, float], active: list[str]
+) -> None:
+    limits = MotionLimits(max_linear=0.1, max_angular=0.2, max_curvature=5.0)
+    assert limits.motion(Twist2D(*wanted)) == (pytest.approx(motion), active)
 
 
 def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
@@ -215,12 +224,6 @@ def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
         for k in range(3):
             crank.read(DT * k, rate, DT * k, at=DT * k)
         assert crank.velocity == pytest.approx(taken)
-
-
-def test_a_limited_curvature_forbids_turning_on_the_spot() -> None:
-    motion, hit = MotionLimits(max_curvature=2.0).motion(Twist2D(0.0, 0.2))
-    assert motion == (0.0, 0.0)
-    assert hit == ['max_curvature']
 
 
 @pytest.mark.parametrize('bad', [nan, inf, -inf])
@@ -241,13 +244,6 @@ def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
     bench.run(1.0)
     assert bench.rates == [0.0, 0.0]
     assert bench.verdict == (DiagnosticLevel.OK, 'standing: no cmd_vel')
-
-
-def test_a_command_that_comes_late_is_none(steering: Steering) -> None:
-    control = WalkController(steering, ControllerSettings())
-    assert control.command(0.1, 0.0, 1.0, age=0.49) == ''
-    assert 'clocks differ' in control.command(0.1, 0.0, 1.0, age=0.51)
-    assert control.late == 1
 
 
 def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) -> None:
@@ -304,16 +300,6 @@ def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
     assert 0.3 < bench.control.lock.rate_scale < 1.0 or bench.worst < 0.1
 
 
-def test_an_encoder_glitch_is_not_a_jump(steering: Steering) -> None:
-    bench = Bench(steering, [1.0, 1.0]).run(2.0)
-    bench.shift = 1.5
-    bench.run(0.03)
-    bench.shift = 0.0
-    assert degrees(bench.run(1.0).worst) < 2.0
-    assert bench.control.cranks[1].jumps == 1
-    assert bench.verdict[0] == DiagnosticLevel.OK
-
-
 @pytest.mark.parametrize('shift', [0.3, 1.5])
 @pytest.mark.parametrize('readings', [1, 4, 5])
 def test_five_readings_confirm_a_position_offset(shift: float, readings: int) -> None:
@@ -324,6 +310,9 @@ def test_five_readings_confirm_a_position_offset(shift: float, readings: int) ->
     ]
     assert accepted == [False] * (99 + readings) + [readings == 5]
     assert crank.offsets == (readings == 5)
+    # The larger one is held back as long.
+    assert crank.jumps == (shift > 1.0)
+    assert crank.position == pytest.approx(DT * 99, abs=0.35 if readings < 5 else 1.6)
 
 
 def test_an_encoder_jump_is_accepted_and_reported(steering: Steering) -> None:
@@ -353,14 +342,6 @@ def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rat
     assert crank.jumps == 0
 
 
-@pytest.mark.parametrize('bad', [nan, inf, 1e7])
-def test_an_invalid_angle_is_not_feedback(bad: float) -> None:
-    crank = CrankFeedback('crank', 12.0)
-    crank.read(bad, 0.0, 0.0)
-    assert not crank.is_known
-    assert crank.rejected == 1
-
-
 def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
     control = WalkController(Steering(one_motor), ControllerSettings())
     assert control.command(0.1, 0.0, 0.0) == ''
@@ -369,10 +350,17 @@ def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
     assert control.steering.rates(Twist2D(0.1, 0.2)).left > 0.0
 
 
-@pytest.mark.parametrize('linear', [0.15, -0.15])
-@pytest.mark.parametrize('seconds', [0.3, 1.0, 5.0])
-@pytest.mark.parametrize('held_after', [0.5, inf])
-@pytest.mark.parametrize('ended', [False, True])
+@pytest.mark.parametrize(
+    ('linear', 'seconds', 'held_after', 'ended'),
+    [
+        (0.15, 0.3, inf, False),
+        (-0.15, 0.3, inf, True),
+        (-0.15, 1.0, 0.5, False),
+        (0.15, 1.0, inf, True),
+        (0.15, 5.0, 0.5, True),
+        (-0.15, 5.0, inf, False),
+    ],
+)
 def test_after_a_pause_the_set_points_restart_where_the_cranks_are(
     steering: Steering, linear: float, seconds: float, held_after: float, ended: bool
 ) -> None:
@@ -393,22 +381,16 @@ def test_after_a_pause_the_set_points_restart_where_the_cranks_are(
     assert bench.rates == pytest.approx([0.0, 0.0] if ended else [copysign(rate, linear)] * 2, 0.1)
 
 
-def test_a_command_that_waited_during_a_pause_is_late(steering: Steering) -> None:
+def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    assert 'clocks differ' in bench.control.command(0.1, 0.0, bench.now, age=0.51)
+    assert bench.control.command(0.1, 0.0, bench.now, age=0.49) == ''
+    assert bench.control.late == 1
     bench.commands = False
     bench.now += 5.0
     sent_before = bench.clock_offset + 4.9
     assert 'waited' in bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
     assert bench.run(0.5).most == 0.0
-
-
-def test_feedback_that_stopped_during_a_pause_stops_all(steering: Steering) -> None:
-    bench = Bench(steering, [1.0, 1.0]).run(2.0)
-    bench.now += 1.0
-    bench.heard = [False, False]
-    bench.run(0.1)
-    assert bench.rates == [0.0, 0.0]
-    assert 'no feedback of left_crank, right_crank' in bench.verdict[1]
 
 
 @pytest.mark.parametrize('error', [2.0, 0.3, -0.3, -2.0])
@@ -508,7 +490,7 @@ def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
 
 def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelerates() -> None:
     # Half of the readings are lost: each rate is predicted for 20 ms and more.
-    for seed in range(30):
+    for seed in range(12):
         random = Random(seed)  # noqa: S311 - losses
         crank = CrankFeedback('crank', 12.0)
         found, position, slips = [], 0.0, random.randint(300, 450)
@@ -520,15 +502,6 @@ def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelera
             if not is_lost and crank.read(seen, None, k * DT, at=k * DT):
                 found.append(crank.last_offset)
         assert found in ([], [pytest.approx(0.2, abs=0.03)])
-
-
-def test_settings_change_while_it_walks(steering: Steering) -> None:
-    bench = Bench(steering, [1.0, 1.0]).run(3.0)
-    limits = MotionLimits(max_linear=0.05)
-    bench.control.configure(ControllerSettings(limits, cmd_vel_timeout=0.1))
-    assert bench.run(2.0).rates == pytest.approx([0.05 / steering.speed] * 2, rel=0.05)
-    bench.commands = False
-    assert bench.run(0.5).rates == [0.0, 0.0]
 
 
 def test_time_that_goes_back_begins_anew(steering: Steering) -> None:

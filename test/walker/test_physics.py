@@ -97,15 +97,6 @@ def test_on_the_spot_yaw_and_position_follow_with_an_imu(
     assert walked.tilt < 20.0
 
 
-def test_a_blocked_crank_stops_all_and_is_named(simulated: Steering) -> None:
-    walked = Walked(simulated, (0.1, 0.0), 2.0, right_motor=0.0)
-    level, text = walked.verdicts[-1]
-    assert level == DiagnosticLevel.ERROR
-    assert 'right_crank does not turn' in text
-    assert walked.rates == pytest.approx([0.0, 0.0], abs=0.02)
-    assert walked.tilt < 10.0
-
-
 @pytest.mark.parametrize(
     ('twist', 'slope', 'error'), [((0.1, -0.05), 0.0, 0.04), ((0.05, 0.06), -0.05, 0.018)]
 )

@@ -63,29 +63,18 @@ def test_short_messages_are_refused(size: int) -> None:
         ImuReader().read(data)
 
 
-def test_an_imu_without_orientation_is_recognised() -> None:
+def test_an_imu_without_orientation_or_accelerometer_is_recognised() -> None:
     imu = Imu()
-    imu.header.frame_id = 'imu'
-    imu.angular_velocity.z = 0.5
-    imu.orientation_covariance[0] = -1.0
+    imu.angular_velocity.z, imu.linear_acceleration.z = 0.5, 9.5
+    imu.orientation_covariance[0] = imu.linear_acceleration_covariance[0] = -1.0
     read = ImuReader().read(serialize_message(imu))
-    assert (read.orientation, read.angular) == (None, (0.0, 0.0, 0.5))
+    assert (read.orientation, read.angular, read.force) == (None, (0.0, 0.0, 0.5), None)
     imu.orientation_covariance[0] = imu.orientation_covariance[8] = 0.01
-    imu.orientation.w = 1.0
+    imu.linear_acceleration_covariance[0] = 0.0
     read = ImuReader().read(serialize_message(imu))
-    assert (read.orientation, read.variance) == ((0.0, 0.0, 0.0, 1.0), 0.01)
-
-
-def test_an_imu_without_accelerometer_is_recognised() -> None:
-    imu = Imu()
-    imu.linear_acceleration.z = 9.5
-    assert ImuReader().read(serialize_message(imu)).force == (0.0, 0.0, 9.5)
-    imu.linear_acceleration_covariance[0] = -1.0
-    assert ImuReader().read(serialize_message(imu)).force is None
-
-
-def test_an_empty_orientation_is_ignored() -> None:
-    imu = Imu()
+    assert (read.orientation, read.force) == ((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 9.5))
+    assert read.variance == 0.01
+    # An empty orientation is none.
     imu.orientation.w = 0.0
     assert ImuReader().read(serialize_message(imu)).orientation is None
 
