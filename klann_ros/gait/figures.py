@@ -105,11 +105,6 @@ class GaitFigures:
             return [unstable]
         return [backwards] if self.speed < 0.0 else []
 
-    @property
-    def standing(self) -> Array:
-        """Return the part of the turn during which each foot carries weight, shape (n,)."""
-        return np.asarray((self.loads > 0.0).mean(axis=0), dtype=np.float64)
-
     def support_patterns(self) -> dict[tuple[str, ...], float]:
         """Return the part of the turn on each group of feet, the longest first."""
         groups, counts = np.unique(self.loads > 0.0, axis=0, return_counts=True)

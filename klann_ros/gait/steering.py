@@ -91,12 +91,6 @@ class Steering:
             w = x = 0.0
         return (v, w), (x, y)
 
-    @property
-    def is_mirrored(self) -> bool:
-        """Return whether its right side is its left one in a mirror, but for the phase."""
-        (_, w), (x, _) = self._gains
-        return w == x == 0.0
-
     @cached_property
     def turn_plan(self) -> TurnPlan:
         """Return the rates for turning, by phase."""

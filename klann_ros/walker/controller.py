@@ -8,7 +8,7 @@ from math import degrees, inf, isfinite
 from klann_ros.gait.steering import Rates, Steering, Twist2D
 
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
-from .feedback import Backlog, CrankFeedback, SteadyClock, Watchdog
+from .feedback import CrankFeedback, SteadyClock, Watchdog
 from .settings import ControllerSettings
 
 STANDS = Twist2D(0.0, 0.0)
@@ -62,7 +62,7 @@ class WalkController:
         self.limits_hit: list[str] = []
         self.events: deque[str] = deque(maxlen=100)
         self._event, self._event_age = '', Watchdog(steady)
-        self._command_age, self._command_backlog = Watchdog(steady), Backlog()
+        self._command_age = Watchdog(steady)
         # Of any callback, and of the control clock's last progress.
         self._loop, self._progress = Watchdog(steady), Watchdog(steady)
         self._last: float | None = None
@@ -96,7 +96,7 @@ class WalkController:
         [s]; the clocks of sender and receiver may differ by any offset in the latter.
         """
         self.keep_alive(now)
-        delay = self._command_backlog.delay(transport_age, now)
+        delay = self._command_age.delay(transport_age, now)
         if not (isfinite(linear) and isfinite(angular)):
             self.rejected += 1
             return f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
@@ -152,9 +152,8 @@ class WalkController:
             self._targets_before = list(self.lock.targets)
             self.pauses += 1
         self._gap = max(self._gap, gap)
-        self._command_backlog.pause(now)
-        for crank in self.cranks:
-            crank.backlog.pause(now)
+        for watchdog in (self._command_age, *(crank.watchdog for crank in self.cranks)):
+            watchdog.pause(now)
         if gap > self.settings.feedback_timeout:
             self.motion = STANDS
 
@@ -175,7 +174,8 @@ class WalkController:
         return [crank.velocity for crank in self.cranks]
 
     @property
-    def _is_known(self) -> bool:
+    def is_known(self) -> bool:
+        """Return whether all cranks gave feedback."""
         return all(crank.is_known for crank in self.cranks)
 
     # Outputs.
@@ -192,9 +192,9 @@ class WalkController:
         if gap > self.settings.max_gap:
             self._pause(gap, now)
         self.limits_hit = []
-        if not self._is_known:
+        if not self.is_known:
             return None
-        if self.must_hold(now):
+        if self.stop_reason(now):
             return self._hold_position()
         if self._gap:
             self._restart(now)
@@ -205,10 +205,6 @@ class WalkController:
         self._detect_blocked(gap)
         return self._hold_position() if self._blocked else command
 
-    def must_hold(self, now: float) -> bool:
-        """Return whether all cranks have to stand."""
-        return bool(self._stopped_by(now))
-
     def _reset_clock(self, now: float) -> None:
         """Forget the times of commands: a simulation has restarted."""
         self._command_age.clear()
@@ -216,7 +212,7 @@ class WalkController:
         for crank in self.cranks:
             crank.received = min(crank.received, now)
         self.motion = STANDS
-        if self._is_known:
+        if self.is_known:
             self._hold_position()
 
     def _restart(self, now: float) -> None:
@@ -291,15 +287,9 @@ class WalkController:
         self._event = text
         self._event_age.feed(now)
 
-    def timed_out_joints(self, now: float) -> list[str]:
-        """Return the cranks whose feedback has stopped, or never began."""
-        timeout = self.settings.feedback_timeout
-        return [crank.joint for crank in self.cranks if crank.age(now) > timeout]
-
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
-        stopped = self._stopped_by(now)
-        if stopped:
+        if stopped := self.stop_reason(now):
             return DiagnosticLevel.ERROR, f'stopped: {stopped}'
         if self._event_age.age(now) < 3.0:
             return DiagnosticLevel.WARN, self._event
@@ -313,14 +303,16 @@ class WalkController:
             return DiagnosticLevel.OK, f'standing{": no cmd_vel" * self._is_command_old(now)}'
         return DiagnosticLevel.OK, 'walking'
 
-    def _stopped_by(self, now: float) -> str:
-        silent = self.timed_out_joints(now)
+    def stop_reason(self, now: float) -> str:
+        """Return why all cranks have to stand, '' if they need not."""
+        timeout, ages = self.settings.feedback_timeout, {c.joint: c.age(now) for c in self.cranks}
+        silent = [joint for joint, age in ages.items() if age > timeout]
         if silent:
-            age = max(crank.age(now) for crank in self.cranks)
-            since = f'for {age:.1f} s' if age < inf else 'yet'
+            oldest = max(ages.values())
+            since = f'for {oldest:.1f} s' if oldest < inf else 'yet'
             return f'no feedback of {", ".join(silent)} {since}'
         stands = self._progress.age(now) if now == self._last else 0.0
-        if stands > self.settings.feedback_timeout:
+        if stands > timeout:
             return f'the clock has stood still for {stands:.1f} s'
         if self._blocked:
             return f'{", ".join(self._blocked)} does not turn; a cmd_vel of 0 permits another try'

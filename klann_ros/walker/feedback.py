@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, InitVar
+from dataclasses import dataclass
 from math import inf, isfinite, nan, sqrt
 from statistics import median
 
@@ -14,20 +14,27 @@ SteadyClock = Callable[[], float]
 
 class Watchdog:
     """
-    The time since the last message of an input.
+    The age of an input's last message, and the delay of those that waited in a queue.
 
     It runs on the steady clock as well, where there is one: the control clock may stand still, as
-    simulated time does.
+    simulated time does. Clocks of publishers differ from the receiver's by any offset, so the age
+    that a message has by these counts only relative to that of the last message before the process
+    was paused, and for a second after the pause.
     """
 
     def __init__(self, steady: SteadyClock | None = None) -> None:
         self._steady = steady
+        self._usual_age, self._drained = inf, -inf
         self.clear()
 
-    def feed(self, now: float, age: float = 0.0) -> None:
-        """Take a message of a given age [s] at the control clock's time `now` [s]."""
-        self._at = now - age
-        self._steady_at = self._steady() - age if self._steady else self._at
+    def clear(self) -> None:
+        """Forget the last message: the age is infinite."""
+        self._at = self._steady_at = -inf
+
+    def feed(self, now: float, delay: float = 0.0) -> None:
+        """Take a message with a delay [s] at the control clock's time `now` [s]."""
+        self._at = now - delay
+        self._steady_at = self._steady() - delay if self._steady else self._at
 
     def age(self, now: float) -> float:
         """Return the time since the last message, by the clock that measured more of it [s]."""
@@ -36,37 +43,22 @@ class Watchdog:
         age = now - self._at
         return max(age, self._steady() - self._steady_at) if self._steady else age
 
-    def clear(self) -> None:
-        """Forget the last message: the age is infinite."""
-        self._at = self._steady_at = -inf
-
-
-class Backlog:
-    """
-    The delay of messages that waited in a queue while the process was paused.
-
-    Clocks of publishers differ from the receiver's by any offset, so a message's age counts only
-    relative to that of the last message before the pause, and for a second after it.
-    """
-
-    def __init__(self) -> None:
-        self._usual_age, self._end = inf, -inf
-
     def pause(self, now: float) -> None:
         """Expect delayed messages: the process was paused until now [s]."""
-        self._end = now + 1.0
+        self._drained = now + 1.0
 
-    def delay(self, age: float | None, now: float) -> float:
-        """Return the delay of a message of a given age (None: unknown), 0 if it is current [s]."""
-        if age is None:
+    def delay(self, transport_age: float | None, now: float) -> float:
+        """Return the delay of a message [s], 0 if it is current or its age is unknown (None)."""
+        if transport_age is None:
             return 0.0
         # Before the first message clocks are taken to be the same.
-        delay = age - (self._usual_age if self._usual_age < inf else 0.0)
+        delay = transport_age - (self._usual_age if self._usual_age < inf else 0.0)
         # Jitter of the transport; the usual age grows by no more from message to message.
         jitter = 0.05
-        if now < self._end and delay >= jitter:
+        if now < self._drained and delay >= jitter:
             return delay
-        self._usual_age, self._end = min(age, self._usual_age + jitter), -inf
+        self._usual_age = min(transport_age, self._usual_age + jitter)
+        self._drained = -inf
         return 0.0
 
 
@@ -148,42 +140,23 @@ class OffsetDetector:
         self._variance += (innovation**2 - self._variance) / min(self._count, self.noise_readings)
 
 
-@dataclass
 class CrankFeedback:
-    """The state of a crank of a joint, with a greatest rate [rad/s], by its encoder."""
+    """The state of the crank of a joint, with a greatest rate [rad/s], by its encoder."""
 
-    joint: str
-    max_rate: float
-    steady: InitVar[SteadyClock | None] = None
-    # A crank may be off by this beyond what its greatest rate would have turned it [rad], and the
-    # time between two messages is never taken as less [s]: stamps and transport jitter.
-    margin: float = field(default=0.1, repr=False)
-    min_dt: float = field(default=0.02, repr=False)
-    # The last accepted angle, without the encoder's whole turns [rad]; NaN before the first. And
-    # the rate in the message, or else from angle to angle [rad/s].
-    position: float = nan
-    velocity: float = 0.0
-    # Time of that reading, of its arrival by the control clock, and for which it waited while the
-    # process was paused [s].
-    at: float = nan
-    received: float = nan
-    delay: float = 0.0
-    # Readings that were no angles; implausible steps, and those accepted; position offsets.
-    rejected: int = 0
-    jumps: int = 0
-    accepted_jumps: int = 0
-    offsets: int = 0
-    # The last accepted offset, and the sum of all [rad].
-    last_offset: float = 0.0
-    offset_sum: float = 0.0
-    backlog: Backlog = field(default_factory=Backlog, repr=False)
-    detector: OffsetDetector = field(default_factory=OffsetDetector, repr=False)
-    _turns: float = field(default=0.0, repr=False)
-    _outliers: list[float] = field(default_factory=list, repr=False)
-
-    def __post_init__(self, steady: SteadyClock | None) -> None:
-        """Connect the watchdog to its clock."""
-        self.watchdog = Watchdog(steady)
+    def __init__(self, joint: str, max_rate: float, steady: SteadyClock | None = None) -> None:
+        self.joint, self.max_rate = joint, max_rate
+        # The last accepted angle, without the encoder's whole turns [rad]; NaN before the first.
+        # And the rate in the message, or else from angle to angle [rad/s].
+        self.position, self.velocity = nan, 0.0
+        # Time of that reading, of its arrival by the control clock, and for which it waited while
+        # the process was paused [s].
+        self.at, self.received, self.delay = nan, nan, 0.0
+        # Readings that were no angles; implausible steps, those accepted, and position offsets.
+        self.rejected = self.jumps = self.accepted_jumps = self.offsets = 0
+        # The last accepted offset, and the sum of all [rad].
+        self.last_offset = self.offset_sum = 0.0
+        self.watchdog, self.detector = Watchdog(steady), OffsetDetector()
+        self._turns, self._outliers = 0.0, list[float]()
 
     @property
     def is_known(self) -> bool:
@@ -213,7 +186,7 @@ class CrankFeedback:
         if not abs(position) <= 1e6:
             self.rejected += 1
             return False
-        delay = self.backlog.delay(age, now)
+        delay = self.watchdog.delay(age, now)
         at = now if at is None else at
         offset = 0.0
         if self.is_known:
@@ -221,8 +194,9 @@ class CrankFeedback:
             unwrapped = position + self._turns
             whole = round((unwrapped - self.position) / TURN) * TURN
             # While a queue is drained, readings arrive faster than they were sent.
-            elapsed = max(now - self.received, self.delay - delay, self.min_dt)
-            possible = 1.5 * self.max_rate * elapsed + self.margin
+            # Stamps and transport jitter: no time is less than 20 ms, and 0.1 rad are allowed.
+            elapsed = max(now - self.received, self.delay - delay, 0.02)
+            possible = 1.5 * self.max_rate * elapsed + 0.1
             if abs(unwrapped - self.position) <= possible:
                 whole = 0.0
             step = unwrapped - whole - self.position

@@ -21,21 +21,9 @@ class ImuReading(NamedTuple):
     """
     A reading of an IMU in the origin of base_link.
 
-    Attributes
-    ----------
-    yaw : float or None
-        [rad]; None without an orientation.
-    yaw_rate : float
-        About the vertical [rad/s].
-    at : float
-        Time [s].
-    attitude : (float, float) or None
-        Roll and pitch [rad].
-    attitude_rates : (float, float)
-        Their derivatives [rad/s].
-    force : (float, float, float) or None
-        Specific force in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
-
+    `yaw` [rad] is None without an orientation, as is the `attitude`: roll and pitch [rad], with
+    their derivatives [rad/s]. `yaw_rate` is that about the vertical [rad/s], `at` a time [s], and
+    `force` the specific force in base_link [m/s^2]: 9.8 upwards at rest, as in REP 145.
     """
 
     yaw: float | None

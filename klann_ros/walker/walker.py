@@ -71,13 +71,12 @@ class Walker:
         """
         controller = self.controller
         controller.feedback(readings, now, at, transport_age)
-        cranks = controller.cranks
-        if not all(crank.is_known for crank in cranks):
+        if not controller.is_known:
             return None
         if self._imu_timeout < self._imu_age.age(now) < inf:
             self.odometry.forget_imu()
             self._imu_age.clear()
-        jumps = sum(crank.accepted_jumps for crank in cranks)
+        jumps = sum(crank.accepted_jumps for crank in controller.cranks)
         if jumps != self._jumps:
             self._jumps = jumps
             self.odometry.jump()
@@ -94,9 +93,8 @@ class Walker:
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
-        known = all(crank.is_known for crank in self.controller.cranks)
         odometry, problem = self.odometry, ''
-        if known and odometry.support is None:
+        if self.controller.is_known and odometry.support is None:
             problem = 'its centre of mass is not above its feet'
         elif odometry.support_violation > odometry.noise.max_support_violation:
             share = f'{odometry.support_violation:.0%} of the time'

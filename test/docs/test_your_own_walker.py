@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 
-from klann_ros.gait import Feet, Steering, walk_figures
+from klann_ros.gait import Feet, Steering, Twist2D, walk_figures
 from klann_ros.robot import robot_of
 import pytest
 
@@ -25,7 +25,8 @@ def test_the_walker_of_the_page_stands_walks_and_turns(tmp_path: Path) -> None:
     assert walk.stable_fraction == 1.0
     assert walk.speed == pytest.approx(0.057, abs=0.001)
     steering = Steering(Feet(robot))
-    assert steering.is_mirrored
+    left, right = (steering.rates(Twist2D(0.05, yaw_rate)) for yaw_rate in (0.02, -0.02))
+    assert left == pytest.approx((right.right, right.left))
     assert steering.turn_plan.is_possible
 
 

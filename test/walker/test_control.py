@@ -453,7 +453,7 @@ def test_timeouts_pass_while_simulated_time_stands_still(
         if feedback:
             control.feedback(readings, 199 * DT)
         control.keep_alive(199 * DT)
-    assert control.must_hold(199 * DT)
+    assert control.stop_reason(199 * DT)
     command = control.step(199 * DT)
     assert command is not None
     assert command.velocity == (0.0, 0.0)

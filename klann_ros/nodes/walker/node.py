@@ -214,7 +214,7 @@ class WalkerNode(Node):
         controller = self._walker.controller
         controller.keep_alive(now)
         # Also where the control clock stands still.
-        if controller.must_hold(now):
+        if controller.stop_reason(now):
             self._step(now)
         self._log_events(_steady_time())
 
