@@ -16,7 +16,7 @@ the extra `sim`; without it these raise a NoMujocoError.
 from .agreement import Agreement, agreement
 from .mjcf import Floor, robot_mjcf
 from .parts import Imu, Motors, NoMujocoError, Sensors, SimulatedCrank, Truth, TwinError
-from .twin import DivergedError, Pace, RealTimeFactor, Twin
+from .twin import DivergedError, Twin
 
 __all__ = [
     'Agreement',
@@ -25,8 +25,6 @@ __all__ = [
     'Imu',
     'Motors',
     'NoMujocoError',
-    'Pace',
-    'RealTimeFactor',
     'Sensors',
     'SimulatedCrank',
     'Truth',

@@ -289,25 +289,14 @@ class Pace:
     """
     The ticks of a simulation in real time.
 
-    Parameters
-    ----------
-    period : float
-        Of simulated time between ticks [s].
-    factor : float
-        Simulated time over wall time.
-    now : float
-        Wall time at the start [s].
-
-    Attributes
-    ----------
-    slipped : float
-        Wall time given up so far [s].
-
+    Made of the period of simulated time between ticks [s], simulated time over wall time, and the
+    wall time at the start [s].
     """
 
     def __init__(self, period: float, factor: float, now: float) -> None:
         self._period, self._between = period, period / factor
         self._begin, self._ticks = now, 0
+        # Wall time given up so far [s].
         self.slipped = 0.0
         self._since, self._done = now, 0
 
@@ -333,17 +322,9 @@ class Pace:
 
 
 class RealTimeFactor(NamedTuple):
-    """
-    The achieved real-time factor.
+    """The achieved real-time factor."""
 
-    Attributes
-    ----------
-    factor : float
-        Simulated time over wall time.
-    share : float
-        Share of the requested steps that were done.
-
-    """
-
+    # Simulated time over wall time.
     factor: float
+    # Share of the requested steps that were done.
     share: float

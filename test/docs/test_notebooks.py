@@ -36,7 +36,8 @@ def test_a_notebook_runs_and_prints_the_slides_numbers(path: Path) -> None:
     assert first.startswith('%pip install')
     mpl.use('Agg')
     printed, names = StringIO(), dict[str, Any]()
-    with redirect_stdout(printed):
+    # A few frames of a movement are enough [MB].
+    with redirect_stdout(printed), mpl.rc_context({'animation.embed_limit': 0.1}):
         for source in code:
             exec(compile(source, path.name, 'exec'), names)  # noqa: S102 - our own
         assert '<script' in names['movement'].to_jshtml()

@@ -166,23 +166,6 @@ def test_2_errors_are_squared() -> None:
         assert all((ratios > 0.1) & (ratios < 1.2))
 
 
-def test_2_forward_substitution_makes_the_iterates_of_the_whole_matrix() -> None:
-    x = GUESS
-    for expected in LEG.newton(ALPHA, GUESS)[1:]:
-        f, phi = equations.f(LEG.geometry, ALPHA, x), equations.phi(LEG.geometry, x)
-        first = np.linalg.solve(phi[:2, :2], f[:2])
-        second = np.linalg.solve(phi[2:, 2:], f[2:] - phi[2:, :2] @ first)
-        x = x - [*first, *second]
-        np.testing.assert_allclose(x, expected, rtol=0, atol=5e-16)
-        blocks = np.linalg.det(phi[:2, :2]) * np.linalg.det(phi[2:, 2:])
-        assert np.linalg.det(phi) == pytest.approx(blocks, rel=1e-13)
-        g = LEG.geometry
-        sines = math.sin(expected[0] + expected[1]), math.sin(expected[2] + expected[3])
-        phi = equations.phi(g, expected)
-        assert np.linalg.det(phi[:2, :2]) == pytest.approx(g.l_bc * g.l_dc * sines[0], rel=1e-12)
-        assert np.linalg.det(phi[2:, 2:]) == pytest.approx(g.l_ef * g.l_fg * sines[1], rel=1e-12)
-
-
 class Newton:
     """The leg's Newton-Raphson for many crank angles at once."""
 

@@ -15,7 +15,6 @@ from klann_ros.dynamics import (
 )
 from klann_ros.kinematics import (
     FourBar,
-    KlannGeometry,
     LinkageLeg,
     PartialTurnError,
     shipped_linkage,
@@ -123,33 +122,6 @@ def test_every_pin_pulls_as_much_as_it_is_pulled() -> None:
     for point in dynamics.linkage.structure.points:
         total = sum(force for (at, _), force in found.pins.items() if at == point)
         assert np.abs(total).max() <= 1e-9 if np.ndim(total) else total == 0
-
-
-@pytest.mark.parametrize('name', ['klann', 'stephenson', 'slider_crank'])
-def test_twice_the_mass_takes_twice_the_torque_and_size_counts_by_its_powers(name: str) -> None:
-    linkage, alphas = shipped_linkage(name), np.linspace(0.1, 6.0, 9)
-    torque = Dynamics(linkage, rods(linkage, 1.0)).crank_torque(alphas, 2.0, 1.0)
-    double = Dynamics(linkage, rods(linkage, 2.0)).crank_torque(alphas, 2.0, 1.0)
-    np.testing.assert_allclose(double, 2.0 * torque, rtol=1e-12)
-    # Rods: masses by the length, weights by its square, inertias by its cube.
-    large = linkage.scaled(3.0)
-    weightless = [
-        Dynamics(one, rods(one, 1.0), gravity=(0.0, 0.0)).crank_torque(alphas, 2.0, 1.0)
-        for one in (linkage, large)
-    ]
-    np.testing.assert_allclose(weightless[1], 27.0 * weightless[0], rtol=1e-9, atol=1e-12)
-    at_rest = [Dynamics(one, rods(one, 1.0)).crank_torque(alphas) for one in (linkage, large)]
-    np.testing.assert_allclose(at_rest[1], 9.0 * at_rest[0], rtol=1e-9, atol=1e-12)
-
-
-def test_at_rest_it_is_the_torque_of_virtual_work() -> None:
-    """A weight on the foot alone: as `Leg.crank_torque` has it."""
-    geometry = KlannGeometry.sem104()
-    none = Masses((BodyMass(),) * 5)
-    leg, alphas = LinkageLeg(geometry.linkage), np.linspace(0.0, 6.0, 13)
-    found = Dynamics(geometry, none).crank_torque(alphas, loads={'H': FORCE})
-    expected = [leg.crank_torque(leg.solve(alpha), FORCE) for alpha in alphas.tolist()]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
 
 
 def test_a_crank_of_a_parallelogram_is_a_pendulum() -> None:

@@ -313,14 +313,6 @@ def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
             assert pose.crank_angle == alpha
 
 
-@FOR_EACH
-@given(leg=legs(0.1), start=alphas, step=st.floats(-0.3, 0.3))
-def test_forward_then_back_is_the_same_pose(leg: AnyLeg, start: float, step: float) -> None:
-    first = solved(leg, start, 1e-3)
-    solved(leg, start + step, 1e-3)
-    assert difference(leg.solve(start), first) <= allowed(first)
-
-
 @pytest.mark.parametrize('name', NAMES)
 def test_whole_turns_close(name: str) -> None:
     leg, turns = fresh(name), 1000

@@ -13,12 +13,12 @@ from klann_ros.twin import (
     Floor,
     Motors,
     NoMujocoError,
-    Pace,
     robot_mjcf,
     Sensors,
     Twin,
     TwinError,
 )
+from klann_ros.twin.twin import Pace
 import numpy as np
 import pytest
 import yaml

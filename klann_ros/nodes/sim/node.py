@@ -32,15 +32,8 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.twin import (
-    DivergedError,
-    NoMujocoError,
-    Pace,
-    RealTimeFactor,
-    Sensors,
-    Twin,
-    TwinError,
-)
+from klann_ros.twin import DivergedError, NoMujocoError, Sensors, Twin, TwinError
+from klann_ros.twin.twin import Pace, RealTimeFactor
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.time import Time
