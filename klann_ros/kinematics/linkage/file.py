@@ -1,29 +1,25 @@
-"""A linkage from a YAML file: the only place in the kinematics that reads files."""
+"""A linkage from a YAML file, by its schema: the only place in the kinematics that reads files."""
 
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, lru_cache
 from importlib import resources
+from itertools import islice
+import json
 from math import radians
 from pathlib import Path
+from reprlib import Repr
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.errors import GeometryError, NotAssembledError
 from klann_ros.sanitize.files import is_regular_file, read_regular
-from klann_ros.sanitize.text import did_you_mean, printable, printable_line
+from klann_ros.sanitize.text import did_you_mean, listed, printable, printable_line
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse, YamlError
 
-from .file_checks import (
-    body_bars,
-    check_start_names,
-    DEGREES_HINT,
-    describe_misspelling,
-    linkage_from_signs,
-    linkage_from_start,
-    schema_error,
-)
+from .assemblies import describe_assemblies, distance_to_assembly, MAX_NAMED, possible_assemblies
 from .linkage import Linkage
+from .reach import closes_somewhere
 from .structure import Bar, Body, Brace, Structure
 
 # The keys of a linkage, and of no parameter file.
@@ -138,7 +134,7 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
     metre = LENGTH_UNITS[units.get('length', 'm')]
     radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
     order = [body.angle for body in linkage.structure.bodies]
-    bars: list[Any] = [bar for name in order for bar in body_bars(content['bodies'][name])]
+    bars: list[Any] = [bar for name in order for bar in _body_bars(content['bodies'][name])]
     for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
         place = dimension.place
         scale = radian if dimension.kind == 'bend' else metre
@@ -169,13 +165,13 @@ def _linkage(content: Any) -> Linkage:
         raise GeometryError(msg)
     order = _order(content)
     if start is not None:
-        check_start_names(start, order)
+        _check_start_names(start, order)
     try:
         structure = structure_of(content)
         _ = structure.groups
     except GeometryError as error:
-        raise GeometryError(f'{error}{describe_misspelling(content)}') from error
-    bars = [bar for name in order for bar in body_bars(bodies[name])]
+        raise GeometryError(f'{error}{_describe_misspelling(content)}') from error
+    bars = [bar for name in order for bar in _body_bars(bodies[name])]
     _check_bends(content, turn)
     given: dict[str, Callable[[int], float]] = {
         'length': lambda place: metre * bars[place]['length'],
@@ -196,12 +192,12 @@ def _linkage(content: Any) -> Linkage:
     )
     signs = content.get('assembly')
     if start is None:
-        return linkage_from_signs(plain, signs or ())
+        return _linkage_from_signs(plain, signs or ())
     start_guess = [
         metre * start[body.angle] if body.slides else turn(start[body.angle])
         for body in structure.bodies
     ]
-    return linkage_from_start(plain, start_guess, signs, in_degrees=turn is radians)
+    return _linkage_from_start(plain, start_guess, signs, in_degrees=turn is radians)
 
 
 def _warn_of_lengths(
@@ -229,7 +225,7 @@ def structure_of(content: Mapping[str, Any]) -> Structure:
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
     bars = []
-    for bar in body_bars(content):
+    for bar in _body_bars(content):
         brace = Brace(bar['brace']['from'], bar['brace']['side']) if 'brace' in bar else None
         bars.append(Bar(bar['from'], bar['to'], brace))
     along = content['slides']['along'] if 'slides' in content else ''
@@ -245,3 +241,215 @@ def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> 
                 limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {DEGREES_HINT}'
                 msg = f'bodies.{name}.{place}: {angle:g} must be within {limit}'
                 raise GeometryError(msg)
+
+
+# Reading error of a start from a drawing [rad].
+MAX_START_ERROR = radians(30.0)
+DEGREES_HINT = 'for degrees write units: {angle: deg}'
+
+
+def _check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> None:
+    """Refuse a start that has not an angle for every body, and for nothing else."""
+    for name in start:
+        if name not in bodies:
+            hint = did_you_mean(name, bodies)
+            msg = f'start has an angle for {name}, which is no body{hint}'
+            raise GeometryError(msg)
+    for name in bodies:
+        if name not in start:
+            msg = f'start has no angle for {name}: it needs one for every body'
+            raise GeometryError(msg)
+
+
+def _describe_misspelling(content: Mapping[str, Any]) -> str:
+    """Return a hint at points of a file in one body alone, which join nothing; empty for none."""
+    points = {name: _points(body) for name, body in content['bodies'].items()}
+    places = [content['foot'], *content['pivots'], *(p for own in points.values() for p in own)]
+    alone = [(name, p) for name, own in points.items() for p in own if places.count(p) == 1]
+    for name, point in alone:
+        others = [other for other in dict.fromkeys(places) if other not in points[name]]
+        # Above all one that nothing else leads to, such as a pivot.
+        lonely = [other for other in others if places.count(other) == 1]
+        hint = did_you_mean(point, lonely) or did_you_mean(point, others)
+        if not hint and len(lonely) == 1:
+            hint = f'; did you mean {lonely[0]}?'
+        if hint:
+            return f'; the point {point} is in the body {name} alone{hint}'
+    shown = listed((f'{point} of {name}' for name, point in alone), 5)
+    return f'; in one body alone, and so joining nothing, are the points {shown}' if alone else ''
+
+
+def _points(body: Mapping[str, Any]) -> list[str]:
+    bars = _body_bars(body)
+    return list(dict.fromkeys(point for bar in bars for point in (bar['from'], bar['to'])))
+
+
+def _body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the bars of a body in a file, the line that it slides along being the first."""
+    line = [body['slides']] if 'slides' in body else []
+    return [*line, *body.get('bars', ())]
+
+
+def _linkage_from_start(
+    plain: Linkage, start: Sequence[float], signs: Sequence[int] | None, *, in_degrees: bool
+) -> Linkage:
+    """
+    Return a linkage, given in whatever assembly, in the one that its start leads to.
+
+    `start` is an angle for every body, the crank's first [rad], or a distance [m]; `signs` is the
+    assembly that the file states beside it. A GeometryError says that the start can only be
+    degrees, leads nowhere, or to another assembly, and names those that there are.
+    """
+    if not in_degrees:
+        _check_degrees(plain, tuple(start))
+    words = plain.name, plain.source
+    try:
+        made = Linkage(plain.structure, plain.numbers, start=start, name=words[0], source=words[1])
+    except NotAssembledError as error:
+        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
+        raise GeometryError(f'{error}; {there}') from error
+    if signs is not None and made.assembly != tuple(signs):
+        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
+        msg = (
+            f'the start leads to the assembly {list(made.assembly)}, and {list(signs)} is stated: '
+            f'leave one of them out; {there}'
+        )
+        raise GeometryError(msg)
+    return made
+
+
+def _linkage_from_signs(plain: Linkage, signs: Sequence[int]) -> Linkage:
+    """Return a linkage without a start in the assembly that is stated, if it closes anywhere."""
+    if not plain.is_dyadic:
+        msg = 'it has no start, which its coupled loops need: no assembly tells their branch'
+        raise GeometryError(msg)
+    count = len(plain.structure.groups)
+    if len(signs) == count and closes_somewhere(plain.in_assembly(signs)):
+        return plain.in_assembly(signs)
+    possible = ', '.join(str(list(one)) for one in islice(possible_assemblies(plain), MAX_NAMED))
+    if not possible:
+        raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
+    msg = f'assembly {signs} is refused: possible are {possible}'
+    if len(signs) != count:
+        names = plain.structure.angles
+        groups = ([names[j] for j in group] for group in plain.structure.groups)
+        blocks = '; '.join(map(', '.join, groups))
+        msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
+    raise GeometryError(msg)
+
+
+def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
+    """Refuse a start [rad] that can only be degrees."""
+    slides = [body.slides for body in linkage.structure.bodies]
+    beyond = any(abs(x) > TURN for x, slide in zip(start, slides, strict=True) if not slide)
+    near = distance_to_assembly(linkage, start) <= MAX_START_ERROR
+    if near and not beyond:
+        return
+    pairs = zip(start, slides, strict=True)
+    as_degrees = tuple(x if slide else radians(x) for x, slide in pairs)
+    near_in_degrees = distance_to_assembly(linkage, as_degrees) <= MAX_START_ERROR
+    if near_in_degrees or (beyond and not near):
+        given = ', '.join(f'{n} {a:g}' for n, a in zip(linkage.joint_names, start, strict=True))
+        there = describe_assemblies(linkage, as_degrees[0], in_degrees=True)
+        msg = (
+            f'the start ({given}) is in radians near no pose in which it closes; {DEGREES_HINT}; '
+            f'{there}'
+        )
+        raise GeometryError(msg)
+
+
+# jsonschema types an error's attributes with a marker for unset ones: hence Any.
+TYPES = {
+    'array': 'a list',
+    'boolean': 'true or false',
+    'integer': 'a whole number',
+    'number': 'a number',
+    'object': 'a mapping',
+    'string': 'a text',
+}
+
+
+def schema_error(content: Any, schema: Mapping[str, Any] | None = None) -> str:
+    """
+    Return the first error of a file's content, with its place; empty if there is none.
+
+    The schema is that of a linkage by default.
+    """
+    if content is None:
+        required = schema['required'] if schema else [*_schema()['required'], 'start']
+        return f'it is empty: it must have {", ".join(required)}'
+    # jsonschema takes longer to load than everything else of the kinematics.
+    from jsonschema import Draft202012Validator  # noqa: PLC0415
+    from jsonschema.exceptions import best_match  # noqa: PLC0415
+
+    error = best_match(Draft202012Validator(schema or _schema()).iter_errors(content))
+    if error is None:
+        return ''
+    place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
+    shown = _shown(error.instance)
+    text = f'{shown} is not allowed by the rule {error.validator}'
+    if error.validator in _TEXTS:
+        text = _TEXTS[error.validator](error, shown)
+    return f'{place.lstrip(".")}: {text}' if place else text
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    schema = resources.files('klann_ros.kinematics.linkage') / 'schema.json'
+    content: dict[str, Any] = json.loads(schema.read_text(encoding='utf-8'))
+    return content
+
+
+def _shown(instance: Any) -> str:
+    shortener = Repr()
+    shortener.maxstring = shortener.maxother = shortener.maxlong = 40
+    return shortener.repr(instance)
+
+
+def _missing(error: Any, _: str) -> str:
+    names = [name for name in error.validator_value if name not in error.instance]
+    return f'{", ".join(names)} {"are" if len(names) > 1 else "is"} missing'
+
+
+def _unknown(error: Any, _: str) -> str:
+    known = list(error.schema['properties'])
+    unknown = [key for key in error.instance if key not in known]
+    hint = did_you_mean(unknown[0], known)
+    shown = ', '.join(map(_shown, unknown))
+    return f'{shown} is unknown here: there can be {", ".join(known)}{hint}'
+
+
+def _type(error: Any, shown: str) -> str:
+    if 'propertyNames' in error.absolute_schema_path:
+        return f'the name {shown} is no text: write it in quotation marks'
+    kinds = error.validator_value
+    names = [TYPES[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds)]
+    return f'{shown} must be {" or ".join(names)}'
+
+
+def _count(error: Any, shown: str) -> str:
+    limits = error.schema
+    if limits.get('minItems') == limits.get('maxItems'):
+        return f'{shown} must be [x, y]'
+    return f'there must be {limits.get("minItems", limits.get("minProperties"))} or more'
+
+
+# By the rule of the schema: of an error, and of the value as shown.
+_TEXTS: dict[str, Callable[[Any, str], str]] = {
+    'required': _missing,
+    'additionalProperties': _unknown,
+    'type': _type,
+    'exclusiveMinimum': lambda error, shown: f'{shown} must be > {error.validator_value:g}',
+    'minimum': lambda error, shown: f'{shown} must be >= {error.validator_value:g}',
+    'maximum': lambda error, shown: f'{shown} must be <= {error.validator_value:g}',
+    'enum': lambda e, shown: f'{shown} must be one of {", ".join(map(str, e.validator_value))}',
+    'not': lambda *_: 'bend and brace exclude each other',
+    'anyOf': lambda *_: (
+        'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
+    ),
+    **dict.fromkeys(('minItems', 'maxItems', 'minProperties'), _count),
+    **dict.fromkeys(
+        ('pattern', 'minLength', 'maxLength'),
+        lambda _, shown: f'{shown} is no name: letters, digits and _, a letter first',
+    ),
+}
