@@ -146,7 +146,8 @@ class Scene:
         self.ros.probe.listen(JointState, 'joint_states', OUTPUT)
         self.ros.probe.await_publishers('joint_states', publishers=2)
         self.crank = self.ros.start('crank_node', rate=100.0, min_subscribers=3)
-        reports.until_received({'/joint_states': 200})
+        # It asks both for their parameters meanwhile.
+        reports.until_received({'/joint_states': 400})
         assert recorder.stop() == 0
         assert second.stop() == 0
         return self.ros.folder / 'solvers'
