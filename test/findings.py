@@ -39,3 +39,9 @@ def found(run: Path, **options: Any) -> list[str]:
     """Return the findings of a run as they are printed."""
     review = review_run(run, **options)
     return [f'{check}: {f.text}' for check, f in zip(checks(review), review.findings, strict=True)]
+
+
+def are_alike(lines: list[str], expected: list[str]) -> bool:
+    """Return whether lines are those expected, where three dots stand for any text."""
+    patterns = [re.escape(line).replace(r'\.\.\.', '.*') for line in expected]
+    return len(lines) == len(patterns) and all(map(re.fullmatch, patterns, lines))

@@ -53,6 +53,12 @@ class Answer:
     header_stamp: int | None = None
     foot_stamp: int | None = None
 
+    def by(self, leg: KlannLeg, alpha: float, asked: float | None = None) -> 'Answer':
+        """Return the answer of a leg at an angle, which is that of the crank by default."""
+        pose = leg.solve(alpha)
+        asked = pose.alpha if asked is None else asked
+        return replace(self, alpha=asked, pose=list(pose.joints), foot=pose.h)
+
 
 @dataclass
 class Script:
@@ -79,25 +85,42 @@ class Script:
     poses: Topic = POSES
     feet: Topic = FEET
 
+    def do(self, step: dict[str, Any]) -> None:
+        """Do a step of a situation: call a method by its name with words, the last ones named."""
+        ((name, given),) = step.items()
+        if name == 'other':
+            self.others[-1].do(given)
+        elif name == 'recorded':
+            self.geometry = given and KlannGeometry(**given)
+        elif name == 'parameters':
+            self.parameters |= given
+        elif name == 'linkage':
+            file = ROOT / 'klann_ros' / 'linkages' / f'{given}.yaml'
+            self.parameters['linkage_description'] = file.read_text(encoding='utf-8')
+        else:
+            words = [*given] if isinstance(given, list) else [given]
+            are_named = name not in ('add_counts', 'record', 'describe_leg')
+            named = words.pop() if are_named and words and isinstance(words[-1], dict) else {}
+            getattr(self, name)(*words, **named)
+
     def change(self, index: int, **fields: Any) -> None:
         self.answers[index] = replace(self.answers[index], **fields)
 
     def move(self, index: int, alpha: float) -> None:
         """Set another crank angle, with its pose and its foot."""
-        pose = KlannLeg(self.geometry).solve(alpha)
-        self.change(index, alpha=pose.alpha, pose=list(pose.joints), foot=pose.h)
+        self.answers[index] = self.answers[index].by(KlannLeg(self.geometry), alpha)
 
-    def delay(self, first: int, by: int, last: int | None = None) -> None:
+    def delay(self, first: int, by: int, last: int | None = None, every: int = 1) -> None:
         """Send the answers from the first on later [ns]."""
-        for n in range(len(self.answers))[first:last]:
+        for n in range(len(self.answers))[first:last:every]:
             self.change(n, stamp=self.answers[n].stamp + by)
 
     def solve(self, index: int, by: float = 0.0, last: int = 0, **geometry: Any) -> None:
         """Answer with the pose of another angle, or with some of another leg."""
         leg = KlannLeg(replace(self.geometry or KlannGeometry(), **geometry))
         for n in range(index, max(last, index + 1)):
-            pose = leg.solve(self.answers[n].alpha + by)
-            self.change(n, pose=list(pose.joints), foot=pose.h)
+            asked = self.answers[n].alpha
+            self.answers[n] = self.answers[n].by(leg, asked + by, asked)
 
     def turn(self, first: int, by: float, last: int | None = None, every: int = 1) -> None:
         """Turn the crank further at some angles [rad]."""
@@ -212,8 +235,7 @@ class Script:
         times = PERIOD / 1e9 * np.arange(len(self.answers))
         turned = 0.3 + 6.0 * times + 0.4 * np.sin(5.0 * times)
         rates = 6.0 + 2.0 * np.cos(5.0 * times)
-        masses = rods(KlannGeometry(), 1.0, foot_mass=0.2)
-        dynamics = Dynamics(KlannGeometry(), masses)
+        dynamics = Dynamics(KlannGeometry(), rods(KlannGeometry(), 1.0, foot_mass=0.2))
         torque = dynamics.crank_torque(turned, rates, -10.0 * np.sin(5.0 * times))
         efforts = scale * torque + friction * np.sign(rates)
         efforts[list(others)] = list(others.values())
@@ -223,12 +245,10 @@ class Script:
             # An encoder counts steps of a turn.
             angle = (alpha - phase) / sense
             angle = math.tau / steps * round(angle * steps / math.tau) if steps else angle
-            pose = leg.solve(sense * angle + phase)
-            self.change(n, alpha=angle, pose=list(pose.joints), foot=pose.h)
-        if of_poses:
-            self.pose_efforts = efforts
-        else:
-            self.crank_efforts = sense * efforts
+            self.answers[n] = self.answers[n].by(leg, sense * angle + phase, angle)
+        self.assign(
+            **{'pose_efforts': efforts} if of_poses else {'crank_efforts': sense * efforts}
+        )
 
     def reach(self, **geometry: float) -> None:
         """Answer by a leg that cannot reach all angles."""
@@ -237,11 +257,9 @@ class Script:
         self.answers = []
         for answer in answers:
             try:
-                pose = leg.closed_form(answer.alpha)
+                self.answers.append(answer.by(leg, answer.alpha))
             except KinematicsError:
                 self.unanswered.append((answer.stamp, answer.alpha))
-            else:
-                self.answers.append(replace(answer, pose=list(pose.joints), foot=pose.h))
         self.renumber()
 
     def restart(self, index: int) -> None:
@@ -275,10 +293,6 @@ class Script:
         stood = Pause(before + begin, after + end, {}, *reason)
         self.metadata.append((PAUSE_RECORD, pause_record(stood)))
 
-    def latency_of_all(self, latency: int) -> None:
-        """Receive every message later than it is sent by a time [ns]."""
-        self.latency = latency
-
     def share(self, topic: str) -> None:
         """Give a topic two publishers."""
         two = qos_to_yaml([Qos(), Qos()])
@@ -298,11 +312,8 @@ class Script:
         if node:
             of = {'legs': legs} if legs else {}
             self.add_solver(self.answers[0].stamp + 1_000_000, leg.geometry, node, **of)
-        others = []
-        for answer in self.answers[first:last]:
-            pose = leg.solve(answer.alpha + phase)
-            others.append(replace(answer, pose=list(pose.joints), foot=pose.h))
-        self.repeat(others)
+        some = self.answers[first:last]
+        self.repeat([each.by(leg, each.alpha + phase, each.alpha) for each in some])
 
     def repeat(self, others: list[Answer] | None = None) -> None:
         """Let another solver give these answers, or the same."""
@@ -316,6 +327,11 @@ class Script:
     def shift_header_stamps(self, by: int) -> None:
         for n, answer in enumerate(self.answers):
             self.change(n, header_stamp=answer.stamp + by)
+
+    def assign(self, **fields: Any) -> None:
+        """Set fields, such as the latency of all messages [ns]."""
+        for name, value in fields.items():
+            setattr(self, name, value)
 
     def record(self, name: str, content: dict[str, str]) -> None:
         """Add a record of the recorder."""
@@ -381,9 +397,8 @@ def script(geometry: KlannGeometry | None = None, turns: float = 2.0, count: int
     leg = KlannLeg(geometry)
     made = Script(geometry=leg.geometry)
     for n in range(count):
-        pose = leg.solve(0.3 + turns * 2 * math.pi * n / (count - 1))
-        stamp = START + n * PERIOD
-        made.answers.append(Answer(stamp, pose.alpha, list(pose.joints), pose.h, n + 1))
+        answer = Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1)
+        made.answers.append(answer.by(leg, 0.3 + turns * 2 * math.pi * n / (count - 1)))
     return made
 
 
@@ -484,6 +499,23 @@ def healthy() -> Script:
 @pytest.fixture(scope='session')
 def make_script() -> Callable[..., Script]:
     return script
+
+
+@pytest.fixture(scope='session')
+def situation_of() -> Callable[[dict[str, Any]], Script]:
+    """Return what makes a situation: a healthy run, and one thing done to it after the other."""
+
+    def made(situation: dict[str, Any]) -> Script:
+        given = {**situation.get('run', {})}
+        if 'geometry' in given:
+            leg = given['geometry']
+            given['geometry'] = KlannGeometry.patent() if leg == 'patent' else KlannGeometry(**leg)
+        made = script(**given)
+        for step in situation.get('do', ()):
+            made.do(step)
+        return made
+
+    return made
 
 
 @pytest.fixture(scope='session')

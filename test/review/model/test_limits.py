@@ -2,18 +2,12 @@
 
 from math import pi
 
-from findings import checks
-from klann_ros.kinematics import KlannGeometry
 from klann_ros.review.checks.poses import WrongPoses
 from klann_ros.review.command import main
-from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.review.model.poses import PoseErrors
-from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest
-
-MS = 1_000_000
 
 
 def test_a_nearly_singular_dyad_may_be_off_by_more() -> None:
@@ -21,20 +15,6 @@ def test_a_nearly_singular_dyad_may_be_off_by_more() -> None:
     off, none = np.full(2, 5e-9), np.zeros(2)
     errors = PoseErrors(off, none, none, np.array([[pi / 2.0], [0.1]]))
     assert WrongPoses.of(errors, Limits()).flipped.tolist() == [True, False]
-
-
-@pytest.mark.parametrize(
-    ('name', 'what'),
-    [('compare_path', 'path'), ('compare_angle', 'angles'), ('compare_length', 'l_bc')],
-)
-def test_each_limit_of_a_comparison_changes_it(make_script, make_run, name, what) -> None:
-    one = make_run(make_script())
-    other = make_run(make_script(KlannGeometry(l_bc=0.351)), 'other')
-    found = compare(review_run(one), review_run(other)).differences
-    assert what in [difference.what for difference in found]
-    limits = Limits(**{name: 0.1})
-    found = compare(review_run(one, limits=limits), review_run(other)).differences
-    assert what not in [difference.what for difference in found]
 
 
 @pytest.mark.parametrize(
@@ -56,13 +36,6 @@ def test_a_file_without_limits_is_refused_in_a_line(tmp_path, capsys, content, r
     assert error.startswith(f'review: {file} holds no limits: ')
     assert reason in error
     assert error.count('\n') == 1
-
-
-def test_a_limit_that_half_of_the_intervals_exceed_is_still_one(healthy, make_run) -> None:
-    for n in range(0, 400, 2):
-        healthy.change(n, stamp=healthy.answers[n].stamp + MS)
-    found = review_run(make_run(healthy), limits=Limits(gap_periods=1.1, gap_time=0.0))
-    assert checks(found) == ['gap']
 
 
 def test_a_number_beyond_all_is_a_limit(tmp_path) -> None:

@@ -22,7 +22,6 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
 )
 from klann_ros.log.write.writer import RunWriter
-from klann_ros.review.model.review import Severity
 from klann_ros.review.report.data import save_json
 from klann_ros.review.reviewing import review_run
 from leg_runs import START
@@ -166,15 +165,6 @@ def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
     (leg,) = review.legs
     assert leg.answers.asked == COUNT
     assert leg.unanswered.count == len(single)
-
-
-def test_missing_answers_are_a_note_where_losses_are_unknown(healthy, make_run) -> None:
-    healthy.unnumber()
-    healthy.ask(30)
-    (finding,) = review_run(make_run(healthy)).findings
-    assert (finding.check, finding.severity) == ('answers', Severity.NOTE)
-    why = 'its messages have no sequence numbers'
-    assert finding.meaning.endswith(f'losses of /joint_states are unknown, as {why}')
 
 
 def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
