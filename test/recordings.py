@@ -38,7 +38,7 @@ class Recording:
         self.ros.probe.until(lambda: self.reports.values.get(key) == str(value))
 
     def until_level(self, level: bytes) -> None:
-        """Wait for a status of a level; forget those before."""
+        """Wait for a status of a level."""
         found = self.reports
         self.ros.probe.until(lambda: any(status.level == level for status in found.statuses))
 

@@ -271,10 +271,6 @@ class RecorderReports:
         """Return the last values, by keys such as `/crank_angle received`."""
         return {value.key: value.value for s in self.statuses[-1:] for value in s.values}
 
-    def forget(self) -> None:
-        """Forget the statuses so far."""
-        self._arrays.clear()
-
     def count(self, key: str) -> int:
         """Return the last value of a key."""
         return int(self.values.get(key, 0))
@@ -305,6 +301,12 @@ class Domain:
         self.probe = Probe(domain)
         self.probe.failure_report = self._state
         self._processes: list[Process] = []
+        self._others: list[Probe] = []
+
+    def other_node(self) -> Node:
+        """Return a node in a context of its own, as another process has."""
+        self._others.append(Probe(self.domain))
+        return self._others[-1].node
 
     def start(self, name: str, *arguments: str, **parameters: object) -> Process:
         """
@@ -360,7 +362,8 @@ class Domain:
         """End everything."""
         for process in self._processes:
             process.release()
-        self.probe.close()
+        for probe in (*self._others, self.probe):
+            probe.close()
         # Segments from before belong to others.
         for name in {n for process in self._processes for n in process.segments} - self._before:
             (SHARED_MEMORY / name).unlink(missing_ok=True)

@@ -10,9 +10,7 @@ from klann_ros.nodes.process import ProcessNode
 from klann_ros.nodes.recorder.node import RecorderNode
 from klann_ros.nodes.solver.node import ManagedSolverNode, SolverNode
 import pytest
-import rclpy
 from rclpy.context import Context
-from rclpy.node import Node
 from ros_domain import Domain, open_domain
 
 KINDS: dict[str, Callable[..., Any]] = {
@@ -34,24 +32,6 @@ def module_ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
     """Open a domain for all tests of a module."""
     with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('module')) as made:
         yield made
-
-
-@pytest.fixture
-def own_context(ros: Domain) -> Iterator[Callable[[], Node]]:
-    """Return what makes nodes that are in a context of their own, as another process's are."""
-    made: list[Node] = []
-
-    def make() -> Node:
-        context = Context()
-        rclpy.init(context=context, domain_id=ros.domain)
-        made.append(Node('other', context=context))
-        return made[-1]
-
-    yield make
-    for node in made:
-        context = node.context
-        node.destroy_node()
-        context.try_shutdown()
 
 
 @pytest.fixture(scope='module')

@@ -370,8 +370,14 @@ def test_a_flood_does_not_starve_a_service(ros: Domain) -> None:
 
 def test_a_busy_executor_does_not_starve_messages(ros: Domain) -> None:
     with Running(ros) as run:
-        run.echo.create_timer(0.0, lambda: time.sleep(0.001), clock=STEADY)
         there = ros.probe.publisher(Float64, 'there')
+
+        def work() -> None:
+            run.echo.ticks['busy'] += 1
+            time.sleep(0.001)
+
+        run.echo.create_timer(0.0, work, clock=STEADY)
+        ros.probe.until(lambda: run.echo.ticks['busy'] > 3)
         for k in range(20):
             there.publish(Float64(data=float(k)))
         ros.probe.until(lambda: len(run.echo.taken) == 20)

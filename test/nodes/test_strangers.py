@@ -1,6 +1,5 @@
 """Untrusted names are reported and skipped, and the rest goes on: real processes, real DDS."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 from bags import number, START
@@ -13,7 +12,6 @@ from mcap.writer import Writer
 import pytest
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.node import Node
 from ros_domain import Domain, Probe, Process, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -100,13 +98,13 @@ def test_every_topic_that_ros_refuses_is_named_once(ros: Domain, bag: Path) -> N
 
 
 def test_a_recorder_survives_whatever_is_on_the_network(
-    ros: Domain, own_context: Callable[[], Node], marker: Path, tmp_path: Path
+    ros: Domain, marker: Path, tmp_path: Path
 ) -> None:
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output='run', all_topics=True)
     sound = ros.probe.publisher(Float64, '/sound')
     # Each in a participant of its own: one that rclpy cannot tell of hides what is beside it.
-    named, typed, unreadable = own_context(), own_context(), own_context()
+    named, typed, unreadable = (ros.other_node() for _ in range(3))
     # DDS has names up to 255 bytes, and those of ROS begin with a slash.
     names = [
         name for name in TOPICS if name.startswith('/') and len(name) < 250 and '\0' not in name

@@ -38,9 +38,12 @@ class Faulty(Recording):
         """Wait until an error is in the log, once, and on /diagnostics."""
         self.ros.probe.until(lambda: f'[recorder_node]: {text}' in self.process.errors)
         assert self.process.errors.count(text) == 1
-        self.reports.forget()
-        self.until_level(DiagnosticStatus.ERROR)
-        assert text in self.reports.statuses[-1].message
+        self.ros.probe.until(
+            lambda: any(
+                status.level == DiagnosticStatus.ERROR and text in status.message
+                for status in self.reports.statuses
+            )
+        )
 
     def stop(self) -> dict[str, Any]:
         """End it; return its last line, and what a reader finds."""
