@@ -17,8 +17,8 @@ LOOPBACK = ('127.0.0.1', 'localhost', '::1')
 ANY = ('0.0.0.0', '::')  # noqa: S104 - a name, bound to only where the user gives it
 # Default port of a web address.
 _HTTP_PORT = 80
-# No valid token or host is longer.
-_MAX_HEADER_LENGTH = 300
+# No valid token is longer.
+_MAX_TOKEN_LENGTH = 300
 
 
 class ForbiddenError(Exception):
@@ -56,8 +56,16 @@ class Guard:
 
     def check_host(self, host: str | None) -> None:
         """Refuse a request for another server, by its Host header, with a ForbiddenError."""
-        name, port = _split(host or '')
-        if port != self.port or not self._is_own(name):
+        name, own_port = (host or '').lower(), f':{self.port}'
+        if name.endswith(own_port):
+            name = name.removesuffix(own_port)
+        elif self.port != _HTTP_PORT:
+            name = ''
+        if name.startswith('[') and name.endswith(']'):
+            name = name[1:-1]
+        elif ':' in name:
+            name = ''
+        if not self._is_own(name):
             raise ForbiddenError('this server has another name')
 
     def check_origin(self, origin: str | None, host: str | None) -> None:
@@ -72,7 +80,7 @@ class Guard:
 
     def check_token(self, token: str | None) -> bool:
         """Return whether a token is the right one, in constant time."""
-        given = (token or '')[:_MAX_HEADER_LENGTH].encode('utf-8', 'replace')
+        given = (token or '')[:_MAX_TOKEN_LENGTH].encode('utf-8', 'replace')
         return compare_digest(given, self.token.encode('ascii'))
 
     def check_reading(self, token: str | None) -> None:
@@ -90,22 +98,6 @@ class Guard:
             return name in LOOPBACK or _address(name) is not None
         names = {self.host.lower()}
         return name in (names.union(LOOPBACK) if self.is_local else names)
-
-
-def _split(host: str) -> tuple[str, int]:
-    """Return name and port of a Host header; port -1 if it is malformed."""
-    if len(host) > _MAX_HEADER_LENGTH:
-        return '', -1
-    name, colon, port = host.lower().rpartition(':')
-    if not colon or port.endswith(']'):
-        name, port = host.lower(), str(_HTTP_PORT)
-    if not (port.isascii() and port.isdecimal() and len(port) <= 5):
-        return '', -1
-    if name.startswith('[') and name.endswith(']'):
-        name = name[1:-1]
-    elif ':' in name:
-        return '', -1
-    return name, int(port)
 
 
 def _address(name: str) -> IPv4Address | IPv6Address | None:

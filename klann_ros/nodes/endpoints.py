@@ -188,19 +188,17 @@ def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSPro
     rare = [policy for policy in possible if f'{prefix}{policy}' in overrides(node)]
     own = copy(profile)
     for policy in (*_COMMON, *rare):
-        setattr(own, policy, _value(node, prefix, policy, getattr(profile, policy)))
+        parameter = _declaration(prefix, policy, getattr(profile, policy))
+        # Two endpoints of one topic share it.
+        if not node.has_parameter(parameter.name):
+            declare(node, [parameter])
+        value = node.get_parameter(parameter.name).value
+        if policy in _POLICIES:
+            value = _POLICIES[policy][value.upper()]
+        elif policy in _DURATIONS:
+            value = Duration(nanoseconds=value)
+        setattr(own, policy, value)
     return own
-
-
-def _value(node: Node, prefix: str, policy: str, default: Any) -> Any:
-    """Return the value of a policy's parameter, which two endpoints of one topic share."""
-    parameter = _declaration(prefix, policy, default)
-    if not node.has_parameter(parameter.name):
-        declare(node, [parameter])
-    value = node.get_parameter(parameter.name).value
-    if policy in _POLICIES:
-        return _POLICIES[policy][value.upper()]
-    return Duration(nanoseconds=value) if policy in _DURATIONS else value
 
 
 def _declaration(prefix: str, policy: str, default: Any) -> Declaration:

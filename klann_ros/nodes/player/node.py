@@ -216,10 +216,6 @@ MAX_DEPTH = 100_000
 LATCHED_DEPTH = 10
 
 
-class UnplayableTopicError(Exception):
-    """A topic that cannot be played; the text says why."""
-
-
 class PlayedTopics:
     """A publisher for each topic, under its own or its new full name; refusals are logged."""
 
@@ -235,7 +231,10 @@ class PlayedTopics:
         for topic in topics:
             by_name.setdefault(topic.name, []).append(topic)
         for name, channels in by_name.items():
-            self._try(name, channels)
+            try:
+                self._make(name, channels)
+            except (UnknownMessageTypeError, *ROS_ERRORS) as error:  # noqa: PERF203, RUF100
+                self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
         shown, more = self._warnings[:_MAX_WARNINGS], len(self._warnings) - _MAX_WARNINGS
         if more > 0:
             shown.append(f'and {counted(more, "more warning")} about topics')
@@ -274,12 +273,6 @@ class PlayedTopics:
         """Wait until the last messages have arrived, up to a timeout."""
         flush(set(self._publishers.values()))
 
-    def _try(self, name: str, channels: Sequence[Topic]) -> None:
-        try:
-            self._make(name, channels)
-        except (UnplayableTopicError, UnknownMessageTypeError, *ROS_ERRORS) as error:
-            self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
-
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
@@ -290,7 +283,7 @@ class PlayedTopics:
             encoding = printable(first.message_encoding) or 'of no encoding'
             reason = reason or f'its messages are {encoding}, not cdr'
         if reason:
-            raise UnplayableTopicError(reason)
+            raise ValueError(reason)
         kind = message_class(first.type)
         alike = []
         for topic in channels:
