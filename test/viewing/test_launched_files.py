@@ -15,9 +15,11 @@ from domain import own_domain
 from klann_ros.export.command import main
 from launched import PATIENCE, Prefix, ROOT
 import pytest
+import yaml
 
 pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
 
+LAUNCHES = yaml.safe_load(Path(__file__).with_name('launches.yaml').read_text('utf-8'))
 JANSEN = str(ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml')
 DESCRIPTION = {
     *('params_file', 'linkage', 'namespace', 'base_frame', 'frame_id', 'frame_prefix'),
@@ -106,26 +108,7 @@ def test_missing_packages_are_named_before_any_start(
     assert list(made.started()) == [(set(), 1)]
 
 
-@pytest.mark.parametrize(
-    ('name', 'arguments', 'words'),
-    [
-        ('leg', ['params_file:=no.yaml'], 'params_file:=no.yaml: there is no such file'),
-        ('leg', ['params_file:=.'], 'params_file:=.: it is not a regular file'),
-        ('leg', ['params_file:=pipe'], 'params_file:=pipe: it is not a regular file'),
-        ('leg', ['params_file:=list.yaml'], 'list.yaml: there is no URDF of it: '),
-        ('leg', ['params_file:=open.yaml'], "expected ',' or ']'"),
-        ('leg', ['params_file:=short.yaml'], 'short.yaml: there is no URDF of it: l_ab = -1 m'),
-        ('leg', ['linkage:=janson'], 'linkage:=janson cannot be read: No such file or directory'),
-        ('leg', ['linkage:=pipe'], 'linkage:=pipe cannot be read: '),
-        ('leg', ['rviz:=true', 'rviz_config:=no.rviz'], 'rviz_config:=no.rviz: there is no such'),
-        ('leg', ['slider:=yes'], '"slider" provided value "yes" is not valid'),
-        ('leg', ['namespace:=a b'], 'Invalid namespace'),
-        ('walker', ['walker:=5'], '"walker" provided value "5" is not valid'),
-        ('demo', ['speed:=fast'], 'speed:=fast is not a number'),
-        ('replay', ['log:=nope'], 'log:=nope: there is no such file or folder'),
-        ('replay', [], "'log'"),
-    ],
-)
+@pytest.mark.parametrize(('name', 'arguments', 'words'), LAUNCHES['refused'])
 def test_misspelt_arguments_are_refused_before_any_start(
     name: str, arguments: list[str], words: str, prefix: Callable[..., Prefix]
 ) -> None:
@@ -140,17 +123,7 @@ def test_misspelt_arguments_are_refused_before_any_start(
     assert list(made.started()) == [(set(), 1)]
 
 
-@pytest.mark.parametrize(
-    ('name', 'arguments', 'failed'),
-    [
-        ('leg', ['params_file:=wrong.yaml'], 'solver_node'),
-        ('walker', ['params_file:=wrong.yaml', 'crank:=true', 'rviz:=true'], 'solver_node'),
-        ('demo', ['record:=true', 'output:=there'], 'recorder_node'),
-        ('demo', ['speed:=nan', 'slider:=true'], 'crank_node'),
-        ('replay', ['log:=wrong.yaml', 'rviz:=true'], 'player_node'),
-        ('replay', ['log:=bag.mcap', 'play_rate:=fast'], 'player_node'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'arguments', 'failed'), LAUNCHES['failing'])
 def test_a_node_that_fails_ends_the_launch_with_an_error(
     name: str, arguments: list[str], failed: str, prefix: Callable[..., Prefix]
 ) -> None:

@@ -8,7 +8,7 @@ from browser import find
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fake_live_state import EVIL
 from geometry_msgs.msg import TwistStamped
-from klann_ros.kinematics import KlannGeometry, KlannLeg
+from klann_ros.kinematics import KlannLeg
 from live_browser import address, DRAWN, Live
 from nav_msgs.msg import Odometry
 import numpy as np
@@ -256,26 +256,15 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
 
 
 def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
-    """Two legs of one solver with mounts, published by a made-up node."""
-    node = moving.ros.probe.add_node('made_up_solver')
-    geometry = KlannGeometry.sem104().as_dict()
-    mounts = {'left': [0.0, 0.2, 0.3], 'right': [0.0, -0.2, 0.3]}
-    node.declare_parameter('legs', list(mounts))
-    for name, value in geometry.items():
-        plain = list(value) if isinstance(value, tuple) else value
-        node.declare_parameter(name, plain)
-        for leg in mounts:
-            node.declare_parameter(f'{leg}.{name}', plain)
-    for leg, xyz in mounts.items():
-        node.declare_parameter(f'{leg}.mount_xyz', xyz)
-        node.declare_parameter(f'{leg}.mount_rpy', [np.pi / 2, 0.0, 0.0])
-    publisher = node.create_publisher(JointState, 'walker/joint_states', 10)
-    poses = [KlannLeg().solve(alpha) for alpha in (1.0, 4.0)]
-    names = [f'{leg}/{joint}' for leg in mounts for joint in KlannLeg().joint_names]
-    values = [float(x) for pose in poses for x in pose.joints]
+    probe = moving.ros.probe
+    mounts = {f'{leg}.mount_xyz': [0.0, y, 0.3] for leg, y in (('left', 0.2), ('right', -0.2))}
+    phases = {'left.phase': 1.0, 'right.phase': 4.0}
+    moving.ros.solve('-r', '__ns:=/walker', legs='[left, right]', **mounts, **phases)
+    crank = probe.publisher(Float64, 'walker/crank_angle')
+    poses = [KlannLeg().solve(alpha) for alpha in phases.values()]
 
     def is_shown() -> bool:
-        publisher.publish(JointState(name=names, position=values))
+        crank.publish(Float64(data=0.0))
         return bool(
             moving.page.evaluate(
                 "!document.querySelector('[data-of=walker]').hidden && "
@@ -284,25 +273,25 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
             )
         )
 
-    moving.ros.probe.until(is_shown)
-    odometry = node.create_publisher(Odometry, 'walker/odom', 10)
+    probe.until(is_shown)
+    odometry = probe.node.create_publisher(Odometry, 'walker/odom', 10)
     grounds = "[...document.querySelectorAll('.ground')].map((line) => line.getAttribute('d'))"
 
     def is_at(x: float) -> bool:
         message = Odometry()
         message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
         odometry.publish(message)
-        publisher.publish(JointState(name=names, position=values))
+        crank.publish(Float64(data=0.0))
         return f'x {x:.2f} m' in moving.text('#odometry')
 
-    moving.ros.probe.until(lambda: is_at(0.0))
+    probe.until(lambda: is_at(0.0))
     before = moving.page.evaluate(grounds)
-    moving.ros.probe.until(lambda: is_at(0.03))
+    probe.until(lambda: is_at(0.03))
     # Seen from both sides the ground has moved back under the body.
     assert all(a != b for a, b in zip(before, moving.page.evaluate(grounds), strict=True))
     box = moving.page.locator('#above').bounding_box()
     assert box['y'] + box['height'] <= 900
-    node.destroy_publisher(odometry)
+    probe.node.destroy_publisher(odometry)
     drawn = {
         view: moving.page.eval_on_selector(
             f'#{view}', DRAWN.replace("svg.dataset.x.split(' ').map(Number)", '0')
@@ -315,7 +304,6 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
     assert np.abs(np.array(drawn['side']) - side).max() < NEAR
     assert np.abs(np.array(drawn['above']) - np.column_stack([expected[:, 0], ys])).max() < NEAR
     assert moving.errors == []
-    node.destroy_publisher(publisher)
 
 
 @pytest.mark.parametrize(('scheme', 'width'), [('light', 1280), ('dark', 390)])

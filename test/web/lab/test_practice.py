@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 import json
+from pathlib import Path
 import re
 from typing import Any
 
@@ -14,7 +15,9 @@ from klann_ros.web.lab.build import FILE, PRACTICE
 from lab_solver import in_node, NODE
 from opened_page import OpenedPage
 import pytest
+import yaml
 
+FILES = yaml.safe_load(Path(__file__).with_name('files.yaml').read_text('utf-8'))
 needs_node = pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
 STUDENTS = ['1', '12345', '00770', 'a-7.b_c']
 # Of a number's size, or of 1 where it is smaller.
@@ -33,20 +36,6 @@ function answer({ data, cases }) {
   });
 }
 """
-HOSTILE = {
-    'newton&seed=-1': 'the student number -1 is refused',
-    'newton&seed=1e99': 'the student number 1e99 is refused',
-    'newton&seed=': 'the student number  is refused',
-    'newton&seed=%3Cscript%3Ealert(1)%3C/script%3E': 'number <script>alert(1)</script> is refused',
-    'newton&seed=' + '9' * 65: 'the student number 9999',
-    'newton&seed=' + '9' * 20_000: 'more than 20000',
-    'newton&seed=1&seed=2': 'cannot be read at seed=2',
-    'newton&seed=%ff': 'cannot be read at seed=%ff',
-    'newton&seed=1&lang=xx': 'cannot be read at lang=xx',
-    'newton&seed=1&linkage=klann': 'cannot be read at linkage=klann',
-    'newton&seed=%e2%80%ae1': 'the student number \\u{202e}1 is refused',
-    '<b>jump&seed=1&lang=pt': 'nenhum exercício se chama <b>jump',
-}
 
 
 def in_browser(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -108,27 +97,16 @@ def test_slips_and_points_are_those_of_the_marking() -> None:
             ], (variant.kind.name, given)
 
 
-FORMS = [
-    *('72.14', '72,14', ' +72,14 ° ', '\N{MINUS SIGN}12,5º', '72,14 graus', '1.25908 rad'),
-    *('7.214e1', '7,214 x 10^1', '7.214·10¹', '1.234,5', '1,234.5', '.5', '2e-3', '5e400'),
-    *('', 'nan', 'inf', '12 mm', '1,2,3', '12..5', 'x', '1' * 65, '1.23.456,7', '12,34.5'),
-    *('1\u00a0234\u2009567,8', '1 234', '1,234,567', '1.234', '- 1,5E\u22123', '1,5 x 10^(-3)'),
-    '-3/2',
-    *("12°30'", '-12º 30\' 36"', '12°30\u2032', '12° 30,6\u2019', "12°30'36''", '12°30', "12°75'"),
-    *('1 23', '1 234 56', '1.234.567.', '12 34,5', '1/0', '1 1/2', '5 1/s', '\u0661\u0662'),
-]
-
-
 @needs_node
 def test_an_answer_is_read_as_python_reads_it() -> None:
     script = """function answer({ data, texts, question }) {
       return texts.map((text) => readAnswer(data, text, question));
     }"""
     question = KINDS['four-bar-position'].questions[1]
-    given = {'data': data(), 'texts': FORMS, 'question': question._asdict()}
-    expected = [read_answer(text, question) for text in FORMS]
+    given = {'data': data(), 'texts': FILES['answers'], 'question': question._asdict()}
+    expected = [read_answer(text, question) for text in FILES['answers']]
     for text, mine, right in zip(
-        FORMS, in_node(script, given, PRACTICE[:4]), expected, strict=True
+        FILES['answers'], in_node(script, given, PRACTICE[:4]), expected, strict=True
     ):
         assert mine == (None if right is None else pytest.approx(right, rel=1e-15)), text
 
@@ -221,7 +199,8 @@ def test_what_was_typed_outlives_the_language_and_the_lab_comes_back(visit: Any)
 
 def test_a_hostile_link_is_one_clear_line(visit: Any) -> None:
     opened = visit('#practice=newton&seed=', locale='en-US')
-    for fragment, reason in HOSTILE.items():
+    long = {'newton&seed=' + '9' * 20_000: 'more than 20000'}
+    for fragment, reason in {**long, **FILES['practice links']}.items():
         opened.page.evaluate('(link) => { location.hash = link; }', f'practice={fragment}')
         shown = f"document.getElementById('refusal').textContent.includes({json.dumps(reason)})"
         opened.until(shown)
