@@ -19,7 +19,7 @@ from klann_ros.kinematics.linkage.structure import Bar, FIXED
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.robot.robot import Triple
 from klann_ros.sanitize.text import printable
-from klann_ros.twin.leg_model import spanning_tree
+from klann_ros.twin.tree import spanning_tree
 
 from .travel import travel
 

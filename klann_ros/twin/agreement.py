@@ -11,9 +11,9 @@ from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 from klann_ros.robot import Robot
 import numpy as np
 
-from .leg_model import joint_rates, spanning_tree
 from .mjcf import robot_mjcf
 from .parts import engine
+from .tree import joint_rates, spanning_tree
 
 # The part of a turn in which the servo settles; it is not compared.
 SETTLING_TURNS = 0.03

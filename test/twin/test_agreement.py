@@ -8,7 +8,7 @@ from klann_ros.dynamics.motion import body_motion, BodyMotion
 from klann_ros.kinematics import LinkageLeg, LinkagePose, shipped_linkage, shipped_linkages
 from klann_ros.robot import Robot, robot_of, RobotLeg
 from klann_ros.twin import Agreement, agreement, robot_mjcf
-from klann_ros.twin.leg_model import joint_rates, spanning_tree, TreeBody
+from klann_ros.twin.tree import joint_rates, spanning_tree, TreeBody
 import mujoco
 import numpy as np
 import pytest
