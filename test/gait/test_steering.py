@@ -6,7 +6,9 @@ from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.gait import Feet, Rates, Steering, Twist2D, walk_figures
-from klann_ros.gait.phase_map import MAP_POINTS, phase_map, TurnPlan
+from klann_ros.gait.phase_map import MAP_POINTS, phase_map, phase_twists, TurnPlan
+from klann_ros.gait.stance import body_displacement, Facet, stance_pose, StancePose, support
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import robot_of
 import numpy as np
 import pytest
@@ -56,6 +58,26 @@ def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
     assert abs(left.left - right.right) > 1e-3
     for wanted in (Twist2D(0.05, 0.02), Twist2D(0.05, -0.02)):
         assert steering.motion(steering.rates(wanted)) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
+    feet, left, right = steering.feet, np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    phases, step = np.random.default_rng(1).uniform(0.0, 2.0 * pi, (20, 2)), 1e-5
+    ground = np.array([0.0, 0.0, feet.at(phases).feet[..., 2].min(axis=1).mean()])
+
+    def pose(cranks: FloatArray, facet: Facet | None = None) -> StancePose:
+        placed = feet.at(cranks)
+        points, centre = (placed.feet - ground).tolist(), (placed.centre - ground).tolist()
+        rest = support(points, centre, facet)
+        assert rest is not None
+        return stance_pose(points, placed.rolled.tolist(), rest)
+
+    (twists,) = phase_twists(feet, left, right, phases, (-1.0, 1.0))
+    for at, twist in zip(phases, twists, strict=True):
+        facet, turned = pose(at).support.facet, step * np.array([-1.0, 1.0])
+        moved = body_displacement(pose(at - turned, facet), pose(at + turned, facet))
+        exact = moved.motion.real / (2.0 * step), moved.yaw / (2.0 * step)
+        assert twist == pytest.approx(exact, rel=0.01, abs=1e-3)
 
 
 @pytest.mark.parametrize('name', ['walker6_two_motors', 'walker_jansen'])

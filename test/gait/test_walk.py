@@ -9,6 +9,7 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.gait.stance import (
+    edge_distance,
     foot_motion,
     FootMotion,
     gravity_aligned,
@@ -192,6 +193,21 @@ def test_four_feet_that_touch_share_the_weight() -> None:
     assert aside is not None
     assert np.array(aside.loads) @ np.array(square)[list(aside.feet)] == pytest.approx([0, 0.9, 0])
     assert aside.margin == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ('feet', 'centre', 'distance'),
+    [
+        ([0, 1, 1j], -3 - 4j, 5.0),
+        ([0, 1, 1j], 0.2 + 0.3j, 0.2),
+        ([0, 0, 1, 1j], 0.4 - 0.1j, 0.1),
+        ([0, 1, 1 + 1j, 1j], 0.5 + 0.5j, 0.5),
+    ],
+)
+def test_the_edge_of_the_feet_is_that_of_their_hull(
+    feet: list[complex], centre: complex, distance: float
+) -> None:
+    assert edge_distance(feet, centre) == pytest.approx(distance)
 
 
 def test_a_body_beside_its_feet_does_not_rest() -> None:

@@ -9,7 +9,7 @@ from klann_ros.gait import Feet, Steering, Twist2D
 from klann_ros.walker import ControllerSettings, DiagnosticLevel, MotionLimits, WalkController
 from klann_ros.walker.control_laws import MotionFeedback, PhaseLock
 from klann_ros.walker.controller import STANDS
-from klann_ros.walker.feedback import CrankFeedback
+from klann_ros.walker.feedback import CrankFeedback, Watchdog
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -134,7 +134,9 @@ def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None
 
 
 def test_without_the_lock_they_do_not(steering: Steering) -> None:
-    assert Bench(steering, [1.0, 0.95], phase_lock=False).run(18.0).apart > 40.0
+    bench = Bench(steering, [1.0, 0.95])
+    bench.control.configure(ControllerSettings(phase_lock=False))
+    assert bench.run(18.0).apart > 40.0
 
 
 def test_a_learnt_motor_factor_holds_at_other_speeds(steering: Steering) -> None:
@@ -508,3 +510,6 @@ def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.now = 0.0
     assert bench.run(2.0).verdict == (DiagnosticLevel.OK, 'walking')
+    watchdog = Watchdog()
+    watchdog.feed(1000.0)
+    assert [watchdog.age(now) for now in (1001.0, 0.0, 2.0)] == [1.0, 0.0, 2.0]
