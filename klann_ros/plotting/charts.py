@@ -99,10 +99,6 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
         The quantity is unknown, or there is no sliding body.
     NoFootPathError
         The crank reaches no angle.
-    TypeError
-        `given` is none of these.
-    NoMatplotlibError
-        matplotlib is not installed.
 
     """
     if what not in QUANTITIES:
@@ -174,10 +170,6 @@ def plot_convergence(
         Newton-Raphson finds no pose; it carries the iterates.
     ValueError
         There is no such quantity, or the guess is refused.
-    TypeError
-        `given` is none of these.
-    NoMatplotlibError
-        matplotlib is not installed.
 
     """
     if what not in CONVERGENCE:

@@ -73,10 +73,6 @@ def plot_pose(
     ------
     KinematicsError
         The linkage does not close at this crank angle.
-    TypeError
-        `given` is none of these.
-    NoMatplotlibError
-        matplotlib is not installed.
 
     """
     if isinstance(given, LinkagePose) and alpha is None:
@@ -125,10 +121,6 @@ def plot_foot_path(
         The crank reaches no angle.
     GeometryError
         There is no such point.
-    TypeError
-        `given` is none of these.
-    NoMatplotlibError
-        matplotlib is not installed.
 
     """
     leg = leg_of(given)
@@ -178,10 +170,6 @@ def animate(
         The crank reaches no angle.
     ValueError
         `frames` is no whole number of at least 2.
-    TypeError
-        `given` is none of these.
-    NoMatplotlibError
-        matplotlib is not installed.
 
     """
     leg = leg_of(given)

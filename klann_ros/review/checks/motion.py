@@ -151,19 +151,13 @@ def _interpolated(
     alphas: FloatArray, feet: FloatArray, at: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return interpolated feet, and where the interpolation is exact enough."""
-    turned, wanted = np.mod(alphas, _FULL_TURN), np.mod(at, _FULL_TURN)
-    order = np.argsort(turned)
-    known = np.concatenate(
-        [turned[order[-1:]] - _FULL_TURN, turned[order], turned[order[:1]] + _FULL_TURN]
-    )
-    rows = np.concatenate([order[-1:], order, order[:1]])
+    wanted, known = np.mod(at, _FULL_TURN), np.sort(np.mod(alphas, _FULL_TURN))
+    found = [np.interp(wanted, alphas, column, period=_FULL_TURN) for column in feet.T]
+    known = np.concatenate([known[-1:] - _FULL_TURN, known, known[:1] + _FULL_TURN])
     after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
     left, right = wanted - known[after - 1], known[after] - wanted
-    share = np.divide(left, left + right, out=np.zeros_like(left), where=left + right > 0)
-    found = feet[rows[after - 1]] * (1 - share)[:, np.newaxis]
-    found += feet[rows[after]] * share[:, np.newaxis]
     # The error is this half product times the curvature of the path.
-    return found, left * right / 2 < _MAX_CHORD
+    return np.column_stack(found), left * right / 2 < _MAX_CHORD
 
 
 def check_walking(review: Review) -> Iterator[Finding]:

@@ -205,8 +205,8 @@ def recorded_losses(metadata: Metadata) -> dict[str, TopicCount]:
 # Recorders empty one queue after the other, and retransmissions come late: so messages are
 # reordered without a clock step, by up to this [ns], or this with several publishers [ns].
 _MAX_REORDERING, _MAX_SHARED_REORDERING = 5_000_000, 100_000_000
-# Messages before and after a step whose smallest latency is compared.
-_LATENCY_WINDOW = 1000
+# Messages before and after a step whose smallest latency is compared, and steps of a topic.
+_LATENCY_WINDOW, _MAX_STEPS = 1000, 10_000
 # Percentile of the latency that is compared as well.
 _LATENCY_PERCENTILE = 90.0
 # Messages that a comparison needs.
@@ -236,38 +236,19 @@ def recorder_clock_steps(
 
 def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArray) -> BoolArray:
     """Return the rows where the latency drops permanently by about `back` [ns]."""
-    least = _rolling_min(latencies, _LATENCY_WINDOW)
-    before = least[np.maximum(rows - _LATENCY_WINDOW, 0)]
-    # At the start there are fewer before.
-    early = rows < _LATENCY_WINDOW
-    if early.any():
-        before[early] = np.fmin.accumulate(latencies[:_LATENCY_WINDOW])[rows[early] - 1]
-    enough = (rows >= _MIN_MESSAGES) & (len(latencies) - rows >= _MIN_MESSAGES)
-    # A large clock offset leaves few digits of the float32 latency.
-    coarse = np.spacing(np.abs(before)).astype(np.float64) * 1e9 > back / 8
-    with np.errstate(invalid='ignore'):
-        found: BoolArray = enough & ~coarse & _is_about(before, least[rows], back)
-    # With two publishers one may start late, while the other goes on.
-    for i in np.flatnonzero(found)[:_LATENCY_WINDOW].tolist():
-        row = int(rows[i])
-        before_it, since = latencies[:row][-_LATENCY_WINDOW:], latencies[row:][:_LATENCY_WINDOW]
-        high, low = (np.nanpercentile(part, _LATENCY_PERCENTILE) for part in (before_it, since))
-        found[i] = _is_about(high, low, back[i])
+    found = np.zeros(len(rows), dtype=bool)
+    for i, (row, by) in enumerate(zip(rows[:_MAX_STEPS].tolist(), back.tolist(), strict=False)):
+        before, since = latencies[:row][-_LATENCY_WINDOW:], latencies[row:][:_LATENCY_WINDOW]
+        least = np.fmin.reduce(before, initial=np.inf)
+        # A large clock offset leaves few digits of the float32 latency.
+        is_coarse = float(np.spacing(np.abs(least))) * 1e9 > by / 8
+        enough = min(len(before), len(since)) >= _MIN_MESSAGES
+        if enough and not is_coarse and _is_about(least, np.fmin.reduce(since), by):
+            # With two publishers one may start late, while the other goes on.
+            high, low = (np.nanpercentile(part, _LATENCY_PERCENTILE) for part in (before, since))
+            found[i] = _is_about(high, low, by)
     return found
 
 
-def _is_about(before: Any, after: Any, by: Any) -> Any:
-    return np.abs((before - np.float64(after)) * 1e9 - by) <= by / 2
-
-
-def _rolling_min(values: NDArray[np.float32], count: int) -> NDArray[np.float32]:
-    """Return the minimum of each value and its successors, `count` values, without NaN."""
-    size = -(-len(values) // count) * count
-    padded = np.full(size + count, np.inf, dtype=values.dtype)
-    padded[: len(values)] = np.where(np.isnan(values), np.inf, values)
-    blocks = padded.reshape(-1, count)
-    # The least of a stretch is that of the end of a block, and of the begin of the next one.
-    ends = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
-    begins = np.minimum.accumulate(blocks, axis=1).ravel()
-    last = slice(count - 1, count - 1 + len(values))
-    return np.minimum(ends[: len(values)], begins[last])
+def _is_about(before: Any, after: Any, by: Any) -> bool:
+    return bool(np.abs((np.float64(before) - np.float64(after)) * 1e9 - by) <= by / 2)

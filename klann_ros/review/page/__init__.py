@@ -21,6 +21,11 @@ from .data import run_data
 
 _OWN = Path(__file__).resolve().parent / 'static'
 _UPLOT = SHARED / 'uplot'
+# In this order: each uses those before it.
+_SCRIPTS = (
+    *('packed', 'leg', 'run', 'player', 'picture', 'walk_path', 'axes', 'legend', 'chart'),
+    *('envelope', 'leg_charts', 'path_lines', 'path_chart', 'timing_chart', 'controls', 'page'),
+)
 PARTS = Parts(
     styles=(
         _UPLOT / 'uPlot.min.css',
@@ -30,17 +35,10 @@ PARTS = Parts(
         SHARED / 'tables.css',
         *(_OWN / f'{name}.css' for name in ('player', 'phone', 'print')),
     ),
-    # In this order: each uses those above it.
     scripts=(
         _UPLOT / 'uPlot.iife.min.js',
         *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
-        *(
-            _OWN / f'{name}.js'
-            for name in ('packed', 'leg', 'run', 'player', 'picture', 'walk_path')
-        ),
-        *(_OWN / f'{name}.js' for name in ('axes', 'legend', 'chart', 'envelope', 'leg_charts')),
-        *(_OWN / f'{name}.js' for name in ('path_lines', 'path_chart', 'timing_chart')),
-        *(_OWN / f'{name}.js' for name in ('controls', 'page')),
+        *(_OWN / f'{name}.js' for name in _SCRIPTS),
     ),
 )
 
