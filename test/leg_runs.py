@@ -34,9 +34,8 @@ class LegRun:
 
     # By their names; '' is the unnamed one.
     legs: Mapping[str, Leg] = field(default_factory=lambda: {'': KlannLeg()})
-    # Of named legs, from the crank's angle [rad], and their directions.
+    # Of named legs, from the crank's angle [rad].
     phases: Mapping[str, float] = field(default_factory=dict)
-    directions: Mapping[str, float] = field(default_factory=dict)
     # The solver's; None for a run without them. And those since the n-th message.
     parameters: Mapping[str, Any] | None = None
     later: tuple[int, Mapping[str, Any]] | None = None
@@ -55,6 +54,8 @@ class LegRun:
     pause: tuple[int, float] | None = None
     # A value in place of all numbers of a message.
     garbled: Mapping[int, float] = field(default_factory=dict)
+    # Of named legs: 1 as the crank turns, or -1.
+    directions: Mapping[str, float] = field(default_factory=dict)
 
     def write(self, folder: Path, compression: str = 'zstd') -> Path:
         with RunWriter(folder, compression=compression) as run:
