@@ -107,10 +107,9 @@ class TurnOfForces(NamedTuple):
 
         """
         if not unevenness > 0.0 or self.rate == 0.0:
-            msg = (
+            raise ValueError(
                 f'unevenness = {unevenness!r} is refused: it must be > 0, and the crank must turn'
             )
-            raise ValueError(msg)
         return self.energy_swing / (unevenness * self.rate**2)
 
 

@@ -114,11 +114,10 @@ class KlannGeometry(NamedGeometry):
         warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})
         if not closes_somewhere(self.linkage):
             others = ', '.join(map(str, assemblies(self.linkage)))
-            msg = (
+            raise GeometryError(
                 f'these lengths are refused: at no crank angle do both dyads close in the '
                 f'assembly {self.assembly}, but in {others or "no other either"}'
             )
-            raise GeometryError(msg)
 
     @classmethod
     def sem104(cls) -> 'KlannGeometry':
@@ -238,8 +237,7 @@ class KlannLeg(Leg[KlannPose, KlannMotion]):
 
     def __init__(self, geometry: KlannGeometry | None = None, **settings: float) -> None:
         if not isinstance(geometry, KlannGeometry | None):
-            msg = f'geometry = {geometry!r} is refused: it must be a KlannGeometry'
-            raise TypeError(msg)
+            raise TypeError(f'geometry = {geometry!r} is refused: it must be a KlannGeometry')
         self._geometry = geometry or KlannGeometry.sem104()
         super().__init__(self._geometry.linkage, **settings)
 

@@ -78,8 +78,7 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
         raise ValueError(f'period = {period!r} is refused: it must be > 0')
     arcs = _solved_arcs(leg)
     if not arcs:
-        msg = 'the leg reaches no crank angle'
-        raise ValueError(msg)
+        raise ValueError('the leg reaches no crank angle')
     start, end = leg.reachable_arcs()[0]
     poses = arcs[0] if end - start >= TURN else [*arcs[0], *arcs[0][::-1]]
     view = _View([_feet(poses), *(pose.points for pose in poses)])

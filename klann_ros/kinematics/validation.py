@@ -25,43 +25,38 @@ def finite(name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        msg = f'{name} = {value!r} is refused: it must be a finite number'
-        raise GeometryError(msg)
+        raise GeometryError(f'{name} = {value!r} is refused: it must be a finite number')
     return number
 
 
 def positive(name: str, length: float) -> None:
     """Refuse a length that is not > 0 [m] with a GeometryError."""
     if length <= 0.0:
-        msg = f'{name} = {length:g} m is refused: a length must be > 0'
-        raise GeometryError(msg)
+        raise GeometryError(f'{name} = {length:g} m is refused: a length must be > 0')
 
 
 def representable(name: str, value: float) -> None:
     """Refuse a number whose products over- or underflow with a GeometryError."""
     if value != 0.0 and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
         limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
-        msg = f'{name} = {value:g} m is refused: it must be within {limits}'
-        raise GeometryError(msg)
+        raise GeometryError(f'{name} = {value:g} m is refused: it must be within {limits}')
 
 
 def factor(value: Any) -> float:
     """Return a scale factor; raises a GeometryError unless it is finite and > 0."""
     number = finite('factor', value)
     if number <= 0.0:
-        msg = f'factor = {value!r} is refused: it must be > 0'
-        raise GeometryError(msg)
+        raise GeometryError(f'factor = {value!r} is refused: it must be > 0')
     return number
 
 
 def bend(name: str, angle: float) -> None:
     """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, maximum likely."""
     if not abs(angle) <= TURN:
-        msg = (
+        raise GeometryError(
             f'{name} = {angle:g} rad is refused: a bend must be within +-2 pi rad; '
             f'if {angle:g} deg are meant, give {math.radians(angle):.6g} rad'
         )
-        raise GeometryError(msg)
 
 
 def signs(assembly: Any, count: int) -> tuple[int, ...]:
@@ -75,8 +70,7 @@ def signs(assembly: Any, count: int) -> tuple[int, ...]:
     if not whole:
         many = 'one sign,' if count == 1 else f'{_WORDS.get(count, count)} signs, each'
         shown = printable(repr(assembly), 100)
-        msg = f'assembly = {shown} is refused: it must be {many} +1 or -1'
-        raise GeometryError(msg)
+        raise GeometryError(f'assembly = {shown} is refused: it must be {many} +1 or -1')
     return found
 
 
@@ -84,8 +78,7 @@ def setting(name: str, value: float, maximum: float = math.inf) -> float:
     """Return a solver's setting [rad]; a ValueError unless it is finite, > 0 and <= maximum."""
     if not (isinstance(value, Real) and 0.0 < value <= maximum and value < math.inf):
         limit = '' if maximum == math.inf else f' and at most {maximum:g} rad'
-        msg = f'{name} = {value!r} is refused: it must be finite, > 0{limit}'
-        raise ValueError(msg)
+        raise ValueError(f'{name} = {value!r} is refused: it must be finite, > 0{limit}')
     return float(value)
 
 
@@ -96,8 +89,7 @@ def rate(name: str, value: float) -> None:
     except (TypeError, OverflowError):
         finite = False
     if not finite:
-        msg = f'{name} = {value!r} is refused: it must be finite'
-        raise ValueError(msg)
+        raise ValueError(f'{name} = {value!r} is refused: it must be finite')
 
 
 def count(name: str, value: int, minimum: int) -> int:
@@ -121,8 +113,7 @@ def guess(value: Sequence[float] | FloatArray, names: str, what: str = 'guess') 
         x_1 = np.empty(0)
     if x_1.shape != (count,) or not np.isfinite(x_1).all():
         many = 'one finite number' if count == 1 else f'{_WORDS.get(count, count)} finite numbers'
-        msg = f'{what} = {value!r} is refused: {names}, {many}'
-        raise ValueError(msg)
+        raise ValueError(f'{what} = {value!r} is refused: {names}, {many}')
     return x_1
 
 
@@ -133,8 +124,7 @@ def vector(name: str, values: Sequence[float]) -> tuple[float, float]:
     except (TypeError, ValueError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        msg = f'{name} = {values!r} is refused: it must be two finite numbers'
-        raise ValueError(msg)
+        raise ValueError(f'{name} = {values!r} is refused: it must be two finite numbers')
     return x, y
 
 
@@ -143,8 +133,7 @@ def unit(name: str, values: Sequence[float]) -> tuple[float, float]:
     x, y = vector(name, values)
     largest = max(abs(x), abs(y))
     if largest == 0.0:
-        msg = f'{name} = {values!r} is refused: it has no length'
-        raise ValueError(msg)
+        raise ValueError(f'{name} = {values!r} is refused: it has no length')
     # Made about 1 long first, so that no square is too large or too small for a float.
     x, y = x / largest, y / largest
     return x / math.hypot(x, y), y / math.hypot(x, y)

@@ -195,8 +195,7 @@ def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, 
         return linkage_from_text(text, file or _DESCRIPTION), text, file
     numbers = {name: own[name] for name in _GEOMETRY if name in own}
     if not numbers and not own.get('legs'):
-        msg = f'none of {", ".join(_GEOMETRY)} is in it'
-        raise TypeError(msg)
+        raise TypeError(f'none of {", ".join(_GEOMETRY)} is in it')
     return KlannGeometry(**numbers).linkage, '', ''
 
 
@@ -268,8 +267,7 @@ def solver_section(content: Any) -> Mapping[str, Any]:
 
     """
     if not isinstance(content, dict):
-        msg = 'it must be a mapping, such as config/sem104.yaml is'
-        raise TypeError(msg)
+        raise TypeError('it must be a mapping, such as config/sem104.yaml is')
     sections = list(_sections(content, ''))
     if not sections:
         return content

@@ -46,14 +46,12 @@ CRANK_SIGNATURE = '(float64[::1], float64[::1], float64[::1])'
 def choose_kernel(name: str | None, poses: int) -> Any:
     """Return the class of a kernel: by name, or by the number of poses; a ValueError if none."""
     if name not in (None, 'numpy', 'numba'):
-        msg = f"kernel = {name!r} is refused: it must be 'numpy', 'numba' or None"
-        raise ValueError(msg)
+        raise ValueError(f"kernel = {name!r} is refused: it must be 'numpy', 'numba' or None")
     if name == 'numpy' or (name is None and poses < MIN_NUMBA_SIZE):
         return NumpyKernel
     problem = _numba_problem()
     if problem and name == 'numba':
-        msg = f"kernel = 'numba' is refused: numba cannot be used here ({problem})"
-        raise ValueError(msg)
+        raise ValueError(f"kernel = 'numba' is refused: numba cannot be used here ({problem})")
     return NumpyKernel if problem else NumbaKernel
 
 

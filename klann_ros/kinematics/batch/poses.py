@@ -165,8 +165,7 @@ def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePo
     legs = list(geometries) if isinstance(geometries, Iterable) else [geometries]
     for leg in legs:
         if not isinstance(leg, KlannGeometry):
-            msg = f'geometries: {leg!r} is refused: it must be a KlannGeometry'
-            raise TypeError(msg)
+            raise TypeError(f'geometries: {leg!r} is refused: it must be a KlannGeometry')
     if not legs:
         # An empty batch has the shapes of a Klann leg, too.
         return linkage_poses(Variants(KlannGeometry().linkage, {'l_ab': []}), alphas, **options)
@@ -209,14 +208,11 @@ def _checked(out: object, shape: tuple[int, ...], table: tuple[int, int]) -> Flo
     """Return `out` as a table of n linkages at k crank angles, shape (n, k, 2)."""
     if not isinstance(out, np.ndarray) or out.dtype != np.float64:
         kind = out.dtype if isinstance(out, np.ndarray) else type(out).__name__
-        msg = f'out is refused: it must be an array of float64, not {kind}'
-        raise ValueError(msg)
+        raise ValueError(f'out is refused: it must be an array of float64, not {kind}')
     if out.shape != (*shape, 2):
-        msg = f'out is refused: its shape must be {(*shape, 2)}, not {out.shape}'
-        raise ValueError(msg)
+        raise ValueError(f'out is refused: its shape must be {(*shape, 2)}, not {out.shape}')
     if not out.flags.writeable:
-        msg = 'out is refused: it is read-only'
-        raise ValueError(msg)
+        raise ValueError('out is refused: it is read-only')
     view = out.reshape(*table, 2)
     if out.size and not np.may_share_memory(view, out):
         msg = f'out is refused: its strides {out.strides} do not let it be filled without a copy'

@@ -242,11 +242,10 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> F
     turns = {d.name: TURN for d in dimensions if d.unit == 'rad'}
     if not isinstance(tolerances, Mapping):
         if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
-            msg = (
+            raise ValueError(
                 f'tolerances = {tolerances!r} is refused: '
                 'it must be finite, or a mapping of names to half-widths'
             )
-            raise ValueError(msg)
         tolerances = {name: float(value * tolerances) for name, value in lengths.items()}
     unknown = [str(name) for name in tolerances if name not in numbers]
     if unknown:
@@ -257,11 +256,10 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> F
         largest = lengths.get(name, turns.get(name, inf))
         if not (isinstance(width, Real) and 0.0 <= width < largest):
             least = '2 pi rad (degrees?)' if name in turns else 'the length'
-            msg = (
+            raise ValueError(
                 f'tolerance of {name} = {width!r} is refused: '
                 f'it must be finite, not negative, and smaller than {least}'
             )
-            raise ValueError(msg)
     return np.array([float(tolerances.get(name, 0.0)) for name in numbers])
 
 

@@ -242,8 +242,7 @@ def foot_path(
     """
     samples = validation.count('samples', samples, MIN_SAMPLES)
     if not all(hasattr(leg, name) for name in LEG_METHODS):
-        msg = f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg'
-        raise TypeError(msg)
+        raise TypeError(f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg')
     own = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
     own.reset()
     spans = [Span(start, end) for start, end in own.reachable_arcs()]

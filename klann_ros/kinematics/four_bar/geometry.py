@@ -72,11 +72,10 @@ class FourBarGeometry(NamedGeometry):
         others = sum(sorted(self.lengths)[:3])
         if longest >= others - length_rounding(self.lengths):
             name = LENGTHS[self.lengths.index(longest)]
-            msg = (
+            raise GeometryError(
                 f'these lengths are refused: at no crank angle does the linkage close and move, '
                 f'{name} = {longest:g} m is not shorter than the others together ({others:g} m)'
             )
-            raise GeometryError(msg)
 
     @property
     def lengths(self) -> tuple[float, float, float, float]:

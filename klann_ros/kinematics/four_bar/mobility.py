@@ -205,8 +205,7 @@ def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
         ],
     }
     if driver not in ways:
-        msg = f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'"
-        raise ValueError(msg)
+        raise ValueError(f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'")
     return [p for found in ways[driver] for p in sorted(found, key=lambda point: point.angle)]
 
 

@@ -124,11 +124,10 @@ class Branch:
             self.x(self._last - 2.0 * BRANCH_STEP)
         except LoopsOpenError:
             return
-        msg = (
+        raise GeometryError(
             'its coupled loops are not back where they were after a turn of the crank: one crank '
             'angle has two poses, and such a linkage is not solved'
         )
-        raise GeometryError(msg)
 
     def _within(self, alpha: float) -> float:
         """Return the crank angle, less whole turns, on the branch or nearest to it."""

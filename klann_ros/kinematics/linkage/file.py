@@ -161,8 +161,7 @@ def _linkage(content: Any) -> Linkage:
     crank, bodies, start = content['crank'], content['bodies'], content.get('start')
     if crank not in bodies:
         hint = did_you_mean(crank, bodies)
-        msg = f'the crank {crank} is none of the bodies: {", ".join(bodies)}{hint}'
-        raise GeometryError(msg)
+        raise GeometryError(f'the crank {crank} is none of the bodies: {", ".join(bodies)}{hint}')
     order = _order(content)
     if start is not None:
         _check_start_names(start, order)
@@ -239,8 +238,7 @@ def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> 
         for place, angle in given.items():
             if angle is not None and abs(turn(angle)) > TURN:
                 limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {DEGREES_HINT}'
-                msg = f'bodies.{name}.{place}: {angle:g} must be within {limit}'
-                raise GeometryError(msg)
+                raise GeometryError(f'bodies.{name}.{place}: {angle:g} must be within {limit}')
 
 
 # Reading error of a start from a drawing [rad].
@@ -253,12 +251,10 @@ def _check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> Non
     for name in start:
         if name not in bodies:
             hint = did_you_mean(name, bodies)
-            msg = f'start has an angle for {name}, which is no body{hint}'
-            raise GeometryError(msg)
+            raise GeometryError(f'start has an angle for {name}, which is no body{hint}')
     for name in bodies:
         if name not in start:
-            msg = f'start has no angle for {name}: it needs one for every body'
-            raise GeometryError(msg)
+            raise GeometryError(f'start has no angle for {name}: it needs one for every body')
 
 
 def _describe_misspelling(content: Mapping[str, Any]) -> str:
@@ -310,11 +306,10 @@ def _linkage_from_start(
         raise GeometryError(f'{error}; {there}') from error
     if signs is not None and made.assembly != tuple(signs):
         there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
-        msg = (
+        raise GeometryError(
             f'the start leads to the assembly {list(made.assembly)}, and {list(signs)} is stated: '
             f'leave one of them out; {there}'
         )
-        raise GeometryError(msg)
     return made
 
 
@@ -351,11 +346,10 @@ def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     if near_in_degrees or (beyond and not near):
         given = ', '.join(f'{n} {a:g}' for n, a in zip(linkage.joint_names, start, strict=True))
         there = describe_assemblies(linkage, as_degrees[0], in_degrees=True)
-        msg = (
+        raise GeometryError(
             f'the start ({given}) is in radians near no pose in which it closes; {DEGREES_HINT}; '
             f'{there}'
         )
-        raise GeometryError(msg)
 
 
 # jsonschema types an error's attributes with a marker for unset ones: hence Any.

@@ -75,8 +75,7 @@ class Leg(Generic[PoseT, MotionT]):
         self, linkage: Linkage, *, tolerance: float = 1e-12, max_crank_step: float = 0.35
     ) -> None:
         if not isinstance(linkage, Linkage):
-            msg = f'linkage = {linkage!r} is refused: it must be a Linkage'
-            raise TypeError(msg)
+            raise TypeError(f'linkage = {linkage!r} is refused: it must be a Linkage')
         self._linkage = linkage
         tolerance = validation.setting('tolerance', tolerance, COARSE_LIMITS[0])
         largest = validation.setting('max_crank_step', max_crank_step)
@@ -262,11 +261,10 @@ class Leg(Generic[PoseT, MotionT]):
     def _check_own(self, pose: LinkagePose) -> None:
         """Refuse a pose of another linkage; of an equal one it may be."""
         if pose.linkage != self._linkage:
-            msg = (
+            raise ValueError(
                 f'the pose is one of another linkage, {pose.linkage.name!r} with '
                 f'{listed(pose.linkage.joint_names, 8)}: take one that this leg has solved'
             )
-            raise ValueError(msg)
 
     def gradient(self, pose: PoseT) -> LinkagePoses:
         """

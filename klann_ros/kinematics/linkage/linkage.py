@@ -230,13 +230,12 @@ class Linkage(LoopEquations):
             w, c = self.equations
             gaps = np.abs(w @ self.vectors(alpha, guess) + c)
             widest = int(np.argmax(gaps))
-            msg = (
+            raise NotAssembledError(
                 f'it cannot be assembled near its start: Newton-Raphson finds no pose at the '
                 f'crank angle {alpha:g} rad ({degrees(alpha):g} deg); at the start angles the '
                 f'loop that closes at {self.structure.paths.closing[widest]} is open by '
                 f'{gaps[widest]:.3g} m, check its lengths and these angles'
-            )
-            raise NotAssembledError(msg) from error
+            ) from error
         return alpha, *self.wrapped(x)
 
     # Derivatives by the dimensions.

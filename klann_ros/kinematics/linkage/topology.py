@@ -54,8 +54,7 @@ def assembly_order(
     graph = _Graph(pivots, bodies, names, along)
     _check_connected(graph)
     if _loops(graph, (0,)):
-        msg = f'the crank {names[0]} holds two pivots and cannot turn'
-        raise GeometryError(msg)
+        raise GeometryError(f'the crank {names[0]} holds two pivots and cannot turn')
     known: Group = (0,)
     rest = tuple(range(1, len(bodies)))
     groups = []
@@ -65,8 +64,7 @@ def assembly_order(
         known += group
         rest = tuple(j for j in rest if j not in group)
     if not groups:
-        msg = 'no loop closes: two bodies must lead to the same point'
-        raise GeometryError(msg)
+        raise GeometryError('no loop closes: two bodies must lead to the same point')
     return groups
 
 
@@ -80,11 +78,10 @@ def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
             closed = _loops(graph, known + group) - before
             if 2 * closed > size:
                 names = ', '.join(graph.names[j] for j in group)
-                msg = (
+                raise GeometryError(
                     f'{names}: cannot move, since {2 * closed} loop equations stand against '
                     f'{size} unknown angle{"s" if size > 1 else ""}'
                 )
-                raise GeometryError(msg)
             if 2 * closed == size:
                 return group
     closed = _loops(graph, known + rest) - before
@@ -137,11 +134,10 @@ def _check_connected(graph: _Graph) -> None:
             j for j in rest if graph.along[j] in reached or not reached.isdisjoint(graph.bodies[j])
         ]
         if not joined:
-            msg = (
+            raise GeometryError(
                 f'body {graph.names[rest[0]]} ({"-".join(graph.bodies[rest[0]])}) is connected to '
                 f'no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
             )
-            raise GeometryError(msg)
         reached.update(joined, *(graph.bodies[j] for j in joined))
         rest = [j for j in rest if j not in joined]
 
