@@ -28,7 +28,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.robot import Robot, robot_of
 from klann_ros.twin import robot_mjcf
-from klann_ros.twin.parts import engine
+from klann_ros.twin.twin import engine
 import numpy as np
 from scipy.optimize import least_squares
 from support.aims import exit_code, sized, SMOKE

@@ -275,9 +275,7 @@ def _leg_sheet(
 
 def _poses(linkage: Linkage, alphas: FloatArray) -> dict[str, Any]:
     """Return the fields of a sheet that are sampled over crank angles [rad]."""
-    found = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
-    if found.points is None or found.transmission_angles is None:
-        raise AssertionError('points and transmission angles are requested')
+    found: Any = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
     transmission = _transmission(linkage, alphas, found.transmission_angles)
     return {'alphas': alphas, 'points': found.points, 'transmission': transmission}
 

@@ -52,9 +52,7 @@ class BodyMotion(NamedTuple):
 def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:
     """Return the motion at crank angles, shape (k,) [rad]."""
     angles = np.atleast_1d(np.asarray(alphas, dtype=np.float64))
-    poses = linkage_poses(linkage, angles, angles=True)
-    if poses.angles is None:
-        raise AssertionError('the angles were requested')
+    poses: Any = linkage_poses(linkage, angles, angles=True)
     return body_motion_at(linkage, angles + 0.0 * poses.h[:, 0], poses.angles.T)
 
 

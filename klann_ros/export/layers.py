@@ -10,6 +10,7 @@ number of layers is exact: depth first, with all plates and shafts of a layer ch
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, count
+from typing import Any
 
 from klann_ros.kinematics import Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
@@ -142,9 +143,7 @@ class PlateMotion:
     def __init__(self, linkage: Linkage) -> None:
         structure = linkage.structure
         alphas = crank_angles(linkage, SWEEP_SAMPLES)
-        found = linkage_poses(linkage, alphas, points=True)
-        if found.points is None:
-            raise AssertionError('points are requested')
+        found: Any = linkage_poses(linkage, alphas, points=True)
         points = found.points[..., 0] + 1j * found.points[..., 1]
         is_known = np.asarray(np.isfinite(points).all(axis=1))
         if not is_known.any():

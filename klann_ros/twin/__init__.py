@@ -15,8 +15,17 @@ the extra `sim`; without it these raise a NoMujocoError.
 
 from .agreement import Agreement, agreement
 from .mjcf import Floor, robot_mjcf
-from .parts import Imu, Motors, NoMujocoError, Sensors, SimulatedCrank, Truth, TwinError
-from .twin import DivergedError, Twin
+from .twin import (
+    DivergedError,
+    Imu,
+    Motors,
+    NoMujocoError,
+    Sensors,
+    SimulatedCrank,
+    Truth,
+    Twin,
+    TwinError,
+)
 
 __all__ = [
     'Agreement',

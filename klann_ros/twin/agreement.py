@@ -12,8 +12,8 @@ from klann_ros.robot import Robot
 import numpy as np
 
 from .mjcf import robot_mjcf
-from .parts import engine
 from .tree import joint_rates, spanning_tree
+from .twin import engine
 
 # The part of a turn in which the servo settles; it is not compared.
 SETTLING_TURNS = 0.03

@@ -303,9 +303,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         [75.52, 72.14, 103.58]
 
         """
-        poses = linkage_poses(self._geometry, theta2, angles=True, points=True)
-        if poses.angles is None or poses.points is None:
-            raise AssertionError('both are requested')
+        poses: Any = linkage_poses(self._geometry, theta2, angles=True, points=True)
         given, rocker, coupler = np.array(theta2, float), *self._geometry.lengths[:1:-1]
         theta3, theta4 = np.moveaxis(poses.angles, -1, 0)
         to_a = poses.points[..., 1, :] - poses.points[..., 3, :]
