@@ -41,7 +41,7 @@ class FileSummary:
         return sum(self.counts.values())
 
 
-def bag_metadata(files: Sequence[FileSummary], ros_distro: str) -> dict[str, object]:
+def bag_metadata(files: Sequence[FileSummary]) -> dict[str, object]:
     """
     Return the metadata of a run of these files, without the root key.
 
@@ -66,7 +66,7 @@ def bag_metadata(files: Sequence[FileSummary], ros_distro: str) -> dict[str, obj
         'relative_file_paths': [file.name for file in files],
         'files': [_file(file) for file in files],
         'custom_data': None,
-        'ros_distro': ros_distro,
+        'ros_distro': 'jazzy',
     }
 
 

@@ -58,7 +58,6 @@ _CHUNK_SIZE = 1024 * 1024
 _COMPRESSION = zstandard.ZstdCompressionParameters(
     strategy=zstandard.STRATEGY_FAST, window_log=20, hash_log=8, min_match=7, target_length=8
 )
-_DISTRO = 'jazzy'
 # Private opcode of a record that no longer holds; every reader skips it.
 _VOID = bytes([0xFF])
 _MAX_NUMBER = 2**16 - 1
@@ -145,7 +144,7 @@ def _can_extend(summary: Summary) -> bool:
 def _extend_run(path: Path, messages: Sequence[TopicMessages]) -> None:
     with path.open('r+b') as file:
         content = _Extension(file, path.name).run(messages)
-    text = metadata_yaml(bag_metadata([content], _DISTRO))
+    text = metadata_yaml(bag_metadata([content]))
     path.with_name(FILE_NAME).write_text(text, encoding='utf-8')
 
 
@@ -175,9 +174,7 @@ class _Extension:
         definitions = self._register(messages)
         content = self._content(messages)
         # An error of the metadata leaves the file as it was.
-        metadata = encoded(
-            Metadata(RECORD_NAME, metadata_record(bag_metadata([content], _DISTRO)))
-        )
+        metadata = encoded(Metadata(RECORD_NAME, metadata_record(bag_metadata([content]))))
         self._void_metadata()
         self._file.seek(self._data_end)
         self._file.truncate()

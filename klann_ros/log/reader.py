@@ -134,9 +134,9 @@ class Log(AbstractContextManager['Log']):
         """
         Yield the messages ordered by log time.
 
-        Without an index, messages wait for earlier ones that stand behind them, up to 40 MB or
-        eight times the file's size; only beyond that is the order partial. Damaged chunks are left
-        out, and are a problem from then on.
+        Chunks that overlap in time are unpacked together, up to 80 MB or eight times the file's
+        size; beyond that they come one after the other, and the order is partial. Damaged chunks
+        are left out, and are a problem from then on.
 
         Parameters
         ----------

@@ -76,7 +76,7 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
     files, found = open_files(log)
     check_output(log, output)
     recovery = Recovery(lost=found.missing, remarks=found.remarks)
-    writer = RunWriter(output, profile=files[0].profile or 'ros2')
+    writer = RunWriter(output)
     try:
         with writer, Log(Path(log), files, []) as source:
             _copy(source, writer, recovery)

@@ -158,4 +158,4 @@ def row_of_messages(data: bytes) -> tuple[Content, int]:
     _behind_messages(data, 0, starts)
     row = starts[: max(0, len(starts) - _FOLLOWING)]
     end = starts[len(row)] if row else 0
-    return Content(memoryview(data), row, array('Q'), verified=False), end
+    return Content(memoryview(data)[:end], row, array('Q'), verified=False), end

@@ -1,13 +1,14 @@
 """One MCAP file of any recorder and in any state, as a storage."""
 
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 import heapq
-from itertools import accumulate
+from itertools import accumulate, chain
+from operator import attrgetter
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import BinaryIO, NamedTuple, TypeVar
 
 from klann_ros.log.errors import DamagedError, NotALogError
 from klann_ros.log.read.block import block_of, MessageBlock
@@ -17,20 +18,22 @@ from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import counted, printable, verb
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Header, Metadata
+from mcap.records import Metadata
 import numpy as np
-from numpy.typing import NDArray
 
 from .channels import Channels
-from .content import chunk_content, Content
+from .content import chunk_content, Content, content_of
 from .decompression import DecompressionBudget, MAX_RATIO, MIN_LIMIT
 from .record_check import RecordCheck
 from .records import (
     find_footer,
     MAGIC,
+    name_of,
     parse,
     parse_attachment,
     read,
+    RECORD_HEAD,
+    RecordSpan,
     span_at,
 )
 from .recovery import gaps, RecordScan
@@ -38,13 +41,24 @@ from .summary import ContentCount, read_summary, Summary
 
 Parsed = TypeVar('Parsed')
 
-# A log time later than any.
-_NEVER = 2**64
 _START = MAGIC + bytes([Opcode.HEADER])
-# A chunk of this size may be merged with others whatever its index says [bytes].
+# A chunk of this size may be merged with others whatever its index says; smaller ones without an
+# index are read together [bytes].
 _SMALL_CHUNK = 1024 * 1024
-# Memory of a message that waits for earlier ones, beside its data [bytes].
-_WAITING_COST = 200
+
+
+class _Part(NamedTuple):
+    """Messages that are read together: a chunk of the index, or what a pass found in a row."""
+
+    # Unpacked [bytes].
+    size: int
+    # The first and the last log time [ns].
+    start: int
+    end: int
+    # Opcode, offset and length of each place in turn.
+    spans: 'array[int]'
+    # The channels of the messages; none if unknown.
+    channels: Collection[int] = ()
 
 
 @dataclass(frozen=True)
@@ -54,10 +68,7 @@ class _Survey:
     overview: Overview
     # By channel.
     topics: dict[int, Topic]
-    # For each part of a pass the earliest log time in all later parts [ns].
-    later_starts: NDArray[np.uint64]
-    # Size of the largest part [bytes].
-    largest: int
+    parts: list[_Part]
 
 
 class McapStorage:
@@ -76,10 +87,7 @@ class McapStorage:
         self.gaps: set[tuple[int, int]] = set()
         self.remarks: list[str] = []
         self.summary = Summary()
-        self.profile = ''
         self._budget = DecompressionBudget()
-        # Offsets of chunks that are not unpacked again.
-        self._damaged: set[int] = set()
         try:
             with self.open() as file:
                 self._read_ends(file)
@@ -96,7 +104,6 @@ class McapStorage:
         start = file.read(len(_START))
         if start != _START:
             self._check_start(start, file)
-        self.profile = self._read_profile(file)
         footer = find_footer(file, self.size)
         self.closed = footer is not None
         self._end = self.size if footer is None else footer.offset
@@ -120,14 +127,6 @@ class McapStorage:
         if not start.startswith(MAGIC):
             raise NotALogError(self.path, 'it does not start as an MCAP file does')
         raise NotALogError(self.path, 'there is no header at its start')
-
-    def _read_profile(self, file: BinaryIO) -> str:
-        try:
-            span = span_at(file, len(MAGIC), self.size)
-            return parse(Header, read(file, span)).profile if span.opcode == Opcode.HEADER else ''
-        except DamagedError as damage:
-            self.note(len(MAGIC), f'the header is damaged: {damage.reason}')
-            return ''
 
     def open(self) -> BinaryIO:  # noqa: A003, RUF100 - as a path calls it; ruff lets it be
         """Open the file, or its unpacked copy."""
@@ -178,27 +177,36 @@ class McapStorage:
     def _survey(self) -> _Survey:
         """Make a pass over the whole file: a channel record may follow its messages."""
         channels = self.summary.channels
-        last, largest = -1, 0
-        starts = array('Q')
+        parts: list[_Part] = []
+        spans, start, end, size = array('Q'), 0, 0, 0
         with self.open() as file:
             scan = self.scan(file, channels)
-            for _, content in scan.contents():
-                largest = max(largest, len(content.data))
+            for span, content in scan.contents():
                 times = block_of(content, {}).heads['log_time']
-                starts.append(int(times.min()) if len(times) else _NEVER - 1)
-                last = max(last, int(times.max()) if len(times) else last)
+                if not len(times):
+                    continue
+                first, last = int(times.min()), int(times.max())
+                start, end = (min(start, first), max(end, last)) if spans else (first, last)
+                spans.extend((span.opcode, span.offset, span.length))
+                size += len(content.data)
+                if size > _SMALL_CHUNK:
+                    parts.append(_Part(size, start, end, spans))
+                    spans, size = array('Q'), 0
             self._note_losses(scan)
+        if spans:
+            parts.append(_Part(size, start, end, spans))
         for text in channels.contradictions:
             self.problems.note_whole(text)
         topics = channels.topics()
         overview = Overview(
             list(topics.values()),
-            (min(starts), last) if last >= 0 else None,
+            (min(part.start for part in parts), max(part.end for part in parts))
+            if parts
+            else None,
             [span.offset for span in scan.metadata],
             [span.offset for span in scan.attachments],
         )
-        ends = np.array([*starts, _NEVER - 1], dtype=np.uint64)
-        return _Survey(overview, topics, np.minimum.accumulate(ends[::-1])[::-1][1:], largest)
+        return _Survey(overview, topics, parts)
 
     @cached_property
     def _topics(self) -> dict[int, Topic]:
@@ -215,14 +223,11 @@ class McapStorage:
             with self.open() as file:
                 end = self.summary.entry(offset).end or self._end
                 span = span_at(file, offset, min(end, self._end))
-                if span.opcode == opcode:
-                    return parse_one(read(file, span), offset)
-                reason = f'the index is wrong: no {opcode.name.lower()} stands there'
+                _check_kind(file, span, opcode)
+                return parse_one(read(file, span), offset)
         except DamagedError as damage:
-            reason = damage.reason
-        # The index may be wrong about a chunk that a pass over the records finds.
-        self.problems.note(offset, reason, is_loss=opcode != Opcode.CHUNK)
-        return None
+            self.problems.note(offset, damage.reason, is_loss=True)
+            return None
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
@@ -233,17 +238,6 @@ class McapStorage:
         """Return an attachment; None if it is damaged."""
         return self._parsed_at(offset, Opcode.ATTACHMENT, parse_attachment)
 
-    def _chunk_at(self, offset: int) -> Content | None:
-        """Return the content of an indexed chunk; None, and a problem, if it is damaged."""
-        if offset in self._damaged:
-            return None
-        content = self._parsed_at(
-            offset, Opcode.CHUNK, lambda record, at: chunk_content(record, at, self._budget)
-        )
-        if content is None:
-            self._damaged.add(offset)
-        return content
-
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
         with self.open() as file:
@@ -252,14 +246,30 @@ class McapStorage:
                     return block_of(content, {}).message(0)
         return b''
 
-    def sources(self, overview: Overview) -> Iterator[Source]:
-        """Yield each chunk of the index, or all messages as one."""
-        if self.summary.is_index and self._can_merge_chunks():
-            for chunk in self.summary.chunks:
-                read_messages = partial(self._chunk_messages, chunk)
-                yield Source(chunk.message_start_time, chunk.message_end_time, read_messages)
-        elif overview.times is not None:
-            yield Source(*overview.times, self._all_messages)
+    def _parts(self) -> list[_Part]:
+        if not self.summary.is_index:
+            return self._survey.parts
+        head = RECORD_HEAD.size
+        return [
+            _Part(
+                chunk.uncompressed_size,
+                chunk.message_start_time,
+                chunk.message_end_time,
+                array('Q', (Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length - head)),
+                chunk.message_index_offsets,
+            )
+            for chunk in self.summary.chunks
+        ]
+
+    def sources(self, _: Overview) -> Iterator[Source]:
+        """Yield the parts; all of them as one if too many overlap in time."""
+        parts = self._parts()
+        sources = [Source(part.start, part.end, partial(self._read, part)) for part in parts]
+        if _can_merge(parts, self.size):
+            yield from sources
+        else:
+            times = min(part.start for part in parts), max(part.end for part in parts)
+            yield Source(*times, lambda t: chain.from_iterable(s.read(t) for s in sources))
 
     def _by_time(self, offset: int, block: MessageBlock, names: Topics) -> Iterator[Message]:
         """Yield the messages of a chunk; unknown channels are noted as a problem."""
@@ -267,79 +277,51 @@ class McapStorage:
             self.note(offset, f'messages of channel {number}, which is not known')
         return block.messages(names, by_time=True)
 
-    def _can_merge_chunks(self) -> bool:
-        """
-        Return whether the chunks that overlap in time may be unpacked at once.
-
-        Those of a recorder follow each other, or it has as many bytes in the file. Two of the
-        largest chunks always fit: each is held to the decompression limit by itself.
-        """
-        chunks = self.summary.chunks
-        begins = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
-        ends = [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]
-        unpacked = accumulate(size for _, size in sorted(begins + ends))
-        largest = max((chunk.uncompressed_size for chunk in chunks), default=0)
-        return max(unpacked, default=0) <= max(2 * MIN_LIMIT, MAX_RATIO * self.size, 2 * largest)
-
-    def _chunk_messages(self, chunk: ChunkIndex, topics: Topics) -> Iterator[Message]:
-        """Yield a chunk's messages ordered by log time; none if it is damaged."""
-        numbers, offset = chunk.message_index_offsets, chunk.chunk_start_offset
-        if topics is not None and numbers:
-            found = map(self._topics.get, numbers)
-            if not any(topic is not None and topic.name in topics for topic in found):
-                return
-        content = self._chunk_at(offset)
-        if content is None:
-            return
-        block = block_of(content, self._topics)
-        if not self._may_merge(chunk, block):
-            return
-        if content.broken:
-            self.note(offset, content.broken)
-        yield from self._by_time(offset, block, topics)
-
-    def _may_merge(self, chunk: ChunkIndex, block: MessageBlock) -> bool:
-        """Return whether a chunk is as its index says, or is small."""
-        expected = chunk.message_start_time, chunk.message_end_time
-        size, times = len(block.data), block.heads['log_time']
-        ends = (int(times.min()), int(times.max())) if len(times) else expected
-        if (*ends, size) == (*expected, chunk.uncompressed_size):
-            return True
-        is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * chunk.chunk_length)
-        text = 'the index is wrong about this chunk'
-        self.note(chunk.chunk_start_offset, text if is_small else f'{text}, which is left out')
-        return is_small
-
-    def _all_messages(self, topics: Topics) -> Iterator[Message]:
-        """
-        Yield all intact messages ordered by log time, found without an index.
-
-        A message waits in a heap until no later part of the file starts before it. The heap is
-        bounded: beyond that the earliest is yielded, though an earlier one follows.
-        """
-        bounds, number = self._survey.later_starts, 0
-        waiting: list[tuple[int, int, Message]] = []
-        # Two of the largest parts fit, as where they are merged by an index.
-        size, limit = 0, max(MIN_LIMIT, MAX_RATIO * self.size, 2 * self._survey.largest)
+    def _read(self, part: _Part, topics: Topics) -> Iterator[Message]:
+        """Return the messages of a part ordered by log time, without its damaged places."""
+        if topics is not None and part.channels:
+            known = map(self._topics.get, part.channels)
+            if not any(topic is not None and topic.name in topics for topic in known):
+                return iter(())
+        rows = iter(part.spans)
         with self.open() as file:
-            scan = self.scan(file)
-            for position, (offset, content) in enumerate(scan.contents()):
-                bound = int(bounds[position]) if position < len(bounds) else _NEVER
-                block = block_of(content, self._topics)
-                for message in self._by_time(offset, block, topics):
-                    if not waiting and message.log_time <= bound:
-                        yield message
-                        continue
-                    number += 1
-                    size += len(message.data) + _WAITING_COST
-                    heapq.heappush(waiting, (message.log_time, number, message))
-                while waiting and (waiting[0][0] <= bound or size > limit):
-                    *_, message = heapq.heappop(waiting)
-                    size -= len(message.data) + _WAITING_COST
-                    yield message
-            self._note_losses(scan)
-        while waiting:
-            yield heapq.heappop(waiting)[2]
+            places = [RecordSpan(*row) for row in zip(rows, rows, rows, strict=True)]
+            contents = [(span.offset, self._content_of(file, span)) for span in places]
+        blocks = [(offset, block_of(each, self._topics)) for offset, each in contents if each]
+        if not self._may_merge(part, [block for _, block in blocks]):
+            return iter(())
+        found = [self._by_time(offset, block, topics) for offset, block in blocks]
+        return found[0] if len(found) == 1 else heapq.merge(*found, key=attrgetter('log_time'))
+
+    def _content_of(self, file: BinaryIO, span: RecordSpan) -> Content | None:
+        """Return the content of a chunk or a row of messages; None, and a problem, if damaged."""
+        try:
+            _check_kind(file, span, span.opcode)
+            if span.opcode == Opcode.CHUNK:
+                content = chunk_content(read(file, span), span.offset, self._budget)
+            else:
+                file.seek(span.offset)
+                content = content_of(file.read(span.end - span.offset), verified=False)
+        except DamagedError as damage:
+            self.note(span.offset, damage.reason)
+            return None
+        if content.broken:
+            self.note(span.offset, content.broken)
+        return content
+
+    def _may_merge(self, part: _Part, blocks: list[MessageBlock]) -> bool:
+        """Return whether a part is as the index says, or is small."""
+        size, times = sum(len(block.data) for block in blocks), part[1:3]
+        if blocks:
+            every = np.concatenate([block.heads['log_time'] for block in blocks])
+            times = int(every.min()), int(every.max())
+        if not blocks or (size, *times) == part[:3]:
+            return True
+        _, offset, length = part.spans[:3]
+        is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * length)
+        text = 'the index is wrong about this chunk'
+        self.note(offset, text if is_small else f'{text}, which is left out')
+        return is_small
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages chunk by chunk in the order of the file, with their offsets."""
@@ -347,12 +329,12 @@ class McapStorage:
         others = unverified = 0
         with self.open() as file:
             scan = self.scan(file)
-            for offset, content in scan.contents():
+            for span, content in scan.contents():
                 block = block_of(content, known)
-                count.add(offset, block)
+                count.add(span.offset, block)
                 others += content.unknown
                 unverified += 0 if content.verified else len(content)
-                yield offset, block
+                yield span.offset, block
             self._note_losses(scan)
         unknown = sum(n for number, n in count.messages.items() if number not in known)
         if unknown:
@@ -363,6 +345,27 @@ class McapStorage:
             for text, is_loss in count.disagreements(self.summary):
                 self.problems.note_whole(text, is_loss=is_loss)
         self.remarks[:] = _remarks(scan, others + scan.unknown, 0 if scan.verified else unverified)
+
+
+def _check_kind(file: BinaryIO, span: RecordSpan, opcode: int) -> None:
+    """Raise a DamagedError if no record of a kind stands at a place."""
+    file.seek(span.offset)
+    if file.read(1) != bytes([opcode]):
+        raise DamagedError(f'the index is wrong: no {name_of(opcode)} stands there', span.offset)
+
+
+def _can_merge(parts: list[_Part], file_size: int) -> bool:
+    """
+    Return whether the parts that overlap in time may be unpacked at once.
+
+    Those of a recorder follow each other, or it has as many bytes in the file. Two of the largest
+    always fit: each is held to the decompression limit by itself.
+    """
+    begins = [(part.start, part.size) for part in parts]
+    ends = [(part.end + 1, -part.size) for part in parts]
+    unpacked = accumulate(size for _, size in sorted(begins + ends))
+    largest = max((part.size for part in parts), default=0)
+    return max(unpacked, default=0) <= max(2 * MIN_LIMIT, MAX_RATIO * file_size, 2 * largest)
 
 
 def _remarks(scan: RecordScan, others: int, unverified: int) -> Iterator[str]:

@@ -112,8 +112,8 @@ class RecordScan:
         # The record lost last, whose message indexes may follow.
         self._lost: Loss | None = None
 
-    def contents(self) -> Iterator[tuple[int, Content]]:
-        """Yield the content of each chunk and each loose message, with its offset [bytes]."""
+    def contents(self) -> Iterator[tuple[RecordSpan, Content]]:
+        """Yield the content of each chunk and each row of loose messages, with its place."""
         while self._next < self._size:
             try:
                 span = self._span_at(self._next)
@@ -123,7 +123,7 @@ class RecordScan:
                 self._resynchronise(damage)
                 continue
             if content is not None:
-                yield span.offset, content
+                yield RecordSpan(span.opcode, span.offset, self._next - span.start), content
         if self._data_end is not None and not self.losses and not self.problems:
             self.verified = self._data_crc_matches(self._data_end)
 

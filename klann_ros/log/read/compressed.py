@@ -120,7 +120,7 @@ class CompressedMessages:
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
         self.path, self.name, self.size = storage.path, storage.name, storage.size
-        self.profile, self.closed = storage.profile, storage.closed
+        self.closed = storage.closed
         self.problems, self.gaps, self.remarks = storage.problems, storage.gaps, storage.remarks
         self.overview, self.first_data = storage.overview, storage.first_data
         self.metadata_at, self.attachment_at = storage.metadata_at, storage.attachment_at

@@ -86,8 +86,6 @@ class Storage(Protocol):
     name: str
     # Upper bound of the offsets of blocks [bytes].
     size: int
-    # The MCAP profile of its content, such as ``ros2``; '' if unknown.
-    profile: str
     # Whether it has the end of a closed file.
     closed: bool
     # The faults found so far; reading may find more.

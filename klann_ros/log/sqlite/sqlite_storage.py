@@ -65,9 +65,6 @@ class SqliteStorage:
     nothing of it can be read.
     """
 
-    # Its content is that of MCAP files of this profile.
-    profile = 'ros2'
-
     def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
         self.path = path
         self.name = printable(path.name) + (' (unpacked)' if unpacked else '')

@@ -90,7 +90,6 @@ class McapFile(DurableFile):
         *,
         compression: str,
         chunk_size: int,
-        profile: str,
         library: str,
         reserve: DiskReserve | None = None,
     ) -> None:
@@ -108,7 +107,7 @@ class McapFile(DurableFile):
         # End of each chunk that may not be on the disk [bytes], and the content up to there.
         self._ends = deque([(0, self.received())])
         try:
-            self.append(MAGIC + encoded(Header(profile, library)))
+            self.append(MAGIC + encoded(Header('ros2', library)))
             self.sync()
         except BaseException:
             self.close()

@@ -60,10 +60,6 @@ class RunWriter(AbstractContextManager['RunWriter']):
         ``zstd``, ``lz4`` or ``none``.
     chunk_size
         Size of messages that finishes a chunk [bytes]; a flush finishes it too.
-    profile
-        The MCAP profile of the header.
-    ros_distro
-        The ROS distribution in metadata.yaml.
     reserve
         Whether to keep a little disk space, so that the run can be finished on a full disk.
     faults
@@ -100,8 +96,6 @@ class RunWriter(AbstractContextManager['RunWriter']):
         *,
         compression: str = 'zstd',
         chunk_size: int = 1024 * 1024,
-        profile: str = 'ros2',
-        ros_distro: str = 'jazzy',
         reserve: bool = False,
         faults: RunFaults | None = None,
     ) -> None:
@@ -109,12 +103,10 @@ class RunWriter(AbstractContextManager['RunWriter']):
             raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
         self.path = Path(folder).absolute()
         self.faults = faults or RunFaults()
-        self._ros_distro = ros_distro
         self._open_file = partial(
             McapFile,
             compression=compression,
             chunk_size=chunk_size,
-            profile=profile,
             library=_LIBRARY,
         )
         self._repeated: list[Callable[[McapFile], None]] = []
@@ -356,7 +348,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self._write_metadata_yaml()
 
     def _write_end(self) -> None:
-        metadata = bag_metadata(self._content.summaries(), self._ros_distro)
+        metadata = bag_metadata(self._content.summaries())
         self.file.add_metadata(RECORD_NAME, metadata_record(metadata))
         self.file.finish()
 
@@ -405,5 +397,5 @@ class RunWriter(AbstractContextManager['RunWriter']):
             self.faults.clear(FILE_NAME)
 
     def _replace_metadata_yaml(self) -> None:
-        text = metadata_yaml(bag_metadata(self._content.summaries(), self._ros_distro))
+        text = metadata_yaml(bag_metadata(self._content.summaries()))
         self._folder.replace_file(FILE_NAME, text.encode())
