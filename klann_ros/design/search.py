@@ -96,23 +96,9 @@ class Found:
     """
     The result of a search.
 
-    Attributes
-    ----------
-    requirements : Requirements
-        The requirements.
-    legs : tuple of FoundLeg
-        The Pareto set, or a part of it that is spread out; by the first aim.
-    reasons : tuple of str
-        Why there is none, by the figure that fails; empty if there is one.
-    state : State
-        Of the search.
-    seed : int
-        Its seed.
-    refused : mapping of str to int
-        Candidates that did not pass the proof, by the reason.
-    is_interrupted : bool
-        Whether a KeyboardInterrupt ended it.
-
+    `legs` are the Pareto set, or a part of it that is spread out, by the first aim; `reasons` why
+    there is none, by the figure that fails; `refused` the number of candidates that did not pass
+    the proof, by the reason. A KeyboardInterrupt may have ended the search.
     """
 
     requirements: Requirements

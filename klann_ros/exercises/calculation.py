@@ -33,19 +33,9 @@ FUNCTIONS = {
 
 class Step(NamedTuple):
     """
-    An intermediate result.
+    An intermediate result: its name, its value in `unit`, and the equation it follows from.
 
-    Attributes
-    ----------
-    symbol : str
-        Name of the quantity.
-    value : float
-        Its value in `unit`.
-    unit : str
-        'mm', 'deg', ...; '1' for a number.
-    formula : str
-        The equation it follows from.
-
+    Units are 'mm', 'deg', ...; '1' is that of a number.
     """
 
     symbol: str

@@ -35,21 +35,10 @@ EXPONENTS = str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-')
 
 class Mark(NamedTuple):
     """
-    The mark of an answer.
+    The mark of an answer as written: 0 to 1 points, and the slip that explains it.
 
-    Attributes
-    ----------
-    question : str
-        The question's name.
-    given : str
-        The answer as written.
-    points : float
-        0 to 1.
-    slip : str
-        'right', 'wrong', 'empty', 'unreadable', or the slip, such as 'radians'.
-    carried : bool
-        Whether it follows from the same slip in an earlier answer.
-
+    The slip is 'right', 'wrong', 'empty', 'unreadable', or one such as 'radians'; it is carried
+    where it follows from the same slip in an earlier answer.
     """
 
     question: str

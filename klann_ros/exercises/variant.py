@@ -60,19 +60,10 @@ class Draw:
 
 class Question(NamedTuple):
     """
-    A question of an exercise.
+    A question of an exercise: its quantity, such as 'theta_4', its unit and the words of a choice.
 
-    Attributes
-    ----------
-    name : str
-        Its quantity, such as 'theta_4'.
-    unit : str
-        'deg', 'mm', ...; '1' for a number, 'count' for a whole one, 'choice' for a word.
-    choices : tuple of str
-        The words of a choice.
-    smallest : float
-        The least size of an answer; smaller ones are not asked.
-
+    The unit is 'deg', 'mm', ...; '1' for a number, 'count' for a whole one, 'choice' for a word.
+    Answers below the smallest size are not asked.
     """
 
     name: str
@@ -86,15 +77,8 @@ class Kind:
     """
     A kind of exercise; exercises.yaml has its givens, questions and formulas by its name.
 
-    Attributes
-    ----------
-    name : str
-        Its name.
-    solve : callable
-        Answers by the library, for leg, crank angle [rad] and givens, or for givens alone.
-    leg : callable, optional
-        Leg and crank angle of the drawing, for givens; without one, it would show the answer.
-
+    `solve` returns the answers by the library, for leg, crank angle [rad] and givens, or for
+    givens alone; `leg` those of the drawing, unless they would show the answer.
     """
 
     name: str
@@ -170,23 +154,9 @@ def _worked(calculation: Calculation, formulas: str) -> Calculation | None:
 @dataclass(frozen=True, eq=False)
 class Variant:
     """
-    The exercise of a student.
+    The exercise of a student, by number and, if known, name: its key and its worked solution.
 
-    Attributes
-    ----------
-    kind : Kind
-        Its kind.
-    student : str
-        The student's number.
-    name : str
-        The student's name, if known.
-    givens : mapping of str to float
-        The given numbers, in the units of the kind.
-    answers : mapping of str to (float or str)
-        The key, in the units of the questions.
-    steps : tuple of Step
-        The worked solution.
-
+    `givens` are in the units of the kind, `answers` in those of the questions.
     """
 
     kind: Kind

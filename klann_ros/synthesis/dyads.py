@@ -37,17 +37,7 @@ SINGULAR = 1e-12
 
 
 class PlanePose(NamedTuple):
-    """
-    A pose of the moving plane.
-
-    Attributes
-    ----------
-    p : complex
-        The task point P [m].
-    angle : float
-        The plane's angle [rad].
-
-    """
+    """A pose of the moving plane: its task point P [m], and its angle [rad]."""
 
     p: complex
     angle: float
@@ -55,15 +45,9 @@ class PlanePose(NamedTuple):
 
 class BurmesterPair(NamedTuple):
     """
-    A dyad's bar: a fixed pivot, and a point of the moving plane on a circle about it.
+    A dyad's bar: the fixed pivot M, and the pin W in the first position, on a circle about it [m].
 
-    Attributes
-    ----------
-    pivot : complex
-        The fixed pivot M, the centre point [m].
-    pin : complex
-        The moving pivot W in the first position, the circle point [m].
-
+    They are a centre point and its circle point.
     """
 
     pivot: complex

@@ -33,13 +33,7 @@ class FunctionTask(NamedTuple):
     """
     A function as rotations of crank and rocker.
 
-    Attributes
-    ----------
-    x : numpy.ndarray
-        Precision points, shape (n,).
-    input_rotations, output_rotations : numpy.ndarray
-        Rotations of crank and rocker from the start of the range, shape (n,) [rad].
-
+    Precision points x, and the rotations from the start of the range there [rad], shape (n,).
     """
 
     x: FloatArray

@@ -17,15 +17,7 @@ FIT_TOLERANCE = 1e-7
 
 
 class Position(NamedTuple):
-    """
-    A position of a placed four-bar.
-
-    Attributes
-    ----------
-    a, b, p : complex
-        Crank pin A, rocker pin B and coupler point P [m].
-
-    """
+    """A position of a placed four-bar: crank pin A, rocker pin B and coupler point P [m]."""
 
     a: complex
     b: complex
