@@ -11,8 +11,9 @@ from klann_ros.kinematics import KlannGeometry, Linkage, linkage_poses
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.write.writer import RunWriter
-from leg_runs import START, STORE
+from leg_runs import FLOAT, joint_state, POINT, START, STATE, STORE
 import numpy as np
+from rosbags.interfaces import Nodetype
 
 DRAWN = KlannGeometry.sem104().linkage
 NOISE = 1e-4
@@ -107,90 +108,48 @@ def errors(calibration: Any, robot: Robot) -> np.ndarray:
 # Runs.
 
 
-def make(kind: str, **fields: Any) -> Any:
-    return STORE.types[kind](**fields)
+def filled(kind: str, content: Mapping[str, Any]) -> Any:
+    """Return a message of nested content; what it leaves out is 0 or empty."""
+    made: dict[str, Any] = {}
+    for name, (node, detail) in STORE.fielddefs[kind][1]:
+        given = content.get(name, ())
+        if node == Nodetype.NAME:
+            made[name] = filled(detail, given or {})
+        elif node == Nodetype.BASE:
+            made[name] = content.get(name, '' if detail[0] == 'string' else 0)
+        else:
+            (item, of), count = detail
+            if item == Nodetype.BASE and of[0] != 'string':
+                made[name] = np.array(given or [0] * count, dtype=of[0])
+            else:
+                made[name] = [
+                    filled(of, each) if item == Nodetype.NAME else each for each in given
+                ]
+    return STORE.types[kind](**made)
 
 
-def stamp(time: int) -> Any:
-    return make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
-
-
-def header(time: int, frame: str = 'camera') -> Any:
-    return make('std_msgs/msg/Header', stamp=stamp(time), frame_id=frame)
-
-
-def vector(kind: str, place: Sequence[float]) -> Any:
-    x, y = map(float, place)
-    return make(f'geometry_msgs/msg/{kind}', x=x, y=y, z=0.3)
-
-
-def pose(place: Sequence[float]) -> Any:
-    orientation = make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0)
-    position = vector('Point', place)
-    return make('geometry_msgs/msg/Pose', position=position, orientation=orientation)
-
-
-def transform(time: int, place: Sequence[float], child: str) -> Any:
-    rotation = pose(place).orientation
-    moved = make(
-        'geometry_msgs/msg/Transform', translation=vector('Vector3', place), rotation=rotation
-    )
-    return make(
-        'geometry_msgs/msg/TransformStamped',
-        header=header(time),
-        child_frame_id=child,
-        transform=moved,
-    )
-
-
-def message(  # noqa: PLR0911 - a type each
-    kind: str, time: int, place: Any, name: str = 'marker'
-) -> Any:
+def message(kind: str, time: int, place: Any) -> Any:
     """Return a message of one of the types of measured points, or of a crank."""
-    if kind == 'geometry_msgs/msg/PointStamped':
-        return make(kind, header=header(time), point=vector('Point', place))
-    if kind == 'geometry_msgs/msg/PoseStamped':
-        return make(kind, header=header(time), pose=pose(place))
-    if kind == 'geometry_msgs/msg/PoseWithCovarianceStamped':
-        covariance = np.zeros(36)
-        covariance[[0, 7]] = NOISE**2
-        whole = make(
-            'geometry_msgs/msg/PoseWithCovariance', pose=pose(place), covariance=covariance
-        )
-        return make(kind, header=header(time), pose=whole)
-    if kind == 'geometry_msgs/msg/TransformStamped':
-        return transform(time, place, name)
-    if kind == 'tf2_msgs/msg/TFMessage':
-        return make(
-            kind, transforms=[transform(time, (9.0, 9.0), 'other'), transform(time, place, name)]
-        )
-    if kind == 'visualization_msgs/msg/Marker':
-        colour = make('std_msgs/msg/ColorRGBA', r=1.0, g=0.0, b=0.0, a=1.0)
-        never = make('builtin_interfaces/msg/Duration', sec=0, nanosec=0)
-        image = make(
-            'sensor_msgs/msg/CompressedImage',
-            header=header(0),
-            format='',
-            data=np.empty(0, np.uint8),
-        )
-        mesh = make('visualization_msgs/msg/MeshFile', filename='', data=np.empty(0, np.uint8))
-        return make(
-            kind, header=header(time), ns=name, id=7, type=2, action=0, pose=pose(place),
-            scale=vector('Vector3', (0.1, 0.1)), color=colour, lifetime=never, frame_locked=False,
-            points=[], colors=[], texture_resource='', texture=image, uv_coordinates=[], text='',
-            mesh_resource='', mesh_file=mesh, mesh_use_embedded_materials=False,
-        )  # fmt: skip
-    if kind == 'sensor_msgs/msg/JointState':
-        names, values = zip(*place.items(), strict=True)
-        return make(
-            kind,
-            header=header(time),
-            name=[*names],
-            position=np.array(values),
-            velocity=np.empty(0),
-            effort=np.empty(0),
-        )
-    return make(kind, data=float(place))
+    if kind == STATE:
+        return joint_state(time, [*place], [*place.values()])
+    if kind == FLOAT:
+        return filled(kind, {'data': float(place)})
+    at, turn = dict(zip('xy', map(float, place), strict=True)), {'w': 1.0}
+    pose = {'position': at, 'orientation': turn}
+    covariance = [NOISE**2 * (k in {0, 7}) for k in range(36)]
+    stamp = {'sec': time // 10**9, 'nanosec': time % 10**9}
+    head = {'header': {'stamp': stamp, 'frame_id': 'camera'}}
+    moved = {'transform': {'translation': at, 'rotation': turn}, 'child_frame_id': 'marker'}
+    other = {'transform': {'translation': {'x': 9.0}}, 'child_frame_id': 'other'}
+    content = {
+        'PointStamped': {'point': at},
+        'PoseStamped': {'pose': pose},
+        'PoseWithCovarianceStamped': {'pose': {'pose': pose, 'covariance': covariance}},
+        'TransformStamped': moved,
+        'TFMessage': {'transforms': [head | other, head | moved]},
+        'Marker': {'ns': 'marker', 'id': 7, 'pose': pose},
+    }
+    return filled(kind, head | content[kind.rpartition('/')[2]])
 
 
 def write_run(
@@ -218,10 +177,10 @@ def write_run(
 
 def crank_topic(robot: Robot) -> tuple[str, Sequence[tuple[float, Any]]]:
     states = [{'crank': float(angle)} for angle in robot.crank]
-    return 'sensor_msgs/msg/JointState', [*zip(robot.times.tolist(), states, strict=True)]
+    return STATE, [*zip(robot.times.tolist(), states, strict=True)]
 
 
 def points_topic(
-    robot: Robot, name: str, kind: str = 'geometry_msgs/msg/PointStamped'
+    robot: Robot, name: str, kind: str = POINT
 ) -> tuple[str, Sequence[tuple[float, Any]]]:
     return kind, [*zip(robot.times.tolist(), robot.seen(name).tolist(), strict=True)]
