@@ -39,7 +39,7 @@ NOISE, LENGTH_ERROR, BEND_ERROR = 1e-4, 5e-4, math.radians(1.0)
 SAMPLES, SPEED, SECONDS = 1000, 3.0, 2.3
 OUTLIERS, OUTLIER_SIZE = 0.05, 0.05
 # Poses of a path whose derivatives are timed.
-PATH = 100_000
+PATH = sized(1000, 100_000)
 
 
 @dataclass(frozen=True)

@@ -60,5 +60,5 @@ if __name__ == '__main__':
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else sized(100, 10_000, 100_000)
     heads = f'{"linkage":18}{"closed":>9}{"jammed":>9}{"refused":>9}{"disagree":>9}'
     print(f'{heads}{"apart/m":>12}{"* |sin|":>12}{"s":>8}')
-    for one in shipped_linkages():
+    for one in shipped_linkages()[: sized(3, None)]:
         print(compare(one, wanted), flush=True)

@@ -6,7 +6,7 @@ Stamps are the middleware's: what a listener in this process adds is not in the 
 
 import sys
 
-from support.aims import exit_code, sized
+from support.aims import exit_code, sized, SMOKE
 from support.replay import percentile, Replay, replay
 
 # Topics, messages a second of each, seconds.
@@ -45,7 +45,7 @@ def main() -> int:
     print(f' {"CPU/us":>8} {"lost":>6}')
     aimed = replay(*AIMED)
     report('3 x 1 kHz', aimed)
-    fast = replay(*FAST)
+    fast = aimed if SMOKE else replay(*FAST)
     report('10 x 1 kHz', fast)
     kept = [1.0]
     for rate in RATES:

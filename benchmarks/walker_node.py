@@ -119,8 +119,8 @@ def cost(line: list[str], seconds: float) -> Cost:
         time.sleep(seconds)
         after = [(cpu_of(each.pid), time.monotonic()) for each in (sim, walker)]
         probe.take()
-        # Reported once a second.
-        while not probe.factors and sim.poll() is None:
+        # The factor is reported once a second.
+        while not (probe.factors and probe.latencies()) and sim.poll() is None:
             time.sleep(0.1)
             probe.take()
     finally:
@@ -142,17 +142,17 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=sized(0.3, 10.0))
     seconds = parser.parse_args().seconds
     walk = cost(command('walker_node', *GIVEN, 'use_imu:=true'), seconds)
-    lean, typed = (
-        cost(support_command('walker_relay', loop), seconds) for loop in ('lean', 'rclpy')
-    )
+    costs = {'walker_node': walk}
+    for loop in sized(('rclpy',), ('lean', 'rclpy')):
+        costs[f'a relay, {loop}'] = cost(support_command('walker_relay', loop), seconds)
+    part = walk.cpu / costs['a relay, rclpy'].cpu
     aims = (
-        ('CPU of walker_node, of the relay with typed messages', walk.cpu / typed.cpu, MOST_CPU),
+        ('CPU of walker_node, of the relay with typed messages', part, MOST_CPU),
         ('odom after crank_state, p50 [ms]', 1e3 * walk.p50, 1e3 * MOST_LATENCY),
         ('sim_node on one core, real time by its own', 1.0 / walk.factor, 1.0 / LEAST_FACTOR),
     )
     met = [is_met(*each) for each in aims]
-    costs = ('walker_node', walk), ('a relay, lean', lean), ('a relay, rclpy', typed)
-    for name, its in costs:
+    for name, its in costs.items():
         print(
             f'{name}: {its.answered:.0%} answered, {its.cpu:.1%} of a core, '
             f'p50 {1e3 * its.p50:.2f} ms, p99 {1e3 * its.p99:.2f} ms; sim_node {its.sim:.0%}'

@@ -6,7 +6,9 @@ from time import monotonic
 
 from browser import find
 
-ROUNDS = 5
+from .aims import sized
+
+ROUNDS = sized(1, 5)
 # When it was parsed and laid out, and first painted, since it was asked for [ms].
 _TIMES = """() => new Promise(done => {
   const [load] = performance.getEntriesByType('navigation');

@@ -24,7 +24,7 @@ def found() -> Found:
     requirements = requirements_from(
         {'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6}
     )
-    return search(requirements, evaluations=2400)
+    return search(requirements, evaluations=960)
 
 
 @pytest.fixture(scope='module')
