@@ -43,7 +43,7 @@ def moodle(variants: list[Variant], language: str) -> tuple[MoodleQuestion, list
     return imported(whole)[1][0], imported(parts)[1]
 
 
-@pytest.mark.parametrize(('name', 'language'), zip(KINDS, cycle(LANGUAGES), strict=False))
+@pytest.mark.parametrize(('name', 'language'), [*zip(KINDS, cycle(LANGUAGES), strict=False)])
 def test_moodle_gives_the_points_and_the_reasons_of_the_marking(name: str, language: str) -> None:
     variant = make_variant(KINDS[name], '21')
     cloze, parts = moodle([variant], language)
