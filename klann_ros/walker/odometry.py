@@ -56,26 +56,8 @@ from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait.feet import Feet
-from klann_ros.gait.stance import (
-    Facet,
-    foot_motion,
-    FootMotion,
-    inverse,
-    least_squares,
-    minimize_slip,
-    MotionPrior,
-    outside_feet,
-    Point,
-    spring_loads,
-    stance_pose,
-    StancePose,
-    Support,
-    support,
-    Symmetric,
-    Triple,
-    zero_moment_point,
-)
+from klann_ros.gait import Feet, stance
+from klann_ros.gait.stance import Facet, Point, Support, Triple
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
@@ -157,7 +139,7 @@ class Odometry:
         # Of the centre of mass above the ground [m].
         self._height = 0.0
         self._scale, self._innovation_square = 1.0, 0.0
-        self._pose: StancePose | None = None
+        self._pose: stance.StancePose | None = None
         self._stop()
 
     def _stop(self) -> None:
@@ -278,7 +260,7 @@ class Odometry:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
         over = self._zero_moment_point(centre)
-        self.support = rest = support(feet, over, self.support and self.support.facet)
+        self.support = rest = stance.support(feet, over, self.support and self.support.facet)
         before, self._pose = self._pose, None
         if rest is None:
             self._stop()
@@ -287,7 +269,7 @@ class Odometry:
         self._update_attitude(rest, measured, dt)
         if measured:
             self._check_support(feet, over, rest.facet, measured, dt)
-        self._pose = pose = stance_pose(feet, rolled, rest, self._attitude, centre)
+        self._pose = pose = stance.stance_pose(feet, rolled, rest, self._attitude, centre)
         if before is None:
             return
         if dt >= self.noise.max_step_time:
@@ -301,17 +283,17 @@ class Odometry:
         self._height = rest.height_of(centre)
         (nx, ny, nz), height = rest.normal, rest.height
         heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
-        acts = zero_moment_point(pose.centre, self._height, self._acceleration)
-        loads = spring_loads(pose.flat, heights, acts)
+        acts = stance.zero_moment_point(pose.centre, self._height, self._acceleration)
+        loads = stance.spring_loads(pose.flat, heights, acts)
         both = zip(before.flat, pose.flat, loads, strict=True)
-        standing = [foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
+        standing = [stance.foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
         self._update(standing, dt)
         self._move(standing, dt)
 
     def _zero_moment_point(self, centre: Point) -> Point:
         """Return the centre of mass, shifted by the slope and an acceleration that is measured."""
         acceleration = -self._slope if self._push is None else self._acceleration - self._slope
-        over = zero_moment_point(complex(*centre[:2]), self._height, acceleration)
+        over = stance.zero_moment_point(complex(*centre[:2]), self._height, acceleration)
         return over.real, over.imag, centre[2]
 
     def _update_attitude(self, rest: Support, measured: Attitude | None, dt: float) -> None:
@@ -351,7 +333,7 @@ class Odometry:
             return
         self._next_check = period = 0.1
         level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
-        is_off = outside_feet(feet, over, level, facet) > self.noise.max_outside
+        is_off = stance.outside_feet(feet, over, level, facet) > self.noise.max_outside
         share = period / self.noise.slope_time
         self.support_violation += share * (is_off - self.support_violation)
 
@@ -402,7 +384,7 @@ class Odometry:
         changed[:, rows] = changed.dot(f.T)
         p[rows], p[:, rows] = changed, changed.T
 
-    def _update(self, standing: Sequence[FootMotion], dt: float) -> None:
+    def _update(self, standing: Sequence[stance.FootMotion], dt: float) -> None:
         """Update by the slip of the feet, whose likelihood is dry friction."""
         self._slip = 0.0
         if not standing:
@@ -412,15 +394,15 @@ class Odometry:
         (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
         if size == 2:
             c, e, f = 0.0, 0.0, 1e-18
-        information = inverse((a, b, c, d, e, f))
+        information = stance.inverse((a, b, c, d, e, f))
         has_slope = self._push is not None
         # With an accelerometer, which measures the motion without the feet.
         held = weight * self._contact_weight if has_slope else weight
         force = has_slope * held / (self.noise.friction * GRAVITY) * self._slope
         vx, vy, w = self._state[3:6].tolist()
-        prior = MotionPrior(complex(vx, vy), w, information, force)
-        feet = [FootMotion(moves, arm, held * load) for moves, arm, load in standing]
-        found = minimize_slip(feet, self.noise.stiction_speed, prior)
+        prior = stance.MotionPrior(complex(vx, vy), w, information, force)
+        feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
+        found = stance.minimize_slip(feet, self.noise.stiction_speed, prior)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         inverse_prior = _square(information, size)
         gain = p[:, seen].dot(inverse_prior)
@@ -460,7 +442,7 @@ class Odometry:
         p[ACCEL_BIAS] = p[:, ACCEL_BIAS] = 0.0
         p[7, 7] = p[8, 8] = self.noise.accelerometer_bias**2
 
-    def _move(self, standing: Sequence[FootMotion], dt: float) -> None:
+    def _move(self, standing: Sequence[stance.FootMotion], dt: float) -> None:
         """Move the pose by the velocity, and its covariance by the errors of the contact model."""
         n = self.noise
         _, _, yaw, vx, vy, w = self._state[:6].tolist()
@@ -486,7 +468,7 @@ class Odometry:
         # Approaches to adaptive filtering, IEEE Transactions on Automatic Control 17, 1972).
         doubt = max(1.0, sqrt(self._innovation_square) / n.usual_innovation)
         self._scale = scale = scale * doubt
-        least, turn = least_squares(standing, self._yaw_rate) if standing else (motion, w)
+        least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
         self._propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
         # The pose by the errors of the contact model.
@@ -529,7 +511,7 @@ class Odometry:
         )  # fmt: skip
 
 
-def _square(matrix: Symmetric, size: int) -> FloatArray:
+def _square(matrix: stance.Symmetric, size: int) -> FloatArray:
     """Return the upper left part of a symmetric matrix."""
     a, b, c, d, e, f = matrix
     return np.array(((a, b, c), (b, d, e), (c, e, f)))[:size, :size]

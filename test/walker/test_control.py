@@ -6,7 +6,13 @@ from random import Random
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.gait import Feet, Steering, Twist2D
-from klann_ros.walker import ControllerSettings, DiagnosticLevel, MotionLimits, WalkController
+from klann_ros.walker import (
+    ControllerSettings,
+    CrankCommand,
+    DiagnosticLevel,
+    MotionLimits,
+    WalkController,
+)
 from klann_ros.walker.control_laws import MotionFeedback, PhaseLock
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback, Watchdog
@@ -36,17 +42,33 @@ class Bench:
         # Between the clocks of motors and controller [s].
         self.clock_offset = -40.0
 
+    @property
+    def readings(self) -> dict[str, tuple[float, float]]:
+        found = enumerate(zip(self.control.cranks, self.positions, self.rates, strict=True))
+        return {
+            crank.joint: (at + self.shift * k, rate)
+            for k, (crank, at, rate) in found
+            if self.heard[k]
+        }
+
+    def turn(self) -> None:
+        self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+
+    def drive(self, command: CrankCommand | None) -> None:
+        wanted = command.velocity if command else [0.0] * len(self.rates)
+        self.rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
+        self.least = min(self.least, *self.rates)
+        self.most = max(self.most, *self.rates)
+
     def pause(self, seconds: float, *, held_after: float = inf) -> None:
         """Stop the controller; motors keep their rates, and messages wait in their queues."""
-        joints = [crank.joint for crank in self.control.cranks]
         queue = []
         for k in range(round(seconds / DT)):
             self.now += DT
             if k * DT >= held_after:
-                self.rates = [0.0] * len(joints)
-            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
-            readings = dict(zip(joints, zip(self.positions, self.rates, strict=True), strict=True))
-            queue.append((self.now, readings if all(self.heard) else {}))
+                self.rates = [0.0] * len(self.rates)
+            self.turn()
+            queue.append((self.now, self.readings))
         for k, (sent, readings) in enumerate(queue):
             # Ten messages between two commands, as a loop drains them.
             now = self.now + DT * (k // 10)
@@ -54,35 +76,23 @@ class Bench:
             self.control.feedback(readings, now, at=sent, transport_age=age)
             if self.commands:
                 self.control.command(*self.twist, now, transport_age=age)
-            if k % 10 == 9 and (command := self.control.step(now)):
-                self.rates = [f * v for f, v in zip(self.factors, command.velocity, strict=True)]
-                self.least = min(self.least, *self.rates)
-                self.most = max(self.most, *self.rates)
-                assert self.control.lock.errors == [0.0] * len(joints)
+            if k % 10 == 9:
+                self.drive(self.control.step(now))
+                assert self.control.lock.errors == [0.0] * len(self.rates)
         self.now += DT * (len(queue) // 10)
 
     def run(self, seconds: float) -> 'Bench':
-        joints = [crank.joint for crank in self.control.cranks]
         self.worst = 0.0
         self.least, self.most = inf, -inf
         for _ in range(round(seconds / DT)):
             self.now += DT
-            readings = {
-                joint: (self.positions[k] + self.shift * k, self.rates[k])
-                for k, joint in enumerate(joints)
-                if self.heard[k]
-            }
             age = self.clock_offset
-            self.control.feedback(readings, self.now, transport_age=age)
+            self.control.feedback(self.readings, self.now, transport_age=age)
             if self.commands:
                 self.control.command(*self.twist, self.now, transport_age=age)
-            told = self.control.step(self.now)
-            wanted = told.velocity if told else [0.0] * len(joints)
-            self.rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
-            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            self.drive(self.control.step(self.now))
+            self.turn()
             self.worst = max(self.worst, *map(abs, self.control.lock.errors))
-            self.least = min(self.least, *self.rates)
-            self.most = max(self.most, *self.rates)
         return self
 
     @property
