@@ -33,7 +33,7 @@ import yaml
 # The runs that are judged at an interrupt.
 MANY = 10
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
-EXPECTATIONS = yaml.safe_load(Path(__file__).with_name('expectations.yaml').read_text())
+TABLES = yaml.safe_load(Path(__file__).with_name('tables.yaml').read_text())
 # In the order of their names.
 VERDICTS = {
     '<img onerror=x>': 'findings',
@@ -218,7 +218,7 @@ def expectations(folder: Path, text: str) -> Any:
     return expectations_from_file(str(file))
 
 
-@pytest.mark.parametrize('case', EXPECTATIONS, ids=lambda case: str(case['expect']))
+@pytest.mark.parametrize('case', TABLES['met'], ids=lambda case: str(case['expect']))
 def test_a_run_is_held_against_the_expectations(
     case: dict[str, Any], runs: Path, tmp_path: Path
 ) -> None:
@@ -231,19 +231,7 @@ def test_a_run_is_held_against_the_expectations(
     assert case['row']['reason'] in row.reason
 
 
-@pytest.mark.parametrize(
-    ('text', 'reason'),
-    [
-        ('[]', 'must be a mapping'),
-        ('topic: {}', 'did you mean topics'),
-        ('topics: []', 'topics must be a mapping'),
-        ('topics: {/a: {rate: 1}}', 'min_rate'),
-        ('topics: {/a: {max_lost: 2}}', 'a share'),
-        ('topics: {/a: {min_rate: .nan}}', 'finite'),
-        ('allow: gap', 'allow must be a list'),
-        ('baseline: 3', 'baseline must be'),
-    ],
-)
+@pytest.mark.parametrize(('text', 'reason'), TABLES['refused'])
 def test_invalid_expectations_are_refused_in_one_line(
     text: str, reason: str, tmp_path: Path
 ) -> None:
@@ -257,26 +245,13 @@ def test_rows_come_in_the_order_of_the_tasks(runs: Path) -> None:
     assert [Path(row.run).name for row in rows] == ['wrong', 'good']
 
 
-@pytest.mark.parametrize(
-    ('arguments', 'code', 'reason'),
-    [
-        (['--table', 'table.txt'], 2, 'must end in .csv or .parquet'),
-        (['--resume'], 2, 'give --table as well'),
-        (['--table', '/no/such/folder/t.csv'], 3, 'there is no folder'),
-        (['--expect', '/no/such/file'], 2, 'cannot be read'),
-        (['--jobs', '0'], 2, 'argument --jobs: 0 is refused'),
-        (['--jobs', '1.5'], 2, '1.5 is refused: it must be a whole number'),
-        (['--time-limit', 'nan'], 2, 'nan is refused: it must be a number of seconds > 0'),
-        (['--time-limit', '1e400'], 2, '1e400 is refused'),
-        (['--time-limit=-1'], 2, '-1 is refused'),
-        (['--annotate', __file__], 3, 'it is no folder'),
-    ],
-)
+@pytest.mark.parametrize(('arguments', 'code', 'reason'), TABLES['options'])
 def test_impossible_options_are_refused_before_any_work(
-    arguments: list[str], code: int, reason: str, runs: Path, capsys: pytest.CaptureFixture[str]
+    arguments: str, code: int, reason: str, runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
-        found = each.main(['--each', str(runs), *arguments])
+        words = arguments.replace('A_FILE', __file__).split()
+        found = each.main(['--each', str(runs), *words])
     except SystemExit as end:
         found = end.code
     assert found == code

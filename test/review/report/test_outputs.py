@@ -9,34 +9,10 @@ from klann_ros.review import command
 from klann_ros.review.command import main
 from klann_ros.sanitize.files import is_within
 import pytest
+import yaml
 
 # Arguments behind the run, and why they are refused; paths are those of `place`.
-REFUSED = [
-    ('--html run/run_0.mcap', 'run/run_0.mcap cannot be written: it is inside run, '),
-    ('--json run/metadata.yaml', 'run/metadata.yaml cannot be written: it is inside run, '),
-    ('--csv run/new.html', 'it is inside run, which is only read'),
-    ('--html run/more/new.html', 'it is inside run, which is only read'),
-    ('--html folder/x', 'which is only read'),
-    ('--html folder/../run/x', 'which is only read'),
-    ('--html soft', 'which is only read'),
-    ('--html hard', 'which is only read'),
-    ('--html hard_metadata', 'which is only read'),
-    ('--geometry file --json file', 'it is file, which is only read'),
-    ('--limits file --json file', 'it is file, which is only read'),
-    ('file --json file', 'it is file, which is only read'),
-    ('--html other.mcap', 'it is a log, and no log is overwritten'),
-    ('--html other.db3', 'it is a log, and no log is overwritten'),
-    ('--html page --json page', '--json and --html are the same file'),
-    ('--html file --csv hard_file', 'the same file'),
-    ('--html more', 'it is a folder'),
-    ('--html no/page', 'there is no folder {place}/no'),
-    ('--html file/page', 'there is no folder {place}/file'),
-    (f'--html {"x" * 300}', 'File name too long'),
-    ('--html new/', 'that is no path of a file'),
-    ('--html=', 'that is no path of a file'),
-    ('--json link', 'it is a symbolic link: name the file itself'),
-    ('--json dangling', 'it is a symbolic link: name the file itself'),
-]
+REFUSED = yaml.safe_load(Path(__file__).with_name('refused_outputs.yaml').read_text())
 
 
 @pytest.fixture
@@ -84,7 +60,8 @@ def test_an_output_is_refused_at_once_and_nothing_is_changed(
     place: Path, capsys: pytest.CaptureFixture[str], arguments: str, reason: str
 ) -> None:
     before = content(place)
-    error = refusal(capsys, 'run', *arguments.split())
+    words = arguments.replace('LONG', 300 * 'x').split()
+    error = refusal(capsys, 'run', *words)
     assert 'cannot be written: ' in error or 'the same file' in error
     assert reason.format(place=place) in error
     assert content(place) == before
