@@ -1,7 +1,7 @@
 """Angles modulo a turn."""
 
 from math import nan, pi, remainder
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 from .errors import CrankAngleError
 
@@ -25,16 +25,16 @@ def wrap(angle: float) -> float:
 def crank_angle(alpha: SupportsFloat) -> float:
     """Return a crank angle [rad] as a float; raises if not finite or |alpha| > 1e6."""
     # The fast path: nearly every crank angle is a float.
-    number = alpha if type(alpha) is float else _number(alpha)
+    number = alpha if type(alpha) is float else number_or_nan(alpha)
     # NaN fails every comparison.
     if not -MAX_CRANK_ANGLE <= number <= MAX_CRANK_ANGLE:
         raise CrankAngleError(alpha, MAX_CRANK_ANGLE)
     return number
 
 
-def _number(alpha: SupportsFloat) -> float:
+def number_or_nan(value: Any) -> float:
     """Return a float, NaN unless it is a number; float() would accept text such as '1_0'."""
     try:
-        return nan if isinstance(alpha, str | bytes | bytearray) else float(alpha)
+        return nan if isinstance(value, str | bytes | bytearray) else float(value)
     except (TypeError, ValueError, OverflowError):
         return nan

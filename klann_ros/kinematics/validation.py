@@ -9,7 +9,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .angles import TURN
+from .angles import number_or_nan, TURN
 from .errors import GeometryError
 
 # Beyond these the product of four lengths over- or underflows.
@@ -19,11 +19,7 @@ _WORDS = {2: 'two', 4: 'four'}
 
 def finite(name: str, value: Any) -> float:
     """Return a number of a geometry as a float; a GeometryError for none, or one not finite."""
-    try:
-        # float() would take text as well, such as '1_0' for 10.
-        number = math.nan if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
+    number = number_or_nan(value)
     if not math.isfinite(number):
         raise GeometryError(f'{name} = {value!r} is refused: it must be a finite number')
     return number
@@ -84,11 +80,8 @@ def setting(name: str, value: float, maximum: float = math.inf) -> float:
 
 def rate(name: str, value: float) -> None:
     """Refuse a rate or an acceleration that is not a finite number with a ValueError."""
-    try:
-        finite = math.isfinite(value)
-    except (TypeError, OverflowError):
-        finite = False
-    if not finite:
+    # The fast path: nearly every rate is a float.
+    if not math.isfinite(value if type(value) is float else number_or_nan(value)):
         raise ValueError(f'{name} = {value!r} is refused: it must be finite')
 
 
@@ -120,7 +113,7 @@ def guess(value: Sequence[float] | FloatArray, names: str, what: str = 'guess') 
 def vector(name: str, values: Sequence[float]) -> tuple[float, float]:
     """Return two finite numbers as floats; a ValueError for anything else."""
     try:
-        x, y = (float(value) for value in values)
+        x, y = map(number_or_nan, values)
     except (TypeError, ValueError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
