@@ -4,6 +4,7 @@ import atexit
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import os
+import re
 from select import select
 import signal
 import sys
@@ -11,15 +12,20 @@ import termios
 from threading import Lock, Thread
 from typing import Any
 
-ESCAPE = 0x1B
-_KEY_SEQUENCES = {
+_NAMES = {
     b' ': 'space',
     # Terminals send the first, or in their application mode the second.
     **dict.fromkeys((b'\x1b[A', b'\x1bOA'), 'up'),
     **dict.fromkeys((b'\x1b[B', b'\x1bOB'), 'down'),
     **dict.fromkeys((b'\x1b[C', b'\x1bOC'), 'right'),
 }
+# A key's bytes: one, or an escape sequence, of at most MAX_SEQUENCE_LENGTH.
 MAX_SEQUENCE_LENGTH = 32
+_KEY = re.compile(
+    rb'[^\x1b]|\x1b[^\x1b\[O]|\x1bO[^\x1b]|\x1b\[(?:[ -?]{30}|[ -?]{,29}[^\x1b -?])'
+    # An escape always begins a sequence.
+    rb'|\x1b[^\x1b]*(?=\x1b)'
+)
 # Period of checks for the foreground, and timeout of an incomplete key sequence [s].
 _PERIOD = 0.5
 # Indices in termios' list of attributes.
@@ -27,34 +33,13 @@ _LOCAL_MODES, _CHARACTERS = 3, 6
 _COOKED = termios.ICANON | termios.ECHO
 
 
-class KeyParser:
-    """Names of keys from a terminal's bytes, in pieces of any size."""
-
-    def __init__(self) -> None:
-        self._sequence = b''
-
-    def feed(self, data: bytes) -> list[str]:
-        """Return the complete keys, without unknown sequences."""
-        keys = []
-        for byte in data:
-            # An escape always begins a sequence.
-            self._sequence = bytes([byte]) if byte == ESCAPE else self._sequence + bytes([byte])
-            if not self._is_incomplete():
-                keys.append(_KEY_SEQUENCES.get(self._sequence, ''))
-                self._sequence = b''
-        return [key for key in keys if key]
-
-    def discard(self) -> None:
-        """Discard an incomplete sequence, such as the key Escape."""
-        self._sequence = b''
-
-    def _is_incomplete(self) -> bool:
-        """Return whether the sequence is ESC O or ESC [, and its parameters."""
-        if self._sequence in (b'\x1b', b'\x1bO', b'\x1b['):
-            return True
-        is_csi = self._sequence.startswith(b'\x1b[')
-        is_short = len(self._sequence) < MAX_SEQUENCE_LENGTH
-        return is_csi and is_short and 0x20 <= self._sequence[-1] < 0x40
+def split_keys(data: bytes) -> tuple[list[str], bytes]:
+    """Return the names of the known keys in a terminal's bytes, and the incomplete rest."""
+    keys, end = [], 0
+    while key := _KEY.match(data, end):
+        keys.append(_NAMES.get(key[0], ''))
+        end = key.end()
+    return [key for key in keys if key], data[end:]
 
 
 class Keyboard:
@@ -97,8 +82,7 @@ class Keyboard:
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
         # Reading in the background is then an error, and does not stop the process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTIN})
-        parser = KeyParser()
-        has_begun = False
+        has_begun, rest = False, b''
         while True:
             with self._lock:
                 if self._closed:
@@ -107,11 +91,13 @@ class Keyboard:
                 if in_foreground and not has_begun:
                     has_begun = True
                     on_begin()
-                for key in parser.feed(data):
+                keys, rest = split_keys(rest + data)
+                for key in keys:
                     on_key(key)
             ready, *_ = select([self._terminal] if in_foreground else [], [], [], _PERIOD)
             if not ready:
-                parser.discard()
+                # Such as the key Escape.
+                rest = b''
 
     def _poll(self) -> tuple[bool, bytes]:
         """Return whether the process is in the foreground, and the typed bytes."""

@@ -1,6 +1,7 @@
 """Keys that control a player: a real process on a real terminal, under real job control."""
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 import os
 from pathlib import Path
 import signal
@@ -13,7 +14,7 @@ from typing import Any
 from bags import COUNT, write_bag
 from fork_server import PACKAGE
 from hypothesis import given, strategies
-from klann_ros.nodes.player.keyboard import KeyParser, MAX_SEQUENCE_LENGTH
+from klann_ros.nodes.player.keyboard import MAX_SEQUENCE_LENGTH, split_keys
 import pytest
 from ros_domain import Domain, Process
 from std_msgs.msg import Float64
@@ -37,23 +38,31 @@ def test_keys_are_the_same_in_whatever_pieces_they_come(
 ) -> None:
     sent = ''.join(typed).encode()
     cuts = sorted(data.draw(strategies.lists(strategies.integers(0, len(sent)))))
-    parser = KeyParser()
-    pieces = [sent[a:b] for a, b in zip([0, *cuts], [*cuts, len(sent)], strict=True)]
-    keys = [key for piece in pieces for key in parser.feed(piece)]
-    assert keys == [SENT[key] for key in typed if key in SENT]
+    found, rest = [], b''
+    for begin, end in pairwise([0, *cuts, len(sent)]):
+        keys, rest = split_keys(rest + sent[begin:end])
+        found += keys
+    assert (found, rest) == ([SENT[key] for key in typed if key in SENT], b'')
 
 
 @given(strategies.binary(max_size=200))
-def test_after_any_bytes_and_a_rest_a_key_is_a_key(noise: bytes) -> None:
-    parser = KeyParser()
-    parser.feed(noise)
-    parser.discard()
-    assert parser.feed(b' \x1b[A') == ['space', 'up']
+def test_after_any_bytes_without_their_rest_a_key_is_a_key(noise: bytes) -> None:
+    before, rest = split_keys(noise)
+    assert len(rest) < MAX_SEQUENCE_LENGTH
+    keys = split_keys(noise.removesuffix(rest) + b' \x1b[A')
+    assert keys == ([*before, 'space', 'up'], b'')
 
 
-def test_a_sequence_without_an_end_is_given_up() -> None:
-    parser = KeyParser()
-    assert parser.feed(b'\x1b[' + b'1' * MAX_SEQUENCE_LENGTH + b' ') == ['space']
+@pytest.mark.parametrize(
+    ('typed', 'keys'),
+    [
+        # A sequence without an end is given up, and one that another begins in.
+        (b'\x1b[' + b'1' * MAX_SEQUENCE_LENGTH + b' ', ['space']),
+        (b'\x1b[ \x1b[A\x1b\x1bOB', ['up', 'down']),
+    ],
+)
+def test_a_broken_sequence_is_no_key(typed: bytes, keys: list[str]) -> None:
+    assert split_keys(typed) == (keys, b'')
 
 
 class Terminal:
@@ -179,13 +188,21 @@ def values(numbers: list[Float64]) -> list[float]:
     return [message.data for message in numbers]
 
 
-def test_keys_are_those_of_ros2_bag_play(ros: Domain, terminal: Open) -> None:
+def test_keys_are_those_of_ros2_bag_play_and_of_job_control(ros: Domain, terminal: Open) -> None:
     numbers = ros.probe.listen(Float64, 'number')
     player = terminal(*STILL)
     ros.probe.await_publishers('number')
     player.until_taken()
     player.await_log('keys: space pauses and resumes, right arrow plays the next message')
     for n in range(3):
+        if n:
+            # The terminal is given back, and taken again in the foreground.
+            player.press(CTRL_Z)
+            assert player.event() == 'stopped'
+            assert player.attributes == player.before
+            player.put('fg')
+            assert player.event() == 'continued'
+            player.until_taken()
         player.press(RIGHT if n else '\x1bOC')
         ros.probe.until(lambda n=n: values(numbers) == [*range(FIRST, FIRST + n + 1)])
     player.await_log('one message on, at 0.52')
@@ -215,19 +232,17 @@ def test_keys_are_those_of_ros2_bag_play(ros: Domain, terminal: Open) -> None:
     assert player.attributes == player.before
 
 
-def test_the_terminal_is_as_it_was_after_a_core_dump(terminal: Open) -> None:
-    player = terminal('--start-paused')
+@pytest.mark.parametrize(
+    ('key', 'code'),
+    [(SPACE, 0), (CTRL_BACKSLASH, -signal.SIGQUIT)],
+    ids=['the log', 'a core dump'],
+)
+def test_the_terminal_is_as_it_was_after_the_end_of(terminal: Open, key: str, code: int) -> None:
+    player = terminal('--start-paused', '--rate', '9')
     player.until_taken()
     player.process.note_segments(player.job)
-    player.press(CTRL_BACKSLASH)
-    assert player.event() == f'ended {-signal.SIGQUIT}'
-    assert player.attributes == player.before
-
-
-def test_the_terminal_is_as_it_was_after_the_log(terminal: Open) -> None:
-    player = terminal('--rate', '0.5')
-    player.until_taken()
-    assert player.event() == 'ended 0'
+    player.press(key)
+    assert player.event() == f'ended {code}'
     assert player.attributes == player.before
 
 
@@ -257,32 +272,11 @@ pressed.wait()
     assert terminal.attributes == terminal.before
 
 
-def test_ctrl_z_gives_the_terminal_back_and_the_foreground_takes_it_again(
-    ros: Domain, terminal: Open
-) -> None:
-    numbers = ros.probe.listen(Float64, 'number')
-    player = terminal(*STILL)
-    ros.probe.await_publishers('number')
-    player.until_taken()
-    for n in range(2):
-        player.press(CTRL_Z)
-        assert player.event() == 'stopped'
-        assert player.attributes == player.before
-        player.put('fg')
-        assert player.event() == 'continued'
-        player.until_taken()
-        player.press(RIGHT)
-        ros.probe.until(lambda n=n: len(numbers) == n + 1)
-    player.press(CTRL_C)
-    assert player.event() == 'ended 0'
-    assert player.attributes == player.before
-
-
 def test_in_the_background_the_terminal_is_not_touched(ros: Domain, terminal: Open) -> None:
     player = terminal(*STILL, place='bg')
     ros.probe.until(lambda: 'ready: ' in player.errors)
     player.press(f'{SPACE}line\n')
-    ros.probe.spin(1.2)
+    ros.probe.spin(0.7)
     assert player.attributes == player.before
     assert 'keys: ' not in player.errors
     # It has not been stopped for reading, and the line is still there.
@@ -298,17 +292,20 @@ def test_in_the_background_the_terminal_is_not_touched(ros: Domain, terminal: Op
     assert player.event() == 'stopped'
     player.put('bg')
     assert player.event() == 'continued'
-    ros.probe.spin(1.2)
+    ros.probe.spin(0.7)
     assert player.attributes == player.before
-    os.kill(player.job, signal.SIGTERM)
+    player.put('fg')
+    player.until_taken()
+    player.press(CTRL_C)
     assert player.event() == 'ended 0'
     assert player.attributes == player.before
 
 
 def test_the_terminal_is_left_alone_when_asked_to(ros: Domain, terminal: Open) -> None:
     player = terminal('--start-paused', '--disable-keyboard-controls')
-    ros.probe.until(lambda: 'ready: ' in player.errors)
-    ros.probe.spin(1.2)
+    # Where keys are read, the terminal is taken before a node answers.
+    assert ros.probe.call(Trigger, 'player_node/pause', Trigger.Request()).success
+    ros.probe.spin(0.2)
     assert player.attributes == player.before
     player.press(CTRL_Z)
     assert player.event() == 'stopped'
