@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from threading import Lock
 from time import monotonic
 from typing import Any
 
@@ -40,17 +39,15 @@ class ServiceCalls:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._due: deque[Callable[[], object]] = deque()
-        self._lock = Lock()
         self._pending: list[_Call] = []
         self._clients: dict[str, Client] = {}
         self._guard = node.create_guard_condition(self._run)
 
     def put(self, work: Callable[[], object]) -> bool:
         """Run a function soon, unless too many are due; thread safe."""
-        with self._lock:
-            if len(self._due) >= _MAX_PENDING:
-                return False
-            self._due.append(work)
+        if len(self._due) >= _MAX_PENDING:
+            return False
+        self._due.append(work)
         self._guard.trigger()
         return True
 
@@ -130,12 +127,8 @@ class ServiceCalls:
         self.call(GetParameters, service, request, on_response, lambda *_: None)
 
     def _run(self) -> None:
-        while True:
-            with self._lock:
-                if not self._due:
-                    return
-                work = self._due.popleft()
-            work()
+        while self._due:
+            self._due.popleft()()
 
     def _client(self, kind: Any, service: str) -> Client:
         if service not in self._clients:

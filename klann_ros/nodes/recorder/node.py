@@ -30,7 +30,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from .interface import RECORDER_PARAMETERS, RecordingDiagnostics, SERVICES
-from .recorded_topic import MessageSink
 from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
@@ -72,7 +71,8 @@ class RecorderNode(ProcessNode):
         self._watch = TopicWatch(
             self,
             ['*'] if values['all_topics'] else self._full_names(values['topics']),
-            sink=MessageSink(self._put(), self._recording.counters, self._pauses),
+            recording=self._recording,
+            put=self._put(),
             solvers=self._solvers,
             diagnostics=self._diagnostics,
             on_stall=self._on_stall,

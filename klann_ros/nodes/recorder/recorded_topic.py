@@ -1,15 +1,14 @@
 """Subscriptions to one recorded topic, and its drop counters."""
 
-from collections import deque
+from collections import deque, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.qos import Qos, qos_to_yaml
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.write.drop_counters import DropCounters
-from klann_ros.log.write.recording import Pauses
+from klann_ros.log.write.event_session import Recording
 from klann_ros.nodes.endpoints import DEPTH, message_class
 from klann_ros.nodes.raw_executor import Info
 from rclpy.callback_groups import CallbackGroup
@@ -27,14 +26,6 @@ _LATCHED_HISTORY = 2000
 _MAX_SUBSCRIPTION_LAG = 16_384
 
 
-class MessageSink(NamedTuple):
-    """The recording's side: it takes every message, counts it, and may skip it in a pause."""
-
-    put: Callable[[Message], None]
-    counters: DropCounters
-    pauses: Pauses
-
-
 class RecordedTopic:
     """
     Subscribe to a topic with the QoS of its publishers, and pass on the raw messages.
@@ -43,7 +34,8 @@ class RecordedTopic:
     one would miss latched messages, a stronger one would not match. A message that two of them
     receive is recorded once.
 
-    `on_change` receives the topic's name when publishers appear or leave. `is_own` recognizes
+    `put` takes the messages that the recording counts, and does not skip in a pause. `on_change`
+    receives the topic's name when publishers appear or leave. `is_own` recognizes
     messages of the recorder's own publisher, which is not among the publishers. An
     UnknownMessageTypeError or UnknownTypeError for a type that is not installed.
     """
@@ -55,20 +47,24 @@ class RecordedTopic:
         name: str,
         publishers: Sequence[TopicEndpointInfo],
         *,
-        sink: MessageSink,
+        recording: Recording,
+        put: Callable[[Message], None],
         on_change: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
         self.name, self.type = name, publishers[0].topic_type
         self._class, self._definition = message_class(self.type), definition(self.type)
-        self._node, self._group, self._put, self._pauses = node, group, sink.put, sink.pauses
-        self._counters, self._on_change, self._is_own = sink.counters[name], on_change, is_own
+        self._node, self._group, self._put, self._pauses = node, group, put, recording.pauses
+        self._counters, self._on_change = recording.counters[name], on_change
+        self._is_own = is_own
         self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
         self._publishers: dict[tuple[Any, Any], int] = {}
         self._departed: dict[tuple[Any, Any], int] = {}
         self._count = 0
-        self._recent: deque[tuple[int, int]] = deque(maxlen=_LATCHED_HISTORY)
-        self._duplicates: _Duplicates | None = None
+        # Source timestamps and sequence numbers: the last ones of a single subscription, and those
+        # that tell duplicates of two.
+        self._recent = deque[tuple[int, int]](maxlen=_LATCHED_HISTORY)
+        self._known: OrderedDict[tuple[int, int], None] | None = None
         self.adapt(publishers)
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
@@ -102,8 +98,8 @@ class RecordedTopic:
         kind = (profile.reliability, profile.durability)
         if kind in self._subscriptions:
             return
-        if self._subscriptions and self._duplicates is None:
-            self._duplicates = _Duplicates(self._recent)
+        if self._subscriptions and self._known is None:
+            self._known = OrderedDict.fromkeys(self._recent)
         self._publishers[kind] = 0
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self._counters.loss.latched = self._counters.loss.latched or latched
@@ -135,37 +131,22 @@ class RecordedTopic:
             return
         counters, sequence = self._counters, info['publication_sequence_number']
         publish_time, log_time = info['source_timestamp'], info['received_timestamp']
-        if self._duplicates is None:
+        identity = (publish_time, sequence or 0)
+        if self._known is None:
             if counters.loss.count(sequence, self._count):
                 self._on_change(self.name)
-            self._recent.append((publish_time, sequence or 0))
-        elif self._duplicates.check(publish_time, sequence or 0):
+            self._recent.append(identity)
+        elif identity in self._known:
             return
         else:
+            self._known[identity] = None
+            if len(self._known) > _MAX_SUBSCRIPTION_LAG:
+                self._known.popitem(last=False)
             # The order of messages of two subscriptions is undefined.
             counters.loss.count(None, 2)
         counters.received += 1
         if not self._pauses.skips(counters, log_time):
             self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))
-
-
-class _Duplicates:
-    """Recognizes messages of another subscription by source timestamp and sequence number."""
-
-    def __init__(self, recent: Iterable[tuple[int, int]]) -> None:
-        self._order = deque(recent)
-        self._known = set(self._order)
-
-    def check(self, source_time: int, sequence: int) -> bool:
-        """Return whether a message is a duplicate; store it otherwise."""
-        identity = (source_time, sequence)
-        if identity in self._known:
-            return True
-        self._known.add(identity)
-        self._order.append(identity)
-        if len(self._order) > _MAX_SUBSCRIPTION_LAG:
-            self._known.discard(self._order.popleft())
-        return False
 
 
 def _recorded(profile: QoSProfile) -> Qos:

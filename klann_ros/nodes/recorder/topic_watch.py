@@ -9,7 +9,9 @@ import time
 from time import monotonic, time_ns
 
 from klann_ros.log.errors import LogError
+from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import Pause
+from klann_ros.log.write.event_session import Recording
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
 from klann_ros.nodes.raw_executor import RawCallbackGroup
@@ -18,7 +20,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .interface import RecordingDiagnostics
-from .recorded_topic import MessageSink, RecordedTopic
+from .recorded_topic import RecordedTopic
 from .solver_watch import SolverWatch
 
 # Period of discovery, and that of pending requests without changes [s].
@@ -66,8 +68,8 @@ class TopicWatch:
     """
     Subscribe to topics as they appear, by full names with the wildcard *.
 
-    `sink` receives the messages, `solvers` the publishers of joint states, and `on_stall` each
-    stall of this process. `diagnostics`, the node's own publisher, is not recorded.
+    `put` receives the messages of the recording, `solvers` the publishers of joint states, and
+    `on_stall` each stall of this process. `diagnostics` are the node's own, and not recorded.
     """
 
     def __init__(
@@ -75,7 +77,8 @@ class TopicWatch:
         node: Node,
         patterns: Sequence[str],
         *,
-        sink: MessageSink,
+        recording: Recording,
+        put: Callable[[Message], None],
         solvers: SolverWatch,
         diagnostics: RecordingDiagnostics,
         on_stall: Callable[[Pause], None],
@@ -84,7 +87,7 @@ class TopicWatch:
         self._heartbeat = Heartbeat()
         self._topics: dict[str, RecordedTopic] = {}
         self._node, self._patterns, self._solvers = node, patterns, solvers
-        self._sink, self._diagnostics = sink, diagnostics
+        self._recording, self._put, self._diagnostics = recording, put, diagnostics
         self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
         self._warnings: set[str] = set()
@@ -195,7 +198,8 @@ class TopicWatch:
                 self._group,
                 name,
                 publishers,
-                sink=self._sink,
+                recording=self._recording,
+                put=self._put,
                 on_change=self._on_change,
                 is_own=own.has_published if name == own.topic else None,
             )
