@@ -15,6 +15,8 @@ _MAX_POINTS = 361
 # Steps between the labels of the horizontal axis [deg].
 _ANGLE_STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0)
 _LINE_COLOURS = 7
+# Charts scroll on a small screen, so keys must reach them.
+GROUP = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
 # A curve may step between samples within this distance [rad].
 _STEP_WIDTH = 1e-6
 
@@ -228,6 +230,4 @@ def grid(charts: Iterable[Chart]) -> Markup:
     figures = [chart.figure() for chart in charts]
     if not figures:
         return Markup()
-    # They scroll on a small screen, so keys must reach them.
-    group = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
-    return element('div', *figures, class_='charts', **group)
+    return element('div', *figures, class_='charts', **GROUP)

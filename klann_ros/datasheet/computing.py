@@ -1,10 +1,10 @@
 """From a robot to its data sheet."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from math import isfinite, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
 from klann_ros.gait import GaitFigures, NoWalkerError, walk_figures
@@ -31,6 +31,7 @@ from .motor import Motor, verdict
 from .sheet import (
     BarFigures,
     BodyMassFigures,
+    cases,
     CrankSheet,
     DataSheet,
     Extreme,
@@ -97,26 +98,25 @@ def data_sheet(
         )
     if not (isfinite(load) and 0.0 <= load <= MAX_LOAD):
         raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MAX_LOAD:g}')
-    legs, sheets = _leg_sheets(robot, speed, load, margins=margins, samples=samples)
+    request = _Request(robot, float(speed), float(load), motor, margins, samples)
+    alike: dict[Any, list[RobotLeg]] = {}
+    for leg in robot.legs:
+        # Equal bars, masses, and gravity in their planes.
+        down = (*leg.mount.rotation[2, :2].round(9).tolist(),)
+        alike.setdefault((leg.linkage, leg.masses, down), []).append(leg)
+    sheets = [_leg_sheet(request, legs) for legs in alike.values()]
     missing = _missing_masses(robot)
     if motor is not None and missing and not load:
         raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
-    cranks = []
-    for joint in robot.crank_joints:
-        loaded = [
-            LoadedLeg(leg, _dynamics(robot, leg), legs[leg.name].stance)
-            for leg in robot.on_joint(joint)
-        ]
-        turns = all(legs[each.leg.name].turns_fully for each in loaded)
-        cranks.append(_crank(joint, loaded, speed, load, samples, motor, turns=turns))
+    by_name = {name: sheet for sheet in sheets for name in sheet.names}
     walk, no_walk = _walk(robot)
     return DataSheet(
         name=robot.name,
         source=robot.source,
-        speed=float(speed),
-        load=float(load),
+        speed=request.speed,
+        load=request.load,
         legs=tuple(sheets),
-        cranks=tuple(cranks),
+        cranks=tuple(_crank(request, joint, by_name) for joint in robot.crank_joints),
         motor=motor,
         no_forces=_no_forces(sheets, missing, load),
         walk=walk,
@@ -124,34 +124,15 @@ def data_sheet(
     )
 
 
-def _leg_sheets(
-    robot: Robot, speed: float, load: float, *, margins: bool, samples: int
-) -> tuple[dict[str, LegSheet], list[LegSheet]]:
-    """Return the sheet of each leg by its name, and each distinct sheet once."""
-    groups: list[list[RobotLeg]] = []
-    for leg in robot.legs:
-        group = next((group for group in groups if _are_alike(group[0], leg)), None)
-        if group is None:
-            groups.append([leg])
-        else:
-            group.append(leg)
-    sheets = [
-        replace(
-            _leg_sheet(robot, legs[0], speed, load, margins=margins, samples=samples),
-            names=tuple(leg.name for leg in legs),
-        )
-        for legs in groups
-    ]
-    by_name = {name: sheet for sheet in sheets for name in sheet.names}
-    return by_name, sheets
+class _Request(NamedTuple):
+    """The parameters of `data_sheet`."""
 
-
-def _are_alike(one: RobotLeg, other: RobotLeg) -> bool:
-    """Return whether two legs have one sheet: equal bars, masses, and gravity in their planes."""
-    if one.linkage != other.linkage or one.masses != other.masses:
-        return False
-    down, also = (leg.mount.rotation[2, :2] for leg in (one, other))
-    return bool(np.allclose(down, also, atol=1e-9))
+    robot: Robot
+    speed: float
+    load: float
+    motor: Motor | None
+    margins: bool
+    samples: int
 
 
 def _missing_masses(robot: Robot) -> str:
@@ -170,24 +151,16 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
         reasons.append('the crank does not turn fully: there are no forces over a turn')
     if missing:
         reasons.append(f'{missing}; the figures are of the load alone' if load else missing)
-    if any(np.isnan(of.torque).any() for leg in legs for of in leg.cases):
+    if any(np.isnan(of.torque).any() for leg in legs for _, of in cases(leg)):
         reasons.append(
             'links are in line at a crank angle, where no force follows from the motion'
         )
     return '; '.join(reasons)
 
 
-def _crank(  # noqa: PLR0917 - the parameters of `data_sheet`
-    joint: str,
-    loaded: Sequence[LoadedLeg],
-    speed: float,
-    load: float,
-    samples: int,
-    motor: Motor | None,
-    *,
-    turns: bool,
-) -> CrankSheet:
-    (first, *others) = legs = [each.leg for each in loaded]
+def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
+    robot, speed, load, motor, _, samples = request
+    (first, *others) = legs = robot.on_joint(joint)
     bare = CrankSheet(
         joint=joint,
         legs=tuple(leg.name for leg in legs),
@@ -196,21 +169,22 @@ def _crank(  # noqa: PLR0917 - the parameters of `data_sheet`
         loaded=None,
         motor=None,
     )
-    if not turns:
+    if not all(sheets[leg.name].turns_fully for leg in legs):
         return bare
+    loaded = [LoadedLeg(leg, _dynamics(robot, leg), sheets[leg.name].stance) for leg in legs]
     has_masses = all(leg.masses is not None for leg in legs)
     angles = turn_angles(samples, [edge for each in loaded for edge in each.edges if load])
 
-    def cases() -> list[CrankLoad | None]:
+    def loads() -> list[CrankLoad | None]:
         return [
             crank_load(loaded, 0.0, angles) if has_masses else None,
             crank_load(loaded, load, angles) if load else None,
         ]
 
-    known = [case for case in cases() if case]
+    known = filter(None, loads())
     curves = [(case.still, case.per_speed_squared, case.torque(speed)) for case in known]
     angles = with_extremes(angles, chain.from_iterable(curves))
-    empty, full = cases()
+    empty, full = loads()
     judged = full or empty
     return replace(
         bare,
@@ -232,10 +206,10 @@ def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
         return None, str(error)
 
 
-def _leg_sheet(
-    robot: Robot, leg: RobotLeg, speed: float, load: float, *, margins: bool, samples: int
-) -> LegSheet:
-    linkage = leg.linkage
+def _leg_sheet(request: _Request, legs: Sequence[RobotLeg]) -> LegSheet:
+    """Return the sheet of legs that are alike."""
+    robot, speed, load, _, margins, samples = request
+    leg, linkage = legs[0], legs[0].linkage
     arcs = tuple(reachable_arcs(linkage))
     turns = arcs == ((0.0, TURN),)
     path, stance, no_stance = _path(linkage)
@@ -243,7 +217,7 @@ def _leg_sheet(
     alphas = turn_angles(samples, edges) if turns else _arc_angles(arcs, samples)
     bars, no_margins = _bars(linkage, turns=turns, margins=margins)
     sheet = LegSheet(
-        names=(leg.name,),
+        names=tuple(each.name for each in legs),
         linkage=linkage,
         bars=bars,
         no_margins=no_margins,
@@ -263,12 +237,13 @@ def _leg_sheet(
         raise SheetError(f'a load on the foot has nowhere to be: {no_stance}')
 
     def with_forces() -> LegSheet:
-        empty = _forces(robot.dynamics(leg), sheet, speed, 0.0) if leg.masses else None
-        loaded = _forces(_dynamics(robot, leg), sheet, speed, load) if load else None
+        dynamics = _dynamics(robot, leg)
+        empty = _forces(dynamics, sheet, speed, 0.0) if leg.masses else None
+        loaded = _forces(dynamics, sheet, speed, load) if load else None
         return replace(sheet, empty=empty, loaded=loaded)
 
-    cases = with_forces().cases
-    curves = [curve for of in cases for curve in (of.torque, *(j.force for j in of.joints))]
+    known = cases(with_forces())
+    curves = [curve for _, of in known for curve in (of.torque, *(j.force for j in of.joints))]
     sheet = replace(sheet, **_poses(linkage, with_extremes(alphas, curves)))
     return with_forces()
 
@@ -304,12 +279,10 @@ def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
 
 def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFigures, ...], str]:
     known: dict[str, Margin] = {}
-    reason = ''
+    reason = '' if linkage.is_dyadic or margins else COUPLED
     if not turns:
         reason = 'the crank does not turn fully'
-    elif not linkage.is_dyadic and not margins:
-        reason = COUPLED
-    else:
+    if not reason:
         try:
             known = length_margins(linkage)
         except PartialTurnError:

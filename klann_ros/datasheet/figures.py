@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from math import degrees, floor, inf, isfinite, log10, pi
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import counted, printable
 
-from .sheet import CrankSheet, DataSheet, Extreme, LegSheet
+from .sheet import cases, CrankSheet, DataSheet, Extreme, LegSheet
 
 # Speed fluctuation of a crank for which a flywheel is sized.
 SPEED_FLUCTUATION = 0.1
@@ -114,12 +114,6 @@ def _span(low: str, high: str) -> str:
     return f'{low} .. {high}'
 
 
-def cases(of: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
-    """Return the forces of a leg or a crank, without and with the load, as far as known."""
-    pairs = ('empty', of.empty), ('loaded', of.loaded)
-    return [(name, case) for name, case in pairs if case]
-
-
 def bars(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's dimensions."""
     has_margins = not leg.no_margins
@@ -144,18 +138,11 @@ def bars(leg: LegSheet) -> FigureTable:
 def transmission(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's transmission angles."""
     rows = tuple(
-        (
-            each.name,
-            degree(each.least.value),
-            degree(each.least.at),
-            degree(each.greatest.value),
-            degree(each.greatest.at),
-            degree(each.worst.value),
-        )
+        (each.name, *map(degree, (*each.least, *each.greatest, each.from_in_line.value)))
         for each in leg.transmission
     )
     heads = ('Links', 'Least / deg', 'at crank', 'Greatest / deg', 'at crank', 'From in line')
-    poor = [each for each in leg.transmission if each.worst.value < GOOD_TRANSMISSION]
+    poor = [each for each in leg.transmission if each.from_in_line.value < GOOD_TRANSMISSION]
     less = '; here it is less' if poor else ''
     note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{less}.'
     return FigureTable('Transmission angles', heads, rows, note)
@@ -164,14 +151,8 @@ def transmission(leg: LegSheet) -> FigureTable:
 def masses(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's masses."""
     rows = tuple(
-        (
-            body.name,
-            number(body.mass),
-            millimetres(body.centre[0]),
-            millimetres(body.centre[1]),
-            number(body.inertia),
-        )
-        for body in leg.masses
+        (name, number(mass), *map(millimetres, centre), number(inertia))
+        for name, mass, centre, inertia in leg.masses
     )
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
     note = f'{number(leg.mass)} kg a leg. The centre is from the first point of the body.'

@@ -8,8 +8,9 @@ from klann_ros import __version__
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import Stance
 from klann_ros.sanitize.outputs import finite
+import numpy as np
 
-from .sheet import CrankSheet, DataSheet, Extreme, LegForces, LegSheet
+from .sheet import CrankSheet, DataSheet, LegSheet
 
 # Increases when a key changes its meaning.
 VERSION = 1
@@ -43,6 +44,15 @@ def _values(of: Any, names: Sequence[str]) -> dict[str, Any]:
     return {name: getattr(of, name) for name in names}
 
 
+def _plain(value: Any) -> Any:
+    """Return records as mappings by their fields, and arrays as lists."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if hasattr(value, '_asdict'):
+        return {name: _plain(item) for name, item in value._asdict().items()}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
 def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
     linkage = leg.linkage
     return {
@@ -64,24 +74,12 @@ def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
         'path': _path(leg),
         'stance': _stance(leg.stance, speed) if leg.stance else None,
         'no_stance': leg.no_stance or None,
-        'transmission': [
-            {
-                'name': each.name,
-                'least': _extreme(each.least),
-                'greatest': _extreme(each.greatest),
-                'from_in_line': _extreme(each.worst),
-                'angle': each.angles.tolist(),
-            }
-            for each in leg.transmission
-        ],
+        'transmission': _plain(leg.transmission),
         'mass': leg.mass if leg.masses else None,
-        'masses': [
-            {'body': body.name, **_values(body, ('mass', 'centre', 'inertia'))}
-            for body in leg.masses
-        ],
-        'crank_angle': leg.alphas.tolist(),
-        'empty': _forces(leg.empty),
-        'loaded': _forces(leg.loaded),
+        'masses': _plain(leg.masses),
+        'crank_angle': _plain(leg.alphas),
+        'empty': _plain(leg.empty),
+        'loaded': _plain(leg.loaded),
     }
 
 
@@ -99,25 +97,6 @@ def _stance(stance: Stance, speed: float) -> dict[str, Any]:
         **{name: value * abs(speed) for name, value in per_turn.items()},
         'body_speed': stance.speed(speed),
     }
-
-
-def _extreme(extreme: Extreme | None) -> dict[str, float] | None:
-    return None if extreme is None else extreme._asdict()
-
-
-def _forces(forces: LegForces | None) -> dict[str, Any] | None:
-    if forces is None:
-        return None
-    joints = [
-        {
-            'name': joint.name,
-            'greatest': _extreme(joint.greatest),
-            'moment': _extreme(joint.moment),
-            'force': joint.force.tolist(),
-        }
-        for joint in forces.joints
-    ]
-    return {'torque': forces.torque.tolist(), 'joints': joints}
 
 
 def _crank(crank: CrankSheet) -> dict[str, Any]:

@@ -113,9 +113,7 @@ def motor_from(content: Any) -> Motor:
     if missing:
         also = '; gear_ratio: 1 is none' * ('gear_ratio' in missing)
         raise ValueError(f'{", ".join(missing)} missing, {example}{also}')
-    for key, value in content.items():
-        _check(key, value)
-    return Motor(**{key: float(value) for key, value in content.items()})
+    return Motor(**content)
 
 
 def _check(name: str, value: Any) -> None:

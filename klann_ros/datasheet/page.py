@@ -1,6 +1,7 @@
 """A data sheet as one HTML page that opens offline."""
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,10 @@ from klann_ros.web.shape import leg_shape
 import numpy as np
 
 from . import figures
-from .chart import Chart, ChartLine, grid
-from .figures import cases, Figure, FigureTable
+from .chart import Chart, ChartLine, grid, GROUP
+from .figures import Figure, FigureTable
 from .load import EDGE_OFFSET, on_the_ground
-from .sheet import CrankSheet, DataSheet, LegSheet
+from .sheet import cases, CrankSheet, DataSheet, LegSheet
 
 _STATIC_FILES = Path(__file__).resolve().parent / 'static'
 PAGE_PARTS = Parts(
@@ -93,11 +94,9 @@ def _notes(sheet: DataSheet) -> Markup:
 
 def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
     """Return the section of a leg, with the crank's charts beside a single one."""
-    own = [*_leg_charts(leg)]
-    crank = [*_crank_charts(sheet.cranks[0], sheet, leg)] if sheet.is_single else []
-    beside, below = (crank, own) if crank else (own, [])
+    crank = _crank_charts(sheet.cranks[0], sheet, leg) if sheet.is_single else []
+    charts = [*crank, *_leg_charts(leg)]
     motors = [_table(_motor(c)) for c in sheet.cranks if sheet.is_single and c.motor]
-    charts = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
     return element(
         'section',
         element(
@@ -109,10 +108,10 @@ def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
         element(
             'div',
             element('div', _drawing(leg, number), *motors, class_='beside'),
-            element('div', *(chart.figure() for chart in beside[:2]), class_='beside', **charts),
+            element('div', *(chart.figure() for chart in charts[:2]), class_='beside', **GROUP),
             class_='stage',
         ),
-        grid([*beside[2:], *below]),
+        grid(charts[2:]),
         element('div', *map(_table, _tables(sheet, leg)), class_='tables'),
     )
 
@@ -158,7 +157,7 @@ def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
     spans = _spans(leg)
     if leg.transmission:
         lines = [
-            ChartLine(each.name, np.degrees(each.angles), number, is_dashed=number > 0)
+            ChartLine(each.name, np.degrees(each.angle), number, is_dashed=number > 0)
             for number, each in enumerate(leg.transmission)
         ]
         text = 'How well the links push each other: 90 deg is best, 0 and 180 deg are in line.'
@@ -183,27 +182,25 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
         return
     direction = -1.0 if sheet.speed < 0.0 else 1.0
     limits = [('the motor gives', direction * crank.motor.available)] if crank.motor else []
-    sign = 'The torque for a constant speed, counter-clockwise positive.'
-    for of, unit, caption, marks in (
-        ('torque', 'N m', sign, limits),
-        ('power', 'W', 'Negative where the leg drives the motor.', []),
-    ):
-        dashes = [name == 'empty' and len(columns) > 1 for name, _ in columns]
-        lines = [
-            ChartLine(name, getattr(turn, of), number, is_dashed=dashes[number])
+    chart = partial(
+        Chart,
+        angles=columns[0][1].alphas,
+        spans=_spans(leg) if leg else [],
+        axis='crank angle / deg' if leg else f'angle of {crank.joint} / deg',
+        moves=leg is not None,
+    )
+
+    def lines(of: str) -> list[ChartLine]:
+        several = len(columns) > 1
+        return [
+            ChartLine(name, getattr(turn, of), number, is_dashed=several and number == 0)
             for number, (name, turn) in enumerate(columns)
         ]
-        yield Chart(
-            f'{of.capitalize()} at the crank',
-            unit,
-            columns[0][1].alphas,
-            lines,
-            caption,
-            spans=_spans(leg) if leg else [],
-            limits=marks,
-            axis='crank angle / deg' if leg else f'angle of {crank.joint} / deg',
-            moves=leg is not None,
-        )
+
+    text = 'The torque for a constant speed, counter-clockwise positive.'
+    yield chart('Torque at the crank', 'N m', lines=lines('torque'), text=text, limits=limits)
+    text = 'Negative where the leg drives the motor.'
+    yield chart('Power at the crank', 'W', lines=lines('power'), text=text)
 
 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
@@ -212,7 +209,7 @@ def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
     yield figures.bars(leg)
     if leg.transmission:
         yield figures.transmission(leg)
-    if leg.cases:
+    if cases(leg):
         yield figures.joint_forces(leg)
     if leg.masses:
         yield figures.masses(leg)
@@ -250,28 +247,16 @@ def _walking(sheet: DataSheet) -> Markup:
     walk, table = sheet.walk, figures.supports(sheet)
     if walk is None or table is None:
         return Markup()
-    curves = [
-        (
-            'Static margin',
-            ChartLine('margin', 1e3 * walk.margin),
-            'The centre of mass in the support polygon; negative is outside.',
-        )
-    ]
+    chart = partial(
+        Chart, unit='mm', angles=walk.alphas, axis='rotation of the cranks / deg', moves=False
+    )
+    margin = ChartLine('margin', 1e3 * walk.margin)
+    text = 'The centre of mass in the support polygon; negative is outside.'
+    charts = [chart('Static margin', lines=[margin], text=text)]
     if walk.stable_fraction:
         height = ChartLine('above its mean', 1e3 * (walk.height - np.nanmean(walk.height)))
-        curves.append(('Height of the body', height, 'The height of the body from its mean.'))
-    charts = (
-        Chart(
-            title,
-            'mm',
-            walk.alphas,
-            [line],
-            text,
-            axis='rotation of the cranks / deg',
-            moves=False,
-        )
-        for title, line, text in curves
-    )
+        text = 'The height of the body from its mean.'
+        charts.append(chart('Height of the body', lines=[height], text=text))
     return element(
         'section',
         element('h2', 'Walking'),

@@ -1,7 +1,7 @@
 """A data sheet: the figures of a robot's legs and cranks before they are built, in SI units."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.gait import GaitFigures
@@ -23,8 +23,7 @@ class Extreme(NamedTuple):
     at: float
 
 
-@dataclass(frozen=True, eq=False)
-class BarFigures:
+class BarFigures(NamedTuple):
     """
     A dimension of a linkage.
 
@@ -45,8 +44,7 @@ class BarFigures:
     margin: Margin | None
 
 
-@dataclass(frozen=True, eq=False)
-class Transmission:
+class Transmission(NamedTuple):
     """
     The transmission angle of a dyad over all crank angles.
 
@@ -54,24 +52,23 @@ class Transmission:
     ----------
     name : str
         The two links, or 'coupled loops'.
-    angles : numpy.ndarray, shape (k,)
+    angle : numpy.ndarray, shape (k,)
         At the leg's crank angles, in [0, pi] [rad].
     least, greatest : Extreme
         Of the angles [rad].
-    worst : Extreme
+    from_in_line : Extreme
         The least min(mu, pi - mu), the distance from links in line [rad].
 
     """
 
     name: str
-    angles: FloatArray
+    angle: FloatArray
     least: Extreme
     greatest: Extreme
-    worst: Extreme
+    from_in_line: Extreme
 
 
-@dataclass(frozen=True, eq=False)
-class JointForce:
+class JointForce(NamedTuple):
     """
     The force of a joint over the turn.
 
@@ -94,8 +91,7 @@ class JointForce:
     moment: Extreme | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class LegForces:
+class LegForces(NamedTuple):
     """
     The forces of a leg at the sheet's speed, without or with the load on its foot.
 
@@ -112,11 +108,10 @@ class LegForces:
     joints: tuple[JointForce, ...]
 
 
-@dataclass(frozen=True)
-class BodyMassFigures:
+class BodyMassFigures(NamedTuple):
     """The mass of a body [kg], its centre in the body [m], its inertia about it [kg m^2]."""
 
-    name: str
+    body: str
     mass: float
     centre: tuple[float, float]
     inertia: float
@@ -183,11 +178,6 @@ class LegSheet:
         return sum(body.mass for body in self.masses)
 
     @property
-    def cases(self) -> tuple[LegForces, ...]:
-        """Return the figures without and with the load."""
-        return tuple(of for of in (self.empty, self.loaded) if of is not None)
-
-    @property
     def title(self) -> str:
         """Return the names of the legs in a line."""
         return ', '.join(self.names)
@@ -224,6 +214,12 @@ class CrankSheet:
     def hardest(self) -> TurnOfForces | None:
         """Return the case by which the motor is judged."""
         return self.loaded or self.empty
+
+
+def cases(of: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
+    """Return the forces of a leg or a crank, without and with the load, as far as known."""
+    pairs = ('empty', of.empty), ('loaded', of.loaded)
+    return [(name, case) for name, case in pairs if case]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from klann_ros.sanitize.text import printable, printable_line
 
 from . import figures
 from .figures import Figure, FigureTable
-from .sheet import DataSheet, LegSheet
+from .sheet import cases, DataSheet, LegSheet
 
 # A longer cell shifts its own line only [characters].
 MAX_COLUMN = 40
@@ -58,7 +58,7 @@ def _leg(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
     yield from _table(figures.transmission(leg))
     if leg.masses:
         yield from _table(figures.masses(leg))
-    if leg.empty or leg.loaded:
+    if cases(leg):
         yield from _table(figures.joint_forces(leg))
 
 

@@ -145,7 +145,8 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
         middle = (stance.start + stance.end + TURN) / 2.0
         at: Any = linkage_poses(linkage, [middle]).h[0, 1]
         found['step_height'] = float(at) - leg.path.y_range[0]
-    found['transmission_angle'] = min((each.worst.value for each in leg.transmission), default=0.0)
+    worst = [each.from_in_line.value for each in leg.transmission]
+    found['transmission_angle'] = min(worst, default=0.0)
     found['width'], found['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
     dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
     lengths = [number for d, number in dimensions if d.kind == 'length']

@@ -9,6 +9,7 @@ import re
 from klann_ros.datasheet import data_sheet, DataSheet, Motor, SheetError
 from klann_ros.datasheet.json_report import report
 from klann_ros.datasheet.page import page
+from klann_ros.datasheet.sheet import cases
 from klann_ros.kinematics import foot_path, KlannGeometry, KlannLeg, length_margins, linkage_poses
 from klann_ros.robot import Robot, robot_from_file, robot_from_parameters, robot_of, RobotLeg
 import numpy as np
@@ -120,7 +121,7 @@ def test_peaks_are_those_of_dense_sampling(name: str) -> None:
 
 def peaks(sheet: DataSheet) -> list[float]:
     turns = [turn for crank in sheet.cranks for turn in (crank.empty, crank.loaded) if turn]
-    joints = [joint for leg in sheet.legs for case in leg.cases for joint in case.joints]
+    joints = [joint for leg in sheet.legs for _, forces in cases(leg) for joint in forces.joints]
     return [*(turn.peak for turn in turns), *(joint.greatest.value for joint in joints)]
 
 
