@@ -1,9 +1,10 @@
 """
 Plots of any linkage with matplotlib, which is imported only for drawing.
 
-Each function takes a linkage, a geometry or a leg, draws on given axes or on a new figure, and
-returns the axes; `animate` returns the animation. Labels are symbols and units. Anything else than
-a linkage, a geometry or a leg is a TypeError, and drawing without matplotlib a NoMatplotlibError.
+Each function takes a `Linkage`, a `KlannGeometry`, a `FourBarGeometry` or a leg as `given`, draws
+on the axes `ax` or on those of a new figure, and returns them; `animate` returns the animation.
+Labels are symbols and units. Anything else as `given` is a TypeError, and drawing without
+matplotlib a NoMatplotlibError.
 """
 
 from .charts import plot_convergence, plot_turn
