@@ -17,12 +17,10 @@ LATCHED = qos_to_yaml([Qos(history='keep_last', depth=1, durability='transient_l
 
 
 def number(n: int) -> bytes:
-    """Return a Float64."""
     return b'\0\1\0\0' + struct.pack('<d', n)
 
 
 def text(words: str) -> bytes:
-    """Return a String."""
     data = words.encode() + b'\0'
     return b'\0\1\0\0' + struct.pack('<I', len(data)) + data
 

@@ -116,7 +116,6 @@ def record_spans(data: bytes) -> list[tuple[int, int, int]]:
 
 
 def spans_of(data: bytes, opcode: int) -> list[tuple[int, int]]:
-    """Return begin and end of each record of a kind."""
     return [(start, end) for kind, start, end in record_spans(data) if kind == opcode]
 
 
@@ -132,10 +131,8 @@ BATCHES = [MESSAGES[slice(end - 40, end)] for end in range(40, 280, 40)]
 
 
 def joined(batches: Iterable[Iterable[Message]]) -> list[Message]:
-    """Return the messages of all batches."""
     return [message for batch in batches for message in batch]
 
 
 def all_but(number: int) -> list[Message]:
-    """Return the messages of all batches but one."""
     return joined(batch for other, batch in enumerate(BATCHES) if other != number)

@@ -9,14 +9,12 @@ FILES = {path.name: path for path in sorted((ROOT / 'launch').glob('*.py'))}
 
 
 def nodes(name: str, kind: type) -> Iterator:
-    """Yield the parts of a launch file that are of a kind."""
     for node in ast.walk(ast.parse(FILES[name].read_text())):
         if isinstance(node, kind):
             yield node
 
 
 def calls(name: str, *functions: str) -> Iterator[ast.Call]:
-    """Yield the calls of functions in a launch file."""
     for call in nodes(name, ast.Call):
         if getattr(call.func, 'id', '') in functions:
             yield call
@@ -43,7 +41,6 @@ def declared(name: str) -> dict[str, object]:
 
 
 def included(name: str) -> set[str]:
-    """Return the launch files that a launch file includes."""
     return {
         str(word)
         for call in calls(name, 'PathJoinSubstitution', 'included')

@@ -116,7 +116,6 @@ class Prefix:
         }
 
     def add_share(self, package: Path) -> None:
-        """Add the share folder of another package."""
         (self.folder / 'share' / package.name).symlink_to(package)
         index = self.folder / 'share' / 'ament_index' / 'resource_index' / 'packages'
         (index / package.name).touch()
@@ -169,12 +168,10 @@ class Prefix:
         return [node['robot_description'] for node in nodes if 'robot_description' in node]
 
     def left(self) -> list[str]:
-        """Return what was started and has not ended."""
         lines = [line.split() for line in self._started.read_text().splitlines()]
         return [name for name, pid in lines if name != 'code' and Path('/proc', pid).exists()]
 
     def close(self) -> None:
-        """End everything."""
         for launch in self._launches:
             launch.kill()
             launch.communicate()

@@ -80,12 +80,10 @@ class Process:
         )
 
     def wait(self) -> int:
-        """Wait for its end; return the exit code."""
         self.output, _ = self.popen.communicate(timeout=PATIENCE)
         return self.popen.returncode
 
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """Send a signal and wait for the end; return the exit code."""
         self.popen.send_signal(number)
         return self.wait()
 
@@ -103,11 +101,9 @@ class Process:
 
     @property
     def errors(self) -> str:
-        """Return its stderr so far."""
         return Path(self._errors.name).read_text()
 
     def release(self) -> None:
-        """End it, by SIGKILL only if SIGTERM fails."""
         self.popen.terminate()
         try:
             self.popen.wait(PATIENCE / 2)
@@ -160,21 +156,18 @@ class Probe:
         return self.add(Node, name, **options)
 
     def add(self, kind: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        """Return a node of a kind, likewise."""
         node = kind(*arguments, context=self.context, **options)
         self._executor.add_node(node)
         self._neighbours.append(node)
         return node
 
     def until(self, condition: Callable[[], Any], patience: float = PATIENCE) -> None:
-        """Spin until a condition holds."""
         end = time.monotonic() + patience
         while not condition():
             assert time.monotonic() < end, f'timeout{self.failure_report()}'
             self._executor.spin_once(timeout_sec=0.02)
 
     def spin(self, seconds: float) -> None:
-        """Spin for some time."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
@@ -227,7 +220,6 @@ class Probe:
         self.node.destroy_client(client)
 
     def call(self, kind: type, service: str, request: Any) -> Any:
-        """Call a service of a node, once; return the response."""
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready)
         self.await_discovery(service.rpartition('/')[0])
@@ -246,7 +238,6 @@ class Probe:
         return answer.result if atomic else answer.results[-1]
 
     def close(self) -> None:
-        """Leave the domain."""
         self._executor.shutdown()
         for node in [*self._neighbours, self.node]:
             node.destroy_node()
@@ -272,11 +263,9 @@ class RecorderReports:
         return {value.key: value.value for s in self.statuses[-1:] for value in s.values}
 
     def count(self, key: str) -> int:
-        """Return the last value of a key."""
         return int(self.values.get(key, 0))
 
     def until(self, key: str, count: int) -> None:
-        """Wait until a key has reached a count."""
         self._probe.until(lambda: self.count(key) >= count)
 
     def until_received(self, counts: Mapping[str, int]) -> None:
@@ -359,7 +348,6 @@ class Domain:
         )
 
     def close(self) -> None:
-        """End everything."""
         for process in self._processes:
             process.release()
         for probe in (*self._others, self.probe):
@@ -371,7 +359,6 @@ class Domain:
 
 @contextmanager
 def open_domain(domain: int, folder: Path) -> Iterator[Domain]:
-    """Open a domain, and close it."""
     made = Domain(domain, folder)
     try:
         yield made

@@ -51,12 +51,10 @@ class Conversation:
             self.probe.await_publishers(f'{prefix}velocity_h')
 
     def turn(self, *alphas: float) -> None:
-        """Publish crank angles."""
         for alpha in alphas:
             self.crank.publish(Float64(data=alpha))
 
     def state(self, **fields: Any) -> None:
-        """Publish a JointState."""
         stamp = fields.pop('stamp', Time())
         message = JointState(**fields)
         message.header.stamp = stamp

@@ -88,7 +88,6 @@ class Stranger:
         self._publisher = c_void_p(made)
 
     def close(self) -> None:
-        """Leave the network."""
         self._rmw.rmw_destroy_publisher(self._node, self._publisher)
 
     def _type_support(self, kind: bytes) -> Any:

@@ -70,7 +70,6 @@ async def frame(socket: Socket) -> dict[str, Any]:
 
 
 async def answer_to(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
-    """Send a command; return its answer."""
     await socket.send_json(command)
     while True:
         content = await frame(socket)

@@ -45,7 +45,6 @@ def local_context() -> Iterator[Context]:
 
 @pytest.fixture
 def create(local_context: Context, tmp_path: Path) -> Iterator[Callable[..., Any]]:
-    """Return a function that creates nodes in this process, with arguments behind --ros-args."""
     created: list[Any] = []
 
     def make(name: str, *arguments: str) -> Any:

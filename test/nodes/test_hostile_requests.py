@@ -19,7 +19,6 @@ LONG = '\x1b[2J' + 'x' * 10**6
 
 
 def started(ros: Domain, name: str) -> Process:
-    """Start a node, and return it when it answers."""
     start = ros.solver if name == 'solver_node' else partial(ros.start, name)
     process = start(use_sim_time='true')
     ros.probe.until(lambda: 'ready' in process.errors or 'recording to' in process.errors)
@@ -27,7 +26,6 @@ def started(ros: Domain, name: str) -> Process:
 
 
 def works(ros: Domain, name: str) -> bool:
-    """Return whether a node answers."""
     request = GetParameters.Request(names=['use_sim_time'])
     answer = ros.probe.call(GetParameters, f'{name}/get_parameters', request)
     return bool(answer.values[0].bool_value)

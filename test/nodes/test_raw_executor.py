@@ -131,7 +131,6 @@ class Running:
             self.error = error
 
     def ends(self) -> None:
-        """Wait for the end of the loop."""
         self.thread.join(PATIENCE)
         assert not self.thread.is_alive()
 

@@ -92,12 +92,10 @@ class Terminal:
 
     @property
     def errors(self) -> str:
-        """Return what a player has logged."""
         return self.process.errors
 
     @property
     def process(self) -> Process:
-        """Return the player."""
         assert isinstance(self._started, Process)
         return self._started
 
@@ -109,7 +107,6 @@ class Terminal:
 
     @property
     def attributes(self) -> list[Any]:
-        """Return the terminal's attributes."""
         return termios.tcgetattr(self.screen)
 
     @property
@@ -120,7 +117,6 @@ class Terminal:
         return not modes & (termios.ICANON | termios.ECHO)
 
     def event(self) -> str:
-        """Return what becomes of the job next."""
         self.ros.probe.until(lambda: self._events)
         event = self._events.pop(0)
         self.is_over = self.is_over or event.startswith('ended')
@@ -134,7 +130,6 @@ class Terminal:
         os.write(self.keys, text.encode())
 
     def await_log(self, text: str, count: int = 1) -> None:
-        """Wait until the player has logged a text, `count` times."""
         self.ros.probe.until(lambda: self.errors.count(text) >= count)
 
     def until_taken(self) -> None:

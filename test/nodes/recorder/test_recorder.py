@@ -219,7 +219,6 @@ def test_a_killed_recorder_leaves_all_but_its_last_second(ros: Domain) -> None:
 
 
 def topics_in(folder: Path) -> set[str]:
-    """Return the topics in a run that is being written."""
     try:
         with open_log(folder) as log:
             return {topic.name for topic in log.topics}

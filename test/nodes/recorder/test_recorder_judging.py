@@ -58,7 +58,6 @@ class Stage:
         self.ros.probe.until(condition)
 
     def judged(self) -> DiagnosticStatus | None:
-        """Return the last status of the judge."""
         return self.status('judge')
 
     def status(self, what: str) -> DiagnosticStatus | None:

@@ -19,7 +19,6 @@ LINES = {
 
 
 def change(ros: Domain, *names: str) -> None:
-    """Make transitions."""
     for name in names:
         number = getattr(Transition, f'TRANSITION_{name}')
         request = ChangeState.Request(transition=Transition(id=number))

@@ -107,7 +107,6 @@ def test_its_run_explains_itself_and_is_reviewed(
 
 
 def has_solver_record(run: Path) -> bool:
-    """Return whether a run has the parameters of a solver."""
     try:
         with open_log(run) as log:
             return 'klann_ros.solver' in log.metadata

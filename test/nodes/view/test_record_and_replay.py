@@ -38,7 +38,6 @@ class Machine:
         live.ros.probe.until(self.card.count)
 
     def await_text(self, text: str) -> None:
-        """Wait until its card has a text."""
         self.live.ros.probe.until(lambda: text in self.card.text_content())
 
     def press(self, name: str) -> None:

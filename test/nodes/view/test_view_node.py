@@ -85,7 +85,6 @@ def as_drawn(numbers: list[float]) -> str:
 
 
 def is_publishing(ros: Domain) -> bool:
-    """Return whether view_node publishes the crank's angle."""
     infos = ros.probe.node.get_publishers_info_by_topic('/crank_angle')
     return any(info.node_name == 'view_node' for info in infos)
 
