@@ -89,7 +89,6 @@ class LiveServer:
     async def _serve(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
         self._notifier = ChangeNotifier(self._state)
-        self._reviews = Reviews(self._runs) if self._runs else None
         runner = web.AppRunner(self._app(), access_log=None, logger=self._log)
         try:
             await runner.setup()
@@ -101,11 +100,11 @@ class LiveServer:
             return
         else:
             self.guard = replace(self.guard, port=runner.addresses[0][1])
+            self._reviews = Reviews(self._runs)
         finally:
             self._listening.set()
         await self._ended.wait()
-        if self._reviews is not None:
-            self._reviews.close()
+        self._reviews.close()
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._close(runner, site), 2.0 * _CLOSE_TIMEOUT)
 
@@ -135,31 +134,27 @@ class LiveServer:
             app.router.add_get('/runs/{name}/{program}', self._made)
         return app
 
-    @property
-    def _checked(self) -> Any:
-        @web.middleware
-        async def checked(request: web.Request, handler: _Handler) -> web.StreamResponse:
-            try:
-                if len(request.headers.getall('Host', [])) != 1:
-                    self._log.count('not exactly one Host header')
-                    raise web.HTTPBadRequest
-                self.guard.check_host(_only(request, 'Host'))
-                # Links and bookmarks may lead to the page itself only.
-                if request.path != '/':
-                    self.guard.check_site(_only(request, 'Sec-Fetch-Site'))
-                if not request.path.startswith('/static/'):
-                    self.guard.check_reading(_token(request))
-                response = await handler(request)
-            except ForbiddenError as error:
-                response = web.Response(status=403, text=f'{error}\n')
-            except web.HTTPException as error:
-                response = web.Response(status=error.status, text=f'{error.reason}\n')
-            if not response.prepared:
-                for name, value in _HEADERS.items():
-                    response.headers.setdefault(name, value)
-            return response
-
-        return checked
+    @web.middleware
+    async def _checked(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
+        try:
+            if len(request.headers.getall('Host', [])) != 1:
+                self._log.count('not exactly one Host header')
+                raise web.HTTPBadRequest
+            self.guard.check_host(_only(request, 'Host'))
+            # Links and bookmarks may lead to the page itself only.
+            if request.path != '/':
+                self.guard.check_site(_only(request, 'Sec-Fetch-Site'))
+            if not request.path.startswith('/static/'):
+                self.guard.check_reading(_token(request))
+            response = await handler(request)
+        except ForbiddenError as error:
+            response = web.Response(status=403, text=f'{error}\n')
+        except web.HTTPException as error:
+            response = web.Response(status=error.status, text=f'{error.reason}\n')
+        if not response.prepared:
+            for name, value in _HEADERS.items():
+                response.headers.setdefault(name, value)
+        return response
 
     async def _page(self, _: web.Request) -> web.Response:
         return web.Response(text=HTML, content_type='text/html')
@@ -214,13 +209,11 @@ class LiveServer:
 
     async def _list(self, request: web.Request) -> web.Response:
         self._check_token(request)
-        assert self._reviews is not None  # noqa: S101 - else there is no such route
         runs = await self._reviews.runs()
         return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
 
     async def _made(self, request: web.Request) -> web.StreamResponse:
         self._check_token(request)
-        assert self._reviews is not None  # noqa: S101 - else there is no such route
         program = request.match_info.get('program', 'review')
         if program not in PROGRAMS:
             raise web.HTTPNotFound
