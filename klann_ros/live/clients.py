@@ -62,22 +62,15 @@ _SHOWN = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residua
 
 
 class PageState:
-    """
-    The versioned state that clients see; a subclass adds poses and commands. Thread safe.
-
-    Its parts change seldom: by name, each has a version and its JSON.
-    """
+    """The versioned state that clients see; a subclass adds poses and commands. Thread safe."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._version = 0
-        self._parts: dict[str, tuple[int, str]] = {}
+        # Grows with every change.
+        self.version = 0
+        # What changes seldom: by name, version and JSON; replaced, not changed.
+        self.parts: Mapping[str, tuple[int, str]] = {}
         self._wake: Callable[[], None] | None = None
-
-    @property
-    def version(self) -> int:
-        """Return a number that grows with every change."""
-        return self._version
 
     def notify_once(self, wake: Callable[[], None]) -> None:
         """Call a function once, at the next change, from any thread."""
@@ -86,21 +79,17 @@ class PageState:
     def changed(self) -> None:
         """Announce a change."""
         with self._lock:
-            self._version += 1
+            self.version += 1
             wake, self._wake = self._wake, None
         if wake is not None:
             wake()
 
-    def parts(self) -> Mapping[str, tuple[int, str]]:
-        """Return the parts that change seldom: by name, version and JSON."""
-        return self._parts
-
     def set_part(self, name: str, data: Any) -> None:
         """Set a part, and announce it if it has changed."""
         text = json.dumps(data, separators=(',', ':'), allow_nan=False)
-        version, before = self._parts.get(name, (0, ''))
+        version, before = self.parts.get(name, (0, ''))
         if text != before:
-            self._parts = {**self._parts, name: (version + 1, text)}
+            self.parts = {**self.parts, name: (version + 1, text)}
             self.changed()
 
     def poses(self) -> str:
@@ -244,7 +233,7 @@ class Client:
             fields.append(f'"poses":{poses}')
         if self._sent == 1:
             fields.append(f'"client":{json.dumps(self._client)}')
-        for name, (version, text) in self._state.parts().items():
+        for name, (version, text) in self._state.parts.items():
             if self._versions.get(name) != version:
                 self._versions[name] = version
                 fields.append(f'{json.dumps(name)}:{text}')

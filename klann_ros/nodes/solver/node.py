@@ -33,7 +33,7 @@ from .leg_publishers import LegDescription, LegMarkers, LegMessages
 
 
 class Solver:
-    """Answer every crank angle with the joint angles and the feet of the legs, in any node."""
+    """Answer crank angles with the legs' joint angles and feet while `inputs` are subscribed."""
 
     def __init__(self, node: Node) -> None:
         """Declare and validate the parameters; a StartError names a refused one."""
@@ -43,11 +43,11 @@ class Solver:
         values = declare(node, PUBLISHED)
         self._messages = LegMessages(node, self._legs, values['frame_id'])
         joints = dict.fromkeys(leg.crank_joint for leg in self._legs)
-        self._inputs = CrankInputs(node, list(joints), self._turn, self._reject)
+        self.inputs = CrankInputs(node, list(joints), self._turn, self._reject)
         self._diagnostics = SolverDiagnostics(
             node,
             self._legs,
-            self._inputs,
+            self.inputs,
             period=values['diagnostics_period'],
             min_transmission_angle=values['min_transmission_angle'],
         )
@@ -62,15 +62,7 @@ class Solver:
     @property
     def summary(self) -> str:
         """Return the legs and their crank inputs in words."""
-        return f'{self._leg_parameters.summary}, turned by {self._inputs.summary}'
-
-    def subscribe(self) -> None:
-        """Answer inputs from now on."""
-        self._inputs.subscribe()
-
-    def unsubscribe(self) -> None:
-        """Stop answering."""
-        self._inputs.unsubscribe()
+        return f'{self._leg_parameters.summary}, turned by {self.inputs.summary}'
 
     def reset(self) -> None:
         """Forget the warm starts."""
@@ -130,7 +122,7 @@ class SolverNode(Node):
     def __init__(self, **options: Any) -> None:
         super().__init__('solver_node', **options)
         solver = Solver(self)
-        solver.subscribe()
+        solver.inputs.subscribe()
         self.get_logger().info(f'ready: {solver.summary}')
 
 
@@ -148,12 +140,12 @@ class ManagedSolverNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe."""
-        self._solver.subscribe()
+        self._solver.inputs.subscribe()
         return self._logged('activated: it answers', super().on_activate(state))
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Unsubscribe."""
-        self._solver.unsubscribe()
+        self._solver.inputs.unsubscribe()
         return self._logged('deactivated: it does not listen', super().on_deactivate(state))
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
@@ -163,7 +155,7 @@ class ManagedSolverNode(LifecycleNode):
 
     def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Unsubscribe."""
-        self._solver.unsubscribe()
+        self._solver.inputs.unsubscribe()
         return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
 
     def _logged(self, text: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:

@@ -108,7 +108,7 @@ class LiveState(PageState):
             if pose is not None:
                 time, stamp, x = pose
                 found[number] = [round(now - time, 4), stamp, *x]
-        data: dict[str, Any] = {'of': self.parts().get('legs', (0, ''))[0], 'legs': found}
+        data: dict[str, Any] = {'of': self.parts.get('legs', (0, ''))[0], 'legs': found}
         places = {topic.name: _place(topic) for topic in self._subscriptions.of_kind(ODOMETRY)}
         data['odom'] = {name: place for name, place in places.items() if place}
         return json.dumps(data, separators=(',', ':'))

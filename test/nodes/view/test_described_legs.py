@@ -34,7 +34,7 @@ def test_the_description_beside_joint_states_is_the_leg(
 
     def legs() -> Any:
         poses.publish(message)
-        found = [solver['legs'] for solver in json.loads(state.parts().get('legs', (0, '[]'))[1])]
+        found = [solver['legs'] for solver in json.loads(state.parts.get('legs', (0, '[]'))[1])]
         return found and found[0] and found[0][0]['shape'] == shape
 
     expected = KlannLeg(KlannGeometry(l_gh=length)).linkage
@@ -59,7 +59,7 @@ def test_a_simulation_publishing_only_its_crank_is_not_a_solver(ros: Domain) -> 
     def only_the_solver() -> bool:
         for name, publisher in publishers.items():
             publisher.publish(poses[name])
-        legs = json.loads(state.parts().get('legs', (0, '[]'))[1])
+        legs = json.loads(state.parts.get('legs', (0, '[]'))[1])
         return [solver['node'] for solver in legs if solver['legs']] == ['/solver']
 
     ros.probe.until(lambda: {'/sim', '/solver'} <= state._solvers.keys())
