@@ -16,6 +16,8 @@ PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].
 
 
 class OpenedPage:
+    """A page of a browser."""
+
     def __init__(self, page: Any, url: str) -> None:
         self.page = page
         self.requests: list[str] = []

@@ -170,7 +170,9 @@ def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]
 
 
 def node_of(endpoint: TopicEndpointInfo) -> str:
-    """Return the full name of the node of a publisher or a subscription."""
+    """Return the full name of an endpoint's node; '' until discovery knows it."""
+    if '_UNKNOWN_' in endpoint.node_name:
+        return ''
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
 
 

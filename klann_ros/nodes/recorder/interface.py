@@ -8,7 +8,6 @@ from klann_ros.log.write.mcap_file import COMPRESSIONS
 from klann_ros.log.write.recording import RecordingState
 from klann_ros.nodes.endpoints import (
     create_publisher,
-    create_steady_timer,
     diagnostic_array,
     diagnostic_status,
     flush,
@@ -97,24 +96,17 @@ class RecordingDiagnostics:
         self._node = node
         self._lost = 0
         self._published: deque[bytes] = deque(maxlen=_MAX_OWN_REPORTS)
-        self._statuses: list[Callable[[], DiagnosticStatus]] = []
+        # Further statuses of each report.
+        self.statuses = list[Callable[[], DiagnosticStatus]]()
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
-
-    def add_status(self, status: Callable[[], DiagnosticStatus]) -> None:
-        """Add a status to each report."""
-        self._statuses.append(status)
-
-    def start(self, period: float, state: Callable[[], RecordingState]) -> None:
-        """Report the state once in a period [s]."""
-        create_steady_timer(self._node, period, lambda: self.report(state()))
 
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""
         level, message = _level_and_message(state, state.lost - self._lost)
         values = _values(state).items()
         own = diagnostic_status(self._node, 'recording', level, message, values)
-        others = (status() for status in self._statuses)
+        others = (status() for status in self.statuses)
         data = serialize_message(diagnostic_array(self._node, [own, *others]))
         self._published.append(data)
         self._publisher.publish(data)

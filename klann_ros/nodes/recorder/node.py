@@ -77,7 +77,7 @@ class RecorderNode(ProcessNode):
             diagnostics=self._diagnostics,
             on_stall=self._on_stall,
         )
-        self._diagnostics.start(values['diagnostics_period'], self._recording.state)
+        create_steady_timer(self, values['diagnostics_period'], self._report)
         create_trigger(self, 'split', self._recording.split)
         create_trigger(self, 'pause', self._pause)
         create_trigger(self, 'resume', self._resume)
@@ -96,7 +96,7 @@ class RecorderNode(ProcessNode):
             self.get_logger().info(message)
         else:
             self.get_logger().error(message)
-            self._diagnostics.report(self._recording.state())
+            self._report()
             self._diagnostics.flush()
         return 0 if ok else 1
 
@@ -111,7 +111,7 @@ class RecorderNode(ProcessNode):
             missed=self._missed,
             on_findings=self._on_findings,
         )
-        self._diagnostics.add_status(judging.status)
+        self._diagnostics.statuses.append(judging.status)
         return judging
 
     def _put(self) -> Callable[[Message], None]:
@@ -148,6 +148,9 @@ class RecorderNode(ProcessNode):
     def _on_findings(self, findings: Sequence[RecordedFinding]) -> None:
         for finding in findings:
             self._recording.add_finding(finding)
+        self._report()
+
+    def _report(self) -> None:
         self._diagnostics.report(self._recording.state())
 
     def _trigger(self) -> tuple[bool, str]:

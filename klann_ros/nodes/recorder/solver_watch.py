@@ -18,7 +18,6 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-_UNKNOWN = '_UNKNOWN_'
 _SERVICES = ((ListParameters, 'list_parameters'), (GetParameters, 'get_parameters'))
 # A response is lost if the server has not discovered the client yet. The timeout [s] doubles with
 # each retry, so that a slow response arrives in the end.
@@ -63,8 +62,7 @@ class SolverWatch:
             name = node_of(publisher)
             # A restarted solver has its old name and a new publisher.
             identity = tuple(publisher.endpoint_gid)
-            # Discovery knows a publisher before it knows its node.
-            if identity not in self._known and _UNKNOWN not in name:
+            if name and identity not in self._known:
                 self._known.add(identity)
                 # Nodes outside ROS may have any name, and have no parameters.
                 if not name_refusal(f'{name}/list_parameters'):

@@ -58,8 +58,6 @@ _BUTTONS = {
     'recorder': ('pause', 'resume', 'split', 'trigger'),
     'player': tuple(sorted(_PLAYER_SERVICES)),
 }
-# Discovery knows a publisher before it knows its node.
-_UNKNOWN_NODE = '_UNKNOWN_'
 
 Names = Sequence[tuple[str, Sequence[str]]]
 
@@ -87,8 +85,7 @@ class Graph:
     def publishers(self, topic: str) -> list[Any]:
         """Return the publishers of a topic."""
         infos = _query(lambda: self._node.get_publishers_info_by_topic(topic))
-        known = (info for info in infos if _UNKNOWN_NODE not in info.node_name)
-        return [info for info in known if node_of(info) != self._own]
+        return [info for info in infos if node_of(info) not in {'', self._own}]
 
     def names_of_publishers(self, topic: str) -> list[str]:
         """Return the names of those nodes, each once."""
@@ -97,7 +94,7 @@ class Graph:
     def names_of_subscribers(self, topic: str) -> list[str]:
         """Return the names of the nodes that subscribe to a topic."""
         infos = _query(lambda: self._node.get_subscriptions_info_by_topic(topic))
-        return [name for name in map(node_of, infos) if name != self._own]
+        return [name for name in map(node_of, infos) if name not in {'', self._own}]
 
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node subscribes to."""

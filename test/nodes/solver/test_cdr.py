@@ -59,6 +59,8 @@ def big_endian(message: JointState) -> bytes:
 
 
 class Reader:
+    """A reader of one joint."""
+
     def __init__(self, joint: str) -> None:
         self._joint, self._reader = joint, cdr.JointsReader([joint])
 

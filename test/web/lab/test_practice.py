@@ -116,6 +116,8 @@ if find() is None:
 
 
 class Practice(OpenedPage):
+    """The practice mode in the browser."""
+
     def __init__(self, page: Any, fragment: str) -> None:
         super().__init__(page, FILE.as_uri() + fragment)
         self.until("!document.querySelector('#practice').hidden || Boolean(lab.refusal)")
