@@ -10,7 +10,7 @@ angle moves all numbers of a sample along the slope v of its path: with it their
 S = sigma^2 + sigma_crank^2 v v^T.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -58,9 +58,6 @@ MIN_INLIERS = 0.5
 MIN_REVERSE_SHARE = 0.05
 # Stretches of a run whose scores are compared, and the largest ratio that is chance.
 BLOCKS, MAX_CHANCE = 40, 1.4
-# Legs within the errors of a calibration that show how far its derivatives hold, and the samples
-# of each series that show it: a curvature needs no more.
-CURVATURE_DRAWS, CURVATURE_SAMPLES = 24, 100
 # Gain of chi2 from which on residuals show a delay; standard errors that show crank noise.
 MIN_DELAY_CHI2, MIN_CRANK_NOISE = 30.0, 4.0
 
@@ -327,28 +324,18 @@ class _Problem:
             try:
                 found = [self._model.predict(s, self._parameters(y)) for s in self._measured]
             except GeometryError:
-                nothing = self._residuals(y)
-                return _Rows(nothing, np.full((len(nothing), len(y)), np.nan), nothing)
+                count = len(self._owners)
+                nothing = np.full(count, np.nan)
+                return _Rows(nothing, np.full((count, len(y)), np.nan), nothing)
+            pairs = zip(self._measured, found, strict=True)
             rows = _Rows(
-                self._less_measured(each.values for each in found),
+                np.concatenate([self._model.residuals(s, p.values).ravel() for s, p in pairs]),
                 np.concatenate([p.jacobian.reshape(-1, len(y)) for p in found])
                 * self._model.units,
                 np.concatenate([p.slope.ravel() for p in found]),
             )
             self._known = key, rows
         return self._known[1]
-
-    def _residuals(self, y: FloatArray) -> FloatArray:
-        """Return the residuals of all rows, without derivatives."""
-        try:
-            parameters = self._parameters(y)
-            return self._less_measured(self._model.values(s, parameters) for s in self._measured)
-        except GeometryError:
-            return np.full(len(self._owners), np.nan)
-
-    def _less_measured(self, values: Iterable[FloatArray]) -> FloatArray:
-        pairs = zip(self._measured, values, strict=True)
-        return np.concatenate([self._model.residuals(s, own).ravel() for s, own in pairs])
 
     def _whitened(self, fit: _Fit, rows: _Rows, values: FloatArray) -> FloatArray:
         """Return columns of the used rows times S^(-1/2), shape (n, m)."""
@@ -490,33 +477,13 @@ class _Problem:
         scale = sqrt(max(1.0, chi2) * _inflation(own / sqrt(chi2), jacobian, triangle))
         return _Evidence(own, jacobian, chi2, triangle / scale)
 
-    def _covariance(self, fit: _Fit, evidence: _Evidence, lost: FloatArray) -> FloatArray:
-        """Return the covariance in units."""
-        stacked = np.vstack([evidence.root, self._held(lost)])
-        spread = np.linalg.inv(np.linalg.qr(stacked, mode='r'))
-        covariance: FloatArray = spread @ spread.T
-        # The curvature of the measurements of other legs within these errors moves the solution.
-        some = [subset(series, CURVATURE_SAMPLES) for series in self._measured]
-        few = _Problem(self._model, some, self._prior, 0.0, self._start)
-        rows = few._rows(fit.y)
-        # Fewer samples count as much as all: their noise is smaller.
-        share = len(few._owners) / len(self._owners)
-        good, sigmas = np.isfinite(rows.residuals), fit.sigmas * sqrt(share)
-        own = _Fit(fit.y, good, sigmas, fit.crank * sqrt(share))
-        jacobian = few._whitened(own, rows, rows.jacobian)
-        draws = np.random.default_rng(0).standard_normal((CURVATURE_DRAWS, len(spread)))
-        steps = draws @ spread.T
-        linear = rows.residuals[:, None] + rows.jacobian @ steps.T
-        curved = np.transpose([few._residuals(fit.y + step) for step in steps]) - linear
-        whitened = np.nan_to_num(few._whitened(own, rows, curved))
-        moves = whitened.T @ jacobian @ covariance
-        return covariance + moves.T @ moves / CURVATURE_DRAWS
-
     def result(self, fit: _Fit, held: int = 0) -> Calibration:
         """Return the calibration; `held` combinations are held near the drawing."""
         model, rows, evidence = self._model, self._rows(fit.y), self._evidence(fit)
         verdict = observability(evidence.root, model, held)
-        covariance = self._covariance(fit, evidence, verdict.lost)
+        stacked = np.vstack([evidence.root, self._held(verdict.lost)])
+        spread = np.linalg.inv(np.linalg.qr(stacked, mode='r'))
+        covariance: FloatArray = spread @ spread.T
         errors, has_prior = np.sqrt(np.diag(covariance)), self._prior is not None
         if not has_prior:
             errors[verdict.unobservable] = np.nan
@@ -539,7 +506,7 @@ class _Problem:
 
     def _series(self, rows: _Rows, fit: _Fit) -> tuple[SeriesFit, ...]:
         model, found = self._model, []
-        drawn = [model.values(series, model.start) for series in self._measured]
+        drawn = [model.motion(series, model.start).values for series in self._measured]
         _, before = model.with_camera(self._measured, drawn)
         for n, (series, own) in enumerate(zip(self._measured, before, strict=True)):
             mine, shape = self._owners == n, series.values.shape

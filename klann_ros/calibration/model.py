@@ -111,32 +111,13 @@ class MeasurementModel:
         found: FloatArray = self.direction * joint + self.value(parameters, PHASE)
         return found
 
-    def values(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
-        """Return the predicted numbers of a series, shape (n, k); NaN out of reach."""
-        poses, places = self._poses(series, parameters), self._places(series)
-        if series.name in self.linkage.joint_names:
-            return np.asarray(poses.angles[:, places])
-        points = poses.points[:, places]
-        if series.kind == 'distance':
-            return np.asarray(np.linalg.norm(points[:, 1] - points[:, 0], axis=1, keepdims=True))
-        rotation, shift = self._camera(parameters)
-        return np.asarray(points[:, 0] @ rotation.T + shift)
-
     def predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction of a series; NaN at crank angles out of reach."""
-        values, slope, dimensions = self._motion(series, parameters)
+        values, slope, dimensions = self.motion(series, parameters)
         jacobian = np.zeros((*values.shape, len(self.names)))
         jacobian[..., : self.count] = dimensions
         if series.kind == 'point' and CAMERA[0] in self.names:
-            places = [self.names.index(name) for name in CAMERA]
-            (rotation, shift), across = (
-                self._camera(parameters),
-                np.array([[0.0, -1.0], [1.0, 0.0]]),
-            )
-            jacobian = np.einsum('ij,njp->nip', rotation, jacobian)
-            jacobian[:, 0, places[0]] = jacobian[:, 1, places[1]] = 1.0
-            jacobian[..., places[2]] = values @ (across @ rotation).T
-            values, slope = values @ rotation.T + shift, slope @ rotation.T
+            values, slope = self._seen(values, slope, jacobian, parameters)
         by_alpha = {
             PHASE: np.ones(len(values)),
             DELAY: self.direction * series.rate,
@@ -146,47 +127,45 @@ class MeasurementModel:
             jacobian[..., self.names.index(name)] = slope * by_alpha[name][:, None]
         return Prediction(values, slope, jacobian)
 
-    def _motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
+    def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction in the leg's plane, with derivatives by the dimensions alone."""
-        poses, places = self._poses(series, parameters, derivatives=True), self._places(series)
-        if series.name in self.linkage.joint_names:
+        structure, has_angle = self.linkage.structure, series.name in self.linkage.joint_names
+        alphas = self.crank_angles(series, parameters)
+        key = has_angle, parameters.tobytes(), alphas.tobytes()
+        if key not in self._last:
+            what: Any = {'angles': has_angle, 'points': not has_angle}
+            varied = self.varied(parameters)
+            self._last.clear()
+            self._last[key] = linkage_poses(
+                varied, alphas, **what, velocities=True, gradients=True
+            )
+        poses = self._last[key]
+        if has_angle:
+            j = structure.angles.index(series.name)
             found = poses.angles, poses.angles_1, poses.angles_gradient
-            return Prediction(*(each[:, places] for each in found))
+            return Prediction(*(each[:, slice(j - 1, j)] for each in found))
         arrays = poses.points, poses.points_1, poses.points_gradient
+        at = [structure.points.index(name) for name in series.name.split('-')]
         if series.kind == 'point':
-            return Prediction(*(each[:, places[0]] for each in arrays))
-        apart, slope, gradient = (each[:, places[1]] - each[:, places[0]] for each in arrays)
+            return Prediction(*(each[:, at[0]] for each in arrays))
+        apart, slope, gradient = (each[:, at[1]] - each[:, at[0]] for each in arrays)
         distance = np.linalg.norm(apart, axis=1, keepdims=True)
         unit = apart / distance
         along = np.einsum('ni,nip->np', unit, gradient)[:, None]
         return Prediction(distance, (unit * slope).sum(axis=1, keepdims=True), along)
 
-    def _places(self, series: MeasuredSeries) -> list[int]:
-        """Return where a series is among the moving angles, or its points among the points."""
-        structure = self.linkage.structure
-        if series.name in self.linkage.joint_names:
-            return [structure.angles.index(series.name) - 1]
-        return [structure.points.index(name) for name in series.name.split('-')]
-
-    def _poses(
-        self, series: MeasuredSeries, parameters: FloatArray, *, derivatives: bool = False
-    ) -> Any:
-        has_angle = series.name in self.linkage.joint_names
-        alphas = self.crank_angles(series, parameters)
-        key = has_angle, derivatives, parameters.tobytes(), alphas.tobytes()
-        if key not in self._last:
-            what: Any = dict.fromkeys(('velocities', 'gradients'), derivatives)
-            what['angles' if has_angle else 'points'] = True
-            varied = self.varied(parameters)
-            self._last.clear()
-            self._last[key] = linkage_poses(varied, alphas, **what)
-        return self._last[key]
-
-    def _camera(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return rotation and translation of the camera's measurements, none if it is known."""
-        x, y, angle = (self.value(parameters, name) for name in CAMERA)
+    def _seen(
+        self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points and slopes as the camera sees them; complete the Jacobian."""
+        places = [self.names.index(name) for name in CAMERA]
+        x, y, angle = parameters[places]
         c, s = cos(angle), sin(angle)
-        return np.array([[c, -s], [s, c]]), np.array([x, y])
+        rotation = np.array([[c, -s], [s, c]])
+        jacobian[...] = np.einsum('ij,njp->nip', rotation, jacobian)
+        jacobian[:, 0, places[0]] = jacobian[:, 1, places[1]] = 1.0
+        jacobian[..., places[2]] = values @ np.array([[-s, -c], [c, -s]]).T
+        return values @ rotation.T + (x, y), slope @ rotation.T
 
     def residuals(self, series: MeasuredSeries, predicted: FloatArray) -> FloatArray:
         """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""

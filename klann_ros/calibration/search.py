@@ -37,7 +37,7 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
     if turned < MIN_CRANK_RANGE:
         raise MeasurementError(f'the crank turns by {degrees(turned):.2g} deg only: turn it fully')
     for series in measured:
-        own = model.values(series, model.start)
+        own = model.motion(series, model.start).values
         if series.kind == 'angle' or not np.isfinite(own).any():
             continue
         drawn, seen = map(_spread, (own, series.values))
@@ -64,8 +64,8 @@ def start_parameters(
     tables = []
     for series in few:
         crank = (series.crank + model.direction * turned[:, None]).ravel()
-        found = model.values(replace(series, crank=crank, rate=0.0 * crank), model.start)
-        tables.append(found.reshape(len(turned), *series.values.shape))
+        found = model.motion(replace(series, crank=crank, rate=0.0 * crank), model.start)
+        tables.append(found.values.reshape(len(turned), *series.values.shape))
     misfits, starts = [], []
     for n, turn in enumerate(turned):
         start, seen = model.with_camera(few, [table[n] for table in tables])
