@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import isfinite, pi
+from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
@@ -91,12 +91,12 @@ def data_sheet(
     """
     if len(robot.legs) > MAX_SHEET_LEGS:
         raise SheetError(f'{len(robot.legs)} legs are refused: at most {MAX_SHEET_LEGS}')
-    if not (isfinite(speed) and MIN_SPEED <= abs(speed) <= MAX_SPEED):
+    if not MIN_SPEED <= abs(speed) <= MAX_SPEED:
         raise SheetError(
             f'speed = {speed!r} rad/s is refused: a number whose size is {MIN_SPEED:g} to '
             f'{MAX_SPEED:g}, negative for clockwise'
         )
-    if not (isfinite(load) and 0.0 <= load <= MAX_LOAD):
+    if not 0.0 <= load <= MAX_LOAD:
         raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MAX_LOAD:g}')
     request = _Request(robot, float(speed), float(load), motor, margins, samples)
     alike: dict[Any, list[RobotLeg]] = {}

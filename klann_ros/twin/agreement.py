@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from math import pi
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import Dynamics, Reactions
+from klann_ros.dynamics import Reactions
 from klann_ros.kinematics import linkage_poses, LinkageLeg
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.structure import FIXED, GROUND
-from klann_ros.robot import Robot
+from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 
 from .mjcf import robot_mjcf
-from .tree import joint_rates, spanning_tree
+from .tree import Closing, joint_rates, spanning_tree, TreeBody
 from .twin import engine
 
 # The part of a turn in which the servo settles; it is not compared.
@@ -76,88 +76,67 @@ def agreement(
     """
     (leg,) = robot.legs
     (start, end), *_ = LinkageLeg(leg.linkage).reachable_arcs()
-    is_full = end - start >= 2.0 * pi
-    if not is_full:
+    if end - start < 2.0 * pi:
         start, end = start + ARC_MARGIN * (end - start), end - ARC_MARGIN * (end - start)
-    alpha = start if leg.direction * rate > 0.0 else end
-    first = leg.direction * (alpha - leg.phase)
-    turned = _Turned(robot, first, rate, time_step)
-    turned.run((end - start) / abs(rate), samples)
-    return turned.agreement(robot.dynamics(leg))
+    way = leg.direction
+    first = way * ((start if way * rate > 0.0 else end) - leg.phase)
+    mujoco = engine()
+    text = robot_mjcf(robot, time_step=time_step, crank=first)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    bodies, closing = spanning_tree(leg.linkage)
+    rates = joint_rates(leg.linkage, bodies, float(leg.crank_angles(first)))
+    for j, name in enumerate(leg.linkage.joint_names[1:], 1):
+        data.joint(name).qvel = way * rate * rates[j]
+    crank, foot = data.joint(leg.crank_joint), data.site(leg.linkage.structure.foot.lower())
+    crank.qvel = data.ctrl[0] = rate
+    steps = int((end - start) / abs(rate) / model.opt.timestep)
+    every = max(1, steps // samples)
+    rows, forces = [], []
+    for step in range(1, steps + 1):
+        mujoco.mj_step(model, data)
+        if step % every == 0 and step > SETTLING_TURNS * steps:
+            mujoco.mj_forward(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            effort = float(data.actuator_force[0])
+            rows.append((crank.qpos[0], crank.qvel[0], crank.qacc[0], effort, *foot.xpos))
+            forces.append(_pins(leg, data, bodies, closing))
+    joint, speeds, changes, torques, *place = np.array(rows).T
+    alphas, dynamics = leg.crank_angles(joint), robot.dynamics(leg)
+    feet = leg.mount.transform(linkage_poses(leg.linkage, alphas).h)
+    even = way * dynamics.crank_torque(alphas, rate)
+    rotor = float(model.joint(leg.crank_joint).armature[0])
+    moved = way * dynamics.crank_torque(alphas, speeds, way * changes) + rotor * changes
+    return Agreement(
+        foot=float(np.linalg.norm(np.array(place).T - feet, axis=1).max()),
+        torque=_rms(torques - even) / _rms(even),
+        torque_as_moved=_rms(torques - moved) / _rms(moved),
+        reactions=_apart(forces, dynamics.reactions(alphas, speeds, way * changes)),
+        ripple=float(np.abs(speeds / rate - 1.0).max()),
+    )
 
 
-class _Turned:
-    """A leg turned by the engine, with the recorded motion and forces."""
+def _pins(
+    leg: RobotLeg, data: Any, bodies: Sequence[TreeBody], closing: Sequence[Closing]
+) -> dict[tuple[str, str], complex]:
+    """Return the force of each pin on each of its bodies, in the leg's plane [N]."""
+    structure = leg.linkage.structure
+    names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
+    pins: dict[tuple[str, str], complex] = {}
 
-    def __init__(self, robot: Robot, crank: float, rate: float, time_step: float) -> None:
-        self._mujoco, (leg,) = engine(), robot.legs
-        self._leg, self._rate = leg, rate
-        text = robot_mjcf(robot, time_step=time_step, crank=crank)
-        self._model = self._mujoco.MjModel.from_xml_string(text)
-        self._data = self._mujoco.MjData(self._model)
-        self._bodies, self._closing = spanning_tree(leg.linkage)
-        crank_dof = self._model.joint(leg.crank_joint).dofadr[0]
-        rates = joint_rates(leg.linkage, self._bodies, float(leg.crank_angles(crank)))
-        for j in range(1, len(self._bodies)):
-            dof = self._model.joint(leg.linkage.joint_names[j]).dofadr[0]
-            self._data.qvel[dof] = leg.direction * rate * rates[j]
-        self._data.qvel[crank_dof] = self._data.ctrl[0] = rate
-        self._rotor = float(self._model.dof_armature[crank_dof])
-        self._rows: list[tuple[float, ...]] = []
-        self._forces: list[dict[tuple[str, str], complex]] = []
+    def pull(point: str, on: int, by: int, force: FloatArray) -> None:
+        flat = leg.mount.rotation.T @ force
+        for body, sign in ((on, 1.0), (by, -1.0)):
+            own = point, names[body]
+            pins[own] = pins.get(own, 0j) + sign * complex(flat[0], flat[1])
 
-    def run(self, duration: float, samples: int) -> None:
-        """Turn it, and record."""
-        model, data = self._model, self._data
-        steps = int(duration / model.opt.timestep)
-        every = max(1, steps // samples)
-        foot = self._leg.linkage.structure.foot.lower()
-        for step in range(1, steps + 1):
-            self._mujoco.mj_step(model, data)
-            if step % every == 0 and step > SETTLING_TURNS * steps:
-                self._mujoco.mj_forward(model, data)
-                self._mujoco.mj_rnePostConstraint(model, data)
-                crank, place = data.joint(self._leg.crank_joint), data.site(foot).xpos
-                self._rows.append(
-                    (crank.qpos[0], crank.qvel[0], crank.qacc[0], data.actuator_force[0], *place)
-                )
-                self._forces.append(self._pins())
-
-    def _pins(self) -> dict[tuple[str, str], complex]:
-        """Return the force of each pin on each of its bodies, in the leg's plane [N]."""
-        structure, data = self._leg.linkage.structure, self._data
-        names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
-        pins: dict[tuple[str, str], complex] = {}
-
-        def pull(point: str, on: int, by: int, force: FloatArray) -> None:
-            flat = self._leg.mount.rotation.T @ force
-            for body, sign in ((on, 1.0), (by, -1.0)):
-                own = point, names[body]
-                pins[own] = pins.get(own, 0j) + sign * complex(flat[0], flat[1])
-
-        for j, parent, point in self._bodies:
-            if not structure.bodies[j].slides:
-                pull(point, j, parent, data.cfrc_int[self._model.body(names[j]).id][3:])
-        equality = data.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        for number, (point, first, j) in enumerate(self._closing):
-            pull(point, j, first, data.efc_force[equality & (data.efc_id == number)])
-        return pins
-
-    def agreement(self, dynamics: Dynamics) -> Agreement:
-        """Return the differences from the computed leg."""
-        joint, rates, changes, torques, *place = np.array(self._rows).T
-        alphas, way = self._leg.crank_angles(joint), self._leg.direction
-        feet = self._leg.mount.transform(linkage_poses(self._leg.linkage, alphas).h)
-        even = way * dynamics.crank_torque(alphas, self._rate)
-        moved = way * dynamics.crank_torque(alphas, rates, way * changes) + self._rotor * changes
-        found = dynamics.reactions(alphas, rates, way * changes)
-        return Agreement(
-            foot=float(np.linalg.norm(np.array(place).T - feet, axis=1).max()),
-            torque=_rms(torques - even) / _rms(even),
-            torque_as_moved=_rms(torques - moved) / _rms(moved),
-            reactions=_apart(self._forces, found),
-            ripple=float(np.abs(rates / self._rate - 1.0).max()),
-        )
+    for j, parent, point in bodies:
+        if not structure.bodies[j].slides:
+            pull(point, j, parent, data.cfrc_int[data.body(names[j]).id][3:])
+    equality = data.efc_type == engine().mjtConstraint.mjCNSTR_EQUALITY
+    for number, (point, first, j) in enumerate(closing):
+        pull(point, j, first, data.efc_force[equality & (data.efc_id == number)])
+    return pins
 
 
 def _apart(forces: Sequence[dict[tuple[str, str], complex]], computed: Reactions) -> float:

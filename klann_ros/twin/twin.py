@@ -370,7 +370,7 @@ class Twin:
 
         A suspended leg reads gravity alone.
         """
-        truth, sensors = self.truth(), self._sensors
+        (x, y, z, w), sensors = self.truth().orientation, self._sensors
         if self._steps:
             self._mean = self._acceleration_sum / self._steps
             self._acceleration_sum, self._steps = np.zeros(6), 0
@@ -378,9 +378,11 @@ class Twin:
         feels = self._mean[3:] + sensors.accelerometer_offset
         feels = feels + sensors.accelerometer_noise * self._random.standard_normal(3)
         turned = sensors.orientation_noise * self._random.standard_normal(3)
-        at = _product(truth.orientation, (*(turned / 2.0).tolist(), 1.0))
-        size = float(np.linalg.norm(at))
-        return Imu(tuple(part / size for part in at), tuple(rates.tolist()), tuple(feels.tolist()))
+        at = np.zeros(4)
+        self._engine.mju_mulQuat(at, np.array([w, x, y, z]), np.array([1.0, *(turned / 2.0)]))
+        self._engine.mju_normalize4(at)
+        w, x, y, z = at.tolist()
+        return Imu((x, y, z, w), tuple(rates.tolist()), tuple(feels.tolist()))
 
     def truth(self) -> Truth:
         """Return the true pose and velocity."""
@@ -419,17 +421,6 @@ class Twin:
         """Return a message if it has fallen, else ''."""
         has_fallen = self.is_free and cos(self.tilt) < FALLEN
         return f'it has fallen, tilted by {degrees(self.tilt):.0f} deg' if has_fallen else ''
-
-
-def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, float, float, float]:
-    """Return the product of two quaternions x, y, z, w."""
-    (a, b, c, d), (e, f, g, h) = p, q
-    return (
-        d * e + a * h + b * g - c * f,
-        d * f - a * g + b * h + c * e,
-        d * g + a * f - b * e + c * h,
-        d * h - a * e - b * f - c * g,
-    )
 
 
 class Pace:

@@ -27,19 +27,13 @@ def test_a_new_user_gets_text_page_and_numbers(
     assert '  Stride              491.0 mm     x 435.9 .. 926.9 mm' in lines
     assert '  Torque, greatest   2.724    2.724  N m' in lines
     assert max(map(len, lines)) <= 110
+    # The heads of a table and its 13 numbers are in columns.
+    start = lines.index('Bars') + 1
+    assert len({len(line) for line in lines[slice(start, start + 14)]}) == 1
     content = json.loads(numbers.read_text())
     assert content['motor_turns'] is True
     assert content['cranks'][0]['motor']['margin'] == pytest.approx(1.13, abs=0.005)
     assert page.read_text().startswith('<!doctype html>')
-
-
-def test_tables_are_in_columns(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([SEM]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    start = lines.index('Bars') + 1
-    # Its heads, and its 13 numbers.
-    ends = {len(line) for line in lines[slice(start, start + 14)]}
-    assert len(ends) == 1
 
 
 @pytest.mark.parametrize(
@@ -72,9 +66,9 @@ def test_a_motor_that_cannot_turn_the_crank_gives_exit_code_1(
         ([SEM, '--motor', '/dev/zero'], 'a device'),
         ([SEM, '--speed', 'nan'], 'speed = nan rad/s is refused'),
         ([SEM, '--speed=-1e300'], 'speed = -1e+300 rad/s is refused'),
-        ([SEM, '--speed', '0'], 'speed = 0.0 rad/s is refused'),
+        ([SEM, '--speed', '1e-9'], 'speed = 1e-09 rad/s is refused'),
         ([SEM, '--load=-5'], 'load = -5.0 N is refused'),
-        ([SEM, '--load', '1e400'], 'load = inf N is refused'),
+        ([SEM, '--load', '1e10'], 'load = 10000000000.0 N is refused'),
         (['patent', '--bar-density=-1'], 'density = -1.0 kg/m is refused'),
         (['{bare}', '--motor', MOTOR], 'bar_density [kg/m]'),
     ],

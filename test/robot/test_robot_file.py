@@ -3,7 +3,6 @@
 from math import pi
 from pathlib import Path
 
-from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
 from klann_ros.robot import robot_from_file, robot_of, RobotFileError
 import numpy as np
@@ -51,14 +50,6 @@ def test_a_preset_has_the_masses_of_its_parameter_file(name: str) -> None:
     (leg,), (of_file,) = robot_of(name).legs, robot_of(str(ROOT / 'config' / f'{name}.yaml')).legs
     assert leg.masses == of_file.masses
     assert leg.linkage == of_file.linkage
-
-
-def test_a_leg_without_masses_names_the_missing_ones(tmp_path: Path) -> None:
-    file = tmp_path / 'leg.yaml'
-    file.write_text('l_ab: 0.12')
-    robot = robot_from_file(file)
-    with pytest.raises(MassError, match='has no masses: bar_density'):
-        robot.dynamics(robot.legs[0])
 
 
 @pytest.mark.parametrize(

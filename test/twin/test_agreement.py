@@ -4,18 +4,18 @@ from functools import cache
 import math
 
 from klann_ros.dynamics import rods
-from klann_ros.dynamics.motion import body_motion, BodyMotion
+from klann_ros.dynamics.motion import body_motion
 from klann_ros.kinematics import LinkageLeg, LinkagePose, shipped_linkage, shipped_linkages
 from klann_ros.robot import Robot, robot_of, RobotLeg
 from klann_ros.twin import Agreement, agreement, robot_mjcf
-from klann_ros.twin.tree import joint_rates, spanning_tree, TreeBody
+from klann_ros.twin.tree import joint_rates, spanning_tree
 import mujoco
 import numpy as np
 import pytest
 
 
 @cache
-def turned(name: str) -> Agreement:
+def compared(name: str) -> Agreement:
     """Return how far they agree at a turn a second; `benchmarks/twin.py` does so of all legs."""
     return agreement(robot_of(name), 2 * math.pi, samples=100)
 
@@ -23,16 +23,15 @@ def turned(name: str) -> Agreement:
 # A leg, many loops, slides, springs.
 @pytest.mark.parametrize('name', ['sem104', 'jansen', 'quick_return', 'andrews'])
 def test_foot_torque_and_reactions_are_those_of_the_engine(name: str) -> None:
-    found = turned(name)
-    assert found.foot <= 3e-6
-    assert found.torque_as_moved <= 2e-4
-    assert found.reactions <= 2e-4
+    assert compared(name).foot <= 3e-6
+    assert compared(name).torque_as_moved <= 2e-4
+    assert compared(name).reactions <= 2e-4
 
 
 @pytest.mark.parametrize('name', ['sem104', 'jansen', 'quick_return'])
 def test_the_servo_of_the_model_turns_the_leg_evenly_and_feels_its_torque(name: str) -> None:
-    assert turned(name).ripple <= 2e-4
-    assert turned(name).torque <= 5e-3
+    assert compared(name).ripple <= 2e-4
+    assert compared(name).torque <= 5e-3
 
 
 RATE, CHANGE = 2.0, 3.0
@@ -48,74 +47,45 @@ def weighed(name: str) -> Robot:
     return Robot(name, (RobotLeg('', linkage, masses=masses),))
 
 
-class Tree:
-    """The engine's joints, by a linkage's poses."""
-
-    def __init__(self, robot: Robot, alpha: float) -> None:
-        (leg,) = robot.legs
-        self.linkage, self.leg = leg.linkage, LinkageLeg(leg.linkage)
-        self.model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, crank=alpha))
-        self.data = mujoco.MjData(self.model)
-        self.tree_body, self.start = spanning_tree(leg.linkage)[0], self.leg.closed_form(alpha)
-        self.rotor = float(self.model.dof_armature.max())
-
-    def place(self, tree_body: TreeBody) -> int:
-        name = 'crank' if tree_body.body == 0 else self.linkage.joint_names[tree_body.body]
-        return int(self.model.joint(name).qposadr[0])
-
-    def position(self, tree_body: TreeBody, pose: LinkagePose) -> float:
-        if tree_body.body == 0 or self.linkage.structure.bodies[tree_body.body].slides:
-            return pose.joints[tree_body.body]
-        return self._relative(tree_body, pose) - self._relative(tree_body, self.start)
-
-    def change(self, tree_body: TreeBody, moving: BodyMotion) -> float:
-        """Return the second derivative of a joint by the crank angle."""
-        j, parent = tree_body.body, tree_body.parent
-        if self.linkage.structure.bodies[j].slides:
-            pose = self.leg.closed_form(float(moving.alphas[0]))
-            return self.leg.acceleration(pose, 1.0, 0.0).joints[j]
-        before = moving.rotation_2[parent, 0] if parent >= 0 else 0.0
-        return float(moving.rotation_2[j, 0] - before)
-
-    def turned(self, j: int, pose: LinkagePose) -> float:
-        frame = self.linkage.structure.frames[j] if j >= 0 else -1
-        return 0.0 if frame < 0 else self.linkage.structure.senses[frame] * pose.joints[frame]
-
-    def _relative(self, tree_body: TreeBody, pose: LinkagePose) -> float:
-        return self.turned(tree_body.body, pose) - self.turned(tree_body.parent, pose)
+def turned(leg: RobotLeg, pose: LinkagePose) -> list[float]:
+    """Return the rotation of each body, and last that of the ground."""
+    frames, senses = leg.linkage.structure.frames, leg.linkage.structure.senses
+    return [senses[f] * pose.joints[f] if f >= 0 else 0.0 for f in frames] + [0.0]
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
     """The motion is prescribed exactly; the engine knows the tree, and we what closes it."""
     robot = weighed(name)
-    dynamics = robot.dynamics(robot.legs[0])
-    (start, end), *_ = LinkageLeg(dynamics.linkage).reachable_arcs()
-    engine = Tree(robot, start + 0.3 * (end - start))
-    engine.model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    (leg,) = robot.legs
+    linkage, solver, dynamics = leg.linkage, LinkageLeg(leg.linkage), robot.dynamics(leg)
+    tree, _ = spanning_tree(linkage)
+    (start, end), *_ = solver.reachable_arcs()
+    written = start + 0.3 * (end - start)
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, crank=written))
+    model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    data, zero = mujoco.MjData(model), turned(leg, solver.closed_form(written))
     alphas = np.linspace(start + 0.05 * (end - start), end - 0.05 * (end - start), 12)
-    expected, found, astray = dynamics.crank_torque(alphas, RATE, CHANGE), [], 0.0
+    found = []
     for alpha in alphas.tolist():
-        moving, pose = body_motion(dynamics.linkage, alpha), engine.leg.closed_form(alpha)
-        rates, slopes = (
-            joint_rates(engine.linkage, engine.tree_body, alpha),
-            np.zeros(engine.model.nv),
-        )
-        for tree_body in engine.tree_body:
-            k, first = engine.place(tree_body), rates[tree_body.body]
-            engine.data.qpos[k], slopes[k] = engine.position(tree_body, pose), first
-            engine.data.qvel[k] = first * RATE
-            engine.data.qacc[k] = first * CHANGE + engine.change(tree_body, moving) * RATE**2
-        mujoco.mj_inverse(engine.model, engine.data)
-        # Virtual work of the tree's joints, all moved by the crank.
-        found.append(float(engine.data.qfrc_inverse @ slopes) - engine.rotor * CHANGE)
-        astray = max(astray, _astray(engine, pose))
-    # The rotor of what drives the crank is large, and taken off again.
+        pose, rates = solver.closed_form(alpha), joint_rates(linkage, tree, alpha)
+        bends = [*body_motion(linkage, alpha).rotation_2[:, 0], 0.0]
+        slopes, now = np.zeros(model.nv), turned(leg, pose)
+        for j, parent, _ in tree:
+            position = now[j] - zero[j] - (now[parent] - zero[parent])
+            bend = bends[j] - bends[parent]
+            if linkage.structure.bodies[j].slides:
+                bend = solver.acceleration(pose, 1.0, 0.0).joints[j]
+            if j == 0 or linkage.structure.bodies[j].slides:
+                position = pose.joints[j]
+            k = model.joint(linkage.joint_names[j] if j else 'crank').qposadr[0]
+            data.qpos[k], slopes[k] = position, rates[j]
+            data.qvel[k], data.qacc[k] = rates[j] * RATE, rates[j] * CHANGE + bend * RATE**2
+        mujoco.mj_inverse(model, data)
+        # Virtual work of the tree's joints, all moved by the crank, without its large rotor.
+        rotor = float(model.dof_armature.max())
+        found.append(float(data.qfrc_inverse @ slopes) - rotor * CHANGE)
+        for point, at in zip(linkage.structure.points, pose.points, strict=True):
+            assert data.site(point.lower()).xpos[[0, 2]] == pytest.approx(at, abs=1e-12)
+    expected = dynamics.crank_torque(alphas, RATE, CHANGE)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-    assert astray <= 1e-12
-
-
-def _astray(engine: Tree, pose: LinkagePose) -> float:
-    places = zip(engine.linkage.structure.points, pose.points, strict=True)
-    sites = ((engine.data.site(name.lower()).xpos, at) for name, at in places)
-    return max(max(abs(site[0] - at[0]), abs(site[2] - at[1])) for site, at in sites)
