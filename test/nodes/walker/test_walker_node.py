@@ -158,15 +158,7 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     motors.silent = set()
     motors.until_message('walking')
 
-    motors.factors = [0.0, 1.0]
-    motors.until_message('left_crank does not turn')
-    motors.until_stopped()
     motors.factors = [1.0, 1.0]
-    motors.twist = (0.0, 0.0)
-    motors.until_message('standing')
-    motors.twist = (0.1, 5.0)
-    motors.until_message('limited by max_angular')
-
     motors.twist = None
     motors.until_message('standing: no cmd_vel')
     motors.until_stopped()
@@ -212,20 +204,6 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
             assert 0.0 <= rate * commanded <= 2.4 * 1.1 * commanded**2
             assert commanded or rate == 0.0
     probe.until(lambda: walker.errors.count('was paused for') > pauses)
-    motors.twist = None
-
-
-def test_a_slipped_crank_is_reported_with_its_size(
-    ros: Domain, walker: Process, motors: Motors
-) -> None:
-    motors.twist = (0.1, 0.0)
-    motors.until_steady()
-    before = float(motors.value('right_crank offset_sum'))
-    motors.positions[1] += 0.2
-    motors.until_message('right_crank: position offset of +0.')
-    size = float(motors.value('right_crank offset_sum')) - before
-    assert size == pytest.approx(0.2, abs=0.05)
-    ros.probe.until(lambda: 'right_crank: position offset of +0.' in walker.errors)
     motors.twist = None
 
 
