@@ -2,7 +2,7 @@
 
 from array import array
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import degrees, inf, isfinite
 from time import monotonic
 from typing import Any
@@ -32,7 +32,7 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.twin import DivergedError, NoMujocoError, Sensors, Twin, TwinError
+from klann_ros.twin import DivergedError, NoMujocoError, Twin, TwinError
 from klann_ros.twin.twin import Pace, RealTimeFactor
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -65,15 +65,7 @@ class SimNode(Node):
         self._twin = self._make_twin(values)
         self._period = 1.0 / values['rate']
         self._commands = CrankCommands(self, self._twin, values['command_timeout'])
-        self._outputs = RobotOutputs(
-            self,
-            self._twin,
-            sensors(values),
-            world=values['world_frame'],
-            base=values['base_frame'],
-            with_clock=values['use_clock'],
-            with_cameras=values['cameras'],
-        )
+        self._outputs = RobotOutputs(self, self._twin, values)
         # The number of ticks, and the tick of the robot's start.
         self._tick = self._first = 0
         self._resets = 0
@@ -85,13 +77,9 @@ class SimNode(Node):
         create_trigger(self, 'reset', self._on_reset)
         if values['linear']:
             DemoCommandPublisher(self, values['linear'], lambda: self._twin.time)
-        self._factor = values['real_time_factor']
-        require(
-            values['use_clock'] or self._factor == 1.0,
-            'real_time_factor',
-            self._factor,
-            '1 without use_clock',
-        )
+        self._factor = factor = values['real_time_factor']
+        is_possible = values['use_clock'] or factor == 1.0
+        require(is_possible, 'real_time_factor', factor, '1 without use_clock')
         self._pace = Pace(self._period, self._factor, monotonic())
         period = self._period / max(1.0, self._factor)
         create_steady_timer(self, period, self._on_timer, RawCallbackGroup())
@@ -244,35 +232,25 @@ class CrankCommands:
 
 
 class RobotOutputs:
-    """Publishers of the robot's readings and of the truth, in the frames `world` and `base`."""
+    """Publishers of the robot's readings and of the truth, by the node's parameters."""
 
-    def __init__(
-        self,
-        node: Node,
-        twin: Twin,
-        sensors: Sensors,
-        *,
-        world: str,
-        base: str,
-        with_clock: bool,
-        with_cameras: bool,
-    ) -> None:
-        self._twin = twin
+    def __init__(self, node: Node, twin: Twin, values: Mapping[str, Any]) -> None:
+        self._twin, noise = twin, sensors(values)
         self._cranks = create_publisher(node, JointState, 'crank_state')
         self._imus = create_publisher(node, Imu, 'imu')
         self._truths = create_publisher(node, Odometry, 'ground_truth')
-        self._clock = create_publisher(node, Clock, '/clock') if with_clock else None
+        self._clock = create_publisher(node, Clock, '/clock') if values['use_clock'] else None
         self._cameras = {
             name: create_publisher(node, PointStamped, f'camera/{name}')
-            for name in (twin.points() if with_cameras else ())
+            for name in (twin.points() if values['cameras'] else ())
         }
         self._crank, self._imu, self._truth = JointState(), Imu(), Odometry()
         self._crank.name = list(twin.joints)
-        self._imu.header.frame_id = self._truth.child_frame_id = base
-        self._truth.header.frame_id = world
-        self._imu.orientation_covariance = _diagonal(sensors.orientation_noise**2)
-        self._imu.angular_velocity_covariance = _diagonal(sensors.gyro_noise**2)
-        self._imu.linear_acceleration_covariance = _diagonal(sensors.accelerometer_noise**2)
+        self._imu.header.frame_id = self._truth.child_frame_id = values['base_frame']
+        self._truth.header.frame_id = values['world_frame']
+        self._imu.orientation_covariance = _diagonal(noise.orientation_noise**2)
+        self._imu.angular_velocity_covariance = _diagonal(noise.gyro_noise**2)
+        self._imu.linear_acceleration_covariance = _diagonal(noise.accelerometer_noise**2)
 
     def publish(self, stamp: TimeMessage) -> None:
         """Publish the current state."""

@@ -4,7 +4,7 @@ The messages of `walker_node`, read and written as bytes, and their publishers.
 As in solver/cdr.py: conversion between bytes and Python messages costs more than the computation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import cos, isfinite, sin
 import struct
 from typing import Any, NamedTuple
@@ -164,22 +164,17 @@ class CrankOutput:
 
 
 class OdomOutput:
-    """
-    Publisher of odom from `frame` to `child`, and of the same transform on /tf.
+    """Publisher of odom and its transform, by the node's parameters."""
 
-    `tilt` [rad] and `height` [m] are the standard deviations of roll, pitch and z.
-    """
-
-    def __init__(
-        self, node: Node, frame: str, child: str, *, tilt: float, height: float, transform: bool
-    ) -> None:
+    def __init__(self, node: Node, values: Mapping[str, Any]) -> None:
+        frame, child = values['odom_frame'], values['base_frame']
         self._odom = create_publisher(node, Odometry, 'odom')
         self._odom_template = odometry_template(frame, child)
-        self._tilt, self._height = tilt**2, height**2
+        self._tilt, self._height = values['tilt_error'] ** 2, values['height_error'] ** 2
         self._tf: Any = None
         # The reason why there is no transform, although it is requested.
         self.problem = ''
-        if transform:
+        if values['publish_tf']:
             try:
                 kind = message_class('tf2_msgs/msg/TFMessage')
             except UnknownMessageTypeError:

@@ -78,19 +78,12 @@ class WalkerNode(Node):
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _connect(self, values: dict[str, Any]) -> None:
-        walker, joints = self._walker, self._walker.feet.joints
+        joints = self._walker.feet.joints
         self._reader = JointsReader(joints)
         self._imu = ImuReader()
         velocities = values['command_type'] == 'velocities'
         self._commands = CrankOutput(self, joints, velocities=velocities)
-        self._odom = OdomOutput(
-            self,
-            values['odom_frame'],
-            values['base_frame'],
-            tilt=walker.odometry.noise.tilt_error,
-            height=walker.odometry.noise.height_error,
-            transform=values['publish_tf'],
-        )
+        self._odom = OdomOutput(self, values)
         if self._odom.problem:
             self.get_logger().warning(self._odom.problem)
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
