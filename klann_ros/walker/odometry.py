@@ -59,7 +59,6 @@ from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, stance
 from klann_ros.gait.stance import Facet, Point, Support, Triple
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
 from .imu import ImuIncrement, ImuPreintegration, ImuReading, StandstillCalibration
@@ -67,6 +66,8 @@ from .settings import OdometryNoise
 
 # The yaw and the gyro's bias; the accelerometer's biases.
 GYRO_STATES, ACCEL_BIAS = slice(2, 7, 4), slice(7, 9)
+# The places of a symmetric matrix in `stance.Symmetric`.
+_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 Attitude = tuple[float, float]
 
 
@@ -404,10 +405,11 @@ class Odometry:
         feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
         found = stance.minimize_slip(feet, self.noise.stiction_speed, prior)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
-        inverse_prior = _square(information, size)
+        both = np.array((information, found.covariance))
+        inverse_prior, posterior = both[:, _SQUARE[:size, :size]]
         gain = p[:, seen].dot(inverse_prior)
         saved = self._state[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
-        p -= gain.dot(p[seen, seen] - _square(found.covariance, size)).dot(gain.T)
+        p -= gain.dot(p[seen, seen] - posterior).dot(gain.T)
         self._state += gain.dot(by)
         if size == 2:
             self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
@@ -509,9 +511,3 @@ class Odometry:
                 var_w,
             ),
         )  # fmt: skip
-
-
-def _square(matrix: stance.Symmetric, size: int) -> FloatArray:
-    """Return the upper left part of a symmetric matrix."""
-    a, b, c, d, e, f = matrix
-    return np.array(((a, b, c), (b, d, e), (c, e, f)))[:size, :size]

@@ -7,7 +7,7 @@ chosen in MuJoCo on walker6_two_motors and walker_jansen alone, by `benchmarks/o
 """
 
 from dataclasses import dataclass, field
-from math import inf
+from math import copysign, inf
 
 from klann_ros.gait.steering import Rates, Twist2D
 
@@ -39,17 +39,13 @@ class MotionLimits:
 
     def motion(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
         """Return the motion that is allowed, on the same path, and what limits it."""
-        hit = []
-        linear, angular = wanted
-        if abs(angular) > self.max_curvature * abs(linear):
+        hit, share, (linear, angular) = [], 1.0, wanted
+        most = self.max_curvature * abs(linear)
+        if abs(angular) > most:
             hit.append('max_curvature')
-            most = self.max_curvature * abs(linear)
-            angular = max(-most, min(most, angular))
-        share = 1.0
-        for name, value, most in (
-            ('max_linear', linear, self.max_linear),
-            ('max_angular', angular, self.max_angular),
-        ):
+            angular = copysign(most, angular)
+        for name, value in (('max_linear', linear), ('max_angular', angular)):
+            most = getattr(self, name)
             if abs(value) > most:
                 hit.append(name)
                 share = min(share, most / abs(value))
