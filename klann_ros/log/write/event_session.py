@@ -3,7 +3,7 @@
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from klann_ros.sanitize.text import counted, printable
 from .background_writer import BackgroundWriter, RunEntry
 from .drop_counters import Counts, DropCounters, StoredCounts
 from .durable_file import free_space
-from .recording import Pauses, RecordingSession, RecordingState
+from .recording import known, Pauses, RecordingSession, RecordingState
 from .ring_buffer import RingBuffer, SEGMENT_SECONDS
 from .writer import RunWriter
 
@@ -250,17 +250,16 @@ class EventSession:
     def state(self) -> RecordingState:
         """Return the present state."""
         event = self._event or self._closing
-        state = event.state() if event is not None else None
-        faults = state.faults if state else ()
+        state = event.state() if event is not None else RecordingState()
+        failures = (self._failure,) if self._failure else ()
         buffered = min(self._buffer.buffered_time(monotonic()), self._settings.pre_trigger)
-        return RecordingState(
+        return replace(
+            state,
             counts=self.counters.counts(),
-            queued=state.queued if state else 0,
-            file=state.file if state else '',
-            size=state.size if state else 0,
-            free=_free_space(self._folder),
+            free=known(lambda: free_space(self._folder)),
             paused=self.pauses.paused,
-            faults=(*faults, *([self._failure] if self._failure else [])),
+            failure='',
+            faults=(*state.faults, *failures),
             stage=self._stage(),
             buffer={
                 'buffered [s]': f'{buffered:.1f}',
@@ -394,13 +393,6 @@ def _unused_path(folder: Path, cause: str) -> Path:
     while path.exists() or path.is_symlink():
         path, number = folder / f'{name}_{number}', number + 1
     return path
-
-
-def _free_space(folder: Path) -> int | None:
-    try:
-        return free_space(folder)
-    except OSError:
-        return None
 
 
 Recording: TypeAlias = RecordingSession | EventSession

@@ -10,6 +10,7 @@ from klann_ros.log.run_parameters import (
     fault_record,
     FINDING_RECORD,
     finding_record,
+    leg_description,
     LOSS_RECORD,
     loss_record,
     Pause,
@@ -22,7 +23,6 @@ from klann_ros.log.run_parameters import (
     TopicCount,
 )
 from klann_ros.sanitize.text import counted, listed, printable, verb
-import yaml
 
 from .background_writer import BackgroundWriter
 from .drop_counters import DropCounters, TopicCounters
@@ -39,15 +39,15 @@ _MAX_NAMED_TOPICS = 3
 class RecordingState:
     """State of a recording at a moment."""
 
-    counts: Mapping[str, TopicCount]
+    counts: Mapping[str, TopicCount] = field(default_factory=dict)
     # Messages that wait for the disk.
-    queued: int
+    queued: int = 0
     # The file in progress and its size [bytes].
-    file: str
-    size: int
+    file: str = ''
+    size: int = 0
     # Free space on the disk [bytes]; None if unknown.
-    free: int | None
-    paused: bool
+    free: int | None = None
+    paused: bool = False
     # The error that ended writing; '' without one.
     failure: str = ''
     # Outside changes of the run, one line each.
@@ -154,7 +154,7 @@ class RecordingSession:
             queued=self._background.queued,
             file=str(self._writer.file.path),
             size=self._writer.file.size,
-            free=self._free_space(),
+            free=known(lambda: self._writer.free_space),
             paused=self.pauses.paused,
             failure='' if failure is None else str(failure),
             faults=self._writer.faults.active,
@@ -166,12 +166,6 @@ class RecordingSession:
         faults = fault_record(str(self._background.failure or ''), run.faults.active)
         if faults:
             run.add_metadata(FAULT_RECORD, faults)
-
-    def _free_space(self) -> int | None:
-        try:
-            return self._writer.free_space
-        except OSError:
-            return None
 
     def finish(self) -> tuple[bool, str]:
         """Finish the run after the last message; return success and a message for the user."""
@@ -192,9 +186,17 @@ class RecordingSession:
 def _write_solver(solver: SolverParameters, run: RunWriter) -> None:
     """Write a solver's parameters as a record, and as a parameter file that reproduces it."""
     name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
-    file = yaml.safe_dump({solver.node: {'ros__parameters': solver.parameters}}).encode()
+    file = leg_description(solver).encode()
     run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
     run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
+
+
+def known(free_space: Callable[[], int]) -> int | None:
+    """Return the free space on a disk [bytes]; None if the disk does not say."""
+    try:
+        return free_space()
+    except OSError:
+        return None
 
 
 def losses_in_words(counts: Mapping[str, TopicCount]) -> str:

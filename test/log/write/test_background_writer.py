@@ -42,25 +42,6 @@ def test_messages_beyond_the_queue_of_a_slow_disk_are_counted(tmp_path, monkeypa
         assert dropped(background, name) > 1000
 
 
-@settings(max_examples=10)
-@given(capacity=st.integers(1, 100), counts=st.lists(st.integers(0, 60), min_size=1, max_size=8))
-def test_nothing_that_is_put_is_neither_written_nor_counted(
-    tmp_path_factory, capacity, counts
-) -> None:
-    writer = RunWriter(tmp_path_factory.mktemp('put') / 'run')
-    background = BackgroundWriter(
-        writer, flush_period=0.01, on_failure=lambda: None, capacity=capacity * MESSAGE_OVERHEAD
-    )
-    for number, count in enumerate(counts):
-        for message in make_messages(count, f'/topic_{number}'):
-            background.put(message)
-    assert background.close() is None
-    with open_log(writer.path) as log:
-        for number, count in enumerate(counts):
-            written = len(list(log.messages([f'/topic_{number}'])))
-            assert written + dropped(background, f'/topic_{number}') == count
-
-
 def test_a_message_larger_than_the_queue_is_written(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(
