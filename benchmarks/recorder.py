@@ -45,7 +45,8 @@ class Cost(NamedTuple):
 def measured(*, ours: bool, topics: int, rate: float, seconds: float) -> Cost:
     """Start a recorder of topics of joint states, publish on each at a rate [Hz], end it."""
     names = [f'/load_{number}' for number in range(topics)]
-    with rclpy.init(), tempfile.TemporaryDirectory() as work:
+    rclpy.init()
+    with tempfile.TemporaryDirectory() as work:
         node = rclpy.create_node('probe')
         publishers = [node.create_publisher(JointState, name, OUTPUT) for name in names]
         run, log = Path(work, 'run'), Path(work, 'recorder.log')
@@ -71,6 +72,7 @@ def measured(*, ours: bool, topics: int, rate: float, seconds: float) -> Cost:
             process.terminate()
         process.communicate()
         node.destroy_node()
+        rclpy.shutdown()
         lost = (warm_up + count) * topics - written(run)
     return Cost(spent / (count * topics) * 1e6, idle / REST * 100.0, memory, lost)
 
