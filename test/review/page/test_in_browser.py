@@ -95,11 +95,15 @@ def test_another_linkage_is_drawn_by_its_own_terms(visit, name: str) -> None:
         assert np.abs(points[point] - at).max() <= NEAR
 
 
-def test_it_plays_and_pauses(klann) -> None:
+@pytest.mark.parametrize('key', ['', 'Space'], ids=['the button', 'the space bar'])
+def test_it_plays_and_pauses(klann, key: str) -> None:
     play, before = klann.page.locator('#play'), klann.points()['H']
-    play.click()
+    press = (lambda: klann.page.keyboard.press(key)) if key else play.click
+    press()
+    assert play.text_content() == 'Pause'
     klann.until("Number(document.getElementById('time').value) > 0.05")
-    play.click()
+    press()
+    assert play.text_content() == 'Play'
     stopped, at = shown_time(klann), klann.points()['H']
     assert np.abs(at - before).max() > 1e-3
     klann.page.wait_for_timeout(60)
@@ -133,20 +137,12 @@ def test_keys_turn_the_leg_pose_by_pose(klann, runs) -> None:
         assert is_drawn(klann.points(), leg.solve(run.alpha(number)).points)
 
 
-def test_the_slider_has_the_same_keys_and_announces_the_time(klann, runs) -> None:
+def test_the_slider_has_keys_and_announces_the_time(klann, runs) -> None:
     slider = klann.page.locator('#time')
     slider.focus()
     klann.page.keyboard.press('ArrowUp')
     assert shown_time(klann) == pytest.approx(pose_time(runs['klann'], 1), abs=2e-6)
     assert slider.get_attribute('aria-valuetext') == '0.005 s'
-
-
-def test_space_plays_and_pauses(klann) -> None:
-    play = klann.page.locator('#play')
-    klann.page.keyboard.press('Space')
-    assert play.text_content() == 'Pause'
-    klann.page.keyboard.press('Space')
-    assert play.text_content() == 'Play'
 
 
 def test_a_finding_leads_to_its_moment_in_the_picture_and_the_charts(visit, runs) -> None:
