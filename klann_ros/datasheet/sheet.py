@@ -25,17 +25,9 @@ class Extreme(NamedTuple):
 
 class BarFigures(NamedTuple):
     """
-    A dimension of a linkage.
+    A dimension of a linkage: its name, such as 'l_bc', its value, and the unit 'm' or 'rad'.
 
-    Attributes
-    ----------
-    name, unit : str
-        Such as 'l_bc', in 'm' or 'rad'.
-    value : float
-        [m or rad].
-    margin : Margin, optional
-        The range in which the crank turns fully, all others unchanged; None if unknown.
-
+    `margin` is the range in which the crank turns fully, all others unchanged; None if unknown.
     """
 
     name: str
@@ -48,17 +40,9 @@ class Transmission(NamedTuple):
     """
     The transmission angle of a dyad over all crank angles.
 
-    Attributes
-    ----------
-    name : str
-        The two links, or 'coupled loops'.
-    angle : numpy.ndarray, shape (k,)
-        At the leg's crank angles, in [0, pi] [rad].
-    least, greatest : Extreme
-        Of the angles [rad].
-    from_in_line : Extreme
-        The least min(mu, pi - mu), the distance from links in line [rad].
-
+    `name` has the two links, or is 'coupled loops'; `angle`, shape (k,), is in [0, pi], at the
+    leg's crank angles; `from_in_line` is the least min(mu, pi - mu), the distance from links in
+    line [rad].
     """
 
     name: str
@@ -70,19 +54,10 @@ class Transmission(NamedTuple):
 
 class JointForce(NamedTuple):
     """
-    The force of a joint over the turn.
+    The force of a joint, a pin's point or a sliding body, over the turn.
 
-    Attributes
-    ----------
-    name : str
-        A pin's point, or a sliding body.
-    force : numpy.ndarray, shape (k,)
-        Its magnitude at the leg's crank angles, on the body with the largest one [N].
-    greatest : Extreme
-        Of the force [N].
-    moment : Extreme, optional
-        The largest magnitude of the moment on a sliding body [N m].
-
+    `force`, shape (k,), is its magnitude at the leg's crank angles, on the body with the largest
+    one, and `greatest` the largest [N]; `moment` is the largest on a sliding body [N m].
     """
 
     name: str
@@ -95,13 +70,8 @@ class LegForces(NamedTuple):
     """
     The forces of a leg at the sheet's speed, without or with the load on its foot.
 
-    Attributes
-    ----------
-    torque : numpy.ndarray, shape (k,)
-        At its crank, at the leg's crank angles [N m].
-    joints : tuple of JointForce
-        The joints, in the order of the linkage's points.
-
+    `torque`, shape (k,), is that at its crank, at the leg's crank angles [N m]; `joints` are in
+    the order of the linkage's points.
     """
 
     torque: FloatArray
@@ -188,19 +158,10 @@ class CrankSheet:
     """
     The joint of a crank, which turns one leg or several.
 
-    Attributes
-    ----------
-    joint : str
-        Its name.
-    legs : tuple of str
-        The legs that it turns.
-    is_own : bool
-        Whether its angle is the crank angle of its only leg: no phase, the same direction.
-    empty, loaded : TurnOfForces, optional
-        Over the angles of the joint, without and with the load on each foot in stance.
-    motor : MotorVerdict, optional
-        Whether the motor can turn it, with the load if there is one.
-
+    `is_own` tells whether its angle is the crank angle of its only leg: no phase, the same
+    direction. `empty` and `loaded` are forces over the angles of the joint, without and with the
+    load on each foot in stance; `motor` whether the motor can turn it, with the load if there is
+    one.
     """
 
     joint: str

@@ -22,16 +22,9 @@ class Reactions(NamedTuple):
     """
     Joint reactions of a linkage, shape (k,) each, in the linkage's plane.
 
-    Attributes
-    ----------
-    torque : numpy.ndarray
-        At the crank [N m].
-    pins : dict of (str, str) to numpy.ndarray of complex
-        The force of a pin, by its point, on a body, by its angle, or on 'ground': x + i y [N].
-    lines : dict of str to (numpy.ndarray, numpy.ndarray)
-        The normal force on each sliding body, positive to its line's left, and the moment on it
-        about its first point [N, N m].
-
+    `torque` is that at the crank [N m]. `pins` has the force of a pin, by its point, on a body, by
+    its angle, or on 'ground': x + i y [N]. `lines` has the normal force on each sliding body,
+    positive to its line's left, and the moment on it about its first point [N, N m].
     """
 
     torque: FloatArray

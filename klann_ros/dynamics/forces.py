@@ -45,15 +45,9 @@ class TurnOfForces(NamedTuple):
     """
     Torque and power over a turn of the crank at constant speed.
 
-    Attributes
-    ----------
-    alphas : numpy.ndarray, shape (k,)
-        Crank angles of a turn, ascending, in [0, 2 pi) [rad].
-    rate : float
-        Of the crank [rad/s].
-    torque : numpy.ndarray, shape (k,)
-        At the crank [N m], positive where it drives counter-clockwise.
-
+    `alphas`, shape (k,), are ascending crank angles in [0, 2 pi) [rad], `rate` is that of the
+    crank [rad/s], `torque`, shape (k,), acts at the crank, positive where it drives
+    counter-clockwise [N m].
     """
 
     alphas: FloatArray
@@ -311,17 +305,7 @@ def _dot(a: Any, b: Any) -> Any:
 
 
 class Simulation(NamedTuple):
-    """
-    A motion in time.
-
-    Attributes
-    ----------
-    times : numpy.ndarray, shape (k,)
-        [s]
-    alpha, alpha_rate : numpy.ndarray, shape (k,)
-        Crank angle and rate [rad, rad/s].
-
-    """
+    """A motion in time: `times` [s], crank angle and rate [rad, rad/s], shape (k,) each."""
 
     times: FloatArray
     alpha: FloatArray

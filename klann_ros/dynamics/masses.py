@@ -19,17 +19,9 @@ class MassError(ValueError):
 
 class BodyMass(NamedTuple):
     """
-    The mass of a body.
+    The mass of a body [kg], >= 0, its centre, and its inertia about the centre [kg m^2], >= 0.
 
-    Attributes
-    ----------
-    mass : float
-        [kg], >= 0.
-    centre : complex
-        Its centre of mass, x + i y from the body's first point, x along its angle [m].
-    inertia : float
-        About the centre [kg m^2], >= 0.
-
+    `centre` is x + i y from the body's first point, x along its angle [m].
     """
 
     mass: float = 0.0
@@ -51,15 +43,7 @@ class Spring:
     """
     A spring between two points: of the linkage, or fixed places (x, y) [m].
 
-    Attributes
-    ----------
-    ends : (str or (float, float), str or (float, float))
-        Its two ends.
-    stiffness : float
-        [N/m], >= 0.
-    free_length : float
-        Length without force [m], >= 0.
-
+    `stiffness` is >= 0 [N/m], `free_length` the length without force, >= 0 [m].
     """
 
     ends: tuple[Any, Any]
@@ -73,17 +57,7 @@ class Spring:
 
 @dataclass(frozen=True)
 class Masses:
-    """
-    Masses and springs of a linkage.
-
-    Attributes
-    ----------
-    bodies : tuple of BodyMass
-        One for every body, the crank's first.
-    springs : tuple of Spring
-        The springs.
-
-    """
+    """The masses of a linkage's bodies, the crank's first, and its springs."""
 
     bodies: tuple[BodyMass, ...]
     springs: tuple[Spring, ...] = ()

@@ -60,23 +60,11 @@ class Text(NamedTuple):
 @dataclass(frozen=True)
 class Drawing:
     """
-    Cut lines, x to the right, y up, [mm].
+    Cut lines, x to the right, y up, [mm]; `size` is width and height.
 
-    Attributes
-    ----------
-    size : complex
-        Width and height.
-    outlines : tuple of tuple of Corner
-        The plates, closed, counter-clockwise, in the order of the plates.
-    windows : tuple of tuple of Corner
-        Openings between the links of a plate, closed, clockwise.
-    circles : tuple of Circle
-        The holes.
-    slots : tuple of tuple of Corner
-        The slots, closed, counter-clockwise.
-    texts : tuple of Text
-        Titles and hole names.
-
+    `outlines` are the plates, in their order, and `slots`: closed, counter-clockwise; `windows`
+    the openings between the links of a plate: closed, clockwise. `circles` are the holes, `texts`
+    titles and names of holes.
     """
 
     size: complex

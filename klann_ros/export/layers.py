@@ -51,24 +51,11 @@ class Shaft:
 @dataclass(frozen=True)
 class Layers:
     """
-    The layers of a leg.
+    The layers of a leg's plates, and its pins.
 
-    Attributes
-    ----------
-    plates : tuple of Plate
-        The plates of a leg.
-    layer : tuple of int
-        The layer of each plate, from 0 at the bottom.
-    shafts : tuple of Shaft
-        The pins.
-    stubs : tuple of (Shaft, tuple of int)
-        The pins that every arrangement interrupts, and the plates between their own.
-    flush : tuple of (Shaft, int)
-        A pin, and -1 for its lower or 1 for its upper end, that a plate passes over: no head or
-        nut may stand out there.
-    motion : PlateMotion
-        The motion of the plates.
-
+    `layer` is that of each plate, from 0 at the bottom. `stubs` are the pins that every
+    arrangement interrupts, with the plates between their own; `flush` a pin, and -1 for its lower
+    or 1 for its upper end, that a plate passes over: no head or nut may stand out there.
     """
 
     plates: tuple[Plate, ...]

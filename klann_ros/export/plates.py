@@ -69,27 +69,11 @@ class Slot:
 @dataclass(frozen=True)
 class Plate:
     """
-    A plate.
+    A plate of a body, with holes and slots.
 
-    Attributes
-    ----------
-    name : str
-        The name of its body.
-    holes : tuple of Hole
-        The holes.
-    slots : tuple of Slot
-        The slots.
-    count : int
-        Number of such plates in the robot.
-    legs : str
-        The first leg that has it, if legs differ.
-    links : tuple of (complex, complex)
-        The centre lines of its material, all of one width [m].
-    width : float
-        Of its links [m].
-    body : int
-        The number of its body, FIXED for the ground.
-
+    `count` is the number of such plates in the robot, `legs` the first leg that has it, if legs
+    differ. `links` are the centre lines of its material, all of one `width` [m]. `body` is the
+    number of its body, FIXED for the ground.
     """
 
     name: str

@@ -26,17 +26,7 @@ class NotAssembledError(GeometryError):
 
 @dataclass(eq=False, repr=False)
 class CrankAngleError(KinematicsError, ValueError):
-    """
-    An invalid crank angle: not finite, or beyond the limit of precision.
-
-    Attributes
-    ----------
-    alpha : object
-        The crank angle as received [rad].
-    limit : float
-        The largest allowed magnitude [rad].
-
-    """
+    """An invalid crank angle `alpha` as received, not finite or beyond the `limit` [rad]."""
 
     alpha: object
     limit: float
@@ -111,17 +101,10 @@ class UnreachableError(KinematicsError):
 @dataclass(eq=False, repr=False)
 class LoopsOpenError(KinematicsError):
     """
-    A crank angle beyond the assembly branch of coupled loops.
+    A crank angle `alpha` beyond the assembly branch of coupled loops [rad].
 
-    Attributes
-    ----------
-    alpha : float
-        Crank angle [rad].
-    block : int
-        Number of the block in the linkage, from 1.
-    nearest : float
-        The nearest crank angle where they close [rad].
-
+    `block` is the number of the block in the linkage, from 1; `nearest` the nearest crank angle
+    where its loops close [rad].
     """
 
     alpha: float
@@ -139,17 +122,9 @@ class LoopsOpenError(KinematicsError):
 @dataclass(eq=False, repr=False)
 class NotConvergedError(KinematicsError):
     """
-    Newton-Raphson did not converge.
+    Newton-Raphson did not converge at a driving angle `alpha` [rad], for a `reason`.
 
-    Attributes
-    ----------
-    alpha : float
-        Driving angle [rad].
-    iterates : numpy.ndarray, shape (k, n)
-        Every iterate [rad], the guess first.
-    reason : str
-        The cause.
-
+    `iterates` are all of them, the guess first, shape (k, n) [rad].
     """
 
     alpha: float
@@ -168,11 +143,7 @@ class SingularPoseError(KinematicsError):
     """
     A singular pose: Phi has no inverse, so no velocity exists; a dyad is stretched or folded.
 
-    Attributes
-    ----------
-    alpha : float
-        Crank angle [rad].
-
+    `alpha` is the crank angle [rad].
     """
 
     alpha: float
@@ -189,13 +160,7 @@ class ImmobileDirectionError(KinematicsError):
     """
     A direction without foot motion: any force along it is balanced.
 
-    Attributes
-    ----------
-    h_1 : tuple of float
-        dH/dalpha (x, y) [m/rad].
-    direction : tuple of float
-        The direction (x, y), of length 1.
-
+    `h_1` is dH/dalpha (x, y) [m/rad], `direction` the direction (x, y), of length 1.
     """
 
     h_1: tuple[float, float]

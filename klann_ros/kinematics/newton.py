@@ -71,19 +71,10 @@ class Iterations:
     """
     A run of Newton-Raphson: iterates, residuals, Jacobians; all arrays are read-only.
 
-    Attributes
-    ----------
-    alpha : float
-        The driving angle [rad].
-    names, units : tuple of str
-        Names and units of the unknowns: 'rad', or 'm' for a sliding distance.
-    x : numpy.ndarray, shape (k, n)
-        The iterates, the guess first.
-    f : numpy.ndarray, shape (k, n)
-        The equations' left-hand sides at each [m].
-    phi : numpy.ndarray, shape (k, n, n)
-        Their Jacobian at each [m/rad].
-
+    `alpha` is the driving angle [rad]; `names` and `units` are those of the unknowns: 'rad', or
+    'm' for a sliding distance. `x`, shape (k, n), are the iterates, the guess first; `f`, shape
+    (k, n), the equations' left-hand sides at each [m], and `phi`, shape (k, n, n), their Jacobians
+    [m/rad].
     """
 
     alpha: float

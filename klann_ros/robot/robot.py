@@ -20,13 +20,8 @@ class Mount:
     """
     The pose of a leg's plane in base_link: x forward, y left, z up (REP 103).
 
-    Attributes
-    ----------
-    xyz : (float, float, float)
-        The plane's origin [m].
-    rpy : (float, float, float)
-        Roll, pitch and yaw about the fixed axes x, y, z in this order, as in a URDF [rad].
-
+    `xyz` is the plane's origin [m], `rpy` are roll, pitch and yaw about the fixed axes x, y, z in
+    this order, as in a URDF [rad].
     """
 
     xyz: Triple = (0.0, 0.0, 0.0)
@@ -108,15 +103,8 @@ class WalkerBody:
     """
     The body of a walker: a box.
 
-    Attributes
-    ----------
-    mass : float
-        [kg], > 0.
-    size : (float, float, float)
-        Along x, y and z of base_link [m].
-    centre : (float, float, float)
-        Centre of the box and of its mass, in base_link [m].
-
+    `mass` is > 0 [kg]; `size` is along x, y and z of base_link, and `centre` that of the box and
+    of its mass in base_link [m].
     """
 
     mass: float
@@ -135,17 +123,8 @@ class Robot:
     """
     A leg on a stand, or a walker.
 
-    Attributes
-    ----------
-    name : str
-        The file's name, without folder and ending.
-    legs : tuple of RobotLeg
-        Its legs.
-    body : WalkerBody, optional
-        Its body, if the file has its mass.
-    source : str
-        The file, for messages.
-
+    `name` is the file's, without folder and ending, `source` the file, for messages; `body` is
+    there if the file has its mass.
     """
 
     name: str

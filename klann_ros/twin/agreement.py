@@ -27,19 +27,11 @@ class Agreement(NamedTuple):
     """
     Differences between a leg in the engine and the computed one.
 
-    Attributes
-    ----------
-    foot : float
-        The greatest distance between the feet, at the engine's own crank angles [m].
-    torque : float
-        The rms difference of the crank's torque from that of an even turn, by the latter's rms.
-    torque_as_moved : float
-        The same, from the torque of the motion that the engine's crank made.
-    reactions : float
-        The greatest rms difference of a joint's force, in the same motion, by the rms of it.
-    ripple : float
-        Largest relative error of the crank's speed.
-
+    `foot` is the greatest distance between the feet, at the engine's own crank angles [m].
+    `torque` is the rms difference of the crank's torque from that of an even turn, by the latter's
+    rms, and `torque_as_moved` from that of the motion that the engine's crank made. `reactions` is
+    the greatest rms difference of a joint's force in this motion, by its rms; `ripple` the largest
+    relative error of the crank's speed.
     """
 
     foot: float

@@ -57,15 +57,9 @@ INERTIA_SAMPLES = 181
 @dataclass(frozen=True)
 class Floor:
     """
-    The floor of a walker.
+    The floor of a walker: Coulomb friction of feet and body on it, >= 0, and its slope.
 
-    Attributes
-    ----------
-    friction : float
-        Coulomb friction of feet and body on it, >= 0.
-    slope : float
-        Angle by which it rises along x, within +- pi/4 [rad].
-
+    `slope` is the angle by which it rises along x, within +- pi/4 [rad].
     """
 
     friction: float = 0.8

@@ -41,15 +41,8 @@ class Motors:
     """
     The drives of the cranks: a velocity servo for each joint.
 
-    Attributes
-    ----------
-    bandwidth : float
-        Of the first-order response of the speed [rad/s], > 0.
-    max_velocity : float
-        Saturation of the speed [rad/s], > 0.
-    factors : mapping of str to float
-        Factor of a joint's speed; 1 by default.
-
+    `bandwidth` is that of the first-order response of the speed, `max_velocity` its saturation,
+    both > 0 [rad/s]; `factors` are those of the speeds of joints, 1 by default.
     """
 
     bandwidth: float = 50.0
@@ -127,15 +120,8 @@ class Imu(NamedTuple):
     """
     The reading of an IMU in `base_link`.
 
-    Attributes
-    ----------
-    orientation : (float, float, float, float)
-        Of it in the world: x, y, z, w.
-    angular_velocity : (float, float, float)
-        In its own frame [rad/s].
-    linear_acceleration : (float, float, float)
-        Specific force in its own frame, gravity included [m/s^2].
-
+    `orientation` is that in the world: x, y, z, w. `angular_velocity` [rad/s] and
+    `linear_acceleration`, the specific force, gravity included [m/s^2], are in its own frame.
     """
 
     orientation: tuple[float, ...]
@@ -147,15 +133,8 @@ class Truth(NamedTuple):
     """
     The true pose and velocity of `base_link`.
 
-    Attributes
-    ----------
-    position : (float, float, float)
-        In the world [m].
-    orientation : (float, float, float, float)
-        x, y, z, w.
-    linear, angular : (float, float, float)
-        Its velocity [m/s] and rate [rad/s], in its own frame.
-
+    `position` [m] and `orientation`, x, y, z, w, are in the world; `linear` [m/s] and `angular`
+    [rad/s] in its own frame.
     """
 
     position: tuple[float, ...]

@@ -29,11 +29,7 @@ class PartialTurnError(KinematicsError):
     """
     A leg whose crank does not turn fully.
 
-    Attributes
-    ----------
-    arcs : list of (float, float)
-        Start and end of each reachable arc [rad].
-
+    `arcs` are the start and the end of each reachable arc [rad].
     """
 
     arcs: list[Arc]
@@ -47,14 +43,8 @@ class Margin(NamedTuple):
     """
     The range of one dimension within which the crank turns fully, all others unchanged.
 
-    Attributes
-    ----------
-    value : float
-        The nominal value [m or rad].
-    least, greatest : float
-        The ends of the range [m or rad]; 0 for a length without lower limit, else -inf and inf
-        without limits.
-
+    `value` is the nominal value, `least` and `greatest` are the ends of the range [m or rad]; 0
+    for a length without lower limit, else -inf and inf without limits.
     """
 
     value: float

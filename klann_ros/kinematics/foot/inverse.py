@@ -30,15 +30,8 @@ class Nearest(NamedTuple):
     """
     The crank angle of the foot's nearest position to a point.
 
-    Attributes
-    ----------
-    alpha : float
-        Crank angle in [0, 2 pi), the first of `ties` [rad].
-    distance : float
-        Distance of the foot from the point [m].
-    ties : tuple of float
-        All crank angles with this distance, sorted [rad]: two where the path crosses itself.
-
+    `alpha` is in [0, 2 pi), the first of `ties`, all sorted crank angles with this distance: two
+    where the path crosses itself [rad]. `distance` is that of the foot from the point [m].
     """
 
     alpha: float

@@ -44,15 +44,9 @@ class FootPath:
     """
     The path of the foot H, made by `foot_path`: samples, and figures refined between them.
 
-    Attributes
-    ----------
-    alphas : numpy.ndarray, shape (n,)
-        Crank angles of all arcs [rad]; each ascends, beyond 2 pi where an arc crosses it.
-    h, h_1 : numpy.ndarray, shape (n, 2)
-        H [m] and dH/dalpha [m/rad]; the latter NaN at singular poses, such as the ends of arcs.
-    arcs : tuple of (float, float)
-        Start and end of each reachable arc [rad].
-
+    `alphas`, shape (n,), are the crank angles of all arcs; each ascends, beyond 2 pi where an arc
+    crosses it [rad]. `h` is H [m] and `h_1` dH/dalpha [m/rad], shape (n, 2); the latter is NaN at
+    singular poses, such as the ends of arcs. `arcs` are start and end of each reachable arc [rad].
     """
 
     alphas: FloatArray

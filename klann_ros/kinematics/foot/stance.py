@@ -27,11 +27,7 @@ class NoStanceError(KinematicsError):
     """
     A foot that does not move along x.
 
-    Attributes
-    ----------
-    stride : float
-        The path's extent along x, rounding only [m].
-
+    `stride` is the path's extent along x, rounding only [m].
     """
 
     stride: float

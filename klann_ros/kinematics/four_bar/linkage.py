@@ -112,14 +112,8 @@ class TransmissionExtremes(NamedTuple):
     """
     The least and the greatest transmission angle over the crank angles that can be reached.
 
-    Attributes
-    ----------
-    least, greatest : float
-        Transmission angles in [0, pi] [rad].
-    least_at, greatest_at : tuple of float
-        The crank angles where they occur, in (-pi, pi] [rad]: 0 or pi, or the two ends of what
-        can be reached.
-
+    `least` and `greatest` are in [0, pi], `least_at` and `greatest_at` the crank angles where they
+    occur, in (-pi, pi] [rad]: 0 or pi, or the two ends of what can be reached.
     """
 
     least: float

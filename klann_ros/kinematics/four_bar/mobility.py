@@ -149,17 +149,9 @@ class DeadPoint(NamedTuple):
     """
     A dead point: the driver stops where the two other moving links are in line.
 
-    Attributes
-    ----------
-    driver : str
-        'crank' (coupler and rocker are in line) or 'rocker' (crank and coupler are).
-    angle : float
-        The driver's angle: theta2 or theta4 [rad].
-    kind : str
-        'stretched' or 'folded': how the two are in line.
-    theta2, theta3, theta4 : float
-        The pose, each in (-pi, pi] [rad].
-
+    The `driver` is 'crank' (coupler and rocker are in line) or 'rocker' (crank and coupler are),
+    and `angle` its theta2 or theta4 [rad]. The `kind` is 'stretched' or 'folded': how the two are
+    in line. `theta2`, `theta3` and `theta4` are the pose, each in (-pi, pi] [rad].
     """
 
     driver: str
@@ -174,18 +166,11 @@ class RockerLimits(NamedTuple):
     """
     The limit positions of the rocker, where crank and coupler are in line.
 
-    Attributes
-    ----------
-    stretched, folded : DeadPoint or None
-        The two limit positions of this assembly; None where the rocker has no such limit.
-    swing : float
-        Angle of the rocker between its limits, 2 pi for one that turns fully [rad]. Where
-        it has only one kind of limit it swings through to the mirrored one, which the other
-        assembly has.
-    time_ratio : float
-        Of a crank-rocker whose crank turns evenly: the time of the slow stroke over that of the
-        quick one, >= 1; NaN for any other linkage.
-
+    `stretched` and `folded` are those of this assembly, DeadPoints; None where there is no such
+    limit. `swing` is the rocker's angle between its limits, 2 pi for one that turns fully [rad];
+    with only one kind of limit it swings through to the mirrored one, which the other assembly
+    has. `time_ratio` is, of a crank-rocker whose crank turns evenly, the time of the slow stroke
+    over that of the quick one, >= 1; NaN for any other linkage.
     """
 
     stretched: DeadPoint | None

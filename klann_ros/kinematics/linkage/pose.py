@@ -153,17 +153,9 @@ class LinkageMotion(NamedTuple):
     """
     The velocity, or the acceleration, of a pose.
 
-    Attributes
-    ----------
-    joints : tuple of float
-        Of every coordinate, the crank's first [rad/s, m/s] or [rad/s^2, m/s^2].
-    h : tuple of float
-        Of the foot (x, y) [m/s] or [m/s^2].
-    pose : LinkagePose
-        The pose.
-    velocity : LinkageMotion or None
-        The velocity that goes with an acceleration.
-
+    `joints` is that of every coordinate, the crank's first [rad/s, m/s] or [rad/s^2, m/s^2], `h`
+    that of the foot (x, y) [m/s] or [m/s^2]. `velocity` is the one that goes with an acceleration,
+    or None.
     """
 
     joints: tuple[float, ...]
