@@ -3,16 +3,16 @@
 from array import array
 from collections.abc import Mapping, Sequence
 from math import copysign, inf, isfinite, remainder
+from time import monotonic
 from typing import Any, TYPE_CHECKING
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.nodes.endpoints import create_publisher, flush, QOS_USAGE
+from klann_ros.nodes.endpoints import create_publisher, create_steady_timer, flush, QOS_USAGE
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -22,7 +22,6 @@ from .motion import CRANK_PARAMETERS, CrankMotion, CrankMotionError, MOTION
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
-    from rclpy.time import Time
 
 # Time for a subscriber to match the publisher once the publisher knows of it, and for a driver's
 # lease to be heard before the first message [s].
@@ -54,17 +53,16 @@ class CrankNode(Node):
         self._count = self._messages(values['revolutions'])
         self._min_subscribers = values['min_subscribers']
         self._make_output(values['output'], values['crank_joint'])
-        # Simulated time may stand still or jump; the crank turns in real time all the same.
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._n = 0
-        self._begin: Time | None = None
+        # Steady time [s]: simulated time may stand still or jump; the crank turns all the same.
+        self._begin = inf
         # Offset of the motion since a driver has turned the crank [rad].
         self._offset = 0.0
         self._is_bounded = values['mode'] != 'constant'
         self._driver_angle: float | None = None
         self._driver_input: Subscription | None = None
         self._lease = LeaseListener(self, self._publisher.topic_name, self._on_lease)
-        self._waiting = self.create_timer(0.02, self._wait, clock=self._steady)
+        self._waiting = create_steady_timer(self, 0.02, self._wait)
         self.get_logger().info(f'ready: {self._summary(values)}')
 
     def _summary(self, values: Mapping[str, Any]) -> str:
@@ -94,17 +92,17 @@ class CrankNode(Node):
         self._angle, self._state = Float64(), JointState(name=[crank_joint])
 
     def _wait(self) -> None:
-        now = self._steady.now()
+        now = monotonic()
         has_too_few = self._publisher.get_subscription_count() < self._min_subscribers
         if has_too_few or self._lease.holder:
-            self._begin = None
-        elif self._begin is None:
-            self._begin = now + Duration(seconds=DISCOVERY_TIME)
-        if self._begin is not None and now >= self._begin:
+            self._begin = inf
+        elif self._begin == inf:
+            self._begin = now + DISCOVERY_TIME
+        if now >= self._begin:
             self._waiting.cancel()
             self._begin = now
             self._origin = self.get_clock().now()
-            self.create_timer(1.0 / self._rate, self._tick, clock=self._steady)
+            create_steady_timer(self, 1.0 / self._rate, self._tick)
             self._tick()
 
     def _tick(self) -> None:
@@ -113,7 +111,7 @@ class CrankNode(Node):
             return
         late = self._elapsed() - self._n / self._rate
         if late > _MAX_CATCH_UP:
-            self._begin += Duration(seconds=late)
+            self._begin += late
             self._origin += Duration(seconds=late)
         due = int(self._elapsed() * self._rate + 1e-6) + 1
         while self._n < min(due, self._count):
@@ -139,8 +137,8 @@ class CrankNode(Node):
         if self._driver_angle is not None:
             self._offset = self._driver_angle - self._motion.at(t)[0]
             self._driver_angle = None
-        if self._begin is not None:
-            self._begin = self._steady.now() - Duration(seconds=t)
+        if self._begin < inf:
+            self._begin = monotonic() - t
             self._origin = self.get_clock().now() - Duration(seconds=t)
         self.get_logger().info('the driver has left: resumes where the crank is')
 
@@ -159,7 +157,7 @@ class CrankNode(Node):
         return -copysign(step * self._rate, excess) if step else 0.0
 
     def _elapsed(self) -> float:
-        return float((self._steady.now() - self._begin).nanoseconds) / 1e9
+        return monotonic() - self._begin
 
     def _publish_angle(self, angle: float, *_: float) -> None:
         self._angle.data = angle

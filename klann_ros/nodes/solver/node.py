@@ -3,12 +3,14 @@
 from collections.abc import Mapping, Sequence
 from math import degrees, tau
 from textwrap import fill
+from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import (
     create_publisher,
+    create_steady_timer,
     create_trigger,
     diagnostic_array,
     diagnostic_status,
@@ -20,7 +22,6 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, verb
 from klann_ros.stop_signals import StopSignals
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -183,32 +184,30 @@ class SolverDiagnostics:
         self._node, self._legs, self._inputs = node, legs, inputs
         self._min_transmission_angle = min_transmission_angle
         self._lost_reported = 0
-        # Silence is measured on a clock that neither jumps nor stands still.
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._last_report = self._steady.now()
+        # On the steady clock [s].
+        self._last_report = monotonic()
         self._last_inputs = [self._last_report] * len(legs)
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
         self.legs_changed()
-        node.create_timer(period, self._report, clock=self._steady)
+        create_steady_timer(node, period, self._report)
 
     def legs_changed(self) -> None:
         """Update the arcs that the legs cannot reach."""
         self._missing_arcs = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
 
     def _report(self) -> None:
-        now = self._steady.now()
+        now = monotonic()
         lost = self._inputs.lost
         input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())
-        period = (now - self._last_report).nanoseconds / 1e9
         statuses = []
         for i, leg in enumerate(self._legs):
             if leg.statistics.inputs:
                 # To the accuracy of a period, far less than STALE_AFTER.
                 self._last_inputs[i] = now
-            silence = (now - self._last_inputs[i]).nanoseconds / 1e9
+            silence = now - self._last_inputs[i]
             level, message = self._level_and_message(leg.statistics, silence, input_problem)
             text = '; '.join(filter(None, (message, self._missing_arcs[i])))
-            values = _values(leg, self._inputs, period).items()
+            values = _values(leg, self._inputs, now - self._last_report).items()
             name = leg.name or 'leg'
             statuses.append(diagnostic_status(self._node, name, level, text, values))
             leg.statistics.begin_report()
