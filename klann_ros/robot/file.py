@@ -120,7 +120,7 @@ def robot_from_parameters(
         They define no valid robot.
 
     """
-    flat = dict(flat_parameters(parameters))
+    flat = _flat(parameters)
     names = _names(flat.get('legs', ()))
     legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
     return Robot('robot', legs, _body(flat) if weigh else None)
@@ -137,14 +137,14 @@ def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {**parameters, **own}
 
 
-def flat_parameters(parameters: Mapping[str, Any], prefix: str = '') -> list[tuple[str, Any]]:
+def _flat(parameters: Mapping[Any, Any], prefix: str = '') -> dict[str, Any]:
     """Return nested parameters under their names with dots."""
-    found = []
+    found: dict[str, Any] = {}
     for name, value in parameters.items():
         if isinstance(value, Mapping):
-            found += flat_parameters(value, f'{prefix}{name}.')
+            found |= _flat(value, f'{prefix}{name}.')
         else:
-            found.append((f'{prefix}{name}', value))
+            found[f'{prefix}{name}'] = value
     return found
 
 
@@ -231,29 +231,28 @@ def _body(flat: Mapping[str, Any]) -> WalkerBody | None:
     return body
 
 
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
 def _number(own: Mapping[str, Any], name: str, otherwise: float, prefix: str = '') -> float:
     value = own.get(name, otherwise)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    if not _is_finite(value):
         raise ValueError(refusal(f'{prefix}{name}', value, 'finite'))
     return float(value)
 
 
 def _triple(own: Mapping[str, Any], name: str, otherwise: Triple, prefix: str = '') -> Triple:
     values = own.get(name, otherwise)
-    if (
-        not isinstance(values, list | tuple)
-        or len(values) != 3
-        or any(isinstance(value, bool) or not isinstance(value, int | float) for value in values)
-        or not all(map(isfinite, values))
-    ):
+    if not isinstance(values, list | tuple) or list(map(_is_finite, values)) != [True] * 3:
         raise ValueError(refusal(f'{prefix}{name}', values, 'three finite numbers'))
     x, y, z = map(float, values)
     return x, y, z
 
 
-def solver_section(content: Any) -> Mapping[str, Any]:
+def solver_section(content: Any) -> dict[str, Any]:
     """
-    Return the parameters of solver_node in a ROS 2 parameter file.
+    Return the parameters of solver_node in a ROS 2 parameter file, by their names with dots.
 
     As in ROS, all sections apply that match the node's full name, wildcards included, in the order
     of the file; the last value wins. The node is `/solver_node`, or the file's one solver_node in
@@ -270,7 +269,7 @@ def solver_section(content: Any) -> Mapping[str, Any]:
         raise TypeError('it must be a mapping, such as config/sem104.yaml is')
     sections = list(_sections(content, ''))
     if not sections:
-        return content
+        return _flat(content)
     plain = dict.fromkeys(name for name, _ in sections if '*' not in name)
     own = [name for name in plain if name.endswith(_NODE)] or [_NODE]
     candidates = {name: _parameters(sections, name) for name in own}
@@ -302,17 +301,8 @@ def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dic
         tokens = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
         pattern = ''.join(tokens.get(t, re.escape(f'/{t}')) for t in name.split('/')[1:])
         if re.fullmatch(pattern, node):
-            _merge(given, parameters)
+            given |= _flat(parameters)
     return given
-
-
-def _merge(given: dict[str, Any], other: Mapping[str, Any]) -> None:
-    for name, value in other.items():
-        if isinstance(value, dict) and isinstance(given.get(name), dict):
-            given[name] = dict(given[name])
-            _merge(given[name], value)
-        else:
-            given[name] = value
 
 
 def _is_robot(parameters: Mapping[str, Any]) -> bool:

@@ -8,8 +8,7 @@ from findings import checks
 from klann_ros.kinematics import KlannGeometry, LinkageLeg
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.review.reviewing import review_run
-from klann_ros.robot import robot_of
-from klann_ros.robot.file import flat_parameters, solver_section
+from klann_ros.robot import robot_of, solver_section
 from leg_runs import LegRun
 import pytest
 import yaml
@@ -28,7 +27,7 @@ def parameters_of(path: Path) -> dict[str, Any]:
     text = {LINKAGE_PARAMETER: robot_of(str(path)).legs[0].description}
     if path.parent.name == 'linkages':
         return text
-    given = dict(flat_parameters(solver_section(yaml.safe_load(path.read_text()))))
+    given = solver_section(yaml.safe_load(path.read_text()))
     return given | text if 'linkage' in given else KlannGeometry().as_dict() | given | text
 
 
