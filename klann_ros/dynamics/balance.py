@@ -47,74 +47,68 @@ def reactions(
     """
     structure, count, n = moving.linkage.structure, moving.alphas.size, len(bodies)
     centres = [moving.fixed_to(j, body.centre) for j, body in enumerate(bodies)]
-    right = np.zeros((count, 3 * n))
+    right = np.zeros((count, n, 3))
     for j, (body, (_, c_1, c_2)) in enumerate(zip(bodies, centres, strict=True)):
         acceleration = c_2 * rates[0] ** 2 + c_1 * rates[1]
         angular = moving.rotation_2[j] * rates[0] ** 2 + moving.rotation_1[j] * rates[1]
         force = body.mass * (acceleration - gravity)
-        right[:, 3 * j], right[:, 3 * j + 1] = force.real, force.imag
-        right[:, 3 * j + 2] = body.inertia * angular
+        right[:, j] = np.stack([force.real, force.imag, body.inertia * angular], axis=1)
     for point, force in forces:
         j = structure.first_owner(point)
-        arm = moving.point(point)[0] - centres[j][0]
-        given = force + np.zeros(count, dtype=np.complex128)
-        right[:, 3 * j] -= given.real
-        right[:, 3 * j + 1] -= given.imag
-        right[:, 3 * j + 2] -= cross(arm, given)
+        right[:, j] -= _wrench(moving.point(point)[0] - centres[j][0], force)
     pinned = [
         (point, first, j) for point, (first, *others) in structure.owners.items() for j in others
     ]
-    sliding = sorted(structure.line_of)
+    sliding = [(along, j) for j, along in enumerate(structure.along) if along is not None]
     columns = _columns(moving, [centre for centre, _, _ in centres], pinned, sliding)
-    matrix = np.stack(columns, axis=2)
-    singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right).any(axis=1))
+    matrix, known = np.stack(columns, axis=2), right.reshape(count, 3 * n)
+    singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(known).any(axis=1))
     matrix[singular] = np.eye(3 * n)
-    right = np.where(singular[:, None], np.nan, right)
-    torque, *found = np.linalg.solve(matrix, right[..., None])[..., 0].T
-    pairs = list(zip(found[::2], found[1::2], strict=True))
+    known[singular] = np.nan
+    torque, *found = np.linalg.solve(matrix, known[..., None])[..., 0].T
+    # Those of the pins, then those of the lines.
+    pairs = iter(zip(found[::2], found[1::2], strict=True))
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     pins: dict[tuple[str, str], ComplexArray] = {}
     for (point, first, j), (x, y) in zip(pinned, pairs, strict=False):
         pins[point, names[j]] = x + 1j * y
         own = point, names[first]
         pins[own] = pins.get(own, 0.0) - pins[point, names[j]]
-    first_line = len(pinned)
-    lines = zip(sliding, pairs[first_line:], strict=True)
-    return Reactions(torque, pins, {names[j]: pair for j, pair in lines})
+    lines = {names[j]: pair for (_, j), pair in zip(sliding, pairs, strict=True)}
+    return Reactions(torque, pins, lines)
 
 
 def _columns(
     moving: BodyMotion,
     centres: Sequence[ComplexArray],
     pinned: Sequence[tuple[str, int, int]],
-    sliding: Sequence[int],
+    sliding: Sequence[tuple[int, int]],
 ) -> list[FloatArray]:
     """Return the equations' columns: the torque's, and two for each pin and each line."""
-    structure = moving.linkage.structure
-    zero = np.zeros(moving.alphas.size, dtype=np.complex128)
-    torque = np.zeros((zero.size, 3 * len(centres)))
-    torque[:, 2] = 1.0
-    columns = [torque]
+    count, structure = moving.alphas.size, moving.linkage.structure
+    columns: list[FloatArray] = []
 
-    def add(column: FloatArray, j: int, at: ComplexArray, force: ComplexArray) -> None:
-        """Add a force on a body at a place."""
-        if j != FIXED:
-            column[:, 3 * j] += force.real
-            column[:, 3 * j + 1] += force.imag
-            column[:, 3 * j + 2] += cross(at - centres[j], force)
+    def add(first: int, j: int, at: Any, force: Any, moment: float = 0.0) -> None:
+        """Add a force at a place and a moment on a body, and the opposite on the first."""
+        column = np.zeros((count, len(centres), 3))
+        for body, sign in ((first, -1.0), (j, 1.0)):
+            if body != FIXED:
+                column[:, body] += sign * _wrench(at - centres[body], force, moment)
+        columns.append(column.reshape(count, -1))
 
+    add(FIXED, 0, centres[0], 0j, 1.0)
     for point, first, j in pinned:
         at = moving.point(point)[0]
-        for direction in (1.0 + 0j, 1j):
-            columns.append(np.zeros_like(torque))
-            add(columns[-1], j, at, zero + direction)
-            add(columns[-1], first, at, zero - direction)
-    for j in sliding:
+        add(first, j, at, 1.0 + 0j)
+        add(first, j, at, 1j)
+    for along, j in sliding:
         at = moving.point(structure.bodies[j].points[0])[0]
-        normal = 1j * moving.linkage.line(moving.u, j) + zero
-        columns += [np.zeros_like(torque), np.zeros_like(torque)]
-        for body, sign in ((j, 1.0), (structure.along[j], -1.0)):
-            if body is not None and body != FIXED:
-                add(columns[-2], body, at, sign * normal)
-                columns[-1][:, 3 * body + 2] = sign
+        add(along, j, at, 1j * moving.linkage.line(moving.u, j))
+        add(along, j, at, 0j, 1.0)
     return columns
+
+
+def _wrench(arm: ComplexArray, force: Any, moment: float = 0.0) -> FloatArray:
+    """Return forces along x and y and the moment about a centre, shape (k, 3)."""
+    given = force + np.zeros_like(arm)
+    return np.stack([given.real, given.imag, cross(arm, given) + moment], axis=1)

@@ -261,10 +261,9 @@ class Dynamics:
             energy -= body.mass * _dot(self.gravity, c)
             slope -= body.mass * _dot(self.gravity, c_1)
         for spring in self.masses.springs:
-            (_, p_1), (_, q_1) = (_end(end, moving) for end in spring.ends)
-            elongation, direction = _elongation(spring, moving)
+            elongation, force, apart_1 = _stretched(spring, moving)
             energy += spring.stiffness * elongation**2 / 2.0
-            slope += spring.stiffness * elongation * _dot(direction, q_1 - p_1)
+            slope += _dot(force, apart_1)
         return energy, slope
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
@@ -275,27 +274,22 @@ class Dynamics:
         return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
 
 
-def _end(end: Any, moving: BodyMotion) -> tuple[Any, Any]:
-    if isinstance(end, str):
-        at, at_1, _ = moving.point(end)
-        return at, at_1
-    zero = np.zeros(moving.alphas.size) + 0j
-    return zero + complex(*end), zero
-
-
-def _elongation(spring: Spring, moving: BodyMotion) -> tuple[Any, Any]:
-    """Return the elongation of a spring [m], and the unit vector from end to end."""
-    (p, _), (q, _) = (_end(end, moving) for end in spring.ends)
-    length = np.abs(q - p)
+def _stretched(spring: Spring, moving: BodyMotion) -> tuple[Any, Any, Any]:
+    """Return a spring's elongation, force on its first end, and the derivative of its vector."""
+    (p, p_1), (q, q_1) = (
+        moving.point(end)[:2] if isinstance(end, str) else (complex(*end), 0.0)
+        for end in spring.ends
+    )
+    apart = q - p + np.zeros(moving.alphas.size)
+    elongation = np.abs(apart) - spring.free_length
     with np.errstate(invalid='ignore', divide='ignore'):
-        direction = np.where(length > 0.0, (q - p) / length, 0.0)
-    return length - spring.free_length, direction
+        direction = np.where(apart == 0.0, 0.0, apart / np.abs(apart))
+    return elongation, spring.stiffness * elongation * direction, q_1 - p_1
 
 
 def _pulls(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
     """Return the points at a spring's ends, with its force on them."""
-    elongation, direction = _elongation(spring, moving)
-    force = spring.stiffness * elongation * direction
+    _, force, _ = _stretched(spring, moving)
     ends = zip(spring.ends, (force, -force), strict=True)
     return [(end, pull) for end, pull in ends if isinstance(end, str)]
 
