@@ -1,9 +1,10 @@
 """
 Settings of a walker's controller and odometry: what users set, and how both were tuned.
 
-Users set the fields of the docstrings, as parameters of walker_node. The tuning below them was
-chosen in MuJoCo on walker6_two_motors and walker_jansen alone, by `benchmarks/odometry.py` and
-`benchmarks/walk.py --grid`, unless a comment names another source.
+Users set the fields of the docstrings, as parameters of walker_node. The fields below them are
+tuning: the controller's was chosen by `benchmarks/walk.py --grid` on walker6_two_motors and
+walker8_two_motors, the odometry's by `benchmarks/odometry.py` on walker6_two_motors and
+walker_jansen alone. A comment that gives a bound or a reason is its source instead.
 """
 
 from dataclasses import dataclass, field

@@ -221,6 +221,7 @@ def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
         ((-0.2, 0.8), (-0.05, 0.2), ['max_linear', 'max_angular']),
         # A limited curvature forbids turning on the spot.
         ((0.0, 0.2), (0.0, 0.0), ['max_curvature']),
+        ((-0.02, -0.2), (-0.02, -0.1), ['max_curvature']),
     ],
 )
 def test_the_strictest_limit_counts(

@@ -132,6 +132,8 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     assert (at.header.frame_id, at.child_frame_id) == ('odom', 'base_link')
     assert at.pose.pose.position.z == pytest.approx(0.31, abs=0.02)
     assert at.pose.covariance[0] > 0.0
+    # Of the height and of the tilt.
+    assert at.pose.covariance[14::7] == pytest.approx([1e-4, 4e-4, 4e-4, at.pose.covariance[35]])
     assert at.twist.covariance[35] > 0.0
     assert list(motors.commands[-1].name) == JOINTS
     # A motor that is 10 % slow is in phase all the same.
