@@ -53,27 +53,14 @@ class CrankSamples(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class MeasuredSeries:
     """
-    Samples of one measured quantity.
+    Samples of one measured quantity: a point, an angle or a distance.
 
-    Attributes
-    ----------
-    kind : str
-        'point', 'angle' or 'distance'.
-    name : str
-        A point, a body's angle or distance, or the distance of two points: 'H', 'theta', 'A-H'.
-    times : numpy.ndarray, shape (n,)
-        Stamps [s].
-    values : numpy.ndarray, shape (n, 2) or (n, 1)
-        Positions in the leg's plane or the camera's [m], angles [rad], or distances [m].
-    crank, rate : numpy.ndarray, shape (n,)
-        Position and rate of the crank joint at these times [rad, rad/s].
-    noise : float, optional
-        Standard deviation of each number, if it is known [m, rad].
-    source : str
-        Where they are from, such as a topic.
-    skipped : int
-        Samples that were left out: not finite, repeated, or without a crank angle.
-
+    `name` is a point, a body's angle or distance, or the distance of two points: 'H', 'theta',
+    'A-H'. At the stamps `times`, shape (n,) [s], `values` are positions in the leg's plane or the
+    camera's, shape (n, 2) [m], angles [rad] or distances [m], shape (n, 1); `crank` and `rate` are
+    those of the crank joint, shape (n,) [rad, rad/s]. `noise` is the standard deviation of each
+    number, if it is known [m, rad], `source` such as a topic, and `skipped` the number of samples
+    that were left out: not finite, repeated, or without a crank angle.
     """
 
     kind: Kind

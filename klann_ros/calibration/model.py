@@ -46,19 +46,10 @@ class Prediction(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class MeasurementModel:
     """
-    Predicts the measurements of a leg.
+    Predicts the measurements of a leg as drawn.
 
-    Attributes
-    ----------
-    linkage : Linkage
-        The leg as drawn.
-    direction : int
-        +1, or -1 for a crank that turns opposite to its joint.
-    phase : float
-        Its crank angle at joint position 0 [rad].
-    optional : tuple of str
-        Which optional parameters there are: those of the camera, the delay, the backlash.
-
+    `direction` is -1 for a crank that turns opposite to its joint, `phase` its crank angle at
+    joint position 0 [rad]; optional parameters are those of the camera, the delay, the backlash.
     """
 
     linkage: Linkage

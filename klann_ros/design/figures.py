@@ -66,8 +66,8 @@ FIGURES = {
 }
 
 
-def crank_angles(count: int = CANDIDATE_ANGLES) -> FloatArray:
-    """Return the crank angles of a candidate's turn [rad]."""
+def crank_angles(count: int) -> FloatArray:
+    """Return the crank angles of a turn [rad]."""
     return np.arange(count, dtype=np.float64) * (TURN / count)
 
 
@@ -90,16 +90,10 @@ class Judgement(NamedTuple):
         return np.equal(self.jam, 0.0)
 
 
-def judge(
-    variants: Variants,
-    names: frozenset[str],
-    load: float = 0.0,
-    count: int = CANDIDATE_ANGLES,
-    kernel: str | None = None,
-) -> Judgement:
+def judge(variants: Variants, names: frozenset[str], load: float = 0.0) -> Judgement:
     """Return the named figures of candidates; those that are not computed in bulk are left out."""
     has_box = not names.isdisjoint({'width', 'height'})
-    turns = whole_turns(variants, count, box=has_box, kernel=kernel)
+    turns = whole_turns(variants, CANDIDATE_ANGLES, box=has_box)
     jam = np.where(variants.refused, 2.0, turns.missing)
     if variants.base.two_circles:
         with np.errstate(invalid='ignore'):

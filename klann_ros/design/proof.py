@@ -38,14 +38,10 @@ class FittedCandidate(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class FoundLeg:
     """
-    A leg that fulfils the requirements.
+    A leg that fulfils the requirements, from a space.
 
     Attributes
     ----------
-    leg : RobotLeg
-        The leg.
-    space : Space
-        From which linkage, and by which dimensions.
     expected, reached : mapping of str to float
         Its figures in the search, and in its data sheet (SI).
     margins : mapping of str to (float, float)

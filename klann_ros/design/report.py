@@ -67,13 +67,12 @@ def report(found: Found) -> str:
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(found.reasons),
         'refused': dict(found.refused),
-        'legs': [leg_content(leg, leg_name(n)) for n, leg in enumerate(found.legs)],
+        'legs': [_leg_content(leg, leg_name(n)) for n, leg in enumerate(found.legs)],
     }
     return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
 
 
-def leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
-    """Return the content of a leg, for JSON."""
+def _leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
     return {
         'file': f'{name}.yaml',
         'walker': f'{name}_walker.yaml' if leg.walker is not None else None,

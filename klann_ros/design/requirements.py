@@ -60,29 +60,10 @@ class Requirements:
     """
     The requirements of a search (SI); made by `requirements_from` or `requirements_from_file`.
 
-    Attributes
-    ----------
-    spaces : tuple of Space
-        The linkages, and what varies.
-    aims : tuple of Aim
-        At least one.
-    limits : tuple of Limit
-        The bounds of figures.
-    units : Units
-        In which it was written, and answers are shown.
-    target : Target, optional
-        The path that the foot is to follow.
-    load, speed, tolerance : float
-        On the foot in stance [N], of the crank [rad/s], half-width of all lengths [m].
-    motor : Motor, optional
-        Of a crank.
-    walker : mapping, optional
-        What makes a walker of the leg.
-    count : int
-        The greatest number of legs returned.
-    text : str
-        The requirements as they were given, by which a search is resumed.
-
+    There is at least one aim. `load` is that on the foot in stance [N], `speed` that of the crank
+    [rad/s], `tolerance` the half-width of all lengths [m], `count` the greatest number of legs
+    returned. A search is resumed by `text`, the requirements as given; `units` are theirs, in
+    which answers are shown.
     """
 
     spaces: tuple[Space, ...]

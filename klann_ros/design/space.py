@@ -45,21 +45,10 @@ class Space:
     """
     The dimensions of one linkage that vary.
 
-    Attributes
-    ----------
-    leg : RobotLeg
-        The linkage, its file's text, and its masses.
-    names : tuple of str
-        The variables: dimensions, and 'scale' for a common factor.
-    low, high : numpy.ndarray, shape (d,)
-        Their ranges [m, rad].
-    ties : mapping of str to (str, int)
-        Dimensions that equal another one, times +1 or -1.
-    dyads : int
-        How many of the last variables are assembly modes, of one dyad each: their signs.
-    draw : callable, optional
-        Returns random candidates that are likely to turn, shape (n, d); uniform by default.
-
+    `names` are the variables: dimensions, and 'scale' for a common factor of all lengths; `low`
+    and `high` their ranges [m, rad], shape (d,). `ties` are dimensions that equal another one,
+    times +1 or -1. The last `dyads` variables are assembly modes, by their signs. `draw` returns
+    random candidates that are likely to turn, shape (n, d); uniform by default.
     """
 
     leg: RobotLeg
