@@ -88,17 +88,6 @@ def read_messages(bag: Path) -> list[tuple[str, str, int, bytes]]:
     return found
 
 
-def in_blocks(bag: Path) -> list[tuple[str, str, int, bytes]]:
-    """Return the same by the blocks of our reader, in the order in which they stand there."""
-    with open_log(bag) as log:
-        return [
-            (topic.name, topic.type, time, block.message(row))
-            for block in log.blocks()
-            for row, (channel, time) in enumerate(block.heads[['channel', 'log_time']].tolist())
-            for topic in [block.topics[channel]]
-        ]
-
-
 def digest(log: Path) -> dict[str, str]:
     """Return the digest of a file, or those of the files in a folder."""
     paths = [log] if log.is_file() else log.iterdir()

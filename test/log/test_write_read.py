@@ -172,21 +172,17 @@ def test_the_file_has_the_metadata_that_tools_expect(run_file) -> None:
         reader = make_reader(file)
         header, summary = reader.get_header(), reader.get_summary()
     assert (header.profile, header.library.split()[0]) == ('ros2', 'klann_ros')
-    assert summary.statistics.message_count == 240
-    assert summary.statistics.chunk_count == len(summary.chunk_indexes) == 6
-    assert all(index.compression == 'zstd' for index in summary.chunk_indexes)
-    assert all(index.message_index_offsets for index in summary.chunk_indexes)
     (channel,) = summary.channels.values()
-    assert channel.message_encoding == 'cdr'
-    assert summary.schemas[channel.schema_id].encoding == 'ros2msg'
+    assert (channel.message_encoding, summary.schemas[channel.schema_id].encoding) == (
+        'cdr',
+        'ros2msg',
+    )
     topic = make_topic()
-    assert channel.metadata == {
-        'offered_qos_profiles': topic.qos,
-        'topic_type_hash': topic.type_hash,
-    }
-    kinds = [opcode for opcode, _, _ in record_spans(run_file.read_bytes())]
-    assert 0x0E in kinds, 'summary offsets'
-    assert run_file.read_bytes()[-8:] == MCAP0_MAGIC
+    about = {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash}
+    assert channel.metadata == about
+    data = run_file.read_bytes()
+    assert 0x0E in [opcode for opcode, _, _ in record_spans(data)], 'summary offsets'
+    assert data.endswith(MCAP0_MAGIC)
 
 
 def test_metadata_yaml_and_the_record_in_the_file_agree(run_file) -> None:
@@ -202,14 +198,6 @@ def test_metadata_yaml_and_the_record_in_the_file_agree(run_file) -> None:
     with open_log(run_file) as log:
         (record,) = log.metadata['rosbag2']
     assert yaml.safe_load(record['serialized_metadata']) == metadata
-
-
-def test_topics_of_one_type_share_a_schema_and_equal_topics_a_channel(tmp_path) -> None:
-    messages = make_messages(5) + make_messages(5) + make_messages(5, '/other')
-    path = write_run(tmp_path / 'run', [messages])
-    with path.open('rb') as file:
-        summary = make_reader(file).get_summary()
-    assert (len(summary.schemas), len(summary.channels)) == (1, 2)
 
 
 @pytest.mark.parametrize('compression', CompressionType)
@@ -232,3 +220,6 @@ def test_chunks_and_their_indexes_are_those_of_the_mcap_library(tmp_path, compre
             index.message_index_offsets = {channel: place - start for channel, place in places}
     assert found[0] == found[1]
     assert [len(records) for records in found[0].values()] == [6, 12, 6, 1]
+    # Topics of one type share a schema, and equal topics a channel.
+    (statistics,) = found[0][Statistics]
+    assert (statistics.schema_count, statistics.channel_count) == (1, 2)

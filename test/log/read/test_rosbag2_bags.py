@@ -13,7 +13,6 @@ from klann_ros.log.recover_command import main as recover
 import pytest
 from rosbag2_bags import (
     digest,
-    in_blocks,
     KINDS,
     LATCHED,
     NAMES,
@@ -44,7 +43,6 @@ def test_a_bag_is_read_as_rosbags_reads_it(bag) -> None:
     assert sorted(found) == sorted(read_by_rosbags(bag))
     times = [time for _, _, time, _ in found]
     assert times == sorted(times)
-    assert sorted(in_blocks(bag)) == sorted(found)
 
 
 def test_topic_metadata_of_a_bag_are_kept(bag) -> None:

@@ -73,16 +73,6 @@ def test_pages_that_were_not_committed_are_reported(tmp_path) -> None:
         assert '3 pages behind its last commit are left out' in log.problem
 
 
-def test_the_log_beside_a_file_is_not_forgotten(tmp_path) -> None:
-    """An immutable file has none, says SQLite; that loses messages without a word."""
-    bag = kill_a_writer(tmp_path / 'bag', 'WAL', COMMITTED)
-    with closing(sqlite3.connect(f'file:{bag}/x_0.db3?immutable=1', uri=True)) as file:
-        (tables,) = file.execute('SELECT count(*) FROM sqlite_master').fetchone()
-        there = file.execute('SELECT count(*) FROM messages').fetchone()[0] if tables else 0
-    with open_log(bag) as log:
-        assert sum(1 for _ in log.messages()) > there
-
-
 def test_a_missing_write_ahead_log_is_reported(tmp_path) -> None:
     bag = kill_a_writer(tmp_path / 'bag', 'WAL', NOT_AT_ALL, 1000)
     shutil.copy(bag / 'x_0.db3', tmp_path / 'x_0.db3')

@@ -250,19 +250,17 @@ def test_a_with_block_raises_an_incomplete_run(tmp_path) -> None:
     assert isinstance(error.value.__cause__, KeyError)
 
 
-@pytest.mark.parametrize('moment', ['begin', 'end'])
 def test_a_recovery_reports_the_loss_of_its_output(
-    run_file, tmp_path, monkeypatch, capsys, moment
+    run_file, tmp_path, monkeypatch, capsys
 ) -> None:
-    output = tmp_path / 'again'
-    method = RunWriter.attach if moment == 'begin' else RunWriter.close
+    output, close = tmp_path / 'again', RunWriter.close
 
-    def remove_files(writer, *arguments, **options):
+    def remove_files(writer):
         for path in output.glob('*.mcap'):
             path.unlink()
-        return method(writer, *arguments, **options)
+        return close(writer)
 
-    monkeypatch.setattr(RunWriter, method.__name__, remove_files)
+    monkeypatch.setattr(RunWriter, 'close', remove_files)
     assert recover_command([str(run_file), '-o', str(output)]) == 1
     printed = capsys.readouterr()
     assert 'again_0.mcap was removed' in printed.err
