@@ -11,7 +11,7 @@ others: in the data, in chunks, in the summary.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 import struct
 import zlib
@@ -120,28 +120,13 @@ def _makes_sense(content, flags):
     return all(needs.get(flag, True) for flag in flags)
 
 
-@dataclass
-class _Indexes:
-    chunks: list = field(default_factory=list)
-    attachments: list = field(default_factory=list)
-    metadata: list = field(default_factory=list)
-
-
 def conformance_file(content, flags, *, pad=PADDING, pad_inner=b'', **more):
     """
-    Return the bytes of one of the files.
+    Return the bytes of a file of a content in a shape.
 
-    Parameters
-    ----------
-    content, flags
-        What is in it, and in which shape.
-    pad
-        What stands behind the fields of a padded file's records; bytes, or a function of them.
-    pad_inner
-        The same for the chunks and the records in them, which the suite does not pad.
-    more
-        `between`: what stands before records; `compression` and number of `chunks`.
-
+    `pad` is what stands behind the fields of a padded file's records, `pad_inner` the same for the
+    chunks and the records in them, which the suite does not pad, and `between` what stands before
+    records: bytes, or a function of them. `compression` and number of `chunks` are more options.
     """
     pads = (pad, pad_inner) if PAD in flags else (b'', b'')
     return _File(content, flags, *pads, **more).data()
@@ -196,7 +181,8 @@ class _File:
         size = -(-len(content.messages) // chunks) or 1
         starts = range(0, len(content.messages) or 1, size)
         self._parts = [content.messages[slice(start, start + size)] for start in starts]
-        self._indexes = _Indexes()
+        # Arguments of the functions that write the records of the index.
+        self._attachments, self._metadata, self._chunks = [], [], []
         self._data = bytearray(mcap.MAGIC + mcap.header(pad=self._pad()))
 
     def data(self):
@@ -238,11 +224,11 @@ class _File:
             record = mcap.attachment(name, media_type, attached, times, pad=self._pad())
             self._add(record)
             place = len(self._data) - len(record), len(record)
-            self._indexes.attachments.append((place, times, len(attached), name, media_type))
+            self._attachments.append((place, times, len(attached), name, media_type))
         for name, entries in self._content.metadata:
             record = mcap.metadata(name, entries, pad=self._pad())
             self._add(record)
-            self._indexes.metadata.append(((len(self._data) - len(record), len(record)), name))
+            self._metadata.append(((len(self._data) - len(record), len(record)), name))
 
     def _add_chunk(self, messages):
         inner, entries = bytearray(), {}
@@ -262,26 +248,26 @@ class _File:
             offsets[number] = len(self._data)
             self._data += mcap.message_index(number, rows, pad=self._pad())
         index = offsets, len(self._data) - end
-        self._indexes.chunks.append((times, place, index, (len(packed), len(inner))))
+        self._chunks.append((times, place, index, (len(packed), len(inner))))
 
     def _summary(self):
         """Yield the groups of the summary, as far as the flags ask for them."""
-        content, flags, pad, indexes = self._content, self._flags, self._pad, self._indexes
+        content, flags, pad = self._content, self._flags, self._pad
         if SCHEMAS in flags:
             yield (mcap.schema(*item, pad=pad()) for item in content.schemas)
         if CHANNELS in flags:
             yield (mcap.channel(*item, pad=pad()) for item in content.channels)
         if STATISTICS in flags:
-            counts = *content.counts, len(indexes.chunks)
+            counts = *content.counts, len(self._chunks)
             per_channel = Counter(item[0] for item in content.messages)
             yield [mcap.statistics(counts, _times(content.messages), per_channel, pad=pad())]
         if METADATA_INDEX in flags:
-            yield (mcap.metadata_index(*item, pad=pad()) for item in indexes.metadata)
+            yield (mcap.metadata_index(*item, pad=pad()) for item in self._metadata)
         if ATTACHMENT_INDEX in flags:
-            yield (mcap.attachment_index(*item, pad=pad()) for item in indexes.attachments)
+            yield (mcap.attachment_index(*item, pad=pad()) for item in self._attachments)
         if CHUNK_INDEX in flags:
             options = {'compression': self._compression}
-            yield (mcap.chunk_index(*item, **options, pad=pad()) for item in indexes.chunks)
+            yield (mcap.chunk_index(*item, **options, pad=pad()) for item in self._chunks)
 
 
 def _times(messages):
