@@ -152,31 +152,27 @@ def test_a_run_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     assert follower.found
 
 
-def test_a_file_that_is_removed_ends_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('is_removed', 'status'),
+    [(True, 'was removed'), (False, 'is unfinished, and its recorder has stopped')],
+)
+def test_an_abandoned_run_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_removed: bool, status: str
+) -> None:
     run = begun(tmp_path / 'run')
     for message in messages():
         run.write(message)
     run.flush()
     follower = Follower(run.path)
     follower.until_found(1)
-    (run.path / 'run_0.mcap').unlink()
+    if is_removed:
+        (run.path / 'run_0.mcap').unlink()
+    else:
+        # The end of its process takes the lock away.
+        monkeypatch.setattr(following, '_is_written', lambda _: False)
     follower.until_ended()
-    assert follower.status[-1] == 'run_0.mcap was removed'
+    assert follower.status[-1] == f'run_0.mcap {status}'
     run.discard()
-
-
-def test_a_recorder_that_was_killed_ends_it(
-    run: RunWriter, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    follower = Follower(run.path)
-    for message in messages():
-        run.write(message)
-    run.flush()
-    follower.until_found(1)
-    # The end of its process takes the lock away.
-    monkeypatch.setattr(following, '_is_written', lambda _: False)
-    follower.until_ended()
-    assert follower.status[-1] == 'run_0.mcap is unfinished, and its recorder has stopped'
 
 
 @pytest.mark.parametrize(
