@@ -105,16 +105,22 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture
-def visit(browser: Any, pages: Mapping[str, Path]) -> Iterator[Callable[..., Any]]:
-    """Yield what opens a page of a module by its name; options are those of a browser context."""
-    from opened_page import OpenedPage
-
+def new_page(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Yield what makes pages, each in a context of its own with these options."""
     contexts = []
 
-    def open_page(name: str, **options: Any) -> OpenedPage:
+    def make(**options: Any) -> Any:
         contexts.append(browser.new_context(**options))
-        return OpenedPage(contexts[-1].new_page(), pages[name].as_uri())
+        return contexts[-1].new_page()
 
-    yield open_page
+    yield make
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def visit(new_page: Callable[..., Any], pages: Mapping[str, Path]) -> Callable[..., Any]:
+    """Return what opens a page of a module by its name; options are those of a browser context."""
+    from opened_page import OpenedPage
+
+    return lambda name, **options: OpenedPage(new_page(**options), pages[name].as_uri())

@@ -91,16 +91,8 @@ def lab(shared: Opened) -> Opened:
 
 
 @pytest.fixture
-def visit(browser: Any) -> Iterator[Callable[..., Opened]]:
-    contexts = []
-
-    def open_page(*, fragment: str = '', **options: Any) -> Opened:
-        contexts.append(browser.new_context(**options))
-        return Opened(contexts[-1].new_page(), fragment)
-
-    yield open_page
-    for context in contexts:
-        context.close()
+def visit(new_page: Callable[..., Any]) -> Callable[..., Opened]:
+    return lambda *, fragment='', **options: Opened(new_page(**options), fragment)
 
 
 def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(visit) -> None:

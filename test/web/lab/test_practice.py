@@ -1,6 +1,6 @@
 """The practice mode: the exercises, keys, steps and marks of Python, in node and in the page."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import json
 from pathlib import Path
 import re
@@ -128,16 +128,8 @@ class Practice(OpenedPage):
 
 
 @pytest.fixture
-def visit(browser: Any) -> Iterator[Callable[..., Practice]]:
-    contexts = []
-
-    def open_page(fragment: str, **options: Any) -> Practice:
-        contexts.append(browser.new_context(**options))
-        return Practice(contexts[-1].new_page(), fragment)
-
-    yield open_page
-    for context in contexts:
-        context.close()
+def visit(new_page: Callable[..., Any]) -> Callable[..., Practice]:
+    return lambda fragment, **options: Practice(new_page(**options), fragment)
 
 
 @pytest.mark.parametrize('language', ['en', 'pt'])
