@@ -4,7 +4,7 @@ from pathlib import Path
 
 from klann_ros.dynamics import MassError, rods
 from klann_ros.kinematics import KlannGeometry, LinkageLeg, shipped_linkages, UnreachableError
-from klann_ros.robot import Mount, Robot, robot_from_parameters, robot_of, RobotLeg, WalkerBody
+from klann_ros.robot import Robot, robot_from_parameters, robot_of, RobotLeg
 from klann_ros.twin import Floor, robot_mjcf
 import mujoco
 import numpy as np
@@ -63,14 +63,10 @@ def test_a_walker_stands_on_its_lowest_feet_under_the_names_of_ros(
 
 
 def test_legs_on_two_joints_have_two_actuators() -> None:
-    mounts = (Mount((0.0, 0.2, 0.0)), Mount((0.0, -0.2, 0.0)))
-    legs = tuple(
-        RobotLeg(name, SEM104, f'{name}_crank', mount=mount, masses=MASSES)
-        for name, mount in zip(('left', 'right'), mounts, strict=True)
-    )
-    model, _ = loaded(Robot('two', legs, WalkerBody(5.0, (0.2, 0.2, 0.2))))
-    assert [model.actuator(n).name for n in range(2)] == ['left_crank', 'right_crank']
-    assert not np.any(model.eq_type == mujoco.mjtEq.mjEQ_JOINT)
+    robot = robot_of(str(ROOT / 'config' / 'walker6_two_motors.yaml'))
+    model, _ = loaded(robot)
+    assert tuple(model.actuator(n).name for n in range(model.nu)) == robot.crank_joints
+    assert np.sum(model.eq_type == mujoco.mjtEq.mjEQ_JOINT) == 4
 
 
 def test_a_walker_on_a_slope_stands_square_to_it() -> None:
