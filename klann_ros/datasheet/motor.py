@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import degrees, inf, isfinite
+from math import degrees, inf
 from typing import Any
 
 from klann_ros.dynamics.forces import turn_mean
-from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.text import did_you_mean, printable, refusal
 from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np
 
@@ -48,10 +48,9 @@ class Motor:
 
     def __post_init__(self) -> None:
         """Refuse invalid motor data."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None:
-                _check(field.name, value)
+        for name, value in vars(self).items():
+            if (name, value) != ('continuous_torque', None):
+                _check(name, value)
 
     @property
     def output_stall_torque(self) -> float:
@@ -118,11 +117,8 @@ def motor_from(content: Any) -> Motor:
 
 def _check(name: str, value: Any) -> None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not isfinite(value) or not 0.0 < value <= MAX_VALUE:
-        raise ValueError(
-            f'{name} = {printable(repr(value), 100)} is refused: '
-            f'a number > 0, at most {MAX_VALUE:g}'
-        )
+    if not is_number or not 0.0 < value <= MAX_VALUE:
+        raise ValueError(refusal(name, value, f'a number > 0, at most {MAX_VALUE:g}'))
     if name == 'efficiency' and value > 1.0:
         raise ValueError(f'efficiency = {value!r} is refused: a part of 1; 80 % are 0.8')
 

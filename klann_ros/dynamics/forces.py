@@ -27,6 +27,7 @@ from klann_ros.kinematics import (
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.validation import rate as checked_rate
+from klann_ros.sanitize.text import refusal
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -101,9 +102,7 @@ class TurnOfForces(NamedTuple):
 
         """
         if not unevenness > 0.0 or self.rate == 0.0:
-            raise ValueError(
-                f'unevenness = {unevenness!r} is refused: it must be > 0, and the crank must turn'
-            )
+            raise ValueError(refusal('unevenness', unevenness, '> 0, and the crank must turn'))
         return self.energy_swing / (unevenness * self.rate**2)
 
 

@@ -10,7 +10,7 @@ from klann_ros.dynamics import GRAVITY, MassError, Spring
 from klann_ros.kinematics import KinematicsError, LinkageLeg
 from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import Robot, RobotLeg
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import printable, refusal
 import numpy as np
 
 from .tree import spanning_tree
@@ -68,10 +68,9 @@ class Floor:
     def __post_init__(self) -> None:
         """Refuse invalid floor data."""
         if not (isfinite(self.friction) and self.friction >= 0.0):
-            raise ValueError(f'friction = {self.friction!r} is refused: it must be >= 0')
+            raise ValueError(refusal('friction', self.friction, '>= 0'))
         if not abs(self.slope) <= MAX_SLOPE:
-            allowed = f'within +-{MAX_SLOPE:.3f}'
-            raise ValueError(f'slope = {self.slope!r} rad is refused: it must be {allowed}')
+            raise ValueError(refusal('slope', self.slope, f'within +-{MAX_SLOPE:.3f} rad'))
 
 
 FLAT = Floor()
@@ -127,7 +126,7 @@ class _Model:
         self.robot, self.floor = robot, floor
         accuracy = WALKING if robot.is_walker else SUSPENDED
         if not (isfinite(time_step) and time_step >= 0.0):
-            raise ValueError(f'time_step = {time_step!r} s is refused: it must be > 0')
+            raise ValueError(refusal('time_step', time_step, '> 0 s'))
         self._accuracy = accuracy._replace(time_step=time_step or accuracy.time_step)
         closing, step = self._accuracy.closing, self._accuracy.time_step
         self.closed = _critically_damped(closing / step**2)

@@ -108,7 +108,9 @@ def test_the_example_motor_turns_the_sem104_leg() -> None:
 @pytest.mark.parametrize(
     ('changes', 'reason'),
     [
-        ({'gear_ratio': None}, 'gear_ratio missing'),
+        ({'gear_ratio': ...}, 'gear_ratio missing'),
+        ({'stall_torque': None}, 'stall_torque = None is refused'),
+        ({'stall_torque': 10**400}, 'at most 1e+09'),
         ({'stall_torque': -1.0}, 'stall_torque = -1.0 is refused'),
         ({'stall_torque': 0}, 'stall_torque = 0 is refused'),
         ({'no_load_speed': 'fast'}, "no_load_speed = 'fast' is refused"),
@@ -122,7 +124,7 @@ def test_the_example_motor_turns_the_sem104_leg() -> None:
     ],
 )
 def test_an_invalid_motor_is_refused_in_a_line(changes: Mapping[Any, Any], reason: str) -> None:
-    content = {key: value for key, value in {**GOOD, **changes}.items() if value is not None}
+    content = {key: value for key, value in {**GOOD, **changes}.items() if value is not ...}
     with pytest.raises(ValueError, match=rf'^[^\n]*{re.escape(reason)}[^\n]*$'):
         motor_from(content)
 
