@@ -120,9 +120,9 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
 
 
-def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
+def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
     """
-    Return the masses in the YAML text of a valid linkage.
+    Return the masses in the YAML text of a valid linkage; None without any.
 
     Each of its bodies may have `mass` [kg], `centre` [x, y] in the body and `inertia` about it
     [kg m^2]; or the file has one `density` for all bars [kg/m], and masses for sliding bodies
@@ -131,7 +131,7 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     Raises
     ------
     MassError
-        Masses are missing or invalid; the text says which.
+        Some masses are missing or invalid; the text says which.
 
     """
     content, shown = parse(text), printable(name)
@@ -142,8 +142,7 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses:
     if 'density' in content:
         return replace(_by_density(content, linkage, shown, metre), springs=springs)
     if len(without) == len(bodies):
-        ways = 'give each body mass, centre and inertia, or density [kg/m] for all bars'
-        raise MassError(f'{shown} has no masses: {ways}')
+        return None
     if without:
         raise MassError(f'{shown}: {", ".join(without)} without mass; 0 is allowed')
     return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)

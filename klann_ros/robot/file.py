@@ -84,7 +84,7 @@ def robot_from_file(path: str | Path) -> Robot:
         content = parse(text)
         if is_linkage(content):
             linkage = linkage_from_text(text, str(path))
-            masses = _own_masses(text, linkage, str(path))
+            masses = masses_from_text(text, linkage, str(path))
             leg = RobotLeg('', linkage, masses=masses, description=text)
             return Robot(Path(path).stem, (leg,), source=shown)
         parameters = solver_section(content)
@@ -204,14 +204,7 @@ def _masses(own: Mapping[str, Any], linkage: Linkage, text: str, file: str) -> M
     if 'bar_density' in own:
         density = _number(own, 'bar_density', 0.0)
         return rods(linkage, density, foot_mass=_number(own, 'foot_mass', 0.0))
-    return _own_masses(text, linkage, file) if text else None
-
-
-def _own_masses(text: str, linkage: Linkage, name: str) -> Masses | None:
-    """Return the masses in a linkage's file, None without any."""
-    content = parse(text)
-    has_masses = 'density' in content or any('mass' in body for body in content['bodies'].values())
-    return masses_from_text(text, linkage, name) if has_masses else None
+    return masses_from_text(text, linkage, file) if text else None
 
 
 def _body(flat: Mapping[str, Any]) -> WalkerBody | None:

@@ -150,6 +150,7 @@ def test_masses_of_a_file_are_those_of_its_rods() -> None:
     masses = made()
     assert masses.bodies == rods(linkage, 1.0).bodies
     assert masses.springs == (Spring(('A', (0.0, 0.001)), 5.0, 0.0),)
+    assert made(('density: 1.0\n', '')) is None
 
 
 def test_centres_are_in_the_unit_of_the_file() -> None:
@@ -164,7 +165,6 @@ def test_centres_are_in_the_unit_of_the_file() -> None:
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
-        (('density: 1.0\n', ''), 'has no masses: give each body mass, centre and inertia, or den'),
         (('density: 1.0', 'density: -1.0'), 'density: -1.0 must be >= 0'),
         (('from: A, to: [', 'from: Z, to: ['), 'springs: Z is none of the points: O2, O4, A, B'),
         (('stiffness: 5', 'stiffness: x'), "springs[0].stiffness: 'x' must be a number"),
@@ -181,6 +181,8 @@ def test_invalid_masses_are_refused_in_one_line(change: tuple[str, str], message
 
 def test_invalid_masses_loads_and_times_are_refused() -> None:
     linkage = shipped_linkage('four_bar')
+    with pytest.raises(MassError, match='theta3, theta4 without mass; 0 is allowed'):
+        made(('density: 1.0\n', ''), ('theta2:\n', 'theta2:\n    mass: 1\n'))
     with pytest.raises(MassError, match='there are 2 masses for 3 bodies'):
         Dynamics(linkage, Masses((BodyMass(), BodyMass())))
     with pytest.raises(MassError, match=r'mass of body 0 = -1\.0 kg is refused'):
