@@ -93,6 +93,9 @@ class RawMessageExecutor:
         if self._plain:
             _spin_plain(self._executor, future)
             return
+        # A callback may have failed for that reason.
+        if not self._executor.context.ok():
+            raise executors.ExternalShutdownException
         self._ended = False
         self._guard = GuardCondition(None, None, context=self._executor.context)
         future.add_done_callback(self._end)

@@ -12,44 +12,32 @@ BEST_EFFORT = Qos(reliability='best_effort')
 
 
 @pytest.mark.parametrize(
-    ('offered', 'count'),
+    ('offered', 'latched', 'depth'),
     [
-        ([Qos(depth=10)], 0),
-        ([LATCHED], 1),
-        ([LATCHED, LATCHED], 2),
-        ([UNKNOWN, UNKNOWN, Qos()], 2),
-        ([Qos(history='keep_all', durability='transient_local')], 2000),
-        ([Qos(depth=10**12, durability='transient_local')], 2000),
+        # A queue is as deep as it was, and a volatile one deep.
+        ([Qos(depth=1)], 0, DEPTH),
+        ([Qos(depth=5000)], 0, 5000),
+        ([Qos(depth=2**40)], 0, MAX_DEPTH),
+        # A latched topic keeps its publishers' depth.
+        ([LATCHED], 1, 1),
+        ([LATCHED, LATCHED], 2, 2),
+        ([UNKNOWN], 1, LATCHED_DEPTH),
+        ([UNKNOWN, UNKNOWN, Qos()], 2, LATCHED_DEPTH),
+        ([Qos(history='keep_all', durability='transient_local')], 2000, 2000),
+        ([Qos(depth=10**12, durability='transient_local')], 2000, 2000),
+        ([BEST_EFFORT], 0, DEPTH),
+        # Subscribers of any publisher receive the replay.
+        ([BEST_EFFORT, LATCHED], 1, 1),
     ],
 )
-def test_a_latched_topic_keeps_its_publishers_depth(offered: list[Qos], count: int) -> None:
-    assert latched_count(offered) == count
-
-
-@pytest.mark.parametrize(
-    ('offered', 'depth'),
-    [
-        ([LATCHED], 1),
-        ([LATCHED, LATCHED], 2),
-        ([UNKNOWN], LATCHED_DEPTH),
-        ([Qos(depth=1)], DEPTH),
-        ([Qos(depth=5000)], 5000),
-        ([Qos(depth=2**40)], MAX_DEPTH),
-    ],
-)
-def test_a_queue_is_as_deep_as_it_was_and_a_volatile_one_deep(
-    offered: list[Qos], depth: int
+def test_a_replay_has_the_policies_of_all_publishers(
+    offered: list[Qos], latched: int, depth: int
 ) -> None:
-    assert publishing_profile(offered).depth == depth
-
-
-def test_subscribers_of_any_publisher_receive_the_replay() -> None:
-    both = publishing_profile([BEST_EFFORT, LATCHED])
-    assert both.reliability == ReliabilityPolicy.RELIABLE
-    assert both.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    one = publishing_profile([BEST_EFFORT])
-    assert one.reliability == ReliabilityPolicy.BEST_EFFORT
-    assert one.durability == DurabilityPolicy.VOLATILE
+    profile = publishing_profile(offered)
+    assert (latched_count(offered), profile.depth) == (latched, depth)
+    assert (profile.durability == DurabilityPolicy.TRANSIENT_LOCAL) == (latched > 0)
+    is_weak = offered == [BEST_EFFORT]
+    assert (profile.reliability == ReliabilityPolicy.BEST_EFFORT) == is_weak
 
 
 def test_durations_are_those_that_were_recorded() -> None:

@@ -31,7 +31,7 @@ def metadata(path: Path) -> dict[str, list[dict[str, str]]]:
 
 
 @pytest.fixture(scope='module')
-def split_and_paused(module_ros: Domain) -> dict[str, Any]:
+def seen(module_ros: Domain) -> dict[str, Any]:
     """Return observations of a recording that was split twice, and paused in between."""
     recording = Recording(module_ros)
     seen: dict[str, Any] = {'folder': recording.folder, 'early split': recording.call('split')}
@@ -41,11 +41,11 @@ def split_and_paused(module_ros: Domain) -> dict[str, Any]:
     seen['first'] = split(recording)
     recording.publish()
     recording.until_received()
-    seen['pauses'] = [recording.call('pause') for _ in range(2)]
+    seen['answers'] = [recording.call('pause') for _ in range(2)]
     recording.until_value('paused', 'true')
     recording.publish(70)
     recording.until_received()
-    seen['resumes'] = [recording.call('resume') for _ in range(2)]
+    seen['answers'] += [recording.call('resume') for _ in range(2)]
     recording.publish()
     seen['second'] = split(recording)
     recording.publish()
@@ -53,31 +53,28 @@ def split_and_paused(module_ros: Domain) -> dict[str, Any]:
     # A report may fall between the file's name and its counters.
     recording.until_value('file', recording.folder / 'run_2.mcap')
     seen['status'], seen['values'] = recording.reports.statuses[-1], recording.reports.values
-    seen['code'] = recording.process.stop(signal.SIGHUP)
-    seen['errors'] = recording.process.errors
+    # A hangup finishes the run.
+    assert recording.process.stop(signal.SIGHUP) == 0
+    assert 'Traceback' not in recording.process.errors
     return seen
 
 
-def test_a_split_answers_with_the_name_of_the_file_that_follows(
-    split_and_paused: dict[str, Any],
-) -> None:
-    assert split_and_paused['first'] == 'run_1.mcap'
-    assert split_and_paused['second'] == 'run_2.mcap'
-    assert not split_and_paused['early split'].success
-    assert 'no message in run_0.mcap yet' in split_and_paused['early split'].message
+def test_a_split_answers_with_the_name_of_the_file_that_follows(seen: dict[str, Any]) -> None:
+    assert seen['first'] == 'run_1.mcap'
+    assert seen['second'] == 'run_2.mcap'
+    assert not seen['early split'].success
+    assert 'no message in run_0.mcap yet' in seen['early split'].message
 
 
-def test_no_message_is_lost_doubled_or_moved_by_a_split(split_and_paused: dict[str, Any]) -> None:
-    folder = split_and_paused['folder']
+def test_no_message_is_lost_doubled_or_moved_by_a_split(seen: dict[str, Any]) -> None:
+    folder = seen['folder']
     recorded = [*range(200), *range(270, 470)]
     assert numbers(folder) == recorded
     assert [number for n in range(3) for number in numbers(folder / f'run_{n}.mcap')] == recorded
 
 
-def test_every_file_of_a_split_run_has_solver_and_recorder(
-    split_and_paused: dict[str, Any],
-) -> None:
-    for path in (*split_and_paused['folder'].glob('*.mcap'), split_and_paused['folder']):
+def test_every_file_of_a_split_run_has_solver_and_recorder(seen: dict[str, Any]) -> None:
+    for path in (*seen['folder'].glob('*.mcap'), seen['folder']):
         with open_log(path) as log:
             (recorder,) = log.metadata['klann_ros.recorder']
             (solver,) = log.metadata['klann_ros.solver']
@@ -87,17 +84,11 @@ def test_every_file_of_a_split_run_has_solver_and_recorder(
         assert json.loads(solver['parameters'])['l_gh'] == 0.43
 
 
-def test_a_pause_is_in_the_run_with_its_skipped_messages(split_and_paused: dict[str, Any]) -> None:
-    assert [answer.success for answer in split_and_paused['pauses']] == [True, True]
-    assert [answer.message for answer in split_and_paused['pauses']] == [
-        'paused',
-        'already paused',
-    ]
-    assert [answer.message for answer in split_and_paused['resumes']] == [
-        'recording again',
-        'already recording',
-    ]
-    with open_log(split_and_paused['folder']) as log:
+def test_a_pause_is_in_the_run_with_its_skipped_messages(seen: dict[str, Any]) -> None:
+    answers = [(answer.success, answer.message) for answer in seen['answers']]
+    texts = ['paused', 'already paused', 'recording again', 'already recording']
+    assert answers == [(True, text) for text in texts]
+    with open_log(seen['folder']) as log:
         (record,) = log.metadata['klann_ros.pause']
         (losses,) = log.metadata['klann_ros.loss']
         times = [message.log_time for message in log.messages([TOPIC])]
@@ -108,22 +99,17 @@ def test_a_pause_is_in_the_run_with_its_skipped_messages(split_and_paused: dict[
     assert (count.received, count.written, count.skipped, count.lost) == (470, 400, 70, 0)
 
 
-def test_the_status_has_the_counters_and_the_file(split_and_paused: dict[str, Any]) -> None:
-    status, values = split_and_paused['status'], split_and_paused['values']
+def test_the_status_has_the_counters_and_the_file(seen: dict[str, Any]) -> None:
+    status, values = seen['status'], seen['values']
     assert status.name == 'recorder_node: recording'
     assert (status.level, status.message) == (DiagnosticStatus.OK, 'recording')
     assert values[f'{TOPIC} received'] == '470'
     assert values[f'{TOPIC} lost'] == '0'
-    assert values['file'] == str(split_and_paused['folder'] / 'run_2.mcap')
+    assert values['file'] == str(seen['folder'] / 'run_2.mcap')
     assert int(values['size']) > 0
     assert int(values['free']) > 0
     assert values['paused'] == 'false'
     assert int(values['queued']) >= 0
-
-
-def test_a_hangup_finishes_the_run(split_and_paused: dict[str, Any]) -> None:
-    assert split_and_paused['code'] == 0
-    assert 'Traceback' not in split_and_paused['errors']
 
 
 @pytest.mark.parametrize('limit', [{'max_file_size': 20_000}, {'max_file_duration': 0.3}])
