@@ -265,10 +265,10 @@ def _describe_misspelling(content: Mapping[str, Any]) -> str:
     for name, point in alone:
         others = [other for other in dict.fromkeys(places) if other not in points[name]]
         # Above all one that nothing else leads to, such as a pivot.
-        lonely = [other for other in others if places.count(other) == 1]
-        hint = did_you_mean(point, lonely) or did_you_mean(point, others)
-        if not hint and len(lonely) == 1:
-            hint = f'; did you mean {lonely[0]}?'
+        single = [other for other in others if places.count(other) == 1]
+        hint = did_you_mean(point, single) or did_you_mean(point, others)
+        if not hint and len(single) == 1:
+            hint = f'; did you mean {single[0]}?'
         if hint:
             return f'; the point {point} is in the body {name} alone{hint}'
     shown = listed((f'{point} of {name}' for name, point in alone), 5)
