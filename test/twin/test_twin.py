@@ -257,6 +257,8 @@ def test_a_delay_beyond_the_limit_is_dropped_and_reported() -> None:
     assert pace.slipped == pytest.approx(9.99)
     assert pace.due(10.16) == 1
     assert pace.factor(10.16).share == pytest.approx(17 / 1016)
+    assert pace.due(11.17) == 1
+    assert pace.slipped == pytest.approx(9.99 + 1.0)
 
 
 def test_without_the_engine_the_error_has_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
