@@ -5,7 +5,7 @@ from itertools import combinations, permutations, product
 from pathlib import Path
 import sys
 
-from klann_ros.design import refine, requirements_from, RequirementsError, search
+from klann_ros.design import refine, requirements_from, search
 from klann_ros.design.grow import shapes
 from klann_ros.design.leg_file import leg_text
 from klann_ros.kinematics import linkage_poses
@@ -134,20 +134,3 @@ def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
     assert found.legs
     for leg in found.legs:
         assert 0.02 <= leg.linkage.dimensions['A-C'] <= 0.03
-
-
-@pytest.mark.parametrize(
-    ('content', 'message'),
-    [
-        ({'grow': {'dyads': 1}}, 'grow.crank is missing: the range of its length [mm]'),
-        ({'grow': {'dyads': 3}}, '3 must be <= 2'),
-        ({'grow': {'dyad': 1}}, 'did you mean dyads?'),
-        ({'grow': {'dyads': 1, 'crank': [30, 20]}}, 'grow.crank: the range [30, 20] is empty'),
-        ({'grow': {'dyads': 1, 'crank': [0, 20]}}, '0 must be > 0'),
-        ({}, 'linkage is missing, or grow'),
-    ],
-)
-def test_a_growth_is_refused_in_one_line(content: dict[str, object], message: str) -> None:
-    with pytest.raises(RequirementsError) as error:
-        requirements_from({'units': {'length': 'mm'}, **content})
-    assert message in str(error.value)

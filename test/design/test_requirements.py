@@ -15,14 +15,14 @@ from klann_ros.sanitize.units import UnitWarning
 import numpy as np
 import pytest
 
-LEG = {'linkage': 'klann'}
+LEG, MM = {'linkage': 'klann'}, {'units': {'length': 'mm'}}
 EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'requirements').glob('*.yaml'))
 
 
 @pytest.mark.parametrize(
     ('content', 'message'),
     [
-        ({}, 'linkage is missing'),
+        ({}, 'linkage is missing, or grow'),
         ({'linkage': 'klan'}, 'did you mean klann?'),
         ({**LEG, 'figurs': {}}, 'did you mean figures?'),
         ({**LEG, 'figures': {'strid': 'maximize'}}, 'did you mean stride?'),
@@ -47,6 +47,11 @@ EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'requirements').glob
         ({'linkage': 'sem104', 'path': {'points': [[0, 0], [1, 0], [0, 1]]}}, 'such as klann'),
         ({**LEG, 'walker': {'legs': 5}}, 'must be one of 4, 6, 8'),
         ({**LEG, 'count': 0}, 'must be >= 1'),
+        ({'grow': {'dyads': 1}, **MM}, 'grow.crank is missing: the range of its length [mm]'),
+        ({'grow': {'dyads': 3}}, '3 must be <= 2'),
+        ({'grow': {'dyad': 1}}, 'did you mean dyads?'),
+        ({'grow': {'dyads': 1, 'crank': [30, 20]}, **MM}, 'grow.crank: the range [30, 20] is'),
+        ({'grow': {'dyads': 1, 'crank': [0, 20]}}, '0 must be > 0'),
     ],
 )
 def test_a_wish_is_refused_in_one_line(content: Mapping[str, Any], message: str) -> None:
