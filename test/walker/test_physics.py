@@ -4,7 +4,7 @@ from math import atan2, degrees, hypot
 
 from klann_ros.gait import Feet, Steering
 from klann_ros.twin import Floor, Motors, Sensors, Twin
-from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
+from klann_ros.walker import imu_reading, Walker
 import pytest
 
 pytest.importorskip('mujoco')
@@ -21,20 +21,16 @@ class Walked:
         seconds: float,
         *,
         imu: bool = False,
-        right_motor: float = 0.95,
         stands: float = 0.0,
         slope: float = 0.0,
         sensors: Sensors | None = None,
         warms: float = 0.0,
     ) -> None:
-        feet: Feet = steering.feet
-        motors = Motors(factors={feet.joints[1]: right_motor})
-        twin = Twin(
-            feet.robot, floor=Floor(slope=slope), motors=motors, sensors=sensors or Sensors()
-        )
+        feet = steering.feet
+        motors, floor = Motors(factors={feet.joints[1]: 0.95}), Floor(slope=slope)
+        twin = Twin(feet.robot, floor=floor, motors=motors, sensors=sensors or Sensors())
         walker = Walker(steering)
         self.tilt = self.path = 0.0
-        self.verdicts: list[tuple[DiagnosticLevel, str]] = []
         begin = last = twin.truth()
         for k in range(round((stands + seconds) / PERIOD)):
             now = k * PERIOD
@@ -43,11 +39,9 @@ class Walked:
                 force = u + warms * now, v, f
                 walker.imu(imu_reading((x, y, z, w), (a, b, c), now, force), now)
             at = walker.feedback(dict(twin.cranks()), now)
-            truth = twin.truth()
-            self.path += hypot(
-                truth.position[0] - last.position[0], truth.position[1] - last.position[1]
-            )
-            last = truth
+            (x, y, _), (last_x, last_y, _) = twin.truth().position, last.position
+            self.path += hypot(x - last_x, y - last_y)
+            last = twin.truth()
             walker.controller.command(*(twist if now >= stands else (0.0, 0.0)), now)
             command = walker.controller.step(now)
             assert command is not None
@@ -55,8 +49,6 @@ class Walked:
                 twin.command(joint, rate)
             twin.step(now + PERIOD)
             self.tilt = max(self.tilt, degrees(twin.tilt))
-            self.verdicts.append(walker.verdict(now))
-        self.rates = [crank.velocity for crank in twin.cranks().values()]
         assert at is not None
         self.values = walker.values(now)
         x, y, z, w = last.orientation
@@ -84,9 +76,7 @@ def test_straight_walks_agree_with_odometry_and_keep_phase(simulated: Steering) 
     assert walked.tilt < 2.0
 
 
-def test_on_the_spot_yaw_and_position_follow_with_an_imu(
-    simulated: Steering,
-) -> None:
+def test_on_the_spot_yaw_and_position_follow_with_an_imu(simulated: Steering) -> None:
     # On two feet that are dragged against each other it coasts: by friction alone it would be off
     # by a third.
     walked = Walked(simulated, (0.0, 0.1), 6.0, imu=True)
@@ -111,9 +101,7 @@ def test_in_a_curve_the_accelerometer_resolves_the_slip(
     assert walked.error < error
 
 
-def test_a_drifting_accelerometer_bias_is_tracked(
-    simulated: Steering,
-) -> None:
+def test_a_drifting_accelerometer_bias_is_tracked(simulated: Steering) -> None:
     # It is wrong by 0.055 m/s^2 at the end, which would be found to be more than it may.
     walked = Walked(simulated, (0.15, 0.0), 10.0, imu=True, stands=1.0, warms=0.005)
     assert walked.values['accelerometer'] == 'used'
