@@ -81,7 +81,9 @@ class Masses:
         return replace(self, bodies=tuple(bodies))
 
 
-def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
+def rods(
+    linkage: Any, density: float, *, foot_mass: float = 0.0, slider_length: float = 0.0
+) -> Masses:
     """
     Return the masses of slender rods: every bar and brace by its length.
 
@@ -93,6 +95,8 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
         Of all bars [kg/m].
     foot_mass : float
         A point mass at the foot, on the first body that has it [kg].
+    slider_length : float
+        Of a rod in the place of each sliding body without bars, in sizes of the linkage.
 
     Raises
     ------
@@ -106,18 +110,21 @@ def rods(linkage: Any, density: float, *, foot_mass: float = 0.0) -> Masses:
     places = body_points(given.structure, given.bars)
     bodies = []
     for j, body in enumerate(given.structure.bodies):
-        total = BodyMass()
+        total = BodyMass() if body.rigid else _rod(density, 0j, slider_length * given.size)
         for bar in body.rigid:
             for start in (bar.start, *([bar.brace.start] if bar.brace else [])):
                 p, q = places[j, start], places[j, bar.end]
-                mass = density * abs(q - p)
-                own = BodyMass(mass, (p + q) / 2.0, mass * abs(q - p) ** 2 / 12.0)
-                total = total.plus(own)
+                total = total.plus(_rod(density, (p + q) / 2.0, abs(q - p)))
         bodies.append(total)
     made = Masses(tuple(bodies))
     foot = given.structure.foot
     owner = given.structure.first_owner(foot)
     return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
+
+
+def _rod(density: float, centre: complex, length: float) -> BodyMass:
+    mass = density * length
+    return BodyMass(mass, centre, mass * length**2 / 12.0)
 
 
 def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:

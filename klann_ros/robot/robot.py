@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
 
-from klann_ros.dynamics import BodyMass, Dynamics, GRAVITY, MassError, Masses, rods
+from klann_ros.dynamics import Dynamics, GRAVITY, MassError, Masses, rods
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
@@ -188,7 +188,7 @@ class Robot:
 
         """
         # An invalid density is refused even if it is unused.
-        made = [_rods(leg.linkage, density, slider_length) for leg in self.legs]
+        made = [rods(leg.linkage, density, slider_length=slider_length) for leg in self.legs]
         pairs = zip(self.legs, made, strict=True)
         return replace(self, legs=tuple(replace(leg, masses=leg.masses or m) for leg, m in pairs))
 
@@ -233,12 +233,3 @@ class Robot:
             )
         x, y, _ = leg.mount.rotation.T @ (0.0, 0.0, -GRAVITY)
         return Dynamics(leg.linkage, leg.masses, gravity=(float(x), float(y)))
-
-
-def _rods(linkage: Linkage, density: float, slider_length: float) -> Masses:
-    masses, length = rods(linkage, density), slider_length * linkage.size
-    mass = density * length
-    for j, body in enumerate(linkage.structure.bodies):
-        if mass and not body.rigid:
-            masses = masses.with_mass(j, BodyMass(mass, 0j, mass * length**2 / 12.0))
-    return masses

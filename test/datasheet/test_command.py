@@ -25,6 +25,8 @@ def test_a_new_user_gets_text_page_and_numbers(
     assert lines[0].startswith('sem104: cranks at 6.283 rad/s (60.00 rpm), counter-clockwise, 10')
     assert 'The motor can turn it at 6.283 rad/s, margin 1.13.' in lines
     assert '  Stride              491.0 mm     x 435.9 .. 926.9 mm' in lines
+    assert '  BC, DC         31.2     345.5           156.2     165.6          23.8' in lines
+    assert '  coupler          0.7100          353.6   15.85          0.02966' in lines
     assert '  Torque, greatest   2.724    2.724  N m' in lines
     assert max(map(len, lines)) <= 110
     # The heads of a table and its 13 numbers are in columns.

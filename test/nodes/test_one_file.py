@@ -120,7 +120,10 @@ def test_sections_apply_as_ros_applies_them(
     file = tmp_path / 'p.yaml'
     names = [name for name in SECTIONS if not namespace or '*' in name]
     for pair in list(permutations(names, 2))[::3]:
-        sections = {name: {'ros__parameters': {'l_gh': 0.4 + n}} for n, name in enumerate(pair)}
+        # A name with dots is a nested one.
+        numbers = {'leg': {'l_gh': 0.4, 'l_cg': 0.3}}, {'leg.l_gh': 0.5}
+        given = zip(pair, numbers, strict=True)
+        sections = {name: {'ros__parameters': number} for name, number in given}
         content = sections | {f'{namespace}/solver_node': {'ros__parameters': {'l_ab': 0.1}}}
         file.write_text(json.dumps(content))
         solver = node(file, 'solver_node', namespace)
