@@ -26,7 +26,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 
-from .load import crank_load, CrankLoad, foot_load, LoadedLeg, turn_angles, with_extremes
+from .load import crank_load, CrankLoad, foot_load, turn_angles, with_extremes
 from .motor import Motor, verdict
 from .sheet import (
     BarFigures,
@@ -171,9 +171,14 @@ def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> Cra
     )
     if not all(sheets[leg.name].turns_fully for leg in legs):
         return bare
-    loaded = [LoadedLeg(leg, _dynamics(robot, leg), sheets[leg.name].stance) for leg in legs]
+    loaded = [(leg, _dynamics(robot, leg), sheets[leg.name].stance) for leg in legs]
+    edges = [
+        leg.direction * (alpha - leg.phase)
+        for leg, _, stance in loaded
+        for alpha in ((stance.start, stance.end) if load and stance else ())
+    ]
     has_masses = all(leg.masses is not None for leg in legs)
-    angles = turn_angles(samples, [edge for each in loaded for edge in each.edges if load])
+    angles = turn_angles(samples, edges)
 
     def loads() -> list[CrankLoad | None]:
         return [

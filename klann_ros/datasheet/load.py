@@ -16,6 +16,8 @@ EDGE_OFFSET = 1e-9
 # this number of samples between its neighbours.
 EXTREME_PART, EXTREME_SAMPLES = 0.02, 15
 FootForces = dict[str, tuple[float, float]]
+# A leg on a joint, with its dynamics and its stance.
+LoadedLeg = tuple[RobotLeg, Dynamics, Stance | None]
 
 
 class CrankLoad(NamedTuple):
@@ -32,20 +34,6 @@ class CrankLoad(NamedTuple):
     def turn(self, speed: float) -> TurnOfForces:
         """Return the forces of a turn at a speed [rad/s]."""
         return TurnOfForces(self.angles, float(speed), self.torque(speed))
-
-
-class LoadedLeg(NamedTuple):
-    """A leg on a joint, with its dynamics and its stance."""
-
-    leg: RobotLeg
-    dynamics: Dynamics
-    stance: Stance | None
-
-    @property
-    def edges(self) -> list[float]:
-        """Return the joint angles of the start and the end of the stance [rad]."""
-        alphas = (self.stance.start, self.stance.end) if self.stance else ()
-        return [self.leg.direction * (alpha - self.leg.phase) for alpha in alphas]
 
 
 def on_the_ground(stance: Stance, alphas: FloatArray) -> BoolArray:

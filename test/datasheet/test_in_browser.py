@@ -7,7 +7,7 @@ import re
 
 from browser import find
 from hostile_leg import HOSTILE, LINKAGE
-from klann_ros.datasheet import data_sheet, DataSheet, motor_from_file
+from klann_ros.datasheet import data_sheet, motor_from_file
 from klann_ros.datasheet.page import page
 from klann_ros.kinematics import KlannLeg
 from klann_ros.robot import Robot, robot_from_file, robot_of
@@ -23,14 +23,16 @@ ROOT = Path(__file__).resolve().parents[2]
 ALL = ('leg', 'cannot', 'walker', 'partial', 'hostile')
 
 
-def sheets(folder: Path) -> dict[str, DataSheet]:
+@pytest.fixture(scope='module')
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp('sheets')
     motor = motor_from_file(str(ROOT / 'config' / 'motor_example.yaml'))
     leg, hostile = robot_of('sem104'), folder / 'hostile.yaml'
     hostile.write_text(LINKAGE)
     walker = robot_from_file(ROOT / 'config' / 'walker6.yaml')
     one = robot_from_file(hostile).with_rods(1.0)
     named = replace(one.legs[0], name=HOSTILE, crank_joint=HOSTILE)
-    return {
+    sheets = {
         'leg': data_sheet(leg, load=10.0, motor=motor),
         'cannot': data_sheet(leg, speed=-20.0, motor=motor),
         'walker': data_sheet(walker, speed=1.0, load=30.0, motor=motor, samples=180),
@@ -39,13 +41,8 @@ def sheets(folder: Path) -> dict[str, DataSheet]:
             Robot(HOSTILE, (named,), source=HOSTILE), load=1.0, motor=motor, samples=90
         ),
     }
-
-
-@pytest.fixture(scope='module')
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp('sheets')
     made = {name: folder / f'{name}.html' for name in ALL}
-    for name, sheet in sheets(folder).items():
+    for name, sheet in sheets.items():
         made[name].write_text(page(sheet), encoding='utf-8')
     return made
 
