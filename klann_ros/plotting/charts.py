@@ -79,10 +79,14 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
 
     Parameters
     ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
     what : str
         'angles', of every body but the crank, unwrapped; 'distances', of every sliding body;
         'transmission', the transmission angle of each block, over the recommended band from 40 to
         140 deg; 'condition', the condition number of Phi; 'foot', the foot's coordinates.
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
 
     Returns
     -------
@@ -140,6 +144,8 @@ def plot_convergence(
 
     Parameters
     ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
     alpha : float
         Crank angle [rad].
     guess : sequence of float
@@ -148,6 +154,8 @@ def plot_convergence(
         'errors', of each iterate x_k against the last, x; 'corrections', to the next iterate;
         each the greatest of a block's angles [rad] and distances [m]; or 'residuals', the norm of
         a block's loop equations at each iterate [m].
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
     **stop
         Stopping criteria: keywords of `Leg.newton`, such as `max_iterations`.
 

@@ -57,6 +57,8 @@ def plot_pose(
         The linkage, or a pose of it.
     alpha : float, optional
         Crank angle [rad]; by default that of the pose, or the first reachable one.
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
     letters, angles : bool
         Whether to label points, and to draw angles as arcs from the horizontal.
     width : float
@@ -98,9 +100,13 @@ def plot_foot_path(
 
     Parameters
     ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
     point : str, or (str, float, float), optional
         The point in place of the foot, as of `foot_path`: 'G', or ('theta3', u, v) for a coupler
         curve.
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
     **style
         Of the line, such as `color` and `label`, by default the point's letter.
 
@@ -142,8 +148,12 @@ def animate(
 
     Parameters
     ----------
+    given : Linkage, KlannGeometry, FourBarGeometry or leg
+        The linkage.
     frames : int
         Number of poses.
+    ax : matplotlib.axes.Axes, optional
+        By default those of a new figure.
     path : bool
         Whether to draw the foot path.
     **style
