@@ -166,14 +166,18 @@ class Judging:
         if self._resumed:
             self._resumed = False
             self._judge.reset()
+        inbox = self._inbox
+        messages = [inbox.popleft() for _ in range(len(inbox))]
+        # A stall since the request explains the gap before these messages.
+        while self._has_stalled() and not self._stopped.wait(STEP):
+            pass
         while self._context:
             item = self._context.popleft()
             if isinstance(item, Pause):
                 self._judge.excuse(item)
             else:
                 self._judge.set_solver(item)
-        inbox = self._inbox
-        self._judge.add_all([inbox.popleft() for _ in range(len(inbox))])
+        self._judge.add_all(messages)
         return self._judge.findings(self._now, self._names, self._counts)
 
 

@@ -105,7 +105,7 @@ class TopicWatch:
 
     @property
     def has_stalled(self) -> bool:
-        """Return whether this process has just stalled, and `on_stall` is still to be called."""
+        """Return whether this process has just stalled, and `on_stall` has not returned yet."""
         return bool(self._stalls) or self._heartbeat.is_late
 
     @property
@@ -145,7 +145,8 @@ class TopicWatch:
 
     def _update(self) -> None:
         while self._stalls:
-            self._on_stall(self._stalls.popleft())
+            self._on_stall(self._stalls[0])
+            self._stalls.popleft()
         for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
