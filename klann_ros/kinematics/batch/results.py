@@ -1,6 +1,6 @@
 """Results of a batch: the poses, and the reason of each missing pose."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -125,9 +125,10 @@ class LinkagePoses:
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the existing arrays by name, without the reasons."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
         return {
-            name: a for name, a in found.items() if isinstance(a, np.ndarray) and name != 'reason'
+            name: array
+            for name, array in vars(self).items()
+            if isinstance(array, np.ndarray) and name != 'reason'
         }
 
 
