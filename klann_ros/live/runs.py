@@ -88,13 +88,15 @@ class Reviews:
         self._pages: dict[tuple[str, str, int], Page] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._one = asyncio.Semaphore(1)
-        self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
+        # Made for the first page.
+        self._temporary: tempfile.TemporaryDirectory[str] | None = None
 
     def close(self) -> None:
         """Delete the pages, and cancel pending reviews."""
         for task in self._tasks:
             task.cancel()
-        self._temporary.cleanup()
+        if self._temporary is not None:
+            self._temporary.cleanup()
 
     async def runs(self) -> list[ListedRun]:
         """Return the runs in the folder, read in a thread: the disk may be slow."""
@@ -108,6 +110,8 @@ class Reviews:
         key = program, run.name, run.time
         if key not in self._pages:
             self._forget()
+            if self._temporary is None:
+                self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
             file = Path(self._temporary.name, f'{program}-{len(self._pages)}-{run.time}.html')
             self._pages[key] = Page(file)
             task = asyncio.create_task(self._make(run, self._pages[key], program))
