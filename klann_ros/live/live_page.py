@@ -20,12 +20,12 @@ _STYLES = (
     SHARED / 'tables.css',
     _STATIC_FILES / 'live.css',
 )
-_NAMES = 'space connection picture walker history drive tables live'
+_OWN_SCRIPTS = 'space connection picture walker history drive tables live'
 # In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
     *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
-    *(_STATIC_FILES / f'{name}.js' for name in _NAMES.split()),
+    *(_STATIC_FILES / f'{name}.js' for name in _OWN_SCRIPTS.split()),
 )
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.

@@ -73,7 +73,7 @@ class OffsetDetector:
 
     confirmations: int = 5
     # Gate of reported offsets, in standard deviations of the encoder's noise, of which the least
-    # is assumed to be this [rad]. It is learned from so many readings before any is judged.
+    # is assumed to be this [rad]; readings from which it is learned before any is judged.
     gate: float = 6.0
     least_noise: float = 0.002
     noise_readings: int = 50

@@ -12,7 +12,7 @@ import termios
 from threading import Lock, Thread
 from typing import Any
 
-_NAMES = {
+_KEY_NAMES = {
     b' ': 'space',
     # Terminals send the first, or in their application mode the second.
     **dict.fromkeys((b'\x1b[A', b'\x1bOA'), 'up'),
@@ -37,7 +37,7 @@ def split_keys(data: bytes) -> tuple[list[str], bytes]:
     """Return the names of the known keys in a terminal's bytes, and the incomplete rest."""
     keys, end = [], 0
     while key := _KEY.match(data, end):
-        keys.append(_NAMES.get(key[0], ''))
+        keys.append(_KEY_NAMES.get(key[0], ''))
         end = key.end()
     return [key for key in keys if key], data[end:]
 
