@@ -15,7 +15,7 @@ from findings import checks
 from geometry_msgs.msg import Twist
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import PAUSE_RECORD, recorded_pause
+from klann_ros.log.run_parameters import PAUSE_RECORD, recorded_pause, SolverParameters
 from klann_ros.nodes.endpoints import OUTPUT
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Review
@@ -143,16 +143,18 @@ class Scene:
         """Record two solvers that answer the same crank, from its first angle on."""
         assert self.crank.stop() == 0
         reports = RecorderReports(self.ros.probe)
+        run = self.ros.folder / 'solvers'
         recorder = self.record('solvers', topics=f'[{", ".join(LEG)}]')
         second = self.ros.solver('--ros-args', '-r', '__node:=second')
         self.ros.probe.listen(JointState, 'joint_states', OUTPUT)
         self.ros.probe.await_publishers('joint_states', publishers=2)
         self.crank = self.ros.start('crank_node', rate=100.0, min_subscribers=3)
-        # It asks both for their parameters meanwhile.
-        reports.until_received({'/joint_states': 400})
+        reports.until_received({'/joint_states': 200})
+        # Their names are those of the nodes whose parameters it has read.
+        self.ros.probe.until(lambda: len(solvers_in(run)) == 2)
         assert recorder.stop() == 0
         assert second.stop() == 0
-        return self.ros.folder / 'solvers'
+        return run
 
     def record_two_cranks(self) -> Path:
         """Record the crank and another one, without their solver."""
@@ -167,6 +169,11 @@ class Scene:
         reports.until_received({'/crank_angle': count + 1000})
         assert recorder.stop() == 0
         return self.ros.folder / 'cranks'
+
+
+def solvers_in(run: Path) -> list[SolverParameters]:
+    with open_log(run) as log:
+        return log.solvers
 
 
 @pytest.fixture(scope='module')
