@@ -104,7 +104,8 @@ class RawMessageExecutor:
             with _ExecutorWatch(self._executor, self._guard.trigger, self._has_changed) as watch:
                 while not self._ended:
                     self._take_until_ready(watch)
-                    watch.run()
+                    # A delay for each of them would hold up a burst of parameter events.
+                    watch.run(BURST if self._batch_period else 1)
         except executors.ShutdownException:
             pass
         finally:
@@ -228,24 +229,28 @@ class _ExecutorWatch:
         if kind is None and not isinstance(self._task, Exception):
             self.run()
 
-    def run(self) -> None:
-        """Run a ready callback, if there is one; raise its error, or that of a shutdown."""
+    def run(self, limit: int = 1) -> None:
+        """Run this many ready callbacks at most; raise an error of one, or that of a shutdown."""
         if not self.is_ready:
             return
         task, self._task, self.is_ready = self._task, None, False
         if isinstance(task, Exception):
             raise task
         if task is not None:
-            task()
-            task.result()
+            _run(task)
+        # The watch still pauses, so this thread may use the executor.
+        _run_ready(self._executor, limit - 1)
         self._go_on.release()
 
     def _watch(self) -> None:
+        def is_over() -> bool:
+            return self._stopped or self._condition()
+
         while not self._stopped:
             try:
-                self._task, *_ = self._executor.wait_for_ready_callbacks(
-                    None, None, lambda: self._stopped or self._condition()
-                )
+                # With other arguments the executor would forget the other ready entities, and
+                # find the first one again: a busy subscription would starve what comes later.
+                self._task, *_ = self._executor.wait_for_ready_callbacks(None, None, is_over)
             except executors.ConditionReachedException:
                 self._task = None
             except Exception as error:  # raised by the other thread
@@ -253,6 +258,27 @@ class _ExecutorWatch:
             self.is_ready = True
             self._wake()
             self._go_on.acquire()
+
+
+def _run(task: Any) -> None:
+    """Run a callback of the executor; raise its error."""
+    task()
+    task.result()
+
+
+def _run_ready(executor: Any, limit: int) -> None:
+    """Run this many ready callbacks of an executor at most, without waiting for any."""
+    count = before = 0
+    while count < limit:
+        try:
+            task, *_ = executor.wait_for_ready_callbacks(0.0)
+        except executors.TimeoutException:  # noqa: PERF203, RUF100 - after the ready ones
+            if count == before:
+                return
+            before = count
+        else:
+            _run(task)
+            count += 1
 
 
 def _spin_plain(executor: Any, future: Future) -> None:
