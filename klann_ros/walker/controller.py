@@ -66,8 +66,9 @@ class WalkController:
         # Of any callback, and of the control clock's last progress.
         self._loop, self._progress = Watchdog(steady), Watchdog(steady)
         self._last: float | None = None
-        # The longest gap since the set points were last current, and where they were before it.
-        self._gap, self._targets_before = 0.0, list[float]()
+        # The longest gap since the set points were last current, where they were before it, and
+        # when it ended.
+        self._gap, self._targets_before, self._resumed = 0.0, list[float](), -inf
         self._stalled = [0.0] * len(self.cranks)
         self._rates = Rates(0.0, 0.0)
         self._commanded: Sequence[float] = [0.0] * len(self.cranks)
@@ -151,7 +152,7 @@ class WalkController:
         if not self._gap:
             self._targets_before = list(self.lock.targets)
             self.pauses += 1
-        self._gap = max(self._gap, gap)
+        self._gap, self._resumed = max(self._gap, gap), now
         for watchdog in (self._command_age, *(crank.watchdog for crank in self.cranks)):
             watchdog.pause(now)
         if gap > self.settings.feedback_timeout:
@@ -208,7 +209,7 @@ class WalkController:
     def _reset_clock(self, now: float) -> None:
         """Forget the times of commands: a simulation has restarted."""
         self._command_age.clear()
-        self._last = None
+        self._last, self._resumed = None, -inf
         for crank in self.cranks:
             crank.received = min(crank.received, now)
         self.motion = STANDS
@@ -218,7 +219,8 @@ class WalkController:
     def _restart(self, now: float) -> None:
         """Restart the set points at the measured angles, until these are current."""
         self._reset_set_points()
-        if any(crank.delay for crank in self.cranks):
+        # Readings from before the gap are as old as those that waited.
+        if any(crank.delay or crank.received < self._resumed for crank in self.cranks):
             return
         before = self._targets_before or self.positions
         moved = ', '.join(

@@ -19,12 +19,12 @@ class Watchdog:
     It runs on the steady clock as well, where there is one: the control clock may stand still, as
     simulated time does. Clocks of publishers differ from the receiver's by any offset, so the age
     that a message has by these counts only relative to that of the last message before the process
-    was paused, and for a second after the pause.
+    was paused, and for messages that were sent before the end of the pause.
     """
 
     def __init__(self, steady: SteadyClock | None = None) -> None:
         self._steady = steady
-        self._usual_age, self._drained = inf, -inf
+        self._usual_age, self._resumed = inf, -inf
         self.clear()
 
     def clear(self) -> None:
@@ -34,7 +34,7 @@ class Watchdog:
     def feed(self, now: float, delay: float = 0.0) -> None:
         """Take a message with a delay [s] at the control clock's time `now` [s]."""
         self._at = now - delay
-        self._steady_at = self._steady() - delay if self._steady else self._at
+        self._steady_at = self._steady_time(now) - delay
 
     def age(self, now: float) -> float:
         """Return the time since the last message, by the clock that measured more of it [s]."""
@@ -43,9 +43,12 @@ class Watchdog:
         age = now - self._at
         return max(age, self._steady() - self._steady_at) if self._steady else age
 
+    def _steady_time(self, now: float) -> float:
+        return self._steady() if self._steady else now
+
     def pause(self, now: float) -> None:
         """Expect delayed messages: the process was paused until now [s]."""
-        self._drained = now + 1.0
+        self._resumed = self._steady_time(now)
 
     def delay(self, transport_age: float | None, now: float) -> float:
         """Return the delay of a message [s], 0 if it is current or its age is unknown (None)."""
@@ -53,12 +56,13 @@ class Watchdog:
             return 0.0
         # Before the first message clocks are taken to be the same.
         delay = transport_age - (self._usual_age if self._usual_age < inf else 0.0)
-        # Jitter of the transport; the usual age grows by no more from message to message.
-        jitter = 0.05
-        if now < self._drained and delay >= jitter:
+        # Jitter of the transport; the usual age grows by no more from message to message. A queue
+        # is drained within a second, unless a clock was set during the pause.
+        jitter, resumed = 0.05, self._steady_time(now) - self._resumed
+        if resumed < 1.0 and delay >= max(jitter, resumed):
             return delay
         self._usual_age = min(transport_age, self._usual_age + jitter)
-        self._drained = -inf
+        self._resumed = -inf
         return 0.0
 
 
