@@ -243,7 +243,7 @@ def _solve_chunk(
     return {**poses.arrays(), 'reason': poses.reason}
 
 
-def sweep_tolerances(
+def sweep_tolerances(  # noqa: D417 - its options are described by name
     linkage: Any,
     tolerances: Mapping[str, float] | float,
     folder: str | Path,

@@ -292,4 +292,5 @@ def dxf(given: Drawing) -> bytes:
         label.set_placement((text.at.real, text.at.imag))
     stream = StringIO()
     document.write(stream)
-    return document.encode(stream.getvalue())
+    encoded: bytes = document.encode(stream.getvalue())
+    return encoded

@@ -57,6 +57,7 @@ import importlib, re, sys
 ROS = re.compile(r'rclpy|rcl_interfaces|\\w+_(msgs|interfaces|srvs)|ament_|rosidl|launch')
 
 class Blocker:
+
     def find_spec(self, name, path=None, target=None):
         if ROS.match(name):
             raise ImportError(f'{name} is ROS')

@@ -87,7 +87,7 @@ class ToleranceStudy:
         return sorted(zip(self.names, rms, strict=True), key=lambda pair: -pair[1])
 
 
-def tolerance_study(
+def tolerance_study(  # noqa: D417 - its options are described by name
     linkage: Any,
     tolerances: Mapping[str, float] | float,
     *,
