@@ -219,6 +219,9 @@ class WalkController:
     def _restart(self, now: float) -> None:
         """Restart the set points at the measured angles, until these are current."""
         self._reset_set_points()
+        # It would not have slowed down during the gaps.
+        if self._is_command_old(now):
+            self.motion = STANDS
         # Readings from before the gap are as old as those that waited.
         if any(crank.delay or crank.received < self._resumed for crank in self.cranks):
             return

@@ -412,7 +412,7 @@ class StarvedWalk:
         self.walked = 0
 
     def is_paused(self, k: int, now: float) -> bool:
-        if now >= self.resumes[k] and self.random.random() < 0.03:
+        if now >= max(1.0, self.resumes[k]) and self.random.random() < 0.03:
             self.resumes[k] = now + self.random.choice(self.PAUSES)
             if k == 0 and self.resumes[0] - now > 0.2:
                 self.resumed = self.resumes[0]
@@ -480,6 +480,15 @@ def test_on_a_loaded_machine_no_crank_turns_against_its_set_point(
         walk.run(6.0)
         assert walk.control.pauses > 0
         assert walk.walked > 50
+
+
+def test_a_pause_without_a_command_prolongs_no_motion(steering: Steering) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+    bench.commands = False
+    bench.run(0.6)
+    assert min(bench.rates) > 0.5
+    bench.pause(0.25)
+    assert bench.rates == [0.0, 0.0]
 
 
 def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steering) -> None:
