@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 PAGE = Path(__file__).parents[1] / 'docs/published_linkages.md'
-DATA = yaml.safe_load(Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8'))
+DATA = yaml.load(Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader)
 Values = tuple[float, ...]
 
 # A shipped linkage without a published number, and the reason.

@@ -6,8 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / 'examples/notebooks').glob('*.ipynb'))
@@ -32,6 +30,10 @@ def cells(path: Path, kind: str) -> list[str]:
 
 @pytest.mark.parametrize('path', NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_prints_the_slides_numbers(path: Path) -> None:
+    # When called: it takes long, in each worker that collects this.
+    import matplotlib as mpl
+    import matplotlib.pyplot as plt
+
     first, *code = cells(path, 'code')
     assert first.startswith('%pip install')
     mpl.use('Agg')

@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-import yourdfpy
 
 ROOT = Path(__file__).resolve().parents[2]
 FREE, HINGE, SLIDE = (
@@ -28,7 +27,9 @@ FREE, HINGE, SLIDE = (
 )
 WALKERS = ('walker6', 'walker_jansen', 'slotted_leg')
 # By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
-KNOWN = yaml.safe_load((Path(__file__).parent / 'controller_parameters.yaml').read_text())
+KNOWN = yaml.load(
+    (Path(__file__).parent / 'controller_parameters.yaml').read_text(), yaml.CSafeLoader
+)
 
 
 @pytest.fixture(scope='module', params=WALKERS)
@@ -109,6 +110,9 @@ def test_the_model_is_that_of_sim_node_and_starts_closed(exported: tuple[str, Pa
 
 
 def test_the_urdfs_are_whole_and_differ_in_the_plugin(exported: tuple[str, Path]) -> None:
+    # When called: its meshes' library takes half a second, in each worker that collects this.
+    import yourdfpy
+
     file, folder = exported
     for name in ('robot.urdf', 'cranks.urdf', 'cranks_hardware.urdf'):
         model = yourdfpy.URDF.load(str(folder / name), load_meshes=False)

@@ -21,7 +21,9 @@ import yaml
 
 TAKE = {'id': 1, 'command': 'take', 'target': 'crank:/crank_angle'}
 PATIENCE = 20.0
-REQUESTS = yaml.safe_load(Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'))
+REQUESTS = yaml.load(
+    Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 Session, Socket = aiohttp.ClientSession, aiohttp.ClientWebSocketResponse
 
 

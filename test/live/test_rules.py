@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 import yaml
 
-RULES = yaml.safe_load(Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'))
+RULES = yaml.load(
+    Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 LOCAL = Guard('127.0.0.1', 8321, 'secret')
 NAMED = Guard('192.0.2.7', 8321, 'secret')
 ANY = Guard('0.0.0.0', 8321, 'secret')  # noqa: S104 - bound to nowhere here

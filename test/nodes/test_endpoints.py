@@ -12,7 +12,10 @@ from std_msgs.msg import Float64
 import yaml
 
 NAMES_FILE = Path(__file__).with_name('hostile_names.yaml')
-HOSTILE = [*yaml.safe_load(NAMES_FILE.read_text('utf-8'))['types'], 'x' * 100_000 + '/msg/X']
+HOSTILE = [
+    *yaml.load(NAMES_FILE.read_text('utf-8'), yaml.CSafeLoader)['types'],
+    'x' * 100_000 + '/msg/X',
+]
 LETTERS = st.text('abcXYZ0_./\n\0\u202e', max_size=6)
 NAMES = st.one_of(
     st.text(),

@@ -23,7 +23,9 @@ WORDS = {
     'JANSEN': str(JANSEN),
     'TURNED': 'turned by /crank_angle and /crank_state (joint crank)',
 }
-LINES = yaml.safe_load(Path(__file__).with_name('start_lines.yaml').read_text('utf-8'))
+LINES = yaml.load(
+    Path(__file__).with_name('start_lines.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 
 
 @pytest.mark.parametrize(('name', 'arguments', 'line'), LINES)

@@ -20,7 +20,9 @@ from strangers import Stranger
 import yaml
 
 GOOD = 'std_msgs/msg/Float64'
-NAMES = yaml.safe_load(Path(__file__).with_name('hostile_names.yaml').read_text('utf-8'))
+NAMES = yaml.load(
+    Path(__file__).with_name('hostile_names.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 TYPES, TOPICS = NAMES['sent types'], [*NAMES['topics'], '/' + 'x' * 10_000]
 COUNT = 40
 

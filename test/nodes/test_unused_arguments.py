@@ -11,7 +11,9 @@ from ros_domain import Domain
 import yaml
 
 CONFIG = str(Path(__file__).resolve().parents[2] / 'config')
-CASES = yaml.safe_load(Path(__file__).with_name('unused_arguments.yaml').read_text('utf-8'))
+CASES = yaml.load(
+    Path(__file__).with_name('unused_arguments.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 
 
 @pytest.fixture

@@ -19,7 +19,9 @@ import yaml
 
 pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
 
-LAUNCHES = yaml.safe_load(Path(__file__).with_name('launches.yaml').read_text('utf-8'))
+LAUNCHES = yaml.load(
+    Path(__file__).with_name('launches.yaml').read_text('utf-8'), yaml.CSafeLoader
+)
 JANSEN = str(ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml')
 DESCRIPTION = {
     *('params_file', 'linkage', 'namespace', 'base_frame', 'frame_id', 'frame_prefix'),

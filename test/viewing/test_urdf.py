@@ -3,6 +3,7 @@
 import io
 from math import isclose
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from klann_ros.export import urdf
@@ -11,7 +12,9 @@ from klann_ros.robot import Robot, robot_of
 import numpy as np
 import pytest
 from xacro_legs import ROOT, urdf_of
-import yourdfpy
+
+if TYPE_CHECKING:
+    import yourdfpy
 
 CONFIG = ROOT / 'config'
 PLAIN = {'klann': 'sem104', 'walker4': 'walker4', 'walker6': 'walker6'}
@@ -19,7 +22,10 @@ NAMES = {'base_frame': 'body', 'frame_id': 'plane', 'frame_prefix': 'left/'}
 TWO = '/**: {ros__parameters: {legs: [one, two], l_gh: 0.5, two: {l_gh: 0.6, direction: -1}}}'
 
 
-def loaded(text: str) -> yourdfpy.URDF:
+def loaded(text: str) -> 'yourdfpy.URDF':
+    # When called: its meshes' library takes half a second, in each worker that collects this.
+    import yourdfpy
+
     return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
 
 
@@ -33,7 +39,7 @@ def published(robot: Robot, crank: float) -> dict[str, float]:
     return positions
 
 
-def facts(joint: yourdfpy.Joint) -> tuple:
+def facts(joint: 'yourdfpy.Joint') -> tuple:
     """Return what makes a joint what it is, but for its place."""
     mimic = joint.mimic and (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
     axis = None if joint.type == 'fixed' else tuple(map(float, joint.axis))
@@ -88,6 +94,8 @@ def same(one: str, other: str) -> bool:
 
 
 def test_the_slider_turns_the_crank_and_nothing_else() -> None:
+    import yourdfpy
+
     crank = yourdfpy.URDF.load(ROOT / 'urdf' / 'crank.urdf')
     (joint,) = crank.robot.joints
     assert joint.name == 'crank'

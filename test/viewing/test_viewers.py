@@ -15,7 +15,7 @@ LAYOUTS = {
     path.stem: json.loads(path.read_text(encoding='utf-8'))
     for path in sorted((ROOT / 'foxglove').glob('*.json'))
 }
-KNOWN = yaml.safe_load(Path(__file__).with_name('viewers.yaml').read_text('utf-8'))
+KNOWN = yaml.load(Path(__file__).with_name('viewers.yaml').read_text('utf-8'), yaml.CSafeLoader)
 TYPES = KNOWN['types']
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -13,7 +13,9 @@ import pytest
 import yaml
 
 TURN = 2 * math.pi
-KINDS = yaml.safe_load(Path(__file__).with_name('kinds.yaml').read_text(encoding='utf-8'))
+KINDS = yaml.load(
+    Path(__file__).with_name('kinds.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader
+)
 
 
 @pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind['types'][0])
@@ -44,9 +46,11 @@ def test_the_roles_in_every_inversion_match_the_motion(bar: FourBar) -> None:
     assume(margin == 0.0 or margin > 0.01)
     # A nearly locked linkage hardly moves.
     assume(longest < 0.99 * (sum(bar.geometry.lengths) - longest))
-    # A motion through a change point is that of a linkage nearby.
+    # A motion through a change point is that of a linkage nearby, with the same shortest link.
     off = product((-1e-3, 1e-3), repeat=4) if margin == 0.0 else [(0.0,) * 4]
     lengths = np.array(bar.geometry.lengths)
+    gaps = np.diff(np.sort(lengths)) / longest
+    assume(margin > 0.0 or ((gaps == 0.0) | (gaps > 0.01)).all())
     nearby = (FourBar(*(lengths * (1.0 + np.array(each))).tolist()) for each in off)
     turning = set().union(*map(turning_links, nearby))
     for fixed, kind in bar.grashof.inversions.items():

@@ -25,7 +25,7 @@ import yaml
 
 FOLDER = Path(__file__).parent
 WATT = (FOLDER / 'watt.yaml').read_text(encoding='utf-8')
-REFUSED = yaml.safe_load((FOLDER / 'refused_files.yaml').read_text(encoding='utf-8'))
+REFUSED = yaml.load((FOLDER / 'refused_files.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader)
 
 
 def test_a_linkage_is_added_by_a_file_alone(tmp_path: Path) -> None:

@@ -111,8 +111,9 @@ def described(case: dict) -> dict:
     }
 
 
-REFUSED = yaml.safe_load(
-    Path(__file__).with_name('refused_structures.yaml').read_text(encoding='utf-8')
+REFUSED = yaml.load(
+    Path(__file__).with_name('refused_structures.yaml').read_text(encoding='utf-8'),
+    yaml.CSafeLoader,
 )
 
 

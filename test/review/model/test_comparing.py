@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
-COMPARISONS = yaml.safe_load(Path(__file__).with_name('comparisons.yaml').read_text())
+COMPARISONS = yaml.load(Path(__file__).with_name('comparisons.yaml').read_text(), yaml.CSafeLoader)
 JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
 
 

@@ -11,7 +11,6 @@ from klann_ros.review import NoPandasError, pose_arrays, pose_frame, review_run
 from klann_ros.review.command import main
 from leg_runs import LegRun
 import numpy as np
-import pandas as pd
 import pytest
 
 PARAMETERS = KlannGeometry().as_dict()
@@ -45,6 +44,9 @@ def test_a_run_of_many_blocks_is_judged_as_one(run: Path, monkeypatch: pytest.Mo
 
 
 def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> None:
+    # When called: it takes long, in each worker that collects this.
+    import pandas as pd
+
     main([str(run), '--csv', str(tmp_path / 'run.csv')])
     written = pd.read_csv(tmp_path / 'run.csv')
     frame = pose_frame(review_run(run, rates='f8'))

@@ -28,7 +28,7 @@ pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
-FILES = yaml.safe_load(Path(__file__).with_name('files.yaml').read_text('utf-8'))
+FILES = yaml.load(Path(__file__).with_name('files.yaml').read_text('utf-8'), yaml.CSafeLoader)
 TEXT = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
 HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
 # As SEM 104 prints them [deg].

@@ -17,7 +17,7 @@ from opened_page import OpenedPage
 import pytest
 import yaml
 
-FILES = yaml.safe_load(Path(__file__).with_name('files.yaml').read_text('utf-8'))
+FILES = yaml.load(Path(__file__).with_name('files.yaml').read_text('utf-8'), yaml.CSafeLoader)
 needs_node = pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
 STUDENTS = ['1', '12345', '00770', 'a-7.b_c']
 # Of a number's size, or of 1 where it is smaller.
