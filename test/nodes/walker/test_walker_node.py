@@ -197,7 +197,7 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
         motors.until_walking()
     else:
         motors.until_stopped()
-    logged = walker.errors.count('was paused for')
+    logged, sent = walker.errors.count('was paused for'), len(motors.commands)
     walker.popen.send_signal(SIGSTOP)
     # These commands wait in the queue.
     probe.spin(0.1)
@@ -209,7 +209,14 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     probe.until(lambda: walker.errors.count('was paused for') > logged)
     if not ends:
         motors.until_walking()
-    commands = [each for each in motors.commands if _nanoseconds(each) > resumed]
+    commands = list[JointState]()
+
+    def has_commanded() -> bool:
+        new = motors.commands[sent:]
+        commands[:] = [each for each in new if _nanoseconds(each) > resumed]
+        return len(commands) > 10
+
+    probe.until(has_commanded)
     # The signal may have interrupted the first one.
     assert any(
         tuple(each.position) in motors.measured and list(each.velocity) == [0.0, 0.0]
