@@ -1,8 +1,11 @@
 """The live page of a real view_node in a browser."""
 
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from playwright.sync_api import TimeoutError as ActionTimeoutError
 from ros_domain import Domain, Process
 
 # Where the points of a picture are, in metres of its plane, with what it was drawn from.
@@ -16,6 +19,9 @@ DRAWN = """(svg) => ({
         return [Number(left) + x / scale, Number(top) - y / scale];
     }),
 })"""
+# The buttons of the drives, and how long an action waits for an element [ms].
+BUTTONS = {'crank': '#take', 'walk': '#walk-take'}
+MAX_WAIT = 2000.0
 
 
 class Live:
@@ -43,6 +49,45 @@ class Live:
 
     def press(self, selector: str) -> None:
         self.page.locator(selector).click()
+
+    def has(self, drive: str = 'crank') -> bool:
+        """Return whether the page drives."""
+        return bool(self.page.evaluate(f'live.{drive}.isMine'))
+
+    def take(self, drive: str = 'crank', *, back: bool = False) -> None:
+        """Take over, or back, by the button."""
+
+        def is_done() -> bool:
+            if self.page.evaluate(f'live.{drive}.isOwner') == back:
+                self.press(BUTTONS[drive])
+            return self.has(drive) != back
+
+        self.ros.probe.until(is_done)
+
+    def drive(
+        self,
+        act: Callable[[], object],
+        condition: Callable[[], object],
+        drive: str = 'crank',
+    ) -> None:
+        """
+        Take over, act, and wait until a condition is true while the page drives.
+
+        A busy machine may hold up a page until the watchdog ends its drive: then again.
+        """
+        has_acted = False
+
+        def is_done() -> bool:
+            nonlocal has_acted
+            if not has_acted or not self.has(drive):
+                self.take(drive)
+                # Its elements are disabled if the drive has just been lost.
+                with suppress(ActionTimeoutError):
+                    act()
+                    has_acted = True
+            return bool(condition()) and self.has(drive)
+
+        self.ros.probe.until(is_done)
 
 
 def address(process: Process) -> str:
