@@ -1,7 +1,8 @@
 """Runs made by the real solver and the real writer, without ROS: a message is its CDR bytes."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 import math
 from pathlib import Path
 import struct
@@ -394,12 +395,22 @@ class Script:
 
 def script(geometry: KlannGeometry | None = None, turns: float = 2.0, count: int = 400) -> Script:
     """Return a healthy run of the crank."""
+    geometry = geometry or KlannGeometry()
+    answers = [
+        replace(each, pose=[*each.pose]) for each in healthy_answers(geometry, turns, count)
+    ]
+    return Script(geometry=geometry, answers=answers)
+
+
+@cache
+def healthy_answers(geometry: KlannGeometry, turns: float, count: int) -> tuple[Answer, ...]:
+    """Return the answers of a healthy run; most tests begin with the same ones."""
     leg = KlannLeg(geometry)
-    made = Script(geometry=leg.geometry)
-    for n in range(count):
-        answer = Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1)
-        made.answers.append(answer.by(leg, 0.3 + turns * 2 * math.pi * n / (count - 1)))
-    return made
+    answers = (Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1) for n in range(count))
+    return tuple(
+        answer.by(leg, 0.3 + turns * 2 * math.pi * n / (count - 1))
+        for n, answer in enumerate(answers)
+    )
 
 
 def write(script: Script, folder: Path) -> Path:
@@ -417,8 +428,9 @@ def _received(script: Script, message: Message) -> Message | None:
     name, number = message.topic.name, message.sequence
     late, by = script.late.get(name, (range(0), 0))
     lost = number in script.lost.get(name, ())
-    late_by = by if number in late else 0
-    return None if lost else replace(message, log_time=message.log_time + late_by)
+    if lost:
+        return None
+    return replace(message, log_time=message.log_time + by) if number in late else message
 
 
 def metadata(script: Script) -> Iterator[tuple[str, dict[str, str]]]:
@@ -450,20 +462,29 @@ def crank(topic: Topic, stamp: int, alpha: float) -> Any:
 def _answer(script: Script, answer: Answer) -> Iterator[Message]:
     time, number = answer.stamp, answer.sequence
     stamp = time if answer.header_stamp is None else answer.header_stamp
-    names = [script.prefix + joint for joint in JOINTS]
+    names = tuple(script.prefix + joint for joint in JOINTS)
     of_foot = stamp if answer.foot_stamp is None else answer.foot_stamp
-    asked = crank(script.crank, stamp, answer.alpha)
+    asked: tuple[Any, ...] = crank, script.crank, stamp, answer.alpha
     if len(script.crank_efforts):
-        efforts = [77.0, script.crank_efforts[number - 1]]
-        asked = joint_state(stamp, ['wheel', 'crank'], [0.0, answer.alpha], (), efforts)
+        efforts = 77.0, script.crank_efforts[number - 1]
+        asked = joint_state, stamp, ('wheel', 'crank'), (0.0, answer.alpha), (), efforts
     first = number - 1
-    of_legs = [float(each) for each in script.pose_efforts[first:number]] * len(names)
+    of_legs = tuple(float(each) for each in script.pose_efforts[first:number]) * len(names)
+    pose = joint_state, stamp, names, tuple(answer.pose), tuple(script.rates), of_legs
     for topic, content in (
         (script.crank, asked),
-        (script.poses, joint_state(stamp, names, answer.pose, script.rates, of_legs)),
-        (script.feet, foot_at(of_foot, answer.foot)),
+        (script.poses, pose),
+        (script.feet, (foot_at, of_foot, tuple(answer.foot))),
     ):
-        yield message(topic, time, number, content, script.latency)
+        yield Message(
+            topic, _serialized(topic.type, *content), time + script.latency, time, number
+        )
+
+
+@lru_cache(1 << 14)
+def _serialized(kind: str, make_content: Callable[..., Any], *given: Hashable) -> bytes:
+    """Return the bytes of a message; in most runs nearly all are the same."""
+    return bytes(STORE.serialize_cdr(make_content(*given), kind))
 
 
 def message(
