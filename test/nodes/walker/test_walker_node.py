@@ -207,15 +207,14 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     resumed = time_ns()
     walker.popen.send_signal(SIGCONT)
     probe.until(lambda: walker.errors.count('was paused for') > logged)
-    if not ends:
-        motors.until_walking()
     commands = list[JointState]()
 
     def has_commanded() -> bool:
         new = motors.commands[sent:]
         commands[:] = [each for each in new if _nanoseconds(each) > resumed]
-        return len(commands) > 10
+        return len(commands) >= 60
 
+    # Enough to reach its speed again; the next case shows that it does.
     probe.until(has_commanded)
     # The signal may have interrupted the first one.
     assert any(
