@@ -10,8 +10,10 @@ from klann_ros.walker import (
     ControllerSettings,
     CrankCommand,
     DiagnosticLevel,
+    ImuReading,
     MotionLimits,
     WalkController,
+    Walker,
 )
 from klann_ros.walker.control_laws import MotionFeedback, PhaseLock
 from klann_ros.walker.controller import STANDS
@@ -578,6 +580,21 @@ def test_timeouts_pass_while_simulated_time_stands_still(
     assert command.velocity == (0.0, 0.0)
     reason = 'the clock has stood still' if feedback else 'no feedback of left_crank'
     assert reason in control.verdict(199 * DT)[1]
+    # Where the clock runs again, the command has timed out.
+    clock.now += DT
+    control.feedback(readings, 200 * DT)
+    command = control.step(200 * DT)
+    assert command is not None
+    assert command.velocity == (0.0, 0.0)
+
+
+def test_an_imu_times_out_while_simulated_time_stands_still(steering: Steering) -> None:
+    clock = SteadyClock()
+    walker = Walker(steering, imu_timeout=0.5, steady=clock)
+    walker.imu(ImuReading(0.0, 0.0, 1.0), 1.0)
+    assert walker.values(1.0)['imu'] == 'used'
+    clock.now += 0.6
+    assert walker.values(1.0)['imu'] == 'none'
 
 
 @pytest.mark.parametrize('noise', [0.0, 0.002, 0.01])
