@@ -203,7 +203,7 @@ class WalkController:
         rates = self._crank_rates(self._side_rates(self._approach(now, gap)), gap)
         command = self.lock.step(gap, rates, self.positions)
         self._commanded = command.velocity
-        self._detect_blocked(gap)
+        self._detect_blocked(now, gap)
         return self._hold_position() if self._blocked else command
 
     def _reset_clock(self, now: float) -> None:
@@ -276,12 +276,14 @@ class WalkController:
         self._rates = Rates(left, right)
         return self.steering.crank_rates(self._rates)
 
-    def _detect_blocked(self, dt: float) -> None:
+    def _detect_blocked(self, now: float, dt: float) -> None:
         s = self.settings
         for k, crank in enumerate(self.cranks):
             commanded = abs(self._commanded[k])
             stuck = commanded > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * commanded
-            self._stalled[k] = self._stalled[k] + dt if stuck else 0.0
+            # An old reading shows nothing: its publisher may be paused, as a simulated motor is.
+            shown = dt if crank.age(now) < s.blocked_age else 0.0
+            self._stalled[k] = self._stalled[k] + shown if stuck else 0.0
             if self._stalled[k] > s.blocked_time:
                 self._blocked.append(crank.joint)
 

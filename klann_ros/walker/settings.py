@@ -121,10 +121,12 @@ class ControllerSettings:
     rephase_time: float = 1.0
     # Of the crank rates [rad/s^2]: half of what the encoders' offset detector takes for a step.
     max_crank_acceleration: float = 15.0
-    # A crank is blocked if its rate stays below this part of the commanded one for this time [s];
-    # at lower commanded rates it may well stand [rad/s].
+    # A crank is blocked if its rate stays below this part of the commanded one for this time [s],
+    # by readings that are not older than this [s]; at lower commanded rates it may well stand
+    # [rad/s].
     blocked_ratio: float = 0.1
     blocked_time: float = 0.5
+    blocked_age: float = 0.1
     creep_rate: float = 0.05
 
 

@@ -309,6 +309,17 @@ def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering
     assert min(bench.rates) > 0.3
 
 
+def test_a_pause_of_the_motors_blocks_no_crank(steering: Steering) -> None:
+    bench = Bench(steering, [0.0, 0.0])
+    bench.run(0.15)
+    bench.heard = [False, False]
+    bench.run(0.28)
+    bench.heard = [True, True]
+    bench.run(0.2)
+    bench.factors = [1.0, 1.0]
+    assert bench.run(2.0).verdict[1] == 'walking'
+
+
 def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 0.4]).run(20.0)
     assert bench.apart < 25.0
