@@ -30,15 +30,16 @@ from std_srvs.srv import Trigger
 
 ROOT = Path(__file__).resolve().parents[2]
 WALKER = ROOT / 'config' / 'walker4.yaml'
-# A loaded machine holds anything up, but for no longer than this.
-LIMITS = Limits(gap_time=1.5, latency=1.5, clock_offset=3.0)
+# A loaded machine holds anything up, but for no longer than this [s].
+HOLD_UP = 3.0
+LIMITS = Limits(gap_time=HOLD_UP, latency=HOLD_UP, clock_offset=2.0 * HOLD_UP)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # What happens in the run lasts longer than a gap, and than the judge takes to find one [s].
-LONG, STALL = 2.9, 2.0
+LONG, STALL = HOLD_UP + 1.4, HOLD_UP + 0.5
 # A node is stopped for longer than the machine may hold up the others [s]. What waited for it is
 # as old as that when it is answered.
 STOPPED, MAX_HOLD_UP = 1.3, 1.0
-AFTER_A_STOP = Limits(gap_time=MAX_HOLD_UP, latency=MAX_HOLD_UP, clock_offset=60.0)
+ATTEMPTS = 4
 LEG = ('/crank_angle', '/joint_states', '/point_h')
 LEGS = {'', *(f'walker/{end}_{side}' for end in ('front', 'rear') for side in ('left', 'right'))}
 
@@ -53,7 +54,7 @@ class Scene:
     def __init__(self, ros: Domain) -> None:
         self.ros, self.reports = ros, RecorderReports(ros.probe)
         self.limits = ros.folder / 'limits.yaml'
-        self.limits.write_text('gap_time: 1.5\nlatency: 1.5\n')
+        self.limits.write_text(f'gap_time: {HOLD_UP}\nlatency: {HOLD_UP}\n')
         described = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
         described.publish(String(data='<robot name="none"/>'))
         for number in range(2):
@@ -78,7 +79,7 @@ class Scene:
         self.walker = [
             ros.solver(*simulated, namespace='/walker', **{f'qos_overrides./walker/{depth}': 200}),
             ros.start('walker_node', *simulated),
-            ros.start('sim_node', *clock, '-p', 'use_clock:=true'),
+            ros.start('sim_node', *clock, '-p', 'use_clock:=true', '-p', 'rate:=50.0'),
         ]
         self.crank = self.turn()
 
@@ -102,9 +103,11 @@ class Scene:
 
     def hear(self, count: int) -> None:
         """Wait until the recorders have received more messages of the leg, and of the walker."""
-        for topic in ('/joint_states', '/walker/joint_states'):
-            before = self.reports.count(f'{topic} received')
-            self.reports.until_received({topic: before + count})
+        topics = ('/joint_states', '/walker/joint_states')
+        before = [self.reports.count(f'{topic} received') for topic in topics]
+        # The walker publishes half as often.
+        for topic, first, share in zip(topics, before, (1, 2), strict=True):
+            self.reports.until_received({topic: first + count // share})
 
     def end_in_order_and_begin(self) -> None:
         assert self.crank.stop() == 0
@@ -120,24 +123,26 @@ class Scene:
         for process in running:
             process.popen.send_signal(signal.SIGCONT)
 
-    def record_stopped(self, name: str, stopped: Process, others: str) -> Path:
-        """Record a process that is stopped; again where the machine held up others as long."""
-        for attempt in range(3):
+    def record_stopped(self, name: str, stopped: Process, others: str) -> Review:
+        """Review a process that is stopped; longer where the machine held up others as long."""
+        for attempt in range(1, ATTEMPTS + 1):
+            held_up = attempt * MAX_HOLD_UP
             run = f'{name}_{attempt}'
             self.reports = RecorderReports(self.ros.probe)
             recorder = self.record(run, all_topics='true')
             self.hear(40)
             stopped.popen.send_signal(signal.SIGSTOP)
-            self.ros.probe.spin(STOPPED)
+            self.ros.probe.spin(attempt * STOPPED)
             stopped.popen.send_signal(signal.SIGCONT)
             self.hear(40)
             assert recorder.stop() == 0
             with open_log(self.ros.folder / run) as log:
                 times = [message.log_time / 1e9 for message in log.messages([others])]
                 steps = [after - before for before, after in pairwise(times)]
-                if max(steps) < MAX_HOLD_UP and PAUSE_RECORD not in log.metadata:
+                if max(steps) < held_up and PAUSE_RECORD not in log.metadata:
                     break
-        return self.ros.folder / run
+        limits = Limits(gap_time=held_up, latency=held_up, clock_offset=60.0)
+        return review_run(self.ros.folder / run, limits=limits)
 
     def record_two_solvers(self) -> Path:
         """Record two solvers that answer the same crank, from its first angle on."""
@@ -191,14 +196,11 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         scene.hear(100)
         assert [recorder.stop() for recorder in scene.recorders] == [0, 0, 0]
         seen['output'] = [recorder.errors for recorder in scene.recorders]
-        stopped = {
-            'crank': scene.record_stopped('crank', scene.crank, '/walker/joint_states'),
-            'solver': scene.record_stopped('solver', scene.solver, '/crank_angle'),
-        }
-        seen.update({k: review_run(run, limits=AFTER_A_STOP) for k, run in stopped.items()})
+        seen['crank'] = scene.record_stopped('crank', scene.crank, '/walker/joint_states')
+        seen['solver'] = scene.record_stopped('solver', scene.solver, '/crank_angle')
         assert [node.stop() for node in scene.walker] == [0, 0, 0]
         for record in (scene.record_two_solvers, scene.record_two_cranks):
-            seen[record.__name__] = review_run(record(), limits=AFTER_A_STOP)
+            seen[record.__name__] = review_run(record(), limits=LIMITS)
     with own_domain() as domain, open_domain(domain, folder) as ros:
         scene = Scene.__new__(Scene)
         scene.ros, scene.limits = ros, folder / 'limits.yaml'
