@@ -17,8 +17,9 @@ NAMES = ('colcon', 'collection', 'mypy', 'docs', 'ruff', 'format', 'pytest')
 # in one; pyodide fetches 90 MB.
 EXTRA = ('ament_flake8', 'ament_pep257', 'pyodide')
 FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
-# Computing tests run beside tests that wait for processes; see test/conftest.py.
-WORKERS = ('-n', '6')
+# Computing tests run beside tests that wait for processes; see test/conftest.py. Each worker costs
+# ten seconds of CPU: it collects the tests, imports ROS, and opens a browser.
+WORKERS = ('-n', '5')
 # A hanging check is ended, so that CI shows its output.
 TIMEOUT = 840.0
 # Up to this number of failed tests run again, one after the other: a busy machine may starve a
