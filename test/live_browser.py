@@ -56,10 +56,12 @@ class Live:
 
     def take(self, drive: str = 'crank', *, back: bool = False) -> None:
         """Take over, or back, by the button."""
+        # In one step: a report in between would turn the button into its opposite.
+        is_due = f'live.{drive}.isOwner === {str(back).lower()}'
+        click = f"{is_due} && document.querySelector('{BUTTONS[drive]}').click()"
 
         def is_done() -> bool:
-            if self.page.evaluate(f'live.{drive}.isOwner') == back:
-                self.press(BUTTONS[drive])
+            self.page.evaluate(click)
             return self.has(drive) != back
 
         self.ros.probe.until(is_done)

@@ -111,6 +111,7 @@ def test_the_page_drives_on_request_and_stops_when_closed(moving: Live) -> None:
     def set_speed() -> None:
         page.locator('#speed').fill('6', timeout=MAX_WAIT)
 
+    moving.press('#take')
     moving.drive(lambda: None, has_begun)
     moving.drive(
         lambda: page.locator('#angle').fill('60', timeout=MAX_WAIT),
