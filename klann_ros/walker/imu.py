@@ -197,8 +197,9 @@ class StandstillCalibration:
         return 'not believed' if wrong else 'unknown until it rests'
 
     def reject(self) -> None:
-        """Reject the accelerometer until it has rested for twice as long."""
-        self._rested, self._required = 0.0, 2.0 * self._required
+        """Reject the accelerometer until it has rested again, for twice as long if it moved."""
+        # While a body settles on its feet its acceleration is mistaken for a bias.
+        self._rested, self._required = 0.0, self._required * (1.0 if self._still else 2.0)
 
     def update(
         self,

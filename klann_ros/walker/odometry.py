@@ -20,9 +20,13 @@ with K [s/m^2] the weight of slip below.
 Measurement: each standing foot i, at p_i [m] with the velocity q_i [m/s] in the body, has the slip
 s_i = q_i + v + w J p_i (J turns by 90 deg), of which |s_i| has a Laplace distribution with the
 weight K t l_i, l_i being its share of the load: dry friction is its likelihood, and the update is
-the minimum of dissipation and prior (`stance.minimize_slip`), an iterated Kalman update. On a
-slope, or where the body is accelerated, the median of the slip is not zero: friction balances
-that force.
+the minimum of dissipation and prior (`stance.minimize_slip`), an iterated Kalman update.
+
+With an accelerometer friction is balanced as measured: less the acceleration, and the slope, the
+median of the slip is zero. The prior is then so narrow that noise of the q_i, which encoders and
+attitude give to all feet alike, would decide the signs of the slip of feet that stick, and those
+that slide would displace the velocity by that noise. So its variance n^2 / t is part of the
+prior of the slip, v + noise, and the gain is that of v alone.
 
 The errors of the contact model are alike from step to step, so they do not average out. They are
 consider parameters c_1 ... c_5 (S. F. Schmidt, Application of state-space methods to navigation
@@ -153,7 +157,7 @@ class Odometry:
         # Measured: the change of the velocity, and the yaw rate.
         self._push: complex | None = None
         self._yaw_rate: float | None = None
-        self._innovation = 0j
+        self._innovation = self._friction_share = 0j
 
     @property
     def gyro_bias(self) -> float:
@@ -351,6 +355,9 @@ class Odometry:
             # From the middle of the last step to that of this one: velocities are means of steps.
             last = push if self._push is None else self._push
             change = (last + push) / 2.0 - complex(bx, by) * dt
+            # The force that friction balances, by the greatest friction.
+            share = (self._slope - change / dt) / (n.friction * GRAVITY)
+            self._friction_share = share / max(1.0, abs(share))
         self._push, self._centre_velocity = push, moves
         motion = complex(vx, vy)
         predicted = motion * rect(1.0, -w * dt) + change
@@ -395,11 +402,14 @@ class Odometry:
         (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
         if size == 2:
             c, e, f = 0.0, 0.0, 1e-18
-        information = stance.inverse((a, b, c, d, e, f))
-        has_slope = self._push is not None
+        held, force = weight, 0j
         # With an accelerometer, which measures the motion without the feet.
-        held = weight * self._contact_weight if has_slope else weight
-        force = has_slope * held / (self.noise.friction * GRAVITY) * self._slope
+        if self._push is not None:
+            noise = self.noise.foot_velocity_noise**2 / dt
+            a, d, f = a + noise, d + noise, f + noise / self._feet.reach**2
+            held *= self._contact_weight
+            force = held * self._friction_share
+        information = stance.inverse((a, b, c, d, e, f))
         vx, vy, w = self._state[3:6].tolist()
         prior = stance.MotionPrior(complex(vx, vy), w, information, force)
         feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
@@ -408,13 +418,14 @@ class Odometry:
         both = np.array((information, found.covariance))
         inverse_prior, posterior = both[:, _SQUARE[:size, :size]]
         gain = p[:, seen].dot(inverse_prior)
+        predicted = np.array(((a, b, c), (b, d, e), (c, e, f)))[:size, :size]
         saved = self._state[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
-        p -= gain.dot(p[seen, seen] - posterior).dot(gain.T)
+        p -= gain.dot(predicted - posterior).dot(gain.T)
         self._state += gain.dot(by)
         if size == 2:
             self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
         self._slip = found.slid / weight
-        if has_slope:
+        if self._push is not None:
             self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)
 
     def _adapt(self, force: complex, dt: float) -> None:
@@ -466,9 +477,9 @@ class Odometry:
         if has_gyro:
             is_feet = self._push is None
             scale = n.slip_scale_with_gyro if is_feet else n.slip_scale_with_accelerometer
-        # Adaptive errors: what the accelerometer contradicts is worse by as much (R. K. Mehra,
-        # Approaches to adaptive filtering, IEEE Transactions on Automatic Control 17, 1972).
-        doubt = max(1.0, sqrt(self._innovation_square) / n.usual_innovation)
+        # Adaptive errors: they grow by the square of what the accelerometer contradicts (R. K.
+        # Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic Control 17, 1972).
+        doubt = max(1.0, self._innovation_square / n.usual_innovation**2)
         self._scale = scale = scale * doubt
         least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]

@@ -181,7 +181,9 @@ class OdometryNoise:
     # covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
     friction_information: float = 3e4
     # A foot that sticks creeps by less than this [m/s].
-    stiction_speed: float = 0.002
+    stiction_speed: float = 0.001
+    # Density of the noise of the feet's measured velocities, alike for all [m/s/sqrt(Hz)].
+    foot_velocity_noise: float = 7e-4
     # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
     slip_scale_with_gyro: float = 0.5
     slip_scale_with_accelerometer: float = 0.2
@@ -194,9 +196,9 @@ class OdometryNoise:
     max_step_time: float = 0.1
     # Time constant of the complementary filter of crank angles and rates [s]; a larger difference
     # between prediction and reading bypasses it [rad]. And that of gyro and orientation [s].
-    encoder_filter_time: float = 0.3
+    encoder_filter_time: float = 1.0
     encoder_gate: float = 0.1
-    orientation_filter_time: float = 0.5
+    orientation_filter_time: float = 1.0
     # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
     # between the feet, the slope, and the mean innovation [s].
     tilt_time: float = 0.03
@@ -206,7 +208,7 @@ class OdometryNoise:
     # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its
     # root mean square where the contact model holds, beyond which its errors grow with it.
     innovation_gate: float = 0.25
-    usual_innovation: float = 0.03
+    usual_innovation: float = 0.025
     # A longer gap between readings of the IMU invalidates the interval [s], and so does one that
     # exceeds the usual gap by this factor: the impact of a foot may be lost with a message. Larger
     # impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].

@@ -147,10 +147,22 @@ def test_other_units_and_axes_are_rejected(force: Triple) -> None:
     assert calibration.state == 'not believed'
 
 
-def test_a_rejected_accelerometer_has_to_rest_for_twice_as_long() -> None:
+def test_an_accelerometer_rejected_at_standstill_has_to_rest_again() -> None:
+    # The body settled on its feet, which was mistaken for a bias.
+    calibration = StandstillCalibration(NOISE)
+    rest(calibration, 0.6)
+    calibration.reject()
+    rest(calibration, 0.48)
+    assert not calibration.is_usable
+    rest(calibration, 0.04)
+    assert calibration.is_usable
+
+
+def test_an_accelerometer_rejected_on_the_way_has_to_rest_for_twice_as_long() -> None:
     calibration = StandstillCalibration(NOISE)
     rest(calibration, 0.6)
     for seconds in (1.0, 2.0, 4.0):
+        calibration.restart()
         calibration.reject()
         assert calibration.state == 'not believed'
         rest(calibration, seconds - 0.02)
