@@ -198,7 +198,7 @@ class OdometryNoise:
     # between prediction and reading bypasses it [rad]. And that of gyro and orientation [s].
     encoder_filter_time: float = 1.0
     encoder_gate: float = 0.1
-    orientation_filter_time: float = 1.0
+    orientation_filter_time: float = 0.5
     # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load
     # between the feet, the slope, and the mean innovation [s].
     tilt_time: float = 0.03

@@ -1,13 +1,16 @@
 """A simulated walker, whose controller and odometry know nothing of the simulation."""
 
 from math import atan2, degrees, hypot
+from pathlib import Path
 
 from klann_ros.gait import Feet, Steering
+from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
 from klann_ros.walker import imu_reading, Walker
 import pytest
 
 pytest.importorskip('mujoco')
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 PERIOD = 0.01
 
 
@@ -99,6 +102,18 @@ def test_in_a_curve_the_accelerometer_resolves_the_slip(
     assert walked.values['accelerometer'] == 'used'
     assert walked.path > 0.4
     assert walked.error < error
+
+
+def test_sliding_feet_do_not_displace_the_speed_by_the_noise_of_the_others() -> None:
+    # It is off by 3.2 % where noise decides the sign of the slip of feet that stick.
+    robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
+    sensors = Sensors(
+        encoder_noise=0.002, velocity_noise=0.01, gyro_noise=0.005, orientation_noise=0.002
+    )
+    steering = Steering(Feet(robot, foot_radius=0.004))
+    walked = Walked(steering, (0.05, 0.0), 8.0, imu=True, stands=1.0, sensors=sensors)
+    assert walked.path > 0.35
+    assert walked.error < 0.026
 
 
 def test_a_drifting_accelerometer_bias_is_tracked(simulated: Steering) -> None:
