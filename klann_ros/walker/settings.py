@@ -196,7 +196,7 @@ class OdometryNoise:
     max_step_time: float = 0.1
     # Time constant of the complementary filter of crank angles and rates [s]; a larger difference
     # between prediction and reading bypasses it [rad]. And that of gyro and orientation [s].
-    encoder_filter_time: float = 1.0
+    encoder_filter_time: float = 0.3
     encoder_gate: float = 0.1
     orientation_filter_time: float = 0.5
     # Time constants: tipping onto other feet without an IMU, the acceleration that shifts the load

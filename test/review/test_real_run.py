@@ -278,8 +278,8 @@ def test_two_solvers_are_named(seen: dict[str, Any]) -> None:
     (leg,) = review.legs
     answers, asked = leg.answers.count, leg.answers.asked
     assert text.endswith(f': {answers} answers to {asked} crank angles')
-    # The last question may have been answered by one of them only when the recorder stopped.
-    assert 2 * asked - 2 <= answers <= 2 * asked
+    # The last questions may have been answered by one of them, or none, when the recorder stopped.
+    assert 1.9 * asked <= answers <= 2 * asked
 
 
 def test_two_cranks_are_named_and_not_a_clock_jump(seen: dict[str, Any]) -> None:
