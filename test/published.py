@@ -15,10 +15,10 @@ from klann_ros.dynamics import Dynamics, masses_from_text, simulate
 from klann_ros.kinematics import foot_path, LinkageLeg, LinkagePose, shipped_linkage
 from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
-import yaml
+from yaml_tables import read_table
 
 PAGE = Path(__file__).parents[1] / 'docs/published_linkages.md'
-DATA = yaml.load(Path(__file__).with_suffix('.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader)
+DATA = read_table(Path(__file__).with_suffix('.yaml'))
 Values = tuple[float, ...]
 
 # A shipped linkage without a published number, and the reason.

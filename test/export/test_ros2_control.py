@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
 FREE, HINGE, SLIDE = (
@@ -27,9 +28,7 @@ FREE, HINGE, SLIDE = (
 )
 WALKERS = ('walker6', 'walker_jansen', 'slotted_leg')
 # By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
-KNOWN = yaml.load(
-    (Path(__file__).parent / 'controller_parameters.yaml').read_text(), yaml.CSafeLoader
-)
+KNOWN = read_table(Path(__file__).parent / 'controller_parameters.yaml')
 
 
 @pytest.fixture(scope='module', params=WALKERS)

@@ -17,13 +17,11 @@ from klann_ros.live.protocol import MAX_MESSAGE_SIZE
 from klann_ros.live.server import LiveServer, MAX_UNREAD, ServerError
 from multidict import CIMultiDict
 import pytest
-import yaml
+from yaml_tables import read_table
 
 TAKE = {'id': 1, 'command': 'take', 'target': 'crank:/crank_angle'}
 PATIENCE = 20.0
-REQUESTS = yaml.load(
-    Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+REQUESTS = read_table(Path(__file__).with_name('hostile_requests.yaml'))
 Session, Socket = aiohttp.ClientSession, aiohttp.ClientWebSocketResponse
 
 

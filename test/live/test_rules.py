@@ -12,11 +12,9 @@ from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import replayed_solvers, replayed_solvers_json, SolverParameters
 import numpy as np
 import pytest
-import yaml
+from yaml_tables import read_table
 
-RULES = yaml.load(
-    Path(__file__).with_name('hostile_requests.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+RULES = read_table(Path(__file__).with_name('hostile_requests.yaml'))
 LOCAL = Guard('127.0.0.1', 8321, 'secret')
 NAMED = Guard('192.0.2.7', 8321, 'secret')
 ANY = Guard('0.0.0.0', 8321, 'secret')  # noqa: S104 - bound to nowhere here

@@ -9,11 +9,11 @@ from klann_ros.log.definitions import default_prefixes, INDEX
 from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
 import pytest
 from std_msgs.msg import Float64
-import yaml
+from yaml_tables import read_table
 
 NAMES_FILE = Path(__file__).with_name('hostile_names.yaml')
 HOSTILE = [
-    *yaml.load(NAMES_FILE.read_text('utf-8'), yaml.CSafeLoader)['types'],
+    *read_table(NAMES_FILE)['types'],
     'x' * 100_000 + '/msg/X',
 ]
 LETTERS = st.text('abcXYZ0_./\n\0\u202e', max_size=6)

@@ -12,7 +12,7 @@ from klann_ros.nodes.recorder.node import main as recorder_main
 from klann_ros.nodes.solver.node import main as solver_main
 import pytest
 from ros_domain import Domain
-import yaml
+from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
 JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
@@ -23,9 +23,7 @@ WORDS = {
     'JANSEN': str(JANSEN),
     'TURNED': 'turned by /crank_angle and /crank_state (joint crank)',
 }
-LINES = yaml.load(
-    Path(__file__).with_name('start_lines.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+LINES = read_table(Path(__file__).with_name('start_lines.yaml'))
 
 
 @pytest.mark.parametrize(('name', 'arguments', 'line'), LINES)

@@ -17,12 +17,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from strangers import Stranger
-import yaml
+from yaml_tables import read_table
 
 GOOD = 'std_msgs/msg/Float64'
-NAMES = yaml.load(
-    Path(__file__).with_name('hostile_names.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+NAMES = read_table(Path(__file__).with_name('hostile_names.yaml'))
 TYPES, TOPICS = NAMES['sent types'], [*NAMES['topics'], '/' + 'x' * 10_000]
 COUNT = 40
 

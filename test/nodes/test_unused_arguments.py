@@ -8,12 +8,10 @@ from klann_ros.nodes.parameters import MAX_NAME_LENGTH
 from klann_ros.nodes.process import MAX_LINES, unused_arguments
 import pytest
 from ros_domain import Domain
-import yaml
+from yaml_tables import read_table
 
 CONFIG = str(Path(__file__).resolve().parents[2] / 'config')
-CASES = yaml.load(
-    Path(__file__).with_name('unused_arguments.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+CASES = read_table(Path(__file__).with_name('unused_arguments.yaml'))
 
 
 @pytest.fixture

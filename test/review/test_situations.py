@@ -8,9 +8,9 @@ from findings import are_alike, checks, timed
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.reviewing import review_run
 import pytest
-import yaml
+from yaml_tables import read_table
 
-SITUATIONS = yaml.load(Path(__file__).with_name('situations.yaml').read_text(), yaml.CSafeLoader)
+SITUATIONS = read_table(Path(__file__).with_name('situations.yaml'))
 PASSES = {
     f'{key} {k}': (one, limits)
     for key, one in SITUATIONS.items()

@@ -15,13 +15,11 @@ from domain import own_domain
 from klann_ros.export.command import main
 from launched import PATIENCE, Prefix, ROOT
 import pytest
-import yaml
+from yaml_tables import read_table
 
 pytest.importorskip('launch_ros', reason='launch_ros is in a sourced ROS 2 only')
 
-LAUNCHES = yaml.load(
-    Path(__file__).with_name('launches.yaml').read_text('utf-8'), yaml.CSafeLoader
-)
+LAUNCHES = read_table(Path(__file__).with_name('launches.yaml'))
 JANSEN = str(ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml')
 DESCRIPTION = {
     *('params_file', 'linkage', 'namespace', 'base_frame', 'frame_id', 'frame_prefix'),

@@ -9,13 +9,14 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg
 import pytest
 from rosbags.typesys import get_typestore, Stores
 import yaml
+from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
 LAYOUTS = {
     path.stem: json.loads(path.read_text(encoding='utf-8'))
     for path in sorted((ROOT / 'foxglove').glob('*.json'))
 }
-KNOWN = yaml.load(Path(__file__).with_name('viewers.yaml').read_text('utf-8'), yaml.CSafeLoader)
+KNOWN = read_table(Path(__file__).with_name('viewers.yaml'))
 TYPES = KNOWN['types']
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

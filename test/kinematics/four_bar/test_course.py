@@ -10,14 +10,12 @@ from klann_ros.kinematics import FourBar, TransmissionExtremes, UnreachableError
 from mechanisms import apart
 import numpy as np
 import pytest
-import yaml
+from yaml_tables import read_table
 
 # L1 to L4 of the examples [mm], as they are computed with in the course.
 EXAMPLE = FourBar(180.0, 80.0, 200.0, 150.0)
 THETA2 = math.radians(60.0)
-ITERATIONS = yaml.load(
-    Path(__file__).with_name('iterations.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader
-)
+ITERATIONS = read_table(Path(__file__).with_name('iterations.yaml'))
 angles = st.floats(-math.pi, math.pi)
 
 

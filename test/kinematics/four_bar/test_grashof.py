@@ -10,12 +10,10 @@ from hypothesis import assume, example, given, settings, strategies as st
 from klann_ros.kinematics import FourBar
 import numpy as np
 import pytest
-import yaml
+from yaml_tables import read_table
 
 TURN = 2 * math.pi
-KINDS = yaml.load(
-    Path(__file__).with_name('kinds.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader
-)
+KINDS = read_table(Path(__file__).with_name('kinds.yaml'))
 
 
 @pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind['types'][0])

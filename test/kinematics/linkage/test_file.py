@@ -21,11 +21,11 @@ from klann_ros.kinematics import (
 )
 import numpy as np
 import pytest
-import yaml
+from yaml_tables import read_table
 
 FOLDER = Path(__file__).parent
 WATT = (FOLDER / 'watt.yaml').read_text(encoding='utf-8')
-REFUSED = yaml.load((FOLDER / 'refused_files.yaml').read_text(encoding='utf-8'), yaml.CSafeLoader)
+REFUSED = read_table(FOLDER / 'refused_files.yaml')
 
 
 def test_a_linkage_is_added_by_a_file_alone(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
 import pytest
 import yaml
+from yaml_tables import read_table
 
 
 def unknowns(linkage: Linkage) -> list[list[str]]:
@@ -111,10 +112,7 @@ def described(case: dict) -> dict:
     }
 
 
-REFUSED = yaml.load(
-    Path(__file__).with_name('refused_structures.yaml').read_text(encoding='utf-8'),
-    yaml.CSafeLoader,
-)
+REFUSED = read_table(Path(__file__).with_name('refused_structures.yaml'))
 
 
 @pytest.mark.parametrize('case', REFUSED.values(), ids=REFUSED)

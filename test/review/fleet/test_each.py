@@ -29,11 +29,12 @@ from klann_ros.review.fleet.rows import rows_from_table
 from leg_runs import LegRun
 import pytest
 import yaml
+from yaml_tables import read_table
 
 # The runs that are judged at an interrupt.
 MANY = 10
 GEOMETRY = {**KlannLeg().linkage.dimensions, 'assembly': [1, 1]}
-TABLES = yaml.load(Path(__file__).with_name('tables.yaml').read_text(), yaml.CSafeLoader)
+TABLES = read_table(Path(__file__).with_name('tables.yaml'))
 # In the order of their names.
 VERDICTS = {
     '<img onerror=x>': 'findings',

@@ -14,10 +14,10 @@ from klann_ros.review.model.recording import LegSolver
 from klann_ros.review.model.review import located
 from klann_ros.review.reviewing import review_run
 import pytest
-import yaml
+from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[3]
-COMPARISONS = yaml.load(Path(__file__).with_name('comparisons.yaml').read_text(), yaml.CSafeLoader)
+COMPARISONS = read_table(Path(__file__).with_name('comparisons.yaml'))
 JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
 
 

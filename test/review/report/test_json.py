@@ -8,7 +8,7 @@ from pathlib import Path
 from klann_ros.review.command import main
 from klann_ros.review.model.limits import Limits
 import pytest
-import yaml
+from yaml_tables import read_table
 
 NULL = type(None)
 TYPES = {
@@ -20,7 +20,7 @@ TYPES = {
     'int or null': (int, NULL),
 }
 # The keys of a report and the type of each value; machines rely on it.
-SHAPES = yaml.load(Path(__file__).with_name('report_shape.yaml').read_text(), yaml.CSafeLoader)
+SHAPES = read_table(Path(__file__).with_name('report_shape.yaml'))
 REPORT = {**SHAPES['report'], 'limits': dict.fromkeys(asdict(Limits()), 'number')}
 
 

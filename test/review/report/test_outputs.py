@@ -9,10 +9,10 @@ from klann_ros.review import command
 from klann_ros.review.command import main
 from klann_ros.sanitize.files import is_within
 import pytest
-import yaml
+from yaml_tables import read_table
 
 # Arguments behind the run, and why they are refused; paths are those of `place`.
-REFUSED = yaml.load(Path(__file__).with_name('refused_outputs.yaml').read_text(), yaml.CSafeLoader)
+REFUSED = read_table(Path(__file__).with_name('refused_outputs.yaml'))
 
 
 @pytest.fixture

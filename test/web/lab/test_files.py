@@ -9,12 +9,12 @@ from klann_ros.sanitize.yaml_text import parse
 from lab_solver import in_node, NODE, TEXTS
 import numpy as np
 import pytest
-import yaml
+from yaml_tables import read_table
 
 if NODE is None:
     pytest.skip('no node: apt-get install nodejs', allow_module_level=True)
 
-FILES = yaml.load(Path(__file__).with_name('files.yaml').read_text('utf-8'), yaml.CSafeLoader)
+FILES = read_table(Path(__file__).with_name('files.yaml'))
 BOMBS = [
     '[' * 21 + ']' * 21,
     f'{"x" * 2000}: 1\n',

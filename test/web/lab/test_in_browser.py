@@ -22,13 +22,13 @@ from klann_ros.web.lab.build import FILE
 import numpy as np
 from opened_page import OpenedPage
 import pytest
-import yaml
+from yaml_tables import read_table
 
 pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
 
-FILES = yaml.load(Path(__file__).with_name('files.yaml').read_text('utf-8'), yaml.CSafeLoader)
+FILES = read_table(Path(__file__).with_name('files.yaml'))
 TEXT = (SHIPPED / 'klann.yaml').read_text(encoding='utf-8')
 HOSTILE = '</script><img src=http://a.test/ onerror=bad()>&amp;'
 # As SEM 104 prints them [deg].

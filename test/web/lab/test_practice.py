@@ -15,9 +15,9 @@ from klann_ros.web.lab.build import FILE, PRACTICE
 from lab_solver import in_node, NODE
 from opened_page import OpenedPage
 import pytest
-import yaml
+from yaml_tables import read_table
 
-FILES = yaml.load(Path(__file__).with_name('files.yaml').read_text('utf-8'), yaml.CSafeLoader)
+FILES = read_table(Path(__file__).with_name('files.yaml'))
 needs_node = pytest.mark.skipif(NODE is None, reason='no node: apt-get install nodejs')
 STUDENTS = ['1', '12345', '00770', 'a-7.b_c']
 # Of a number's size, or of 1 where it is smaller.
