@@ -12,7 +12,7 @@ from klann_ros.nodes.parameters import StartError
 from klann_ros.sanitize.arguments import ArgumentParser
 import pytest
 from ros_domain import Domain
-import yaml
+from yaml_tables import read_table
 
 CONFIG = str(Path(__file__).resolve().parents[2] / 'config')
 LINKAGES = {
@@ -26,7 +26,7 @@ LINKAGES = {
 
 def read(name: str) -> dict[str, Any]:
     """Return the rows of a table, by the names of nodes."""
-    rows: dict[str, Any] = yaml.safe_load(Path(__file__).with_name(name).read_text('utf-8'))
+    rows: dict[str, Any] = read_table(Path(__file__).with_name(name))
     return rows
 
 
