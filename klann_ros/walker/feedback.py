@@ -40,8 +40,7 @@ class Watchdog:
         """Return the time since the last message, by the clock that measured more of it [s]."""
         # The control clock may go back, as that of a simulation which restarts.
         self._at = min(self._at, now)
-        age = now - self._at
-        return max(age, self._steady() - self._steady_at) if self._steady else age
+        return max(now - self._at, self._steady_time(now) - self._steady_at)
 
     def _steady_time(self, now: float) -> float:
         return self._steady() if self._steady else now

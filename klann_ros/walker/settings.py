@@ -206,7 +206,7 @@ class OdometryNoise:
     slope_time: float = 10.0
     innovation_time: float = 1.0
     # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its
-    # root mean square where the contact model holds, beyond which its errors grow with it.
+    # root mean square where the contact model holds, beyond which errors grow with its square.
     innovation_gate: float = 0.25
     usual_innovation: float = 0.025
     # A longer gap between readings of the IMU invalidates the interval [s], and so does one that

@@ -4,10 +4,10 @@ import builtins
 from pathlib import Path
 import re
 
+from checks import FILES
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ('klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'examples', 'docs')
 BUILTINS = '|'.join(name for name in dir(builtins) if name.islower() and name[0] != '_')
 # Of lines: a syntax tree of all files takes ten times as long.
 REFUSED = re.compile(
@@ -26,7 +26,7 @@ REFUSED = re.compile(
 
 
 def test_ament_flake8_refuses_nothing_that_ruff_accepts() -> None:
-    files = {path for name in FOLDERS for path in (ROOT / name).rglob('*.py')}
+    files = {path for name in FILES for path in (ROOT / name).rglob('*.py')}
     files -= {Path(__file__).resolve()}
     texts = {path.relative_to(ROOT): path.read_text('utf-8') for path in files}
     assert len(texts) > 500
