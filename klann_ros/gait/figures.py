@@ -51,19 +51,14 @@ class GaitFigures:
     slid: float
 
     @property
-    def speed(self) -> float:
-        """Return the mean speed at a crank rate of 1 rad/s [m/rad]."""
-        return float(self.advance[-1, 0]) / TURN
-
-    @property
     def stride(self) -> float:
         """Return how far it walks in a turn [m]."""
         return float(self.advance[-1, 0])
 
     @property
-    def yaw(self) -> float:
-        """Return by how much it turns in a turn of its cranks [rad]; 0 if it walks straight on."""
-        return float(self.advance[-1, 2])
+    def speed(self) -> float:
+        """Return the mean speed at a crank rate of 1 rad/s [m/rad]."""
+        return self.stride / TURN
 
     @property
     def height_variation(self) -> float:
@@ -93,17 +88,18 @@ class GaitFigures:
     @property
     def warnings(self) -> list[str]:
         """Return the warnings about the walker, a line each."""
-        unstable = (
-            f'it is statically unstable for {1.0 - self.stable_fraction:.0%} of a turn: '
-            'its centre of mass is not above its feet; check body_centre, mount_xyz and phase'
-        )
-        backwards = (
+        unstable = 1.0 - self.stable_fraction
+        if unstable > 0.5:
+            text = (
+                f'it is statically unstable for {unstable:.0%} of a turn: its centre of mass is '
+                'not above its feet; check body_centre, mount_xyz and phase'
+            )
+            return [text]
+        text = (
             'it walks backwards: its feet on the ground move forwards in base_link where '
             'their stance moves back; check mount_rpy (x forward, y left, z up) and direction'
         )
-        if self.stable_fraction < 0.5:
-            return [unstable]
-        return [backwards] if self.speed < 0.0 else []
+        return [text] if self.speed < 0.0 else []
 
     def support_patterns(self) -> dict[tuple[str, ...], float]:
         """Return the part of the turn on each group of feet, the longest first."""
@@ -136,14 +132,11 @@ def walk_figures(
     """
     feet = Feet(robot, foot_radius=foot_radius)
     alphas = np.linspace(0.0, TURN, samples + 1)
-    placed = feet.at(alphas[:, None] * feet.senses)
-    columns = placed.feet, placed.rolled, placed.centre
+    poses = zip(*(each.tolist() for each in feet.at(alphas[:, None] * feet.senses)), strict=True)
     at, yaw, slid, path = 0j, 0.0, 0.0, []
-    loads, rows = np.zeros((samples + 1, feet.count)), np.full((samples + 1, 4), np.nan)
+    loads, rows = np.zeros((samples + 1, len(robot.legs))), np.full((samples + 1, 4), np.nan)
     last = facet = None
-    for k, (points, rolled, centre) in enumerate(
-        zip(*(column.tolist() for column in columns), strict=True)
-    ):
+    for k, (points, rolled, centre) in enumerate(poses):
         # Without support it falls, to an unknown pose.
         pose = None
         if rest := support(points, centre, facet):

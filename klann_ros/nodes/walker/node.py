@@ -112,12 +112,12 @@ class WalkerNode(Node):
 
     def _summary(self, values: dict[str, Any]) -> str:
         feet, steering = self._walker.feet, self._walker.controller.steering
-        joints = ', '.join(printable(joint) for joint in feet.joints)
+        legs, joints = len(feet.robot.legs), ', '.join(map(printable, feet.joints))
         turns = '' if steering.can_turn else ', straight on only'
         kind = 'TwistStamped' if self._stamped else 'Twist'
         imu = 'an IMU' if values['use_imu'] else 'its feet'
         return (
-            f'{feet.count} legs on {joints}, {steering.speed:.3f} m/s at 1 rad/s{turns}; '
+            f'{legs} legs on {joints}, {steering.speed:.3f} m/s at 1 rad/s{turns}; '
             f'{kind} on {self.resolve_topic_name("cmd_vel")}, yaw from {imu}'
         )
 
