@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from klann_ros.gait import Feet
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.log import open_log
+from klann_ros.log import LogError, open_log
 from klann_ros.walker import imu_reading, Odometry
 import numpy as np
 from numpy.typing import NDArray
@@ -311,7 +311,10 @@ def main() -> None:
     parser.add_argument('--evo', action='store_true', help='check three walks against evo')
     options = parser.parse_args()
     if options.run:
-        ape, rpe, yaw, nees = of_run(options.run)
+        try:
+            ape, rpe, yaw, nees = of_run(options.run)
+        except LogError as error:
+            raise SystemExit(str(error)) from None
         print(
             f'APE {ape:.2%} of the path, RPE over 1 m {100 * rpe:.2f} cm and '
             f'{np.degrees(yaw):.2f} deg, NEES at the end {nees:.1f}'

@@ -317,7 +317,7 @@ class Odometry:
         roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
         away, variance = complex(pitch, -roll) - self._slope / GRAVITY, n.tilt_error**2
         square = abs(away) ** 2 / (2.0 * variance)
-        self._tilt_square += dt / n.slope_time * (square - self._tilt_square)
+        self._tilt_square += min(1.0, dt / n.slope_time) * (square - self._tilt_square)
         # A body that rocks, jumps or stands on other feet measures no slope.
         self._contact_weight = 1.0 / max(1.0, square)
         if self._slope_is_known:
@@ -433,7 +433,7 @@ class Odometry:
         n = self.noise
         self._innovation += (1.0 - exp(-dt / n.innovation_time)) * (force - self._innovation)
         square = self.innovation**2 - self._innovation_square
-        self._innovation_square += dt / n.slope_time * square
+        self._innovation_square += min(1.0, dt / n.slope_time) * square
         if self.innovation > n.innovation_gate:
             self._reject_accelerometer()
 

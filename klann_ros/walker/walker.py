@@ -12,6 +12,9 @@ from .imu import ImuReading
 from .odometry import Odometry, OdometryEstimate
 from .settings import ControllerSettings, OdometryNoise
 
+# Messages that are lost while a queue is drained take no longer [s].
+MAX_LOSS = 1.0
+
 
 class Walker:
     """
@@ -48,6 +51,7 @@ class Walker:
         self._imu_age = Watchdog(steady)
         self._jumps = 0
         self._at: float | None = None
+        self._arrived = 0.0
         self._estimate: OdometryEstimate | None = None
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
@@ -83,7 +87,10 @@ class Walker:
         # What comes late, or all at once, was so at its own time.
         at = now if at is None else at
         seconds = 0.0 if self._at is None else at - self._at
-        self._at = at
+        # A clock that is set moves nothing.
+        if seconds > now - self._arrived + MAX_LOSS:
+            seconds = 0.0
+        self._at, self._arrived = at, now
         found = self.odometry.update(controller.positions, controller.velocities, seconds)
         if self._estimate is not None and seconds > 0.0:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)

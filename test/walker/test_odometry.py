@@ -315,3 +315,36 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
     assert 'attitude is not that of a body on its feet' in walker.verdict(0.0)[1]
     # An attitude of no feet is that of a body that tips.
     assert outside_feet(SEESAW, centre, (0.3, 0.0)) == 0.0
+
+
+@pytest.mark.parametrize('set_by', [1.8e9, 1000.0, -1000.0])
+def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float) -> None:
+    """As that of a computer without a battery, which gets the time from its network."""
+    found = []
+    for away in (0.0, set_by):
+        walker = Walker(steering)
+        for k in range(400):
+            at = 0.01 * k
+            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
+            readings = dict.fromkeys(('left_crank', 'right_crank'), (0.3 * at, 0.3))
+            pose = walker.feedback(readings, at, at + away * (k > 200))
+        assert pose
+        found.append(pose)
+    before, after = found
+    assert (after.x, after.y, after.yaw) == pytest.approx(
+        (before.x, before.y, before.yaw), abs=1e-3
+    )
+    assert np.array(after.covariance) == pytest.approx(np.array(before.covariance), abs=1e-6)
+
+
+def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> None:
+    odometry, last = Odometry(two_motors), 0.0
+    for k in range(300):
+        at = 0.01 * k + 1800.0 * (k > 150)
+        pitch = 0.05 * (k % 2)
+        odometry.imu(ImuReading(0.0, 0.0, at, (0.0, pitch), force=(0.0, 0.0, 9.81)))
+        pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), at - last)
+        last = at
+        assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
+        assert odometry.tilt_innovation < 3.0
+    assert hypot(pose.x, pose.y) < 0.6
