@@ -153,14 +153,7 @@ def walk_figures(
         last = pose
         path.append((at.real, at.imag, yaw))
     height, roll, pitch, margin = rows[:-1].T
+    names = tuple(leg.name or str(i) for i, leg in enumerate(robot.legs))
     return GaitFigures(
-        legs=tuple(leg.name or str(i) for i, leg in enumerate(robot.legs)),
-        alphas=alphas[:-1],
-        loads=loads[:-1],
-        height=height,
-        roll=roll,
-        pitch=pitch,
-        margin=margin,
-        advance=np.array(path[1:]),
-        slid=slid,
+        names, alphas[:-1], loads[:-1], height, roll, pitch, margin, np.array(path[1:]), slid
     )

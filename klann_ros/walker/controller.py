@@ -71,7 +71,6 @@ class WalkController:
         self._gap, self._targets_before, self._resumed = 0.0, list[float](), -inf
         self._stalled = [0.0] * len(self.cranks)
         self._rates = Rates(0.0, 0.0)
-        self._commanded: Sequence[float] = [0.0] * len(self.cranks)
         self._blocked: list[str] = []
 
     def configure(self, settings: ControllerSettings) -> None:
@@ -124,21 +123,24 @@ class WalkController:
         now: float,
         at: float | None = None,
         transport_age: float | None = None,
-    ) -> None:
+    ) -> bool:
         """
-        Take angles and rates of cranks by their joints.
+        Take angles and rates of cranks by their joints; return whether encoders jumped.
 
         `at` is their own time by any clock [s]; `transport_age` as in `command`.
         """
         self.keep_alive(now)
+        has_jumped = False
         for crank in self.cranks:
             reading, jumps = readings.get(crank.joint), crank.accepted_jumps
             if reading and crank.read(*reading, now, at=at, age=transport_age):
                 text = f'{crank.joint}: position offset of {_angle(crank.last_offset)} accepted'
                 if crank.accepted_jumps > jumps:
+                    has_jumped = True
                     self.lock.reset(self.positions)
                     text += ', phases restart from there'
                 self._add_event(text, now)
+        return has_jumped
 
     def keep_alive(self, now: float) -> None:
         """Note that the control loop runs; whatever is called next may be the first in a while."""
@@ -170,11 +172,6 @@ class WalkController:
         return [crank.position for crank in self.cranks]
 
     @property
-    def velocities(self) -> list[float]:
-        """Return the cranks' rates [rad/s]."""
-        return [crank.velocity for crank in self.cranks]
-
-    @property
     def is_known(self) -> bool:
         """Return whether all cranks gave feedback."""
         return all(crank.is_known for crank in self.cranks)
@@ -200,10 +197,12 @@ class WalkController:
         if self._gap:
             self._restart(now)
             gap = 0.0
-        rates = self._crank_rates(self._side_rates(self._approach(now, gap)), gap)
-        command = self.lock.step(gap, rates, self.positions)
-        self._commanded = command.velocity
-        self._detect_blocked(now, gap)
+        wanted = STANDS if self._is_command_old(now) else self._wanted
+        limits = self.settings.limits
+        aim, self.limits_hit = limits.motion(wanted, self.steering.rates)
+        self.motion = limits.approach(self.motion, aim, gap)
+        command = self.lock.step(gap, self._crank_rates(gap), self.positions)
+        self._detect_blocked(command.velocity, now, gap)
         return self._hold_position() if self._blocked else command
 
     def _reset_clock(self, now: float) -> None:
@@ -212,7 +211,6 @@ class WalkController:
         self._last, self._resumed = None, -inf
         for crank in self.cranks:
             crank.received = min(crank.received, now)
-        self.motion = STANDS
         if self.is_known:
             self._hold_position()
 
@@ -238,36 +236,24 @@ class WalkController:
         """Return the command to stand at the measured angles, at once."""
         self.motion, self._rates = STANDS, Rates(0.0, 0.0)
         self._reset_set_points()
-        self._commanded = [0.0] * len(self.cranks)
-        return CrankCommand(tuple(self.positions), tuple(self._commanded))
+        return CrankCommand(tuple(self.positions), (0.0,) * len(self.cranks))
 
     def _reset_set_points(self) -> None:
         self.motion_feedback.reset()
         self.lock.reset(self.positions)
         self._stalled = [0.0] * len(self.cranks)
 
-    def _approach(self, now: float, dt: float) -> Twist2D:
-        limits = self.settings.limits
-        wanted = STANDS if self._is_command_old(now) else self._wanted
-        wanted, self.limits_hit = limits.motion(wanted)
-        share, slow = limits.rates(self.steering.rates(wanted))
-        self.limits_hit += slow
-        aim = Twist2D(wanted.linear * share, wanted.angular * share)
-        if self.motion != aim:
-            self.motion = limits.approach(self.motion, aim, dt)
-        return self.motion
-
     def _is_command_old(self, now: float) -> bool:
         return self._command_age.age(now) > self.settings.cmd_vel_timeout
 
-    def _side_rates(self, motion: Twist2D) -> Rates:
-        wanted = self.motion_feedback.corrected(motion)
-        targets = self.lock.targets or self.positions
-        return self.steering.planned_rates(wanted, targets, on_spot=not motion.linear)
-
-    def _crank_rates(self, rates: Rates, dt: float) -> list[float]:
-        """Return the rates of the cranks: those of the sides within their limits."""
-        share, _ = self.settings.limits.rates(rates)
+    def _crank_rates(self, dt: float) -> list[float]:
+        """Return the rates of the cranks for the motion, within their limits [rad/s]."""
+        wanted, targets = self.motion_feedback.corrected(self.motion), self.lock.targets
+        rates = self.steering.planned_rates(
+            wanted, targets or self.positions, on_spot=not self.motion.linear
+        )
+        most = self.settings.limits.max_crank_rate
+        share = most / max(most, *map(abs, rates))
         most = self.settings.max_crank_acceleration * dt if self.motion != STANDS else inf
         left, right = (
             was + max(-most, min(most, share * rate - was))
@@ -276,11 +262,10 @@ class WalkController:
         self._rates = Rates(left, right)
         return self.steering.crank_rates(self._rates)
 
-    def _detect_blocked(self, now: float, dt: float) -> None:
+    def _detect_blocked(self, rates: Sequence[float], now: float, dt: float) -> None:
         s = self.settings
-        for k, crank in enumerate(self.cranks):
-            commanded = abs(self._commanded[k])
-            stuck = commanded > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * commanded
+        for k, (crank, rate) in enumerate(zip(self.cranks, rates, strict=True)):
+            stuck = abs(rate) > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * abs(rate)
             # An old reading shows nothing: its publisher may be paused, as a simulated motor is.
             shown = dt if crank.age(now) < s.blocked_age else 0.0
             self._stalled[k] = self._stalled[k] + shown if stuck else 0.0

@@ -7,6 +7,7 @@ walker8_two_motors, the odometry's by `benchmarks/odometry.py` on walker6_two_mo
 walker_jansen alone. A comment that gives a bound or a reason is its source instead.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import copysign, inf
 
@@ -38,26 +39,29 @@ class MotionLimits:
     max_curvature: float = inf
     max_crank_rate: float = 3.0
 
-    def motion(self, wanted: Twist2D) -> tuple[Twist2D, list[str]]:
-        """Return the motion that is allowed, on the same path, and what limits it."""
-        hit, share, (linear, angular) = [], 1.0, wanted
-        most = self.max_curvature * abs(linear)
+    def motion(
+        self, wanted: Twist2D, rates: Callable[[Twist2D], Rates]
+    ) -> tuple[Twist2D, list[str]]:
+        """
+        Return the motion that is allowed, on the same path, and what limits it.
+
+        `rates` returns those of the sides for a motion.
+        """
+        linear, angular = wanted
+        most, hit = self.max_curvature * abs(linear), []
         if abs(angular) > most:
             hit.append('max_curvature')
             angular = copysign(most, angular)
-        for name, value in (('max_linear', linear), ('max_angular', angular)):
+        fastest = max(map(abs, rates(Twist2D(linear, angular))))
+        share = 1.0
+        for name, value in (
+            ('max_linear', abs(linear)), ('max_angular', abs(angular)), ('max_crank_rate', fastest)
+        ):  # fmt: skip
             most = getattr(self, name)
-            if abs(value) > most:
+            if value > most:
                 hit.append(name)
-                share = min(share, most / abs(value))
+                share = min(share, most / value)
         return Twist2D(linear * share, angular * share), hit
-
-    def rates(self, wanted: Rates) -> tuple[float, list[str]]:
-        """Return which part of these rates the cranks can have, and what limits them."""
-        fastest = max(map(abs, wanted))
-        if fastest <= self.max_crank_rate:
-            return 1.0, []
-        return self.max_crank_rate / fastest, ['max_crank_rate']
 
     def approach(self, now: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
         """Return the motion after a time; both parts approach the command in proportion."""

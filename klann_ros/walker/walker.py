@@ -1,10 +1,10 @@
 """A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
 from collections.abc import Mapping
-from math import cos, inf, nan, pi, sin
+from math import cos, inf, nan, sin
 
 from klann_ros.gait.steering import Steering, Twist2D
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import wrap
 
 from .controller import DiagnosticLevel, WalkController
 from .feedback import SteadyClock, Watchdog
@@ -49,7 +49,6 @@ class Walker:
         self.odometry = Odometry(self.feet, noise)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
-        self._jumps = 0
         self._at: float | None = None
         self._arrived = 0.0
         self._estimate: OdometryEstimate | None = None
@@ -74,16 +73,13 @@ class Walker:
         time of sending: see `WalkController.command`.
         """
         controller = self.controller
-        controller.feedback(readings, now, at, transport_age)
+        if controller.feedback(readings, now, at, transport_age):
+            self.odometry.jump()
         if not controller.is_known:
             return None
         if self._imu_timeout < self._imu_age.age(now) < inf:
             self.odometry.forget_imu()
             self._imu_age.clear()
-        jumps = sum(crank.accepted_jumps for crank in controller.cranks)
-        if jumps != self._jumps:
-            self._jumps = jumps
-            self.odometry.jump()
         # What comes late, or all at once, was so at its own time.
         at = now if at is None else at
         seconds = 0.0 if self._at is None else at - self._at
@@ -91,7 +87,8 @@ class Walker:
         if seconds > now - self._arrived + MAX_LOSS:
             seconds = 0.0
         self._at, self._arrived = at, now
-        found = self.odometry.update(controller.positions, controller.velocities, seconds)
+        rates = [crank.velocity for crank in controller.cranks]
+        found = self.odometry.update(controller.positions, rates, seconds)
         if self._estimate is not None and seconds > 0.0:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
         self._estimate = found
@@ -155,7 +152,7 @@ class Walker:
 
 def _mean_motion(before: OdometryEstimate, after: OdometryEstimate, seconds: float) -> Twist2D:
     """Return the mean motion from pose to pose: velocities at instants would miss impacts."""
-    turned = (after.yaw - before.yaw + pi) % TURN - pi
+    turned = wrap(after.yaw - before.yaw)
     middle = before.yaw + turned / 2.0
     dx, dy = after.x - before.x, after.y - before.y
     forwards = dx * cos(middle) + dy * sin(middle)

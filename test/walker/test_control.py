@@ -5,7 +5,7 @@ from pathlib import Path
 from random import Random
 
 from hypothesis import given, settings, strategies as st
-from klann_ros.gait import Feet, Steering, Twist2D
+from klann_ros.gait import Feet, Rates, Steering, Twist2D
 from klann_ros.walker import (
     ControllerSettings,
     CrankCommand,
@@ -219,8 +219,9 @@ def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
 @pytest.mark.parametrize(
     ('wanted', 'motion', 'active'),
     [
-        ((0.4, 0.4), (0.1, 0.1), ['max_linear', 'max_angular']),
-        ((-0.2, 0.8), (-0.05, 0.2), ['max_linear', 'max_angular']),
+        ((0.4, 0.4), (0.1, 0.1), ['max_linear', 'max_angular', 'max_crank_rate']),
+        ((-0.2, 0.8), (-0.05, 0.2), ['max_linear', 'max_angular', 'max_crank_rate']),
+        ((0.01, -0.05), (0.01, -0.05), []),
         # A limited curvature forbids turning on the spot.
         ((0.0, 0.2), (0.0, 0.0), ['max_curvature']),
         ((-0.02, -0.2), (-0.02, -0.1), ['max_curvature']),
@@ -230,7 +231,8 @@ def test_the_strictest_limit_counts(
     wanted: tuple[float, float], motion: tuple[float, float], active: list[str]
 ) -> None:
     limits = MotionLimits(max_linear=0.1, max_angular=0.2, max_curvature=5.0)
-    assert limits.motion(Twist2D(*wanted)) == (pytest.approx(motion), active)
+    found = limits.motion(Twist2D(*wanted), lambda twist: Rates(0.0, 9.0 * twist.angular))
+    assert found == (pytest.approx(motion), active)
 
 
 def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
