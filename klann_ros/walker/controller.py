@@ -302,7 +302,7 @@ class WalkController:
         if silent:
             oldest = max(ages.values())
             since = f'for {oldest:.1f} s' if oldest < inf else 'yet'
-            return f'no feedback of {", ".join(silent)} {since}'
+            return f'no valid feedback of {", ".join(silent)} {since}'
         stands = self._progress.age(now) if now == self._last else 0.0
         if stands > timeout:
             return f'the clock has stood still for {stands:.1f} s'

@@ -87,7 +87,9 @@ class Walker:
         if seconds > now - self._arrived + MAX_LOSS:
             seconds = 0.0
         self._at, self._arrived = at, now
-        rates = [crank.velocity for crank in controller.cranks]
+        # One without valid readings stands, as all are stopped then.
+        timeout = controller.settings.feedback_timeout
+        rates = [0.0 if each.age(now) > timeout else each.velocity for each in controller.cranks]
         found = self.odometry.update(controller.positions, rates, seconds)
         if self._estimate is not None and seconds > 0.0:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)

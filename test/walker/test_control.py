@@ -273,7 +273,7 @@ def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) ->
     assert bench.control.motion_feedback.lag == STANDS
     level, text = bench.verdict
     assert level == DiagnosticLevel.ERROR
-    assert 'no feedback of right_crank' in text
+    assert 'no valid feedback of right_crank' in text
     bench.heard = [True, True]
     bench.run(2.0)
     assert min(bench.rates) > 0.5
@@ -591,7 +591,7 @@ def test_timeouts_pass_while_simulated_time_stands_still(
     command = control.step(199 * DT)
     assert command is not None
     assert command.velocity == (0.0, 0.0)
-    reason = 'the clock has stood still' if feedback else 'no feedback of left_crank'
+    reason = 'the clock has stood still' if feedback else 'no valid feedback of left_crank'
     assert reason in control.verdict(199 * DT)[1]
     # Where the clock runs again, the command has timed out.
     clock.now += DT

@@ -252,6 +252,17 @@ def test_an_encoder_jump_adds_no_distance(steering: Steering) -> None:
     assert walker.values(3.0)['right_crank jumps'] == '1'
 
 
+def test_cranks_without_valid_angles_stand(steering: Steering) -> None:
+    """As all are stopped then, whatever rates their drivers go on to send."""
+    walker, joints = Walker(steering), ('left_crank', 'right_crank')
+    for k in range(600):
+        now = 0.01 * k
+        at = walker.feedback(dict.fromkeys(joints, (now if k < 100 else nan, 1.0)), now)
+    assert at
+    assert 0.1 < walker.odometry.travelled < 0.2
+    assert hypot(*at.linear) < 0.001
+
+
 @pytest.mark.parametrize('bad', [nan, inf, -inf, 1e300, 1e7])
 def test_no_angle_makes_the_pose_no_number(steering: Steering, bad: float) -> None:
     walker = Walker(steering)

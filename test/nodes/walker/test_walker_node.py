@@ -168,7 +168,7 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     ros.probe.until(lambda: motors.value('imu') == 'none')
 
     motors.silent = {1}
-    motors.until_message('no feedback of right_crank')
+    motors.until_message('no valid feedback of right_crank')
     motors.until_stopped()
     motors.silent = set()
     motors.until_message('walking')
