@@ -12,8 +12,9 @@ from .imu import ImuReading
 from .odometry import Odometry, OdometryEstimate
 from .settings import ControllerSettings, OdometryNoise
 
-# Messages that are lost while a queue is drained take no longer [s].
-MAX_LOSS = 1.0
+# Messages that are lost while a queue is drained take no longer; and readings whose stamps advance
+# by less than the second are taken with the next, for the third at most [s].
+MAX_LOSS, MIN_STEP, MAX_WAIT = 1.0, 0.005, 0.1
 
 
 class Walker:
@@ -83,9 +84,13 @@ class Walker:
         # What comes late, or all at once, was so at its own time.
         at = now if at is None else at
         seconds = 0.0 if self._at is None else at - self._at
-        # A clock that is set moves nothing.
-        if seconds > now - self._arrived + MAX_LOSS:
+        passed = now - self._arrived
+        if seconds > passed + MAX_LOSS:
+            # A clock that is set moves nothing.
             seconds = 0.0
+        elif self._estimate and seconds < MIN_STEP and passed < MAX_WAIT:
+            # A driver sends readings in bunches: by their stamps the cranks would leap.
+            return self._estimate
         self._at, self._arrived = at, now
         # One without valid readings stands, as all are stopped then.
         timeout = controller.settings.feedback_timeout

@@ -348,6 +348,24 @@ def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float) ->
     assert np.array(after.covariance) == pytest.approx(np.array(before.covariance), abs=1e-6)
 
 
+@pytest.mark.parametrize('late', [(0.0, 0.0099), (0.0, 0.012), (0.04, 0.03, 0.02, 0.01, 0.0)])
+@pytest.mark.parametrize('has_imu', [False, True])
+def test_readings_in_bunches_are_no_leaps(
+    steering: Steering, late: tuple[float, ...], has_imu: bool
+) -> None:
+    """As from a driver on a serial line, which stamps them as they arrive."""
+    walker = Walker(steering)
+    for k in range(400):
+        at = 0.01 * k
+        if has_imu:
+            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
+        reading = max(0.0, at - 1.0), float(at > 1.0)
+        readings = dict.fromkeys(('left_crank', 'right_crank'), reading)
+        pose = walker.feedback(readings, at + late[k % len(late)] + 1e-5 * k)
+    assert pose
+    assert pose.x == pytest.approx(0.467, abs=0.02)
+
+
 def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> None:
     odometry, last = Odometry(two_motors), 0.0
     for k in range(300):
