@@ -360,9 +360,9 @@ class Odometry:
             self._friction_share = share / max(1.0, abs(share))
         self._push, self._centre_velocity = push, moves
         motion = complex(vx, vy)
-        predicted = motion * rect(1.0, -w * dt) + change
+        turns, bias = rect(1.0, -w * dt), 0.0 if push is None else -dt
+        predicted = motion * turns + change
         self._state[3:6] = predicted.real, predicted.imag, w
-        turns, bias = 1.0 - 1j * w * dt, 0.0 if push is None else -dt
         row = [0, 0, 0, turns, 1j * turns, -1j * motion * dt, 0, bias, 1j * bias]
         # With a gyro the error of the yaw rate is that of the bias.
         yaw = [0, 0, 0, 0, 0, 1] if self._yaw_rate is None else [0, 0, 0, 0, 0, 0, -1]

@@ -111,7 +111,7 @@ class Walker:
             share = f'{odometry.support_violation:.0%} of the time'
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
         elif odometry.tilt_innovation > odometry.noise.max_tilt_innovation:
-            problem = 'its attitude is not that of a body on its feet: check body_centre'
+            problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
         if level == DiagnosticLevel.OK and problem:
             return DiagnosticLevel.WARN, f'{text}; {problem}'
         return level, text

@@ -377,3 +377,15 @@ def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> 
         assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
         assert odometry.tilt_innovation < 3.0
     assert hypot(pose.x, pose.y) < 0.6
+
+
+def test_a_gyro_in_degrees_leaves_a_covariance(two_motors: Feet) -> None:
+    """It is far too fast, by up to a radian a step, and right again later."""
+    odometry = Odometry(two_motors)
+    for k in range(400):
+        at, rate = 0.01 * k, 99.0 if 100 < k < 300 else 0.0
+        odometry.imu(ImuReading(0.0, rate, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)))
+        pose = odometry.update((at, at), (1.0, 1.0), 0.01)
+    assert np.linalg.eigvalsh(pose.covariance)[0] > 0.0
+    assert np.trace(pose.covariance) < 1.0
+    assert hypot(*pose.linear) < 0.4

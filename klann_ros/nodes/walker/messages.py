@@ -5,7 +5,7 @@ As in solver/cdr.py: conversion between bytes and Python messages costs more tha
 """
 
 from collections.abc import Mapping, Sequence
-from math import cos, isfinite, sin
+from math import cos, isfinite, pi, sin
 import struct
 from typing import Any, NamedTuple
 
@@ -121,8 +121,8 @@ class ImuReader:
             raise ValueError(f'its angular velocity is not finite, or beyond {limit:g} rad/s')
         # By the message's definition -1 means no orientation, or no acceleration.
         has = first != -1.0 and abs(x * x + y * y + z * z + w * w - 1.0) < UNIT_TOLERANCE
-        if not (isfinite(variance) and variance > 0.0):
-            variance = 0.0
+        # A yaw of any direction has no larger one.
+        variance = min(variance, pi**2) if variance > 0.0 else 0.0
         orientation = (x, y, z, w) if has else None
         acceleration = (force[0], force[1], force[2]) if force_first != -1.0 else None
         return ImuMessage(orientation, variance, (a, b, c), acceleration, sec, nanosec)

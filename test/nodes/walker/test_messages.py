@@ -1,5 +1,6 @@
 """What goes over the wire is what a typed message would be."""
 
+from math import inf, nan, pi
 import struct
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -77,6 +78,16 @@ def test_an_imu_without_orientation_or_accelerometer_is_recognised() -> None:
     # An empty orientation is none.
     imu.orientation.w = 0.0
     assert ImuReader().read(serialize_message(imu)).orientation is None
+
+
+@pytest.mark.parametrize(
+    ('sent', 'read'),
+    [(inf, pi**2), (1e300, pi**2), (1e-4, 1e-4), (0.0, 0.0), (-2.0, 0.0), (nan, 0.0)],
+)
+def test_a_yaw_is_as_uncertain_as_any_direction_at_most(sent: float, read: float) -> None:
+    imu = Imu()
+    imu.orientation_covariance[8] = sent
+    assert ImuReader().read(serialize_message(imu)).variance == read
 
 
 @pytest.mark.parametrize('rate', [float('nan'), float('inf'), -100.5])
