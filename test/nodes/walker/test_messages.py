@@ -1,6 +1,7 @@
 """What goes over the wire is what a typed message would be."""
 
-from math import inf, nan, pi
+from contextlib import nullcontext
+from math import cos, inf, nan, pi, sin
 import struct
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -75,9 +76,18 @@ def test_an_imu_without_orientation_or_accelerometer_is_recognised() -> None:
     read = ImuReader().read(serialize_message(imu))
     assert (read.orientation, read.force) == ((0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 9.5))
     assert read.variance == 0.01
-    # An empty orientation is none.
+    # An empty orientation is none, and so is the default of the message.
     imu.orientation.w = 0.0
     assert ImuReader().read(serialize_message(imu)).orientation is None
+    assert ImuReader().read(serialize_message(Imu())).orientation is None
+
+
+def test_an_imu_that_is_mounted_on_its_head_is_refused() -> None:
+    for tilt, is_refused in ((0.0, False), (1.0, False), (1.1, True), (pi, True)):
+        imu = Imu()
+        imu.orientation.x, imu.orientation.w = sin(tilt / 2.0), cos(tilt / 2.0)
+        with pytest.raises(ValueError, match='fallen') if is_refused else nullcontext():
+            ImuReader().read(serialize_message(imu))
 
 
 @pytest.mark.parametrize(
@@ -113,7 +123,7 @@ def test_messages_of_other_frames_and_byte_orders_follow_each_other() -> None:
     with pytest.raises(ValueError, match='ends too early'):
         reader.read(bytes(serialize_message(imu))[:-120])
     big = b'\0\0\0\0' + struct.pack('>iII4x', 7, 8, 1)
-    numbers = 0, 0, 0, 1, *[0] * 9, 1, 2, 3, *[0] * 9, 4, 5, 6, *[0] * 9
+    numbers = 0, 0, 0, 1, 0.1, *[0] * 8, 1, 2, 3, *[0] * 9, 4, 5, 6, *[0] * 9
     big += struct.pack('>37d', *numbers)
     read = reader.read(big)
     assert read == ((0.0, 0.0, 0.0, 1.0), 0.0, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 7, 8)
