@@ -1,11 +1,10 @@
 """Where the feet and the centre of mass of a walker are, for any angles of its cranks."""
 
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics.motion import body_motion
-from klann_ros.kinematics import foot_path, LinkageLeg, turns_fully
+from klann_ros.kinematics import turns_fully
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
@@ -53,11 +52,20 @@ class Feet:
         The robot.
     joints : tuple of str
         The joints of its cranks; angles and rates of cranks are in this order.
+    sides : numpy.ndarray, shape (c,)
+        On which side each crank drives: +1 left, -1 right, 0 both.
+    senses : numpy.ndarray, shape (c,)
+        Which way each crank turns to walk forwards, +1 or -1.
+    reach : float
+        The greatest distance of a foot from base_link over the ground [m].
+    gyration : float
+        The radius of gyration about the vertical; half the reach without masses [m].
 
     Raises
     ------
     NoWalkerError
-        It has less than three legs, or one that does not turn fully.
+        It has less than three legs, or one that does not turn fully; or the legs of a crank drive
+        against each other, or to the sides only.
 
     """
 
@@ -79,54 +87,30 @@ class Feet:
         self._scales = np.array([leg.direction * per_radian for leg in robot.legs])
         self._starts = np.array([leg.phase * per_radian for leg in robot.legs])
         masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
-        self._body = body = robot.body or WalkerBody(0.0, (0.0, 0.0, 0.0))
-        self._total = sum(masses) + body.mass or 1.0
-        self._shares = np.array(masses) / self._total
-        self._fixed = np.array(body.centre) * body.mass / self._total
+        body = robot.body or WalkerBody(0.0, (0.0, 0.0, 0.0))
+        total = sum(masses) + body.mass or 1.0
+        self._shares = np.array(masses) / total
+        self._fixed = np.array(body.centre) * body.mass / total
         # By leg and interval, by column, by power.
-        self._cubics = np.concatenate([_leg_cubics(leg, foot_radius) for leg in robot.legs])
-        self._rows = CUBIC_SAMPLES * np.arange(len(robot.legs))
-
-    @cached_property
-    def sides(self) -> Array:
-        """Return on which side each crank drives: +1 left, -1 right, 0 both, shape (c,)."""
+        turn = np.array([_leg_cubics(leg, foot_radius) for leg in robot.legs])
+        self._cubics, self._rows = np.concatenate(turn), CUBIC_SAMPLES * np.arange(len(turn))
+        places = turn[..., 0]
+        self.reach = float(np.hypot(places[..., 0], places[..., 1]).max())
+        square = self._shares @ (places[..., 5:7] ** 2).sum(axis=(1, 2)) / CUBIC_SAMPLES
+        (x, y, _), (*_, inertia) = body.centre, body.inertia
+        square += (inertia + (x**2 + y**2) * body.mass) / total
+        self.gyration = float(np.sqrt(square)) or self.reach / 2.0
         # A crank whose legs are on both sides is in the middle, within a micrometre.
-        every = [[leg.mount.xyz[1] for leg in self.robot.on_joint(each)] for each in self.joints]
-        return np.array([float(min(y) > 1e-6) - float(max(y) < -1e-6) for y in every])
-
-    @cached_property
-    def senses(self) -> Array:
-        """
-        Return which way each crank turns to walk forwards, +1 or -1, shape (c,).
-
-        Raises
-        ------
-        NoWalkerError
-            The legs of a crank drive against each other, or to the sides only.
-
-        """
-        forwards = np.zeros(len(self.joints))
-        for crank, leg in zip(self._crank_of, self.robot.legs, strict=True):
-            drive = foot_path(LinkageLeg(leg.linkage)).stance().speed(leg.direction)
-            forwards[crank] += drive * leg.mount.rotate((1.0, 0.0))[0]
+        every = [[leg.mount.xyz[1] for leg in robot.on_joint(each)] for each in self.joints]
+        self.sides = np.array([float(min(y) > 1e-6) - float(max(y) < -1e-6) for y in every])
+        # A foot that moves backwards at the lowest point of its plane drives forwards.
+        ups = np.array([leg.mount.rotate((0.0, 1.0)) for leg in robot.legs])[..., None]
+        lowest = np.arange(len(turn)), (places[..., :3] @ ups)[..., 0].argmin(axis=1)
+        forwards = np.bincount(self._crank_of, -turn[..., 0, 1][lowest] * self._scales)
         for joint, forward in zip(self.joints, forwards.tolist(), strict=True):
             if abs(forward) < 1e-6 * self.reach:
                 raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')
-        return np.sign(forwards)
-
-    @cached_property
-    def reach(self) -> float:
-        """Return the greatest distance of a foot from base_link over the ground [m]."""
-        return float(np.hypot(*self._cubics[:, :2, 0].T).max())
-
-    @cached_property
-    def gyration(self) -> float:
-        """Return the radius of gyration about the vertical [m]; half the reach without masses."""
-        legs = self._cubics[:, 5:7, 0].reshape(len(self._rows), -1)
-        square = self._shares @ (legs**2).sum(axis=1) / CUBIC_SAMPLES
-        (x, y, _), mass = self._body.centre, self._body.mass
-        square += (self._body.inertia[2] + (x**2 + y**2) * mass) / self._total
-        return float(np.sqrt(square)) or self.reach / 2.0
+        self.senses = np.sign(forwards)
 
     def at(self, cranks: ArrayLike) -> Placed:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
