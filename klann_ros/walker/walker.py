@@ -88,7 +88,7 @@ class Walker:
         if seconds > passed + MAX_LOSS:
             # A clock that is set moves nothing.
             seconds = 0.0
-        elif self._estimate and seconds < MIN_STEP and passed < MAX_WAIT:
+        elif self._estimate and seconds < MIN_STEP and abs(passed) < MAX_WAIT:
             # A driver sends readings in bunches: by their stamps the cranks would leap.
             return self._estimate
         self._at, self._arrived = at, now

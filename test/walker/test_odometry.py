@@ -328,17 +328,20 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
     assert outside_feet(SEESAW, centre, (0.3, 0.0)) == 0.0
 
 
-@pytest.mark.parametrize('set_by', [1.8e9, 1000.0, -1000.0])
-def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float) -> None:
-    """As that of a computer without a battery, which gets the time from its network."""
+@pytest.mark.parametrize(
+    ('set_by', 'here'), [(1.8e9, 0.0), (1000.0, 0.0), (-1000.0, 0.0), (-50.0, -50.0)]
+)
+def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float, here: float) -> None:
+    """As that of a computer without a battery, which gets its time later, or of a simulation."""
     found = []
-    for away in (0.0, set_by):
+    for is_set in (0, 1):
         walker = Walker(steering)
         for k in range(400):
-            at = 0.01 * k
-            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
+            at, late = 0.01 * k, is_set * (k > 200)
+            now = at + here * late
+            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), now)
             readings = dict.fromkeys(('left_crank', 'right_crank'), (0.3 * at, 0.3))
-            pose = walker.feedback(readings, at, at + away * (k > 200))
+            pose = walker.feedback(readings, now, at + set_by * late)
         assert pose
         found.append(pose)
     before, after = found

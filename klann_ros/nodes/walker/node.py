@@ -25,7 +25,7 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import imu_reading, Walker
+from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
@@ -193,6 +193,12 @@ class WalkerNode(Node):
         now = self._now()
         level, message = self._walker.verdict(now)
         values = self._walker.values(now).items()
+        count = self.count_publishers(self.resolve_topic_name('crank_command'))
+        if count > 1:
+            rivals = f'crank_command has {count} publishers: only one may drive the cranks'
+            self.get_logger().warning(rivals, once=True)
+            level = DiagnosticLevel.WARN if level == DiagnosticLevel.OK else level
+            message = f'{message}; {rivals}'
         status = diagnostic_status(self, 'walker', bytes([level.value]), message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
 

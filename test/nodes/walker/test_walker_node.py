@@ -173,6 +173,11 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     motors.silent = set()
     motors.until_message('walking')
 
+    rival = ros.probe.publisher(JointState, 'crank_command')
+    motors.until_message('crank_command has 2 publishers')
+    assert walker.errors.count('only one may drive the cranks') == 1
+    ros.probe.node.destroy_publisher(rival)
+
     motors.factors = [1.0, 1.0]
     motors.twist = None
     motors.until_message('standing: no cmd_vel')
