@@ -195,34 +195,26 @@ class OdomOutput:
             return
         pose = (at.x, at.y, at.z, *_quaternion(at.roll, at.pitch, at.yaw))
         twist = (*at.linear, 0.0, 0.0, 0.0, at.angular)
-        numbers = (*pose, *self._pose_covariance(at), *twist, *_twist_covariance(at))
+        x, y, turn = at.rate_variances
+        rates = (x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, turn)
+        covariance = _covariance(at.covariance, self._height, self._tilt)
+        of_twist = _covariance(rates, _TILTING_VARIANCE, _TILTING_VARIANCE)
+        numbers = (*pose, *covariance, *twist, *of_twist)
         self._odom.publish(self._odom_template.fill(sec, nanosec, numbers))
         if self._tf is not None:
             self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
 
-    def _pose_covariance(self, at: OdometryEstimate) -> tuple[float, ...]:
-        """Return the covariance of x, y, z, roll, pitch and yaw, row by row."""
-        (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = at.covariance
-        return (
-            *(xx, xy, *_ZEROS, xt),
-            *(yx, yy, *_ZEROS, yt),
-            *(0.0, 0.0, self._height, *_ZEROS),
-            *(*_ZEROS, self._tilt, 0.0, 0.0),
-            *(*_ZEROS, 0.0, self._tilt, 0.0),
-            *(tx, ty, *_ZEROS, tt),
-        )
 
-
-def _twist_covariance(at: OdometryEstimate) -> tuple[float, ...]:
-    """Return the covariance of the velocities, row by row."""
-    x, y, turn = at.rate_variances
+def _covariance(plane: Sequence[Sequence[float]], height: float, tilt: float) -> tuple[float, ...]:
+    """Return that of x, y, z, roll, pitch and yaw, row by row; `plane` is that of x, y and yaw."""
+    (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = plane
     return (
-        *(x, 0.0, 0.0, *_ZEROS),
-        *(0.0, y, 0.0, *_ZEROS),
-        *(0.0, 0.0, _TILTING_VARIANCE, *_ZEROS),
-        *(*_ZEROS, _TILTING_VARIANCE, 0.0, 0.0),
-        *(*_ZEROS, 0.0, _TILTING_VARIANCE, 0.0),
-        *(*_ZEROS, 0.0, 0.0, turn),
+        *(xx, xy, *_ZEROS, xt),
+        *(yx, yy, *_ZEROS, yt),
+        *(0.0, 0.0, height, *_ZEROS),
+        *(*_ZEROS, tilt, 0.0, 0.0),
+        *(*_ZEROS, 0.0, tilt, 0.0),
+        *(tx, ty, *_ZEROS, tt),
     )
 
 
