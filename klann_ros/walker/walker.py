@@ -112,6 +112,10 @@ class Walker:
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
         elif odometry.tilt_innovation > odometry.noise.max_tilt_innovation:
             problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
+        elif odometry.accelerometer_state == 'not believed':
+            problem = (
+                'its accelerometer is not believed: check its units and axes, or the feet slip'
+            )
         if level == DiagnosticLevel.OK and problem:
             return DiagnosticLevel.WARN, f'{text}; {problem}'
         return level, text

@@ -392,3 +392,14 @@ def test_a_gyro_in_degrees_leaves_a_covariance(two_motors: Feet) -> None:
     assert np.linalg.eigvalsh(pose.covariance)[0] > 0.0
     assert np.trace(pose.covariance) < 1.0
     assert hypot(*pose.linear) < 0.4
+
+
+def test_an_accelerometer_in_g_is_reported(steering: Steering) -> None:
+    walker = Walker(steering)
+    for k in range(100):
+        at = 0.01 * k
+        walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 1.0)), at)
+        walker.feedback(dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.0)), at)
+    level, text = walker.verdict(at)
+    assert level == DiagnosticLevel.WARN
+    assert 'accelerometer is not believed: check its units' in text
