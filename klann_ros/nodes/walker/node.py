@@ -27,6 +27,7 @@ from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
 
 from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
@@ -80,7 +81,7 @@ class WalkerNode(Node):
     def _connect(self, values: dict[str, Any]) -> None:
         joints = self._walker.feet.joints
         self._reader = JointsReader(joints)
-        self._imu = ImuReader()
+        self._imu, self._has_imu = ImuReader(), False
         velocities = values['command_type'] == 'velocities'
         self._commands = CrankOutput(self, joints, velocities=velocities)
         self._odom = OdomOutput(self, values)
@@ -178,6 +179,15 @@ class WalkerNode(Node):
         except ValueError as error:
             self._warn(f'imu is rejected: {error}')
             return
+        if not self._has_imu:
+            self._has_imu = True
+            frame, base = (
+                deserialize_message(data, Imu).header.frame_id,
+                self._values['base_frame'],
+            )
+            if frame not in ('', base):
+                text = f'imu is in frame {frame}: its axes are taken as those of {base}'
+                self.get_logger().warning(printable_line(text))
         now = self._now()
         # Its own clock has less jitter than the transport.
         at = message.sec + message.nanosec / 1e9 or now

@@ -160,10 +160,12 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
 
     imu = ros.probe.publisher(Imu, 'imu')
     turned = Imu()
+    turned.header.frame_id = 'imu_link'
     turned.orientation.w = turned.orientation.z = 0.5**0.5
     turned.angular_velocity.z = 0.25
     imu.publish(turned)
     ros.probe.until(lambda: motors.odom[-1].twist.twist.angular.z == 0.25)
+    assert 'imu is in frame imu_link: its axes are taken as those of base_link' in walker.errors
     imu.publish(Imu(angular_velocity=turned.angular_velocity))
     ros.probe.until(lambda: motors.value('imu') == 'none')
 
