@@ -8,6 +8,9 @@ from statistics import median
 
 from klann_ros.kinematics.angles import TURN
 
+# Rates from angles are means over this time at least [s]: over less, noise of the encoders is
+# motion at standstill, and readings in a bunch, stamped on arrival, are leaps.
+RATE_INTERVAL = 0.045
 # Returns the time of a clock that never stands still [s].
 SteadyClock = Callable[[], float]
 
@@ -160,6 +163,8 @@ class CrankFeedback:
         self.last_offset = self.offset_sum = 0.0
         self.watchdog, self.detector = Watchdog(steady), OffsetDetector()
         self._turns, self._outliers = 0.0, list[float]()
+        # Angle and time from which its rate is computed.
+        self._from = self._since = nan
 
     @property
     def is_known(self) -> bool:
@@ -211,14 +216,18 @@ class CrankFeedback:
                 turned = self.velocity * (at - self.at)
                 offset = step - turned if abs(turned) < possible else step
                 # No rate follows from a jump.
-                self.at = nan
+                self._since = nan
                 self.accepted_jumps += 1
                 self.detector.restart()
         first, position = not self.is_known, position + self._turns
+        passed = at - self._since
         if velocity is not None and abs(velocity) <= 10.0 * self.max_rate:
             self.velocity = velocity
-        elif at > self.at:
-            self.velocity = (position - self.position) / (at - self.at)
+        elif passed >= RATE_INTERVAL:
+            self.velocity = (position - self._from) / passed
+        # NaN compares with nothing.
+        if not 0.0 <= passed < RATE_INTERVAL:
+            self._from, self._since = position, at
         self.position, self.at, self.received, self.delay = position, at, now, delay
         self.watchdog.feed(now, delay)
         offset = offset or (0.0 if first else self.detector.read(position, at))

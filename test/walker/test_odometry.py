@@ -369,6 +369,19 @@ def test_readings_in_bunches_are_no_leaps(
     assert pose.x == pytest.approx(0.467, abs=0.02)
 
 
+@pytest.mark.parametrize('late', [0.0, 0.0099])
+def test_noise_of_encoders_without_rates_is_no_motion(steering: Steering, late: float) -> None:
+    """Nor where readings come in pairs: at rest the bias of the gyro is learned all the same."""
+    walker, rng = Walker(steering), np.random.default_rng(1)
+    for k in range(300):
+        at = 0.01 * k
+        walker.imu(ImuReading(0.003 * at, 0.003, at, (0.0, 0.0)), at)
+        left, right = rng.normal(0.0, 0.001, 2)
+        readings = {'left_crank': (left, None), 'right_crank': (right, None)}
+        walker.feedback(readings, at + late * (k % 2))
+    assert walker.odometry.gyro_bias == pytest.approx(0.003, abs=0.0005)
+
+
 def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> None:
     odometry, last = Odometry(two_motors), 0.0
     for k in range(300):
