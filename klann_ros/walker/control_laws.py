@@ -23,7 +23,7 @@ from math import atan2, copysign, cos, pi, sin
 from typing import NamedTuple
 
 from klann_ros.gait.steering import Twist2D
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import wrap
 
 from .settings import ControllerSettings
 
@@ -123,24 +123,23 @@ class PhaseLock:
             return [0.0] * (len(group) or len(self._senses))
         phases = [self._senses[k] * self.targets[k] for k in group]
         mean = atan2(sum(map(sin, phases)), sum(map(cos, phases)))
-        return [(phase - mean + pi) % TURN - pi for phase in phases]
+        return [wrap(phase - mean) for phase in phases]
 
     def step(self, dt: float, rates: Sequence[float], positions: Sequence[float]) -> CrankCommand:
         """Move the targets on by a time [s] at rates [rad/s], and return the command."""
         if not self.targets:
             self.reset(positions)
-        moving, is_locked = list(rates), self.settings.phase_lock
-        self.rate_scale = 1.0
+        is_locked = self.settings.phase_lock
+        self.rate_scale = self._scale(rates, positions) if is_locked else 1.0
+        moving = [rate * self.rate_scale for rate in rates]
         if is_locked:
-            self.rate_scale = self._scale(rates, positions)
-            moving = self._rephased([rate * self.rate_scale for rate in rates])
+            moving = self._rephased(moving)
         self.targets = [t + r * dt for t, r in zip(self.targets, moving, strict=True)]
         self.errors = [t - p for t, p in zip(self.targets, positions, strict=True)]
-        both = enumerate(zip(moving, rates, strict=True))
-        velocities = moving
         if is_locked:
-            velocities = [self._velocity(k, dt, rate, wanted) for k, (rate, wanted) in both]
-        return CrankCommand(tuple(self.targets), tuple(velocities))
+            both = enumerate(zip(moving, rates, strict=True))
+            moving = [self._velocity(k, dt, *each) for k, each in both]
+        return CrankCommand(tuple(self.targets), tuple(moving))
 
     def _velocity(self, k: int, dt: float, rate: float, commanded: float) -> float:
         """Return the rate of a crank [rad/s] whose target moves at `rate`."""

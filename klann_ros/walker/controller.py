@@ -133,8 +133,8 @@ class WalkController:
         has_jumped = False
         for crank in self.cranks:
             reading, jumps = readings.get(crank.joint), crank.accepted_jumps
-            if reading and crank.read(*reading, now, at=at, age=transport_age):
-                text = f'{crank.joint}: position offset of {_angle(crank.last_offset)} accepted'
+            if reading and (offset := crank.read(*reading, now, at=at, age=transport_age)):
+                text = f'{crank.joint}: position offset of {_angle(offset)} accepted'
                 if crank.accepted_jumps > jumps:
                     has_jumped = True
                     self.lock.reset(self.positions)

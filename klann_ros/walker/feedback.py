@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf, isfinite, nan, sqrt
 from statistics import median
 
@@ -68,7 +67,6 @@ class Watchdog:
         return 0.0
 
 
-@dataclass
 class OffsetDetector:
     """
     Position offsets: steps of an angle that neither its rate nor its noise explains.
@@ -77,20 +75,19 @@ class OffsetDetector:
     itself. A step counts if it is still there after `confirmations` readings; a glitch is not.
     """
 
-    confirmations: int = 5
+    confirmations = 5
     # Gate of reported offsets, in standard deviations of the encoder's noise, of which the least
     # is assumed to be this [rad]; readings from which it is learned before any is judged.
-    gate: float = 6.0
-    least_noise: float = 0.002
-    noise_readings: int = 50
+    gate = 6.0
+    least_noise = 0.002
+    noise_readings = 50
     # Rates between readings whose median predicts the next one; the prediction is that far behind
     # a crank that accelerates [rad/s^2], and readings further apart predict nothing [s].
-    rate_readings: int = 5
-    max_acceleration: float = 30.0
-    max_interval: float = 0.5
+    rate_readings = 5
+    max_acceleration = 30.0
+    max_interval = 0.5
 
-    def __post_init__(self) -> None:
-        """Begin without readings."""
+    def __init__(self) -> None:
         self._variance, self._count = 0.0, 0
         self.restart()
 
@@ -159,8 +156,8 @@ class CrankFeedback:
         self.at, self.received, self.delay = nan, nan, 0.0
         # Readings that were no angles; implausible steps, those accepted, and position offsets.
         self.rejected = self.jumps = self.accepted_jumps = self.offsets = 0
-        # The last accepted offset, and the sum of all [rad].
-        self.last_offset = self.offset_sum = 0.0
+        # The sum of the accepted offsets [rad].
+        self.offset_sum = 0.0
         self.watchdog, self.detector = Watchdog(steady), OffsetDetector()
         self._turns, self._outliers = 0.0, list[float]()
         # Angle and time from which its rate is computed.
@@ -183,9 +180,9 @@ class CrankFeedback:
         *,
         at: float | None = None,
         age: float | None = None,
-    ) -> bool:
+    ) -> float:
         """
-        Take angle [rad] and rate [rad/s]; return whether a position offset was accepted with them.
+        Take angle [rad] and rate [rad/s]; return the position offset accepted with them, or 0.
 
         They arrive at `now` by the control clock; `at` is their own time by any clock, and `age`
         that by the clocks of publisher and receiver, which may differ [s].
@@ -193,7 +190,7 @@ class CrankFeedback:
         # NaN compares with nothing; larger angles are no crank's.
         if not abs(position) <= 1e6:
             self.rejected += 1
-            return False
+            return 0.0
         delay = self.watchdog.delay(age, now)
         at = now if at is None else at
         offset = 0.0
@@ -209,7 +206,7 @@ class CrankFeedback:
                 whole = 0.0
             step = unwrapped - whole - self.position
             if abs(step) > possible and not self._is_confirmed(position, possible):
-                return False
+                return 0.0
             self._outliers.clear()
             self._turns -= whole
             if abs(step) > possible:
@@ -219,7 +216,7 @@ class CrankFeedback:
                 self._since = nan
                 self.accepted_jumps += 1
                 self.detector.restart()
-        first, position = not self.is_known, position + self._turns
+        position += self._turns
         passed = at - self._since
         if velocity is not None and abs(velocity) <= 10.0 * self.max_rate:
             self.velocity = velocity
@@ -230,12 +227,10 @@ class CrankFeedback:
             self._from, self._since = position, at
         self.position, self.at, self.received, self.delay = position, at, now, delay
         self.watchdog.feed(now, delay)
-        offset = offset or (0.0 if first else self.detector.read(position, at))
-        if offset:
-            self.offsets += 1
-            self.last_offset = offset
-            self.offset_sum += offset
-        return bool(offset)
+        offset = offset or self.detector.read(position, at)
+        self.offsets += offset != 0.0
+        self.offset_sum += offset
+        return offset
 
     def _is_confirmed(self, position: float, possible: float) -> bool:
         """Hold an implausible angle back; return whether enough readings confirm it."""

@@ -333,7 +333,7 @@ def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
 def test_five_readings_confirm_a_position_offset(shift: float, readings: int) -> None:
     crank = CrankFeedback('crank', 12.0)
     accepted = [
-        crank.read(DT * k + shift * (100 <= k < 100 + readings), 1.0, DT * k)
+        crank.read(DT * k + shift * (100 <= k < 100 + readings), 1.0, DT * k) != 0.0
         for k in range(100 + readings)
     ]
     assert accepted == [False] * (99 + readings) + [readings == 5]
@@ -626,8 +626,8 @@ def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
         rate = max(0.0, min(2.0 * phase, 1.0, 2.0 * (4.0 - phase)))
         position += rate * DT
         seen = position + random.gauss(0.0, noise) + turned * (k >= 700)
-        if crank.read(seen, rate if rated else None, k * DT):
-            found.append((k, crank.last_offset))
+        if offset := crank.read(seen, rate if rated else None, k * DT):
+            found.append((k, offset))
     if abs(turned) < 12.0 * noise:
         assert len(found) <= 1
         return
@@ -648,8 +648,8 @@ def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelera
             position += max(0.0, min(3.0 * phase, 1.5, 3.0 * (2.0 - phase))) * DT
             seen = position + 0.2 * (k >= slips)
             is_lost = k > 200 and random.random() < 0.5
-            if not is_lost and crank.read(seen, None, k * DT, at=k * DT):
-                found.append(crank.last_offset)
+            if not is_lost and (offset := crank.read(seen, None, k * DT, at=k * DT)):
+                found.append(offset)
         assert found in ([], [pytest.approx(0.2, abs=0.03)])
 
 
