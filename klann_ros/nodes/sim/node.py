@@ -265,11 +265,12 @@ class RobotOutputs:
         # A review compares efforts with the masses of the legs alone; a walker's carry its weight.
         if not self._twin.is_free:
             self._crank.effort = array('d', self._twin.efforts())
-        self._cranks.publish(self._crank)
         _fill(self._imu.orientation, 'xyzw', imu.orientation)
         _fill(self._imu.angular_velocity, 'xyz', imu.angular_velocity)
         _fill(self._imu.linear_acceleration, 'xyz', imu.linear_acceleration)
+        # First: walker_node estimates the motion when it has the cranks.
         self._imus.publish(self._imu)
+        self._cranks.publish(self._crank)
         pose, twist = self._truth.pose.pose, self._truth.twist.twist
         _fill(pose.position, 'xyz', truth.position)
         _fill(pose.orientation, 'xyzw', truth.orientation)

@@ -90,11 +90,12 @@ class WalkerNode(Node):
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         # Also where simulated time stands still.
         create_steady_timer(self, values['diagnostics_period'], self._report)
+        # Before crank_state, which moves the estimate: in this order waiting messages are taken.
+        if values['use_imu']:
+            subscribe_raw(self, Imu, 'imu', self._on_imu)
         subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
         cmd_vel = TwistStamped if self._stamped else Twist
         subscribe_raw(self, cmd_vel, 'cmd_vel', self._on_cmd_vel)
-        if values['use_imu']:
-            subscribe_raw(self, Imu, 'imu', self._on_imu)
         self._period = 1.0 / values['rate']
         # Of the commands, and of the feedback that could drive them.
         self._due, self._fed = Beat(self._period), Beat(self._period)
