@@ -94,19 +94,31 @@ def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[
     return [complex(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
 
 
-def support(feet: Sequence[Point], centre: Point, guess: Facet | None = None) -> Support | None:
+def support(
+    feet: Sequence[Point],
+    centre: Point,
+    guess: Facet | None = None,
+    attitude: tuple[float, float] | None = None,
+    tolerance: float = 0.0,
+) -> Support | None:
     """
     Return how a body rests; None where its centre of mass is not above the polygon of its feet.
 
-    Positions are those in base_link [m]; it stays on the facet `guess` while that holds.
+    Positions are those in base_link [m]; it stays on the facet `guess` while that holds. Where a
+    measured attitude, roll and pitch, is off by more than a tolerance [rad], the facet is the one
+    nearest to it.
     """
+
+    def off(rest: Support) -> float:
+        return hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) if attitude else 0.0
+
     found = guess and _on(feet, centre, guess)
-    if not found:
+    if not found or off(found) > tolerance:
         stable = [each for facet in _facets(len(feet)) if (each := _on(feet, centre, facet))]
         if not stable:
             return None
         # Tilted by more than 30 deg it lies on its side.
-        found = min(stable, key=lambda s: (-min(s.normal[2], 0.866), s.height_of(centre)))
+        found = min(stable, key=lambda s: (off(s), -min(s.normal[2], 0.866), s.height_of(centre)))
     (x, y, z), top = found.normal, TOUCHING - found.height
     touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
     if len(touch) == 3:
@@ -344,6 +356,31 @@ def minimize_slip(
             break
     slid = sum([load * abs(motion + v + turn * arm) for motion, arm, load in feet])
     return BodyStep(v, turn, slid, covariance)
+
+
+def friction_information(
+    feet: Sequence[FootMotion],
+    step: BodyStep,
+    creep: float,
+    prior: Symmetric = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+) -> Symmetric:
+    """
+    Return the Hessian of prior and dissipation at a motion of the body, in x, y and yaw.
+
+    That of the dissipation is zero along the slip of a foot. The weights of `minimize_slip` are
+    those of a parabola above it: they would give feet that slide against each other a motion that
+    they leave undetermined.
+    """
+    xx, xy, xt, yy, yt, tt = prior
+    for motion, arm, load in feet:
+        slip = motion + step.motion + step.yaw * arm
+        size = hypot(slip.real, slip.imag, creep)
+        x, y, w = slip.real / size, slip.imag / size, load / size
+        turns = x * arm.real + y * arm.imag
+        xx, xy, yy = xx + w * (1.0 - x * x), xy - w * x * y, yy + w * (1.0 - y * y)
+        xt, yt = xt + w * (arm.real - x * turns), yt + w * (arm.imag - y * turns)
+        tt += w * (abs(arm) ** 2 - turns * turns)
+    return xx, xy, xt, yy, yt, tt
 
 
 def least_squares(feet: Sequence[FootMotion], yaw: float | None = None) -> tuple[complex, float]:

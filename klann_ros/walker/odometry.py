@@ -26,7 +26,9 @@ With an accelerometer friction is balanced as measured: less the acceleration, a
 median of the slip is zero. The prior is then so narrow that noise of the q_i, which encoders and
 attitude give to all feet alike, would decide the signs of the slip of feet that stick, and those
 that slide would displace the velocity by that noise. So its variance n^2 / t is part of the
-prior of the slip, v + noise, and the gain is that of v alone.
+prior of the slip, v + noise, and the gain is that of v alone. The covariance after it is that of
+a Laplace approximation: the Hessian of the dissipation is zero along the slip of a foot, so feet
+that slide against each other leave the velocity along their slip to the accelerometer.
 
 The errors of the contact model are alike from step to step, so they do not average out. They are
 consider parameters c_1 ... c_5 (S. F. Schmidt, Application of state-space methods to navigation
@@ -39,11 +41,12 @@ e [m/s], e_w [rad/s] between the motion of least squares of the slip and the est
 large where much depends on the friction law and the loads. In circles they turn the heading by
 more than a radian, where the pose is not linear in them any more: so the pose is followed for
 sigma points of each (S. J. Julier, J. K. Uhlmann, Unscented filtering and nonlinear estimation,
-2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.2 with an accelerometer as well), and
-c_4 is not used.
+2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.025 with an accelerometer as well),
+and c_4 is not used.
 
-Where a measured attitude contradicts the feet that the model stands on (a body that rocks, jumps
-or stands on others), K is divided by the normalised square of that innovation.
+A body that may rest on several facets of its feet rests on the one that a measured attitude shows.
+Where it still contradicts them (a body that rocks, jumps or stands on others), K is divided by the
+normalised square of that innovation.
 
 With a gyro the yaw and its bias are consider parameters of the slip's update: errors of the
 contact model last, so they would be learned as drift.
@@ -136,6 +139,7 @@ class Odometry:
         self._moved, self._directions = 0j * self._turned, np.exp(1j * self._turned)
         self._attitude: Attitude | None = None
         self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
+        self._roughness = 0.0
         # Weight of the contact model: less where the measured attitude contradicts its feet.
         self._contact_weight = 1.0
         # Mean size of the measured horizontal acceleration [m/s^2].
@@ -265,12 +269,14 @@ class Odometry:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
         feet, rolled, centre = self._feet.pose(angles)
         over = self._zero_moment_point(centre)
-        self.support = rest = stance.support(feet, over, self.support and self.support.facet)
+        measured, facet = taken.attitude if taken else None, self.support and self.support.facet
+        level = self._above_slope(measured) if measured and self._slope_is_known else None
+        tolerance = 3.0 * self.noise.tilt_error
+        self.support = rest = stance.support(feet, over, facet, level, tolerance)
         before, self._pose = self._pose, None
         if rest is None:
             self._stop()
             return
-        measured = taken.attitude if taken else None
         self._update_attitude(rest, measured, dt)
         if measured:
             self._check_support(feet, over, rest.facet, measured, dt)
@@ -313,11 +319,13 @@ class Odometry:
             return
         self._attitude = measured
         self._slope_time += dt
-        share = min(1.0, dt / min(self._slope_time, n.slope_time)) if dt else 1.0
         roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
         away, variance = complex(pitch, -roll) - self._slope / GRAVITY, n.tilt_error**2
         square = abs(away) ** 2 / (2.0 * variance)
-        self._tilt_square += min(1.0, dt / n.slope_time) * (square - self._tilt_square)
+        share = min(1.0, dt / n.slope_time)
+        self._tilt_square += share * (square - self._tilt_square)
+        self._roughness += share * (min(square, n.tipping_innovation**2) - self._roughness)
+        share = min(1.0, dt / min(self._slope_time, n.slope_time)) if dt else 1.0
         # A body that rocks, jumps or stands on other feet measures no slope.
         self._contact_weight = 1.0 / max(1.0, square)
         if self._slope_is_known:
@@ -329,6 +337,10 @@ class Odometry:
         """Return whether it is known well enough to contradict the feet."""
         return self._slope_time >= self.noise.slope_time / 4.0
 
+    def _above_slope(self, attitude: Attitude) -> Attitude:
+        """Return roll and pitch above the ground."""
+        return attitude[0] + self._slope.imag / GRAVITY, attitude[1] - self._slope.real / GRAVITY
+
     def _check_support(
         self, feet: Sequence[Point], over: Point, facet: Facet, measured: Attitude, dt: float
     ) -> None:
@@ -337,7 +349,7 @@ class Odometry:
         if self._next_check > 0.0 or not self._slope_is_known:
             return
         self._next_check = period = 0.1
-        level = measured[0] + self._slope.imag / GRAVITY, measured[1] - self._slope.real / GRAVITY
+        level = self._above_slope(measured)
         is_off = stance.outside_feet(feet, over, level, facet) > self.noise.max_outside
         share = period / self.noise.slope_time
         self.support_violation += share * (is_off - self.support_violation)
@@ -414,13 +426,18 @@ class Odometry:
         vx, vy, w = self._state[3:6].tolist()
         prior = stance.MotionPrior(complex(vx, vy), w, information, force)
         feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
-        found = stance.minimize_slip(feet, self.noise.stiction_speed, prior)
+        creep = self.noise.stiction_speed
+        found = stance.minimize_slip(feet, creep, prior)
+        posterior = found.covariance
+        if self._push is not None:
+            after = stance.friction_information(feet, found, creep, information)
+            posterior = stance.inverse(after)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
-        all_three = np.array((covariance, information, found.covariance))
-        predicted, inverse_prior, posterior = all_three[:, _SQUARE[:size, :size]]
+        all_three = np.array((covariance, information, posterior))
+        predicted, inverse_prior, updated = all_three[:, _SQUARE[:size, :size]]
         gain = p[:, seen].dot(inverse_prior)
         saved = self._state[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
-        p -= gain.dot(predicted - posterior).dot(gain.T)
+        p -= gain.dot(predicted - updated).dot(gain.T)
         self._state += gain.dot(by)
         if size == 2:
             self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
@@ -477,9 +494,10 @@ class Odometry:
         if has_gyro:
             is_feet = self._push is None
             scale = n.slip_scale_with_gyro if is_feet else n.slip_scale_with_accelerometer
-        # Adaptive errors: they grow by the square of what the accelerometer contradicts (R. K.
-        # Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic Control 17, 1972).
-        doubt = max(1.0, self._innovation_square / n.usual_innovation**2)
+        # Adaptive errors: they grow by the square of what attitude and accelerometer contradict
+        # (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic Control 17, 1972).
+        rough, shaken = self._roughness / n.usual_tilt**2, self._innovation_square
+        doubt = max(1.0, rough, shaken / n.usual_innovation**2)
         self._scale = scale = scale * doubt
         least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]

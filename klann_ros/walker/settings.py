@@ -167,13 +167,13 @@ class OdometryNoise:
     """
 
     friction: float = 0.6
-    accelerometer_noise: float = 0.005
+    accelerometer_noise: float = 0.003
     gyro_noise: float = 5e-4
     accelerometer_bias: float = 0.3
     gyro_bias: float = 0.005
-    accelerometer_drift: float = 0.003
+    accelerometer_drift: float = 0.0015
     gyro_drift: float = 2e-5
-    standstill_yaw_rate: float = 0.001
+    standstill_yaw_rate: float = 0.0005
     heading_error: float = 0.005
     advance_error: float = 0.01
     slip_error: float = 0.11
@@ -190,7 +190,7 @@ class OdometryNoise:
     foot_velocity_noise: float = 7e-4
     # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
     slip_scale_with_gyro: float = 0.5
-    slip_scale_with_accelerometer: float = 0.2
+    slip_scale_with_accelerometer: float = 0.025
     # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant
     # as a part of it. The pose averages it.
     rocking_error: float = 0.4
@@ -209,10 +209,13 @@ class OdometryNoise:
     load_shift_time: float = 0.05
     slope_time: float = 10.0
     innovation_time: float = 1.0
-    # Mean innovation that rejects the accelerometer, as a part of the largest friction; and its
-    # root mean square where the contact model holds, beyond which errors grow with its square.
+    # Mean innovation that rejects the accelerometer, as a part of the largest friction. Root mean
+    # squares of it, and of the normalised innovation of the tilt, where the contact model holds:
+    # beyond them errors grow with their squares. While the body tips it counts as the last only.
     innovation_gate: float = 0.25
     usual_innovation: float = 0.025
+    usual_tilt: float = 0.08
+    tipping_innovation: float = 0.5
     # A longer gap between readings of the IMU invalidates the interval [s], and so does one that
     # exceeds the usual gap by this factor: the impact of a foot may be lost with a message. Larger
     # impulses are rejected: the largest horizontal impact seen was a seventh of it [m/s].

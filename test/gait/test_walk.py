@@ -9,9 +9,11 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.gait.stance import (
+    BodyStep,
     edge_distance,
     foot_motion,
     FootMotion,
+    friction_information,
     gravity_aligned,
     minimize_slip,
     MotionPrior,
@@ -20,6 +22,7 @@ from klann_ros.gait.stance import (
     zero_moment_point,
 )
 from klann_ros.kinematics import linkage_poses
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, robot_of
 import numpy as np
 import pytest
@@ -149,6 +152,20 @@ def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
     assert tipped.facet == back
 
 
+@pytest.mark.parametrize(
+    ('pitch', 'facet'),
+    [(0.09, (1, 2, 3)), (-0.08, (0, 1, 2)), (0.02, (1, 2, 3)), (0.4, (1, 2, 3))],
+)
+def test_a_seesaw_rests_on_the_feet_that_its_measured_attitude_shows(
+    pitch: float, facet: tuple[int, int, int]
+) -> None:
+    # It may rest on either end, tipped by 0.1 rad; small differences show nothing.
+    seesaw = [(-1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (1.0, 0.0, -0.2)]
+    rest = support(seesaw, (0.0, 0.0, 0.0), (1, 2, 3), (0.0, pitch), 0.09)
+    assert rest is not None
+    assert rest.facet == facet
+
+
 def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> None:
     feet = Feet(robot_of(str(CONFIG / 'walker8_two_motors.yaml')))
     angles = np.random.default_rng(0).uniform(0.0, 2.0 * pi, (200, 2))
@@ -181,6 +198,27 @@ def test_the_covariance_is_the_inverse_information_of_feet_and_prior() -> None:
     assert np.array([[a, b, c], [b, d, e], [c, e, f]]) == pytest.approx(
         np.linalg.inv(information), rel=1e-5
     )
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_friction_informs_by_the_curvature_of_the_dissipation(seed: int, count: int) -> None:
+    numbers, creep, small = np.random.default_rng(seed), 0.05, 1e-3
+    motions, arms = numbers.normal(size=(2, count, 2)) @ (1.0, 1j)
+    loads, at = numbers.random(count), numbers.normal(size=3)
+
+    def dissipation(x: float, y: float, yaw: float) -> float:
+        return float(loads @ np.hypot(abs(motions + x + 1j * y + yaw * arms), creep))
+
+    def curvature(a: FloatArray, b: FloatArray) -> float:
+        corners = ((1, 1), (-1, -1), (1, -1), (-1, 1))
+        p, q, r, s = (dissipation(*(at + i * a + j * b)) for i, j in corners)
+        return (p + q - r - s) / (4.0 * small * small)
+
+    feet = [FootMotion(*foot) for foot in zip(motions, arms, loads, strict=True)]
+    step = BodyStep(complex(*at[:2]), float(at[2]))
+    axes = small * np.eye(3)
+    expected = [curvature(axes[i], axes[j]) for i in range(3) for j in range(i, 3)]
+    assert friction_information(feet, step, creep) == pytest.approx(expected, rel=0.05, abs=0.05)
 
 
 def test_four_feet_that_touch_share_the_weight() -> None:

@@ -3,6 +3,7 @@
 from math import atan, hypot, inf, nan, pi
 from pathlib import Path
 
+from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, Steering
 from klann_ros.gait.stance import outside_feet, support
 from klann_ros.gait.steering import Twist2D
@@ -305,6 +306,53 @@ def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
     rest = support(SEESAW, odometry._zero_moment_point((0.0, 0.0, 0.0)))
     assert rest is not None
     assert rest.facet == facet
+
+
+@pytest.mark.parametrize('pitch', [0.3, -0.3])
+def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
+    two_motors: Feet, pitch: float
+) -> None:
+    # Half a turn apart it lies on its middle feet, and tips forwards or back.
+    odometry = Odometry(two_motors)
+    for k in range(600):
+        angle = 3.9 + max(0.0, 0.003 * (k - 300))
+        feet, _, centre = two_motors.pose((angle, angle + pi))
+        rest = support(list(feet), centre, None, (0.0, pitch))
+        assert rest is not None
+        odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (rest.roll, rest.pitch)))
+        odometry.update((angle, angle + pi), (0.0, 0.0), 0.01)
+    assert rest.pitch == pytest.approx(pitch, abs=0.04)
+    assert odometry.support is not None
+    assert odometry.support.pitch == pytest.approx(rest.pitch, abs=0.01)
+
+
+def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> None:
+    eight = Feet(robot_of(str(CONFIG / 'walker8_two_motors.yaml')))
+    odometry = Odometry(eight)
+    for k in range(600):
+        angle = max(0.0, 0.01 * (k - 200))
+        still = ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=(0.0, 0.0, GRAVITY))
+        odometry.imu(still)
+        at = odometry.update((-angle, angle), (-1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+    assert odometry.accelerometer_state == 'used'
+    along, across, _ = at.rate_variances
+    assert along > 4.0 * across
+
+
+def test_on_bumps_the_way_is_less_certain(two_motors: Feet) -> None:
+    """Bumps tilt it away from the attitude that its feet have on a plane."""
+
+    def deviation(bumps: float) -> float:
+        odometry = Odometry(two_motors)
+        for k in range(1200):
+            angle = max(0.0, 0.01 * (k - 300))
+            if rest := odometry.support:
+                attitude = rest.roll, rest.pitch + bumps * (-1.0) ** (k // 50)
+                odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, attitude))
+            at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+        return float(np.sqrt(at.covariance[0][0]))
+
+    assert deviation(0.012) > 2.0 * deviation(0.0)
 
 
 @pytest.mark.parametrize(('x', 'away'), [(-0.05, 0.05), (0.0, 0.0), (0.05, 0.0)])
