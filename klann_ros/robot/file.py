@@ -21,7 +21,7 @@ from klann_ros.kinematics.klann import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import printable, printable_line, refusal
-from klann_ros.sanitize.units import warn_of_angle
+from klann_ros.sanitize.units import warn_of_angle, warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
 
 from .robot import Mount, Robot, RobotLeg, Triple, WalkerBody
@@ -123,6 +123,8 @@ def robot_from_parameters(
     flat = _flat(parameters)
     names = _names(flat.get('legs', ()))
     legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
+    mounts = {f'{leg.name}.mount_xyz'.lstrip('.'): max(leg.mount.xyz, key=abs) for leg in legs}
+    warn_of_lengths(mounts)
     return Robot('robot', legs, _body(flat) if weigh else None)
 
 
@@ -218,6 +220,7 @@ def _body(flat: Mapping[str, Any]) -> WalkerBody | None:
         _triple(flat, 'body_size', (0.0, 0.0, 0.0)),
         _triple(flat, 'body_centre', (0.0, 0.0, 0.0)),
     )
+    warn_of_lengths({name: max(getattr(body, name[5:]), key=abs) for name in _BODY[1:]})
     for name, values in (('body_mass', (body.mass,)), ('body_size', body.size)):
         if min(values) <= 0.0:
             raise MassError(f'{name} = {flat[name]!r} is refused: it must be > 0')

@@ -145,6 +145,11 @@ def test_several_robots_in_one_file_are_refused_by_their_nodes(tmp_path: Path) -
         (MILLIMETRES, 'l_gh = 430 is read as 430 m: if it is in mm, write 0.43'),
         ('phase: 90\nl_ab: 0.12', 'phase = 90 is read as 90 rad (5156.62 deg): if it is in deg'),
         ('', 'is read as 200 m: if it is in mm, write units: {length: mm, angle: deg}'),
+        ('l_ab: 0.12\nmount_xyz: [0, -110, 9]', 'mount_xyz = -110 is read as -110 m: if it is in'),
+        (
+            'l_ab: 0.12\nbody_mass: 2\nbody_size: [220, 0.1, 0.1]',
+            'body_size = 220 is read as 220 m: if it is in mm, write 0.22',
+        ),
     ],
 )
 def test_doubtful_units_are_reported_once_in_one_line(
