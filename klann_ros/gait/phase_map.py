@@ -24,7 +24,7 @@ from itertools import combinations
 from math import floor
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import TURN, wrap
 from klann_ros.kinematics.arrays import ComplexArray
 import numpy as np
 from numpy.typing import NDArray
@@ -84,15 +84,10 @@ def phase_twists(
         at = feet.at(angles)
         return _level(at.feet[chosen] - ground) + _flat(at.rolled[chosen])
 
-    arms, step = 1j * level(cranks), 1e-5
-    slopes = [
-        (level(cranks + step * each) - level(cranks - step * each)) / (2.0 * step)
-        for each in (left, right)
-    ]
-    found = []
+    arms, step, found = 1j * level(cranks), 1e-5, []
     for a, b in rates:
-        twists = np.zeros((len(rests), 2))
-        moves = a * slopes[0] + b * slopes[1]
+        turned, twists = step * (a * left + b * right), np.zeros((len(rests), 2))
+        moves = (level(cranks + turned) - level(cranks - turned)) / (2.0 * step)
         twists[rests] = _least_slip([*map(FootMotion, moves, arms, loads)])
         found.append(twists.reshape(phases.shape))
     return found
@@ -171,7 +166,7 @@ class TurnPlan:
         most = tuning.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
         walks = _clip(walking * _interpolated(self._step, p, q), tuning.hold_share * most)
-        away = min((_wrapped(peak - p) for peak in self._peaks), key=abs)
+        away = min((wrap(peak - p) for peak in self._peaks), key=abs)
         return walks + most * _clip(away / tuning.seeking_range, 1.0), turns
 
 
@@ -252,7 +247,3 @@ def _low_pass(values: Array, width: float) -> Array:
 
 def _clip(value: float, most: float) -> float:
     return max(-most, min(most, value))
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + TURN / 2.0) % TURN - TURN / 2.0

@@ -50,9 +50,6 @@ class WalkController:
     ) -> None:
         self.steering = steering
         feet = steering.feet
-        # Half a second that the first turn need not wait for.
-        if steering.can_turn:
-            steering.prepare()
         self.cranks = [CrankFeedback(joint, inf, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.speed)

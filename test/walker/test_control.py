@@ -131,13 +131,6 @@ def test_the_lag_of_a_walker_is_made_up_within_bounds_of_its_command() -> None:
     assert feedback.corrected(Twist2D(0.0, 0.1)) == pytest.approx((-0.00275, 0.102))
 
 
-def test_one_time_computations_delay_no_command(two_motors: Feet) -> None:
-    WalkController(steering := Steering(two_motors), ControllerSettings())
-    computed = set(vars(steering))
-    steering.planned_rates(Twist2D(0.1, 0.05), [0.0, 0.0])
-    assert set(vars(steering)) == computed
-
-
 def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 0.95]).run(2.0 * pi)
     assert bench.run(12.0).worst < 0.02
