@@ -7,12 +7,12 @@ slip of the feet.
 """
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, sin, tan
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait.stance import gravity_aligned, Triple
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import wrap
 
 from .settings import OdometryNoise
 
@@ -49,20 +49,15 @@ def imu_reading(
     if orientation is None:
         return ImuReading(None, angular[2], at)
     x, y, z, w = orientation
-    size = hypot(x, y, z, w)
-    x, y, z, w = x / size, y / size, z / size, w / size
-    # The last row of the rotation matrix: the vertical in base_link.
-    up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
-    yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-    rate = up[0] * angular[0] + up[1] * angular[1] + up[2] * angular[2]
-    level = hypot(up[1], up[2])
-    attitude = atan2(up[1], up[2]), atan2(-up[0], level)
-    # Angular rates about the horizontal axes.
-    level = level or 1.0
-    across = (up[2] * angular[1] - up[1] * angular[2]) / level
-    along = (up[1] * angular[1] + up[2] * angular[2]) / level
-    rates = angular[0] - up[0] / level * along, across
-    return ImuReading(yaw, rate, at, attitude, rates, force)
+    # The vertical in base_link; any norm.
+    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
+    roll, pitch = atan2(up[1], up[2]), atan2(-up[0], hypot(up[1], up[2]))
+    yaw = atan2(2.0 * (x * y + w * z), w * w + x * x - y * y - z * z)
+    a, b, c = angular
+    # About the vertical of a body that is not rolled, and about its y axis.
+    turning, tilting = sin(roll) * b + cos(roll) * c, cos(roll) * b - sin(roll) * c
+    rate = cos(pitch) * turning - sin(pitch) * a
+    return ImuReading(yaw, rate, at, (roll, pitch), (a + tan(pitch) * turning, tilting), force)
 
 
 class ImuIncrement(NamedTuple):
@@ -112,7 +107,7 @@ class ImuPreintegration:
         turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * known
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turn
-            correction = share * ((reading.yaw - heading + pi) % TURN - pi)
+            correction = share * wrap(reading.yaw - heading)
             turn += correction
             self._heading = heading + correction
         self._turn += turn
