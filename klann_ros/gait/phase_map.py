@@ -15,8 +15,8 @@ turning is effective,
 
 g being the yaw gain, G its mean over q, V the speed gain, s ~ G^n with mean 1, M the mean of s G,
 r and n tuning, and d = 1 - T + T s G / M the relative time at a phase, with mean 1: T of the time
-is for turning, the rest for walking on. On the spot p stays at the greatest G; walking there makes
-up for the drift of the body.
+is for turning, the rest for walking on. On the spot p stays where min(g, mean g) has the greatest
+mean over q; walking there makes up for the drift of the body.
 """
 
 from collections.abc import Sequence
@@ -54,8 +54,10 @@ class TurnTuning(NamedTuple):
     hold_share: float = 1.2
     # Multiple of the variation of the speed over q by which walking on the spot follows it.
     step_swing: float = 1.5
-    # Phases with this part of the greatest gain are as good.
-    peak_ratio: float = 0.9
+    # Phases that turn it this evenly, as a part of the most even ones, are as good on the spot.
+    even_ratio: float = 0.995
+    # Greatest q' that is raised for phases which hardly turn it, on the spot [rad/s].
+    hurry_rate: float = 2.2
     # Least relative time at a phase.
     min_density: float = 0.02
 
@@ -140,9 +142,10 @@ class TurnPlan:
         steps = _low_pass(speed, tuning.gain_filter) / speed.mean()
         swing = tuning.step_swing * (steps - steps.mean(axis=1)[:, None])
         self._step = (1.0 + swing).tolist()
-        is_peak = (gain >= np.roll(gain, 1)) & (gain > np.roll(gain, -1))
-        peaks = np.flatnonzero(is_peak & (gain >= tuning.peak_ratio * gain.max()))
-        self._peaks: list[float] = ((peaks + 0.5) * (TURN / self._count)).tolist()
+        # There the supports of left and right do not change at once, which stops the turn.
+        even = np.minimum(smooth, yaw.mean()).mean(axis=1)
+        best = np.flatnonzero(even >= tuning.even_ratio * even.max())
+        self._best: list[float] = ((best + 0.5) * (TURN / self._count)).tolist()
 
     def rates(
         self, p: float, q: float, walking: float, turning: float, *, on_spot: bool = False
@@ -150,7 +153,7 @@ class TurnPlan:
         """
         Return p' and q' [rad/s] for `walking` and `turning`, their means over all phases [rad/s].
 
-        With `on_spot` p stays at the best phase.
+        With `on_spot` p stays at a best phase.
         """
         tuning = self._tuning
         if not turning:
@@ -160,14 +163,16 @@ class TurnPlan:
             1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (tuning.passing_rate * effective))
         )
         time = max(tuning.min_density, 1.0 + share * (_interpolated(self._time, p) - 1.0))
-        turns = turning * _interpolated(self._turning, p) * _interpolated(self._boost, p, q) / time
+        turns = turning * _interpolated(self._turning, p) / time
+        boosted = turns * _interpolated(self._boost, p, q)
         if not on_spot:
-            return walking / time, turns
+            return walking / time, boosted
         most = tuning.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
         walks = _clip(walking * _interpolated(self._step, p, q), tuning.hold_share * most)
-        away = min((wrap(peak - p) for peak in self._peaks), key=abs)
-        return walks + most * _clip(away / tuning.seeking_range, 1.0), turns
+        away = min((wrap(best - p) for best in self._best), key=abs)
+        hurried = _clip(boosted, max(tuning.hurry_rate, abs(turns)))
+        return walks + most * _clip(away / tuning.seeking_range, 1.0), hurried
 
 
 def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:

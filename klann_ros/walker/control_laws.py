@@ -59,7 +59,10 @@ class MotionFeedback:
         linear, angular = commanded
         s, (forwards, turn) = self.settings, (self.settings.motion_gain * lag for lag in self.lag)
         if _is_on_spot(commanded):
-            return Twist2D(forwards, _corrected(angular, s.spot_gain * turn, s.max_correction))
+            # Never at rest, or it would stay in phases in which it does not turn.
+            most = 1.0 + s.max_curve_correction
+            part = max(1.0 / most, min(most, 1.0 + s.spot_gain * turn / angular))
+            return Twist2D(forwards, part * angular)
         return Twist2D(
             _corrected(linear, forwards, s.max_correction),
             _corrected(angular, turn, s.max_curve_correction),

@@ -113,7 +113,7 @@ class ControllerSettings:
     max_correction: float = 0.5
     max_curve_correction: float = 1.0
     max_windup: float = 3.0
-    spot_gain: float = 2.0
+    spot_gain: float = 3.0
     # All cranks slow down for one that lags by the first, and stop for one by the second [rad].
     error_slowdown: float = 0.1
     error_stop: float = 0.3
