@@ -114,22 +114,19 @@ class Feet:
 
     def at(self, cranks: ArrayLike) -> Placed:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
-        values = self._values(cranks)
+        angles = np.asarray(cranks, dtype=np.float64).take(self._crank_of, axis=-1)
+        turned = angles * self._scales + self._starts
+        whole = np.floor(turned)
+        powers = (turned - whole)[..., None] ** _POWERS
+        cubic = self._cubics.take(whole.astype(np.int64) % CUBIC_SAMPLES + self._rows, axis=0)
+        # Foot, rolling and centre of mass of each leg, shape (..., n, 8).
+        values: Array = (cubic @ powers[..., None])[..., 0]
         centre = self._fixed + self._shares @ values[..., 5:]
         return Placed(values[..., :3], values[..., 3:5], centre)
 
     def pose(self, cranks: ArrayLike) -> Iterator[list[Any]]:
         """Return feet, rolling and centre of mass of one pose: `at`, in plain numbers."""
         return (each.tolist() for each in self.at(cranks))
-
-    def _values(self, cranks: ArrayLike) -> Array:
-        """Return foot, rolling and centre of mass of each leg, shape (..., n, 8)."""
-        angles = np.asarray(cranks, dtype=np.float64).take(self._crank_of, axis=-1)
-        turned = angles * self._scales + self._starts
-        whole = np.floor(turned)
-        powers = (turned - whole)[..., None] ** _POWERS
-        cubic = self._cubics.take(whole.astype(np.int64) % CUBIC_SAMPLES + self._rows, axis=0)
-        return np.asarray((cubic @ powers[..., None])[..., 0], dtype=np.float64)
 
 
 def _leg_cubics(leg: RobotLeg, radius: float) -> Array:
