@@ -441,7 +441,7 @@ class Odometry:
         self._state += gain.dot(by)
         if size == 2:
             self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
-        self._slip = found.slid / weight
+        self._slip = found.slid / held
         if self._push is not None:
             self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)
 
