@@ -2,6 +2,7 @@
 Odometry compared: walker_node's and that of others, on the same simulated walks.
 
     python3 benchmarks/odometry.py [--walks FOLDER] [--seeds N] [--held-out N] [--processes N]
+        [--stiction-speed M/S]
     python3 benchmarks/odometry.py --evo
     python3 benchmarks/odometry.py --run RUN
 
@@ -19,7 +20,7 @@ of three walks beside those of evo (M. Grupp; pip install evo), with pairs from 
 
 import argparse
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from math import atan2, cos, pi, sin
 from multiprocessing import Pool
 from pathlib import Path
@@ -29,7 +30,7 @@ from typing import NamedTuple
 from klann_ros.gait import Feet
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import LogError, open_log
-from klann_ros.walker import imu_reading, Odometry
+from klann_ros.walker import imu_reading, Odometry, OdometryNoise
 import numpy as np
 from numpy.typing import NDArray
 from support.aims import sized, SMOKE
@@ -114,10 +115,10 @@ def _product(p: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def estimates(
-    feet: Feet, walk: Walk, seed: int
+    feet: Feet, walk: Walk, seed: int, noise: OdometryNoise | None = None
 ) -> dict[str, tuple[FloatArray, FloatArray | None]]:
     """Return poses x, y, yaw along a walk and the last covariance, by method."""
-    ours, without = Odometry(feet), Odometry(feet)
+    ours, without = Odometry(feet, noise), Odometry(feet, noise)
     dead, gyro = NoSlip(feet, with_gyro=False), NoSlip(feet, with_gyro=True)
     fused, invariant = RobotLocalization(), InvariantEkf(feet)
     poses: dict[str, list[list[float]]] = {method: [] for method in METHODS}
@@ -192,12 +193,12 @@ def feet_of(name: str) -> Feet:
 Task = tuple[Path, str, str, int, bool]
 
 
-def compared(task: Task) -> tuple[Task, dict[str, Result]]:
+def compared(task: Task, noise: OdometryNoise) -> tuple[Task, dict[str, Result]]:
     """Return the errors of all methods on a walk."""
     folder, name, floor, seed, second = task
     walk = recorded(folder, name, floor, seed, second=second, seconds=SECONDS)
     true = truth(walk)
-    found = estimates(feet_of(name), walk, seed)
+    found = estimates(feet_of(name), walk, seed, noise)
     return task, {method: result(true, *each) for method, each in found.items()}
 
 
@@ -312,6 +313,7 @@ def main() -> None:
     parser.add_argument('--seeds', type=int, default=sized(1, 1, 10), help='walks a row')
     parser.add_argument('--held-out', type=int, default=sized(0, 0, 10), help='walks a robot')
     parser.add_argument('--processes', type=int, default=sized(1, 2))
+    parser.add_argument('--stiction-speed', type=float, default=OdometryNoise.stiction_speed)
     parser.add_argument('--run', type=Path, help='folder or file of a recorded run')
     parser.add_argument('--evo', action='store_true', help='check three walks against evo')
     options = parser.parse_args()
@@ -337,8 +339,9 @@ def main() -> None:
         (options.walks, name, FLOORS[seed % 3], seed, True)
         for name in names for seed in range(SECOND_SEEDS, SECOND_SEEDS + options.held_out)
     ]  # fmt: skip
+    noise = OdometryNoise(stiction_speed=options.stiction_speed)
     with Pool(options.processes) as pool:
-        results = dict(pool.imap_unordered(compared, tasks, chunksize=1))
+        results = dict(pool.imap_unordered(partial(compared, noise=noise), tasks, chunksize=1))
     results = {task: results[task] for task in tasks}
     print('APE of the path / RPE over 1 m [cm] / yaw over 1 m [deg] / NEES of 3')
     print(*table(results, second=False), sep='\n')

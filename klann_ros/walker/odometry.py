@@ -490,15 +490,16 @@ class Odometry:
         share = 1.0 - exp(-dt / n.load_shift_time)
         self._acceleration += share * (acceleration - self._acceleration)
         self._slope *= rect(1.0, -w * dt)
-        scale, has_gyro = 1.0, self._yaw_rate is not None
-        if has_gyro:
-            is_feet = self._push is None
-            scale = n.slip_scale_with_gyro if is_feet else n.slip_scale_with_accelerometer
-        # Adaptive errors: they grow by the square of what attitude and accelerometer contradict
-        # (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic Control 17, 1972).
-        rough, shaken = self._roughness / n.usual_tilt**2, self._innovation_square
-        doubt = max(1.0, rough, shaken / n.usual_innovation**2)
-        self._scale = scale = scale * doubt
+        scale, doubt, has_gyro = 1.0, 1.0, self._yaw_rate is not None
+        if self._push is not None:
+            # Adaptive errors (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic
+            # Control 17, 1972): by the square of what attitude and accelerometer contradict.
+            rough, shaken = self._roughness / n.usual_tilt**2, self._innovation_square
+            doubt = max(1.0, rough, shaken / n.usual_innovation**2)
+            scale = n.slip_scale_with_accelerometer * doubt
+        elif has_gyro:
+            scale = n.slip_scale_with_gyro
+        self._scale = scale
         least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
         self._propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
@@ -520,9 +521,9 @@ class Odometry:
         p[2][2] += self._heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
         var_x, var_y, var_w = (float(self._covariance[k, k]) for k in (3, 4, 5))
-        slip, reach, rocks = self._scale * self._slip, self._feet.reach, 0.0
-        if self._push is None:
-            rocks = n.rocking_error * hypot(vx, vy, angular * reach)
+        slip, reach = self._scale * self._slip, self._feet.reach
+        rocks = n.rocking_error * hypot(vx, vy, angular * reach)
+        rocks *= 1.0 if self._push is None else self._scale
         common = (n.slip_error * slip) ** 2 + rocks * rocks
         if reading is None:
             var_w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2

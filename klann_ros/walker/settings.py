@@ -144,6 +144,8 @@ class OdometryNoise:
     friction : float
         Friction coefficient of the feet, which is unknown: the default lies between wet tile and
         rubber on concrete.
+    stiction_speed : float
+        A foot that sticks creeps by less than this: 0.001 on hard ground, 0.05 on soft [m/s].
     accelerometer_noise, gyro_noise : float
         Densities of white noise [m/s^2/sqrt(Hz)], [rad/s/sqrt(Hz)]; the former includes errors of
         the measured attitude and of scale.
@@ -167,6 +169,7 @@ class OdometryNoise:
     """
 
     friction: float = 0.6
+    stiction_speed: float = 0.001
     accelerometer_noise: float = 0.003
     gyro_noise: float = 5e-4
     accelerometer_bias: float = 0.3
@@ -184,15 +187,13 @@ class OdometryNoise:
     # Information of friction on the velocity of the body: K [s/m^2]. It sets the scale of the
     # covariance of the velocity: noise of 3 mm/s of a foot that sticks, in a step of 10 ms.
     friction_information: float = 3e4
-    # A foot that sticks creeps by less than this [m/s].
-    stiction_speed: float = 0.001
     # Density of the noise of the feet's measured velocities, alike for all [m/s/sqrt(Hz)].
     foot_velocity_noise: float = 7e-4
     # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
     slip_scale_with_gyro: float = 0.5
     slip_scale_with_accelerometer: float = 0.025
     # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant
-    # as a part of it. The pose averages it.
+    # as a part of it, scaled as slip errors are with one. The pose averages it.
     rocking_error: float = 0.4
     # Largest crank angle of an integration step [rad]; after a longer time the velocity is unknown
     # [s].

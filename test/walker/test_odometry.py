@@ -339,20 +339,25 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
     assert along > 4.0 * across
 
 
-def test_on_bumps_the_way_is_less_certain(two_motors: Feet) -> None:
-    """Bumps tilt it away from the attitude that its feet have on a plane."""
-
-    def deviation(bumps: float) -> float:
-        odometry = Odometry(two_motors)
-        for k in range(1200):
+@pytest.mark.parametrize('contradicted', ['_roughness', '_innovation_square'])
+def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
+    two_motors: Feet, contradicted: str
+) -> None:
+    def deviation(times: float) -> float:
+        odometry, gravity = Odometry(two_motors), (0.0, 0.0, GRAVITY)
+        usual = {'_roughness': odometry.noise.usual_tilt}.get(
+            contradicted, odometry.noise.usual_innovation
+        )
+        for k in range(330):
             angle = max(0.0, 0.01 * (k - 300))
-            if rest := odometry.support:
-                attitude = rest.roll, rest.pitch + bumps * (-1.0) ** (k // 50)
-                odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, attitude))
+            odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
+            if k >= 300:
+                setattr(odometry, contradicted, times * usual**2)
             at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+        assert odometry.accelerometer_state == 'used'
         return float(np.sqrt(at.covariance[0][0]))
 
-    assert deviation(0.012) > 2.0 * deviation(0.0)
+    assert deviation(60.0) > 2.0 * deviation(0.0)
 
 
 @pytest.mark.parametrize(('x', 'away'), [(-0.05, 0.05), (0.0, 0.0), (0.05, 0.0)])

@@ -61,6 +61,7 @@ ODOMETRY = (
         number(name, getattr(_NOISE, name), what, least, most)
         for name, what, least, most in (
             ('friction', 'friction coefficient of the feet', 0.01, 10.0),
+            ('stiction_speed', 'of feet that stick; 0.05 on soft ground [m/s]', 1e-5, 1.0),
             ('accelerometer_noise', 'density of the noise [m/s^2/sqrt(Hz)]', 1e-6, 10.0),
             ('gyro_noise', 'density of the noise [rad/s/sqrt(Hz)]', 1e-9, 1.0),
             ('accelerometer_bias', 'before standstill, standard deviation [m/s^2]', 1e-6, 10.0),
