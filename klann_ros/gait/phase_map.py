@@ -58,6 +58,8 @@ class TurnTuning(NamedTuple):
     even_ratio: float = 0.995
     # Greatest q' that is raised for phases which hardly turn it, on the spot [rad/s].
     hurry_rate: float = 2.2
+    # Greatest part of the yaw rate on the spot that comes from p', which q' makes up for.
+    walking_yaw: float = 0.5
     # Least relative time at a phase.
     min_density: float = 0.02
 
@@ -119,11 +121,13 @@ class TurnPlan:
     """
     Rates of p and q, by p and q.
 
-    `speed` at p' = 1 rad/s and `yaw` rate at q' = 1 rad/s are those of `phase_map`, shape (n, n).
-    It `is_possible` if there are phases in which q' turns the walker to the left.
+    `speed` and the yaw rate `crossed` at p' = 1 rad/s and the `yaw` rate at q' = 1 rad/s are those
+    of `phase_map`, shape (n, n). It `is_possible` if in some phases q' turns it to the left.
     """
 
-    def __init__(self, speed: Array, yaw: Array, tuning: TurnTuning | None = None) -> None:
+    def __init__(
+        self, speed: Array, yaw: Array, crossed: Array, tuning: TurnTuning | None = None
+    ) -> None:
         self._tuning = tuning = tuning or TurnTuning()
         smooth = _low_pass(yaw, tuning.gain_filter)
         gain = np.maximum(smooth.mean(axis=1), 0.0)
@@ -140,6 +144,7 @@ class TurnPlan:
         ratio = smooth / np.maximum(gain, np.finfo(float).tiny)[:, None]
         self._boost = (1.0 / np.maximum(ratio, tuning.min_ratio)).tolist()
         steps = _low_pass(speed, tuning.gain_filter) / speed.mean()
+        self._crossed = (_low_pass(crossed, tuning.gain_filter) / yaw.mean()).tolist()
         swing = tuning.step_swing * (steps - steps.mean(axis=1)[:, None])
         self._step = (1.0 + swing).tolist()
         # There the supports of left and right do not change at once, which stops the turn.
@@ -171,8 +176,11 @@ class TurnPlan:
         # Walking in phases in which a step is long, and back where it is short.
         walks = _clip(walking * _interpolated(self._step, p, q), tuning.hold_share * most)
         away = min((wrap(best - p) for best in self._best), key=abs)
-        hurried = _clip(boosted, max(tuning.hurry_rate, abs(turns)))
-        return walks + most * _clip(away / tuning.seeking_range, 1.0), hurried
+        walks += most * _clip(away / tuning.seeking_range, 1.0)
+        crossed = walks * _interpolated(self._crossed, p, q) / turning
+        share = _clip(crossed, tuning.walking_yaw)
+        walks *= share / crossed if crossed else 1.0
+        return walks, _clip(boosted * (1.0 - share), max(tuning.hurry_rate, abs(turns)))
 
 
 def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:

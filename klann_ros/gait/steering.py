@@ -54,7 +54,7 @@ class Steering:
         # Of each crank in the mean phase of the left, and of the right side.
         self._weights = [(each * feet.senses / each.sum()).tolist() for each in only]
         walking, turning = phase_map(feet, left, right)
-        self.turn_plan = TurnPlan(walking[..., 0], turning[..., 1])
+        self.turn_plan = TurnPlan(walking[..., 0], turning[..., 1], walking[..., 1])
         # Speed and yaw rate at 1 rad/s of both sides, and of the right against the left.
         (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in (walking, turning))
         # Cross gains within the error of the map (`MAP_POINTS`) are those of a mirrored walker.

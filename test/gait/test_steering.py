@@ -132,5 +132,17 @@ def test_in_a_curve_the_plan_has_the_commanded_means(steering: Steering, wanted:
 
 def test_legs_that_cannot_turn_it_have_no_plan() -> None:
     zero, one = np.zeros((8, 8)), np.ones((8, 8))
-    assert not TurnPlan(one, zero).is_possible
-    assert TurnPlan(one, one).rates(0.3, 0.4, 0.5, 0.2) == pytest.approx((0.5, 0.2))
+    assert not TurnPlan(one, zero, zero).is_possible
+    assert TurnPlan(one, one, zero).rates(0.3, 0.4, 0.5, 0.2) == pytest.approx((0.5, 0.2))
+
+
+@settings(max_examples=60, deadline=None)
+@given(walking=SPEEDS, turning=st.sampled_from([0.1, -0.3]), crossed=st.floats(-9.0, 9.0))
+def test_on_the_spot_walking_leaves_the_yaw_rate(
+    walking: float, turning: float, crossed: float
+) -> None:
+    """Where walking turns it as well, it walks slower, and the difference of the sides is less."""
+    one = np.ones((8, 8))
+    p, q = TurnPlan(one, one, crossed * one).rates(0.3, 0.4, walking, turning, on_spot=True)
+    assert p * crossed + q == pytest.approx(turning)
+    assert abs(p * crossed) <= abs(turning) / 2.0 + 1e-9
