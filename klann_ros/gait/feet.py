@@ -1,17 +1,15 @@
 """Where the feet and the centre of mass of a walker are, for any angles of its cranks."""
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from klann_ros.dynamics.motion import body_motion
 from klann_ros.kinematics import turns_fully
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import ComplexArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
 # Angles a turn between which a cubic is within 1e-9 of a leg's size.
 CUBIC_SAMPLES = 720
 _POWERS = np.arange(4.0)
@@ -25,12 +23,12 @@ class Placed(NamedTuple):
     """Feet and centre of mass in base_link, of one pose or many."""
 
     # Where the n feet touch the ground, shape (..., n, 3) [m].
-    feet: Array
+    feet: FloatArray
     # Rolling displacement of the spherical feet, shape (..., n, 2) [m]: a foot that rolls moves
     # without sliding.
-    rolled: Array
+    rolled: FloatArray
     # The centre of mass of all, shape (..., 3) [m].
-    centre: Array
+    centre: FloatArray
 
 
 class Feet:
@@ -120,16 +118,12 @@ class Feet:
         powers = (turned - whole)[..., None] ** _POWERS
         cubic = self._cubics.take(whole.astype(np.int64) % CUBIC_SAMPLES + self._rows, axis=0)
         # Foot, rolling and centre of mass of each leg, shape (..., n, 8).
-        values: Array = (cubic @ powers[..., None])[..., 0]
+        values: FloatArray = (cubic @ powers[..., None])[..., 0]
         centre = self._fixed + self._shares @ values[..., 5:]
         return Placed(values[..., :3], values[..., 3:5], centre)
 
-    def pose(self, cranks: ArrayLike) -> Iterator[list[Any]]:
-        """Return feet, rolling and centre of mass of one pose: `at`, in plain numbers."""
-        return (each.tolist() for each in self.at(cranks))
 
-
-def _leg_cubics(leg: RobotLeg, radius: float) -> Array:
+def _leg_cubics(leg: RobotLeg, radius: float) -> FloatArray:
     """Return a turn of `_columns`: by interval, column and power of t from 0 to 1 in it."""
     p, step = _columns(leg, radius), TURN / CUBIC_SAMPLES
     # The derivatives of periodic functions.
@@ -139,7 +133,7 @@ def _leg_cubics(leg: RobotLeg, radius: float) -> Array:
     return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=-1)
 
 
-def _columns(leg: RobotLeg, radius: float) -> Array:
+def _columns(leg: RobotLeg, radius: float) -> FloatArray:
     """Return foot, rolling and centre of mass in base_link over a turn, shape (k, 8)."""
     step = TURN / CUBIC_SAMPLES
     moving = body_motion(leg.linkage, np.arange(CUBIC_SAMPLES) * step)
@@ -160,5 +154,5 @@ def _columns(leg: RobotLeg, radius: float) -> Array:
     return np.concatenate([foot, rolled, leg.mount.transform(_plane(centre))], axis=1)
 
 
-def _plane(values: ComplexArray) -> Array:
+def _plane(values: ComplexArray) -> FloatArray:
     return np.stack([values.real, values.imag], axis=-1)

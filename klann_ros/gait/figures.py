@@ -4,10 +4,11 @@ from cmath import rect
 from dataclasses import dataclass
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot
 import numpy as np
 
-from .feet import Array, CUBIC_SAMPLES, Feet
+from .feet import CUBIC_SAMPLES, Feet
 from .stance import body_displacement, edge_distance, stance_pose, support
 
 
@@ -41,13 +42,13 @@ class GaitFigures:
     """
 
     legs: tuple[str, ...]
-    alphas: Array
-    loads: Array
-    height: Array
-    roll: Array
-    pitch: Array
-    margin: Array
-    advance: Array
+    alphas: FloatArray
+    loads: FloatArray
+    height: FloatArray
+    roll: FloatArray
+    pitch: FloatArray
+    margin: FloatArray
+    advance: FloatArray
     slid: float
 
     @property

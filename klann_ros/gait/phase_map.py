@@ -22,59 +22,30 @@ mean over q; walking there makes up for the drift of the body.
 from collections.abc import Sequence
 from itertools import combinations
 from math import floor
-from typing import Any, NamedTuple
+from typing import Any
 
 from klann_ros.kinematics.angles import TURN, wrap
-from klann_ros.kinematics.arrays import ComplexArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, IntArray
 import numpy as np
-from numpy.typing import NDArray
 
-from .feet import Array, Feet
+from .feet import Feet
 from .stance import FootMotion, ITERATIONS, least_squares, STICK_TOLERANCE
 
 # Points of a map in a turn of p, and of q: its means are within 0.5 % of those of 192.
 MAP_POINTS = 64
 
 
-class TurnTuning(NamedTuple):
-    """How a walker turns: chosen in MuJoCo on two robots, see `benchmarks/walk.py --grid`."""
-
-    # Exponent of the gain: how narrow the range of p is in which a walker turns.
-    sharpness: float = 2.0
-    # Least ratio of local to mean gain that q' is raised for.
-    min_ratio: float = 0.2
-    # Standard deviation of the gains' low-pass filter over p and q [rad].
-    gain_filter: float = 0.1
-    # p' in phases in which it cannot turn, at least, as a part of the rate for turning.
-    passing_rate: float = 0.6
-    # p' towards the best phase, on the spot, likewise; the distance from which on it is slower
-    # [rad]; and the part of it that walking on the spot may have, so that p stays near.
-    seeking_rate: float = 2.0
-    seeking_range: float = 0.3
-    hold_share: float = 1.2
-    # Multiple of the variation of the speed over q by which walking on the spot follows it.
-    step_swing: float = 1.5
-    # Phases that turn it this evenly, as a part of the most even ones, are as good on the spot.
-    even_ratio: float = 0.995
-    # Greatest q' that is raised for phases which hardly turn it, on the spot [rad/s].
-    hurry_rate: float = 2.2
-    # Greatest part of the yaw rate on the spot that comes from p', which q' makes up for.
-    walking_yaw: float = 0.5
-    # Least relative time at a phase.
-    min_density: float = 0.02
-
-
 def phase_twists(
-    feet: Feet, left: Array, right: Array, phases: Array, *rates: tuple[float, float]
-) -> list[Array]:
+    feet: Feet, sides: FloatArray, phases: FloatArray, *rates: tuple[float, float]
+) -> list[FloatArray]:
     """
     Return speed [m/s] and yaw rate [rad/s], shape (..., 2), in pairs of phases for pairs of rates.
 
     Phases are those of the left and the right side [rad], shape (..., 2), and rates theirs
-    [rad/s]; `left` and `right` are the rotations of each crank for 1 rad of a side, shape (c,).
-    The twist is zero where the body does not rest.
+    [rad/s]; `sides` holds the rotations of each crank for 1 rad of a side, shape (2, c). The twist
+    is zero where the body does not rest.
     """
-    cranks = phases.reshape(-1, 2) @ [left, right]
+    cranks = phases.reshape(-1, 2) @ sides
     placed = feet.at(cranks)
     facets, loads = _facets(placed.feet, placed.centre)
     rests = np.asarray(loads.any(axis=1))
@@ -84,13 +55,13 @@ def phase_twists(
     # Seen from the ground, so that a tilt moves no foot.
     ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
 
-    def level(angles: Array) -> ComplexArray:
+    def level(angles: FloatArray) -> ComplexArray:
         at = feet.at(angles)
         return _level(at.feet[chosen] - ground) + _flat(at.rolled[chosen])
 
     arms, step, found = 1j * level(cranks), 1e-5, []
-    for a, b in rates:
-        turned, twists = step * (a * left + b * right), np.zeros((len(rests), 2))
+    for rate in rates:
+        turned, twists = step * (rate @ sides), np.zeros((len(rests), 2))
         moves = (level(cranks + turned) - level(cranks - turned)) / (2.0 * step)
         twists[rests] = _least_slip([*map(FootMotion, moves, arms, loads)])
         found.append(twists.reshape(phases.shape))
@@ -98,8 +69,8 @@ def phase_twists(
 
 
 def phase_map(
-    feet: Feet, left: Array, right: Array, points: int = MAP_POINTS
-) -> tuple[Array, Array]:
+    feet: Feet, sides: FloatArray, points: int = MAP_POINTS
+) -> tuple[FloatArray, FloatArray]:
     """
     Return the twist on a grid of p and q, at p' = 1 rad/s and at q' = 1 rad/s.
 
@@ -112,7 +83,7 @@ def phase_map(
     # Half a turn of both p and q is a turn of the right side.
     straight, turning = (
         np.concatenate([twists, np.roll(twists, half, axis=1)])
-        for twists in phase_twists(feet, left, right, phases, (1.0, 1.0), (-1.0, 1.0))
+        for twists in phase_twists(feet, sides, phases, (1.0, 1.0), (-1.0, 1.0))
     )
     return straight, turning
 
@@ -125,31 +96,53 @@ class TurnPlan:
     of `phase_map`, shape (n, n). It `is_possible` if in some phases q' turns it to the left.
     """
 
-    def __init__(
-        self, speed: Array, yaw: Array, crossed: Array, tuning: TurnTuning | None = None
-    ) -> None:
-        self._tuning = tuning = tuning or TurnTuning()
-        smooth = _low_pass(yaw, tuning.gain_filter)
+    # Its tuning was chosen in MuJoCo on two robots, see `benchmarks/walk.py --grid`.
+    # Exponent of the gain: how narrow the range of p is in which a walker turns.
+    sharpness = 2.0
+    # Least ratio of local to mean gain that q' is raised for.
+    min_ratio = 0.2
+    # Standard deviation of the gains' low-pass filter over p and q [rad].
+    gain_filter = 0.1
+    # p' in phases in which it cannot turn, at least, as a part of the rate for turning.
+    passing_rate = 0.6
+    # p' towards the best phase, on the spot, likewise; the distance from which on it is slower
+    # [rad]; and the part of it that walking on the spot may have, so that p stays near.
+    seeking_rate = 2.0
+    seeking_range = 0.3
+    hold_share = 1.2
+    # Multiple of the variation of the speed over q by which walking on the spot follows it.
+    step_swing = 1.5
+    # Phases that turn it this evenly, as a part of the most even ones, are as good on the spot.
+    even_ratio = 0.995
+    # Greatest q' that is raised for phases which hardly turn it, on the spot [rad/s].
+    hurry_rate = 2.2
+    # Greatest part of the yaw rate on the spot that comes from p', which q' makes up for.
+    walking_yaw = 0.5
+    # Least relative time at a phase.
+    min_density = 0.02
+
+    def __init__(self, speed: FloatArray, yaw: FloatArray, crossed: FloatArray) -> None:
+        smooth = _low_pass(yaw, self.gain_filter)
         gain = np.maximum(smooth.mean(axis=1), 0.0)
         self.is_possible = bool(gain.any() and yaw.mean() > 0.0)
         if not self.is_possible:
             return
         self._count = len(yaw)
-        share = gain**tuning.sharpness / (gain**tuning.sharpness).mean()
+        share = gain**self.sharpness / (gain**self.sharpness).mean()
         effective = float((share * gain).mean())
         # The part of q' that is needed where turning is effective.
         self._part = float(yaw.mean()) / effective
         self._turning = (share * self._part).tolist()
         self._time = (share * gain / effective).tolist()
         ratio = smooth / np.maximum(gain, np.finfo(float).tiny)[:, None]
-        self._boost = (1.0 / np.maximum(ratio, tuning.min_ratio)).tolist()
-        steps = _low_pass(speed, tuning.gain_filter) / speed.mean()
-        self._crossed = (_low_pass(crossed, tuning.gain_filter) / yaw.mean()).tolist()
-        swing = tuning.step_swing * (steps - steps.mean(axis=1)[:, None])
+        self._boost = (1.0 / np.maximum(ratio, self.min_ratio)).tolist()
+        steps = _low_pass(speed, self.gain_filter) / speed.mean()
+        self._crossed = (_low_pass(crossed, self.gain_filter) / yaw.mean()).tolist()
+        swing = self.step_swing * (steps - steps.mean(axis=1)[:, None])
         self._step = (1.0 + swing).tolist()
         # There the supports of left and right do not change at once, which stops the turn.
         even = np.minimum(smooth, yaw.mean()).mean(axis=1)
-        best = np.flatnonzero(even >= tuning.even_ratio * even.max())
+        best = np.flatnonzero(even >= self.even_ratio * even.max())
         self._best: list[float] = ((best + 0.5) * (TURN / self._count)).tolist()
 
     def rates(
@@ -160,30 +153,27 @@ class TurnPlan:
 
         With `on_spot` p stays at a best phase.
         """
-        tuning = self._tuning
         if not turning:
             return walking, 0.0
         effective = abs(turning) * self._part
-        share = (
-            1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (tuning.passing_rate * effective))
-        )
-        time = max(tuning.min_density, 1.0 + share * (_interpolated(self._time, p) - 1.0))
+        share = 1.0 if on_spot else 1.0 - min(0.5, abs(walking) / (self.passing_rate * effective))
+        time = max(self.min_density, 1.0 + share * (_interpolated(self._time, p) - 1.0))
         turns = turning * _interpolated(self._turning, p) / time
         boosted = turns * _interpolated(self._boost, p, q)
         if not on_spot:
             return walking / time, boosted
-        most = tuning.seeking_rate * effective
+        most = self.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
-        walks = _clip(walking * _interpolated(self._step, p, q), tuning.hold_share * most)
+        walks = _clip(walking * _interpolated(self._step, p, q), self.hold_share * most)
         away = min((wrap(best - p) for best in self._best), key=abs)
-        walks += most * _clip(away / tuning.seeking_range, 1.0)
+        walks += most * _clip(away / self.seeking_range, 1.0)
         crossed = walks * _interpolated(self._crossed, p, q) / turning
-        share = _clip(crossed, tuning.walking_yaw)
+        share = _clip(crossed, self.walking_yaw)
         walks *= share / crossed if crossed else 1.0
-        return walks, _clip(boosted * (1.0 - share), max(tuning.hurry_rate, abs(turns)))
+        return walks, _clip(boosted * (1.0 - share), max(self.hurry_rate, abs(turns)))
 
 
-def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
+def _facets(feet: FloatArray, centre: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
     # A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
     vertical, rounding, count = 1e-6, 1e-9, len(feet)
@@ -210,12 +200,12 @@ def _facets(feet: Array, centre: Array) -> tuple[NDArray[np.int64], Array]:
     return facets, np.maximum(loads, 0.0)
 
 
-def _flat(points: Array) -> ComplexArray:
+def _flat(points: FloatArray) -> ComplexArray:
     """Return points seen from above: x + jy."""
     return np.asarray(points[..., 0] + 1j * points[..., 1])
 
 
-def _level(feet: Array) -> ComplexArray:
+def _level(feet: FloatArray) -> ComplexArray:
     """Return three feet in the frame in which their plane is level, seen from above, (3, k)."""
     normal = np.cross(feet[1] - feet[0], feet[2] - feet[0])
     normal *= (np.sign(normal[:, 2]) / np.linalg.norm(normal, axis=1))[:, None]
@@ -225,7 +215,7 @@ def _level(feet: Array) -> ComplexArray:
     return np.asarray(ahead + 1j * aside)
 
 
-def _least_slip(feet: Sequence[FootMotion]) -> Array:
+def _least_slip(feet: Sequence[FootMotion]) -> FloatArray:
     """Return speed and yaw rate, (k, 2): `minimize_slip`, but five times as fast for a map."""
     scale = np.max([np.abs(foot.motion.real) + np.abs(foot.motion.imag) for foot in feet], axis=0)
     least = (STICK_TOLERANCE * scale) ** 2 + np.finfo(float).tiny
@@ -251,7 +241,7 @@ def _interpolated(values: Sequence[Any], angle: float, *others: float) -> float:
     return float(a + (at - low) * (b - a))
 
 
-def _low_pass(values: Array, width: float) -> Array:
+def _low_pass(values: FloatArray, width: float) -> FloatArray:
     """Return a periodic map through a Gaussian filter of a width [rad]."""
     order = np.fft.fftfreq(len(values), 1.0 / len(values)) * width
     weights = np.exp(-0.5 * (order[:, None] ** 2 + order**2))

@@ -42,10 +42,10 @@ class Steering:
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
         # The rotation of each crank when the left, or the right side turns by 1 rad.
-        left, right = (feet.senses * (1.0 + side * feet.sides) / 2.0 for side in (1.0, -1.0))
-        self._shares = list(zip(left.tolist(), right.tolist(), strict=True))
+        sides = np.array([(1.0 + each * feet.sides) / 2.0 * feet.senses for each in (1.0, -1.0)])
+        self._shares: list[tuple[float, float]] = sides.T.tolist()
         straight = np.linspace(0.0, TURN, CUBIC_SAMPLES, endpoint=False)[:, None] * (1.0, 1.0)
-        (twists,) = phase_twists(feet, left, right, straight, (1.0, 1.0))
+        (twists,) = phase_twists(feet, sides, straight, (1.0, 1.0))
         self.speed = float(twists[:, 0].mean())
         only = [feet.sides == side for side in (1.0, -1.0)]
         self.can_turn = all(each.any() for each in only)
@@ -53,7 +53,7 @@ class Steering:
             return
         # Of each crank in the mean phase of the left, and of the right side.
         self._weights = [(each * feet.senses / each.sum()).tolist() for each in only]
-        walking, turning = phase_map(feet, left, right)
+        walking, turning = phase_map(feet, sides)
         self.turn_plan = TurnPlan(walking[..., 0], turning[..., 1], walking[..., 1])
         # Speed and yaw rate at 1 rad/s of both sides, and of the right against the left.
         (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in (walking, turning))

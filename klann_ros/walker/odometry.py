@@ -267,7 +267,7 @@ class Odometry:
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
     ) -> None:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
-        feet, rolled, centre = self._feet.pose(angles)
+        feet, rolled, centre = (each.tolist() for each in self._feet.at(angles))
         over = self._zero_moment_point(centre)
         measured, facet = taken.attitude if taken else None, self.support and self.support.facet
         level = self._above_slope(measured) if measured and self._slope_is_known else None

@@ -61,7 +61,7 @@ def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
 
 
 def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
-    feet, left, right = steering.feet, np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    feet = steering.feet
     phases, step = np.random.default_rng(1).uniform(0.0, 2.0 * pi, (20, 2)), 1e-5
     ground = np.array([0.0, 0.0, feet.at(phases).feet[..., 2].min(axis=1).mean()])
 
@@ -72,7 +72,7 @@ def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
         assert rest is not None
         return stance_pose(points, placed.rolled.tolist(), rest)
 
-    (twists,) = phase_twists(feet, left, right, phases, (-1.0, 1.0))
+    (twists,) = phase_twists(feet, np.eye(2), phases, (-1.0, 1.0))
     for at, twist in zip(phases, twists, strict=True):
         facet, turned = pose(at).support.facet, step * np.array([-1.0, 1.0])
         moved = body_displacement(pose(at - turned, facet), pose(at + turned, facet))
@@ -83,9 +83,9 @@ def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
 @pytest.mark.parametrize('name', ['walker6_two_motors', 'walker_jansen'])
 def test_the_mean_motion_has_converged(name: str) -> None:
     feet = Feet(robot_of(str(CONFIG / f'{name}.yaml')))
-    sides = [np.abs(feet.sides + side) / 2.0 * feet.senses for side in (1.0, -1.0)]
+    sides = np.array([np.abs(feet.sides + side) / 2.0 * feet.senses for side in (1.0, -1.0)])
     few, many = (
-        [each.mean(axis=(0, 1)) for each in phase_map(feet, *sides, points)]
+        [each.mean(axis=(0, 1)) for each in phase_map(feet, sides, points)]
         for points in (MAP_POINTS, 3 * MAP_POINTS)
     )
     for found, exact in zip(few, many, strict=True):
@@ -118,7 +118,7 @@ def test_on_the_spot_it_goes_to_the_phase_in_which_it_turns_and_stays(steering: 
 @pytest.mark.parametrize('wanted', [Twist2D(0.1, 0.03), Twist2D(0.05, -0.09)])
 def test_in_a_curve_the_plan_has_the_commanded_means(steering: Steering, wanted: Twist2D) -> None:
     """Of the speed from both sides, and of the yaw from their difference."""
-    straight, turning = phase_map(steering.feet, np.array([1.0, 0.0]), np.array([0.0, 1.0]))
+    straight, turning = phase_map(steering.feet, np.eye(2))
     p = q = linear = angular = 0.0
     seconds = 200.0
     for _ in range(round(seconds / DT)):

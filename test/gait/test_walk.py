@@ -99,8 +99,8 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> Non
 def test_single_poses_equal_arrays(cranks: tuple[float, ...]) -> None:
     feet = Feet(robot_of(str(CONFIG / 'walker6_two_motors.yaml')))
     placed = feet.at([[0.5, 0.5], cranks])
-    for one, many in zip(feet.pose(cranks), placed, strict=True):
-        assert np.array(one) == pytest.approx(many[1], abs=1e-12)
+    for one, many in zip(feet.at(cranks), placed, strict=True):
+        assert one == pytest.approx(many[1], abs=1e-12)
 
 
 @settings(max_examples=40, deadline=None)

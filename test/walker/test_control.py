@@ -144,8 +144,8 @@ def test_the_lag_of_a_walker_is_made_up_within_bounds_of_its_command() -> None:
 def test_on_the_spot_the_yaw_rate_holds_over_any_3_s(name: str) -> None:
     """By plan and feedback, where the body moves as in the map: within a fourth."""
     steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
-    sides = [np.array(steering.crank_rates(rates)) for rates in (Rates(1.0, 0.0), Rates(0.0, 1.0))]
-    maps, dt, window = np.array(phase_map(steering.feet, *sides, POINTS)), 0.02, 150
+    sides = np.array([steering.crank_rates(Rates(*each)) for each in np.eye(2)])
+    maps, dt, window = np.array(phase_map(steering.feet, sides, POINTS)), 0.02, 150
     for part in (0.5, -1.0):
         wanted = Twist2D(0.0, part * steering.motion(Rates(-1.0, 1.0)).angular)
         feedback = MotionFeedback(ControllerSettings(), steering.speed)

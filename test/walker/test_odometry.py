@@ -316,7 +316,7 @@ def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
     odometry = Odometry(two_motors)
     for k in range(600):
         angle = 3.9 + max(0.0, 0.003 * (k - 300))
-        feet, _, centre = two_motors.pose((angle, angle + pi))
+        feet, _, centre = (each.tolist() for each in two_motors.at((angle, angle + pi)))
         rest = support(list(feet), centre, None, (0.0, pitch))
         assert rest is not None
         odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (rest.roll, rest.pitch)))
