@@ -95,14 +95,6 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> Non
     assert np.mean(np.isclose(np.roll(walk.roll, half), -walk.roll, atol=1e-6)) > 0.99
 
 
-@pytest.mark.parametrize('cranks', [(0.0, 0.0), (1.234, -7.7), (-1e3, 1e5), (6.2831853, 1e-9)])
-def test_single_poses_equal_arrays(cranks: tuple[float, ...]) -> None:
-    feet = Feet(robot_of(str(CONFIG / 'walker6_two_motors.yaml')))
-    placed = feet.at([[0.5, 0.5], cranks])
-    for one, many in zip(feet.at(cranks), placed, strict=True):
-        assert one == pytest.approx(many[1], abs=1e-12)
-
-
 @settings(max_examples=40, deadline=None)
 @given(angle=ANGLES)
 def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> None:
@@ -342,3 +334,11 @@ def test_round_soles_roll_without_sliding(six: Robot) -> None:
 def test_one_leg_is_refused_as_a_walker(name: str) -> None:
     with pytest.raises(NoWalkerError, match=f'{name}.* is no walker: it has 1 leg'):
         walk_figures(robot_of(name))
+
+
+def test_legs_that_drive_to_the_sides_only_are_refused(six: Robot) -> None:
+    legs = [
+        replace(leg, mount=replace(leg.mount, rpy=(pi / 2.0, 0.0, pi / 2.0))) for leg in six.legs
+    ]
+    with pytest.raises(NoWalkerError, match='the legs of crank drive the robot nowhere'):
+        Feet(replace(six, legs=tuple(legs)))
