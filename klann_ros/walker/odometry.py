@@ -58,14 +58,14 @@ a constant which nothing else depends on.
 
 from cmath import rect
 from collections.abc import Sequence
-from math import exp, hypot, nan, pi, sin, sqrt
+from math import exp, hypot, nan, sin, sqrt
 from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, stance
 from klann_ros.gait.stance import Facet, Point, Support, Triple
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import wrap
 import numpy as np
 
 from .imu import ImuIncrement, ImuPreintegration, ImuReading, StandstillCalibration
@@ -479,7 +479,7 @@ class Odometry:
         motion, along = complex(vx, vy), rect(1.0, yaw + w * dt / 2.0)
         step = along * motion * dt
         self._state[:2] += step.real, step.imag
-        self._state[2] = (yaw + w * dt + pi) % TURN - pi
+        self._state[2] = wrap(yaw + w * dt)
         self.travelled += abs(step)
         self.slid += self._slip * dt
         # The acceleration of the centre of mass shifts the load.
