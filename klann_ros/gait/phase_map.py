@@ -16,7 +16,7 @@ turning is effective,
 g being the yaw gain, G its mean over q, V the speed gain, s ~ G^n with mean 1, M the mean of s G,
 r and n tuning, and d = 1 - T + T s G / M the relative time at a phase, with mean 1: T of the time
 is for turning, the rest for walking on. On the spot p stays where min(g, mean g) has the greatest
-mean over q; walking there makes up for the drift of the body.
+mean over q; walking there makes up for the drift of the body, and q' for the yaw by that.
 """
 
 from collections.abc import Sequence
