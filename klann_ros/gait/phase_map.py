@@ -115,7 +115,7 @@ class TurnPlan:
     # Phases that turn it this evenly, as a part of the most even ones, are as good on the spot.
     even_ratio = 0.995
     # Greatest q' that is raised for phases which hardly turn it, on the spot [rad/s].
-    hurry_rate = 2.2
+    hurry_rate = 2.5
     # Greatest part of the yaw rate on the spot that comes from p', which q' makes up for.
     walking_yaw = 0.5
     # Least relative time at a phase.
