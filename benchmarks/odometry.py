@@ -313,7 +313,8 @@ def main() -> None:
     parser.add_argument('--seeds', type=int, default=sized(1, 1, 10), help='walks a row')
     parser.add_argument('--held-out', type=int, default=sized(0, 0, 10), help='walks a robot')
     parser.add_argument('--processes', type=int, default=sized(1, 2))
-    parser.add_argument('--stiction-speed', type=float, default=OdometryNoise.stiction_speed)
+    default_speed, text = OdometryNoise.stiction_speed, 'parameter of walker_node [m/s]'
+    parser.add_argument('--stiction-speed', type=float, default=default_speed, help=text)
     parser.add_argument('--run', type=Path, help='folder or file of a recorded run')
     parser.add_argument('--evo', action='store_true', help='check three walks against evo')
     options = parser.parse_args()

@@ -105,7 +105,7 @@ class InvariantEkf:
             self._start_yaw = atan2(self._rotation[1, 0], self._rotation[0, 0])
         if dt > 0.0:
             self._propagate(np.array(sample.gyro), np.array(sample.force), dt)
-        placed, _, centre = (each.tolist() for each in self._feet.at(sample.cranks))
+        placed, _, centre = self._feet.at(sample.cranks).tolist()
         self._support = support(placed, centre, self._support and self._support.facet)
         standing = list(self._support.feet) if self._support else []
         self._drop([i for i in self._contacts if i not in standing])

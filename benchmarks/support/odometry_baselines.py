@@ -78,7 +78,7 @@ class NoSlip:
         if sample.is_still:
             self._count += 1
             self._bias += (sample.imu.yaw_rate - self._bias) / self._count
-        placed, rolled, centre = (each.tolist() for each in self._feet.at(sample.cranks))
+        placed, rolled, centre = self._feet.at(sample.cranks).tolist()
         found = support(placed, centre, self._last and self._last.support.facet)
         last, self._last = self._last, found and stance_pose(placed, rolled, found)
         if last is None or self._last is None or dt == 0.0:

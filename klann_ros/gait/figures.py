@@ -133,7 +133,7 @@ def walk_figures(
     """
     feet = Feet(robot, foot_radius=foot_radius)
     alphas = np.linspace(0.0, TURN, samples + 1)
-    poses = zip(*(each.tolist() for each in feet.at(alphas[:, None] * feet.senses)), strict=True)
+    poses = zip(*feet.at(alphas[:, None] * feet.senses).tolist(), strict=True)
     at, yaw, slid, path = 0j, 0.0, 0.0, []
     loads, rows = np.zeros((samples + 1, len(robot.legs))), np.full((samples + 1, 4), np.nan)
     last = facet = None

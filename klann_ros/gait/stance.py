@@ -82,6 +82,10 @@ class Support(NamedTuple):
         *corners, centre = gravity_aligned([*self.corners, self.centre], self.roll, self.pitch)
         return edge_distance(corners, centre)
 
+    def off(self, attitude: tuple[float, float]) -> float:
+        """Return how far it is from an attitude, roll and pitch [rad]."""
+        return hypot(self.roll - attitude[0], self.pitch - attitude[1])
+
     def height_of(self, point: Point) -> float:
         """Return the height of a point of base_link above the ground [m]."""
         (nx, ny, nz), (x, y, z) = self.normal, point
@@ -110,7 +114,7 @@ def support(
     """
 
     def off(rest: Support) -> float:
-        return hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) if attitude else 0.0
+        return rest.off(attitude) if attitude else 0.0
 
     found = guess and _on(feet, centre, guess)
     if not found or off(found) > tolerance:
@@ -152,7 +156,7 @@ def outside_feet(
         corners = [feet[i] for i in facet]
         middle = [sum(values) / 3.0 for values in zip(*corners, strict=True)]
         rest = _on(feet, middle, facet)
-        if rest and hypot(rest.roll - attitude[0], rest.pitch - attitude[1]) < tolerance:
+        if rest and rest.off(attitude) < tolerance:
             if _on(feet, centre, facet):
                 return 0.0
             flat = [complex(*corner[:2]) for corner in corners]
@@ -358,7 +362,7 @@ def minimize_slip(
     return BodyStep(v, turn, slid, covariance)
 
 
-def friction_information(
+def dissipation_hessian(
     feet: Sequence[FootMotion],
     step: BodyStep,
     creep: float,

@@ -267,7 +267,7 @@ class Odometry:
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
     ) -> None:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
-        feet, rolled, centre = (each.tolist() for each in self._feet.at(angles))
+        feet, rolled, centre = self._feet.at(angles).tolist()
         over = self._zero_moment_point(centre)
         measured, facet = taken.attitude if taken else None, self.support and self.support.facet
         level = self._above_slope(measured) if measured and self._slope_is_known else None
@@ -322,9 +322,9 @@ class Odometry:
         roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
         away, variance = complex(pitch, -roll) - self._slope / GRAVITY, n.tilt_error**2
         square = abs(away) ** 2 / (2.0 * variance)
-        share = min(1.0, dt / n.slope_time)
-        self._tilt_square += share * (square - self._tilt_square)
-        self._roughness += share * (min(square, n.tipping_innovation**2) - self._roughness)
+        latest = min(1.0, dt / n.slope_time)
+        self._tilt_square += latest * (square - self._tilt_square)
+        self._roughness += latest * (min(square, n.tipping_innovation**2) - self._roughness)
         share = min(1.0, dt / min(self._slope_time, n.slope_time)) if dt else 1.0
         # A body that rocks, jumps or stands on other feet measures no slope.
         self._contact_weight = 1.0 / max(1.0, square)
@@ -430,7 +430,7 @@ class Odometry:
         found = stance.minimize_slip(feet, creep, prior)
         posterior = found.covariance
         if self._push is not None:
-            after = stance.friction_information(feet, found, creep, information)
+            after = stance.dissipation_hessian(feet, found, creep, information)
             posterior = stance.inverse(after)
         by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
         all_three = np.array((covariance, information, posterior))

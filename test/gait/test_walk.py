@@ -10,10 +10,10 @@ from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.gait.stance import (
     BodyStep,
+    dissipation_hessian,
     edge_distance,
     foot_motion,
     FootMotion,
-    friction_information,
     gravity_aligned,
     minimize_slip,
     MotionPrior,
@@ -210,7 +210,7 @@ def test_friction_informs_by_the_curvature_of_the_dissipation(seed: int, count: 
     step = BodyStep(complex(*at[:2]), float(at[2]))
     axes = small * np.eye(3)
     expected = [curvature(axes[i], axes[j]) for i in range(3) for j in range(i, 3)]
-    assert friction_information(feet, step, creep) == pytest.approx(expected, rel=0.05, abs=0.05)
+    assert dissipation_hessian(feet, step, creep) == pytest.approx(expected, rel=0.05, abs=0.05)
 
 
 def test_four_feet_that_touch_share_the_weight() -> None:

@@ -316,8 +316,8 @@ def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
     odometry = Odometry(two_motors)
     for k in range(600):
         angle = 3.9 + max(0.0, 0.003 * (k - 300))
-        feet, _, centre = (each.tolist() for each in two_motors.at((angle, angle + pi)))
-        rest = support(list(feet), centre, None, (0.0, pitch))
+        feet, _, centre = two_motors.at((angle, angle + pi)).tolist()
+        rest = support(feet, centre, None, (0.0, pitch))
         assert rest is not None
         odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (rest.roll, rest.pitch)))
         odometry.update((angle, angle + pi), (0.0, 0.0), 0.01)
@@ -339,20 +339,21 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
     assert along > 4.0 * across
 
 
-@pytest.mark.parametrize('contradicted', ['_roughness', '_innovation_square'])
+@pytest.mark.parametrize(
+    ('contradicted', 'usual'),
+    [('_roughness', 'usual_tilt'), ('_innovation_square', 'usual_innovation')],
+)
 def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
-    two_motors: Feet, contradicted: str
+    two_motors: Feet, contradicted: str, usual: str
 ) -> None:
     def deviation(times: float) -> float:
         odometry, gravity = Odometry(two_motors), (0.0, 0.0, GRAVITY)
-        usual = {'_roughness': odometry.noise.usual_tilt}.get(
-            contradicted, odometry.noise.usual_innovation
-        )
+        square = getattr(odometry.noise, usual) ** 2
         for k in range(330):
             angle = max(0.0, 0.01 * (k - 300))
             odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
             if k >= 300:
-                setattr(odometry, contradicted, times * usual**2)
+                setattr(odometry, contradicted, times * square)
             at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
         assert odometry.accelerometer_state == 'used'
         return float(np.sqrt(at.covariance[0][0]))

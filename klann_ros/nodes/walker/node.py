@@ -182,10 +182,8 @@ class WalkerNode(Node):
             return
         if not self._has_imu:
             self._has_imu = True
-            frame, base = (
-                deserialize_message(data, Imu).header.frame_id,
-                self._values['base_frame'],
-            )
+            frame = deserialize_message(data, Imu).header.frame_id
+            base = self._values['base_frame']
             if frame not in ('', base):
                 text = f'imu is in frame {frame}: its axes are taken as those of {base}'
                 self.get_logger().warning(printable_line(text))
