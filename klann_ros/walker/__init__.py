@@ -8,6 +8,7 @@ of `klann_ros.gait`.
 
 from .control_laws import CrankCommand, PhaseLock
 from .controller import DiagnosticLevel, WalkController
+from .faults import Fault, FaultKind, FaultLatch
 from .imu import imu_reading, ImuReading
 from .odometry import Odometry, OdometryEstimate
 from .settings import ControllerSettings, MotionLimits, OdometryNoise
@@ -17,6 +18,9 @@ __all__ = [
     'ControllerSettings',
     'CrankCommand',
     'DiagnosticLevel',
+    'Fault',
+    'FaultKind',
+    'FaultLatch',
     'ImuReading',
     'MotionLimits',
     'Odometry',

@@ -8,6 +8,7 @@ from math import degrees, inf, isfinite
 from klann_ros.gait.steering import Rates, Steering, Twist2D
 
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
+from .faults import Fault, FaultKind, FaultLatch
 from .feedback import CrankFeedback, SteadyClock, Watchdog
 from .settings import ControllerSettings
 
@@ -30,6 +31,7 @@ class WalkController:
     well, so that they pass where the control clock stands still.
 
     `motion` is that for which the `cranks`, in the order of `Feet.joints`, are driven just now.
+    While a fault trips the `latch`, all cranks stand.
     `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
     it cannot follow, and `pauses` the gaps in its loop. `limits_hit` are the active limits, and
     `events` those to be logged; the logger removes them.
@@ -53,6 +55,7 @@ class WalkController:
         self.cranks = [CrankFeedback(joint, inf, steady) for joint in feet.joints]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.speed)
+        self.latch = FaultLatch()
         self.configure(settings)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = self.pauses = 0
@@ -68,11 +71,11 @@ class WalkController:
         self._gap, self._targets_before, self._resumed = 0.0, list[float](), -inf
         self._stalled = [0.0] * len(self.cranks)
         self._rates = Rates(0.0, 0.0)
-        self._blocked: list[str] = []
 
     def configure(self, settings: ControllerSettings) -> None:
         """Replace limits, timeouts and gains."""
         self.settings = self.lock.settings = self.motion_feedback.settings = settings
+        self.latch.auto_reset = settings.auto_reset
         for crank in self.cranks:
             crank.max_rate = 4.0 * settings.limits.max_crank_rate
 
@@ -105,9 +108,7 @@ class WalkController:
             return f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
         self._wanted = Twist2D(linear, angular)
         self._command_age.feed(now, delay)
-        if linear == 0.0 and angular == 0.0:
-            # A released stick permits another try.
-            self._blocked.clear()
+        self.latch.command(is_motion=linear != 0.0 or angular != 0.0)
         if angular != 0.0 and not self.steering.can_turn:
             self.refused += 1
             self._wanted = Twist2D(linear, 0.0)
@@ -200,7 +201,7 @@ class WalkController:
         self.motion = limits.approach(self.motion, aim, gap)
         command = self.lock.step(gap, self._crank_rates(gap), self.positions)
         self._detect_blocked(command.velocity, now, gap)
-        return self._hold_position() if self._blocked else command
+        return self._hold_position() if self.latch.fault else command
 
     def _reset_clock(self, now: float) -> None:
         """Forget the times of commands: a simulation has restarted."""
@@ -267,7 +268,8 @@ class WalkController:
             shown = dt if crank.age(now) < s.blocked_age else 0.0
             self._stalled[k] = self._stalled[k] + shown if stuck else 0.0
             if self._stalled[k] > s.blocked_time:
-                self._blocked.append(crank.joint)
+                text = f'{crank.joint} does not turn: commanded {rate:+.2f} rad/s'
+                self.latch.trip(Fault(FaultKind.NOT_TURNING, crank.joint, text))
 
     # Diagnostics.
 
@@ -294,6 +296,8 @@ class WalkController:
 
     def stop_reason(self, now: float) -> str:
         """Return why all cranks have to stand, '' if they need not."""
+        if self.latch.fault:
+            return self.latch.reason
         timeout, ages = self.settings.feedback_timeout, {c.joint: c.age(now) for c in self.cranks}
         silent = [joint for joint, age in ages.items() if age > timeout]
         if silent:
@@ -303,8 +307,6 @@ class WalkController:
         stands = self._progress.age(now) if now == self._last else 0.0
         if stands > timeout:
             return f'the clock has stood still for {stands:.1f} s'
-        if self._blocked:
-            return f'{", ".join(self._blocked)} does not turn; a cmd_vel of 0 permits another try'
         return ''
 
 

@@ -95,6 +95,8 @@ class ControllerSettings:
         The part of its rate by which a crank goes faster or slower to get back into phase.
     motion_gain : float
         K of the motion feedback; 0 for no correction [1/s].
+    auto_reset : bool
+        Whether a motion that is commanded after a command of 0 resets a fault.
 
     """
 
@@ -107,6 +109,7 @@ class ControllerSettings:
     phase_integral: float = 4.0
     rephase: float = 0.1
     motion_gain: float = 0.5
+    auto_reset: bool = False
     # The largest correction of the motion, as a part of the command, and that of the yaw rate in
     # curves, whose plan may be off by more; the largest lag, of which K times makes this part of
     # the command; and K of the yaw rate on the spot, where it comes evenly, as a multiple of K.

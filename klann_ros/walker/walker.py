@@ -140,7 +140,9 @@ class Walker:
             }
         names = [leg.name for leg in self.feet.robot.legs]
         has_imu = self._imu_age.age(now) <= self._imu_timeout
+        fault = controller.latch.fault
         return found | {
+            'fault': fault.kind.name if fault else '',
             'supporting_feet': ' '.join(names[i] for i in rest.feet) if rest else '',
             'static_margin': f'{rest.margin if rest else nan:.4f}',
             'linear': f'{controller.motion.linear:.4f}',

@@ -12,6 +12,9 @@ from klann_ros.walker import (
     ControllerSettings,
     CrankCommand,
     DiagnosticLevel,
+    Fault,
+    FaultKind,
+    FaultLatch,
     ImuReading,
     MotionLimits,
     WalkController,
@@ -315,27 +318,54 @@ def test_without_feedback_of_every_crank_it_commands_nothing(steering: Steering)
     assert 'right_crank yet' in control.verdict(0.0)[1]
 
 
-def test_a_crank_that_is_blocked_stops_all_until_it_is_let_go(steering: Steering) -> None:
-    bench = Bench(steering, [1.0, 1.0]).run(2.0)
+@pytest.mark.parametrize('auto_reset', [False, True])
+def test_a_blocked_crank_stops_all_until_a_deliberate_act(
+    steering: Steering, *, auto_reset: bool
+) -> None:
+    bench = Bench(steering, [1.0, 1.0], auto_reset=auto_reset).run(2.0)
     bench.factors = [1.0, 0.0]
     bench.run(2.0)
-    assert bench.rates[0] == 0.0
+    latch = bench.control.latch
+    assert latch.fault is not None
+    assert latch.fault[:2] == (FaultKind.NOT_TURNING, 'right_crank')
     level, text = bench.verdict
     assert level == DiagnosticLevel.ERROR
     assert 'right_crank does not turn' in text
+    assert ('a cmd_vel of 0' in text) == auto_reset
     # The other one has waited for it.
     assert bench.apart < 25.0
     bench.factors = [1.0, 1.0]
-    bench.run(1.0)
-    assert bench.rates == [0.0, 0.0]
-    # A turn on the spot moves the cranks as well.
-    bench.twist = (0.0, 0.1)
-    assert bench.run(0.5).rates == [0.0, 0.0]
-    bench.twist = (0.0, 0.0)
-    bench.run(0.1)
+    # A turn on the spot moves the cranks as well; both would, if it forgot the fault.
+    for twist, seconds in (((0.15, 0.0), 1.0), ((0.0, 0.1), 0.5), ((0.0, 0.0), 0.1)):
+        bench.twist = twist
+        bench.run(seconds)
+        assert (bench.least, bench.most) == (0.0, 0.0)
+        assert latch.fault is not None
     bench.twist = (0.1, 0.0)
     bench.run(2.0)
+    if not auto_reset:
+        assert (bench.least, bench.most) == (0.0, 0.0)
+        latch.reset()
+        bench.run(2.0)
     assert min(bench.rates) > 0.3
+    assert latch.fault is None
+
+
+def test_the_first_fault_stays_and_names_what_resets_it() -> None:
+    latch = FaultLatch()
+    assert latch.reason == ''
+    latch.trip(Fault(FaultKind.TILTED, '', 'tilted by 40 deg'))
+    latch.trip(Fault(FaultKind.FROZEN, 'crank', 'frozen'))
+    assert latch.reason == 'tilted by 40 deg; call ~/reset_fault'
+    latch.auto_reset = True
+    # It needs both, in this order, after the fault.
+    for is_motion, is_tripped in ((True, True), (False, True), (False, True), (True, False)):
+        latch.command(is_motion=is_motion)
+        assert (latch.fault is not None) == is_tripped
+    latch.command(is_motion=False)
+    latch.trip(Fault(FaultKind.FROZEN, 'crank', 'frozen'))
+    latch.command(is_motion=True)
+    assert latch.reason.startswith('frozen; a cmd_vel of 0 and then a new one')
 
 
 def test_a_pause_of_the_motors_blocks_no_crank(steering: Steering) -> None:

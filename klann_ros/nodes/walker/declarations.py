@@ -48,6 +48,12 @@ CONTROL = (
             ('phase_integral', 'integral gain of the phase lock [1/s^2]', 0.0, 100.0),
         )
     ),
+    Declaration(
+        'auto_reset',
+        False,
+        'whether a new cmd_vel after one of 0 resets a fault; else only ~/reset_fault does',
+        read_only=False,
+    ),
     Declaration('phase_lock', True, 'whether cranks are kept in phase by their feedback'),
 )
 ODOMETRY = (

@@ -12,6 +12,7 @@ from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
+    create_trigger,
     diagnostic_array,
     diagnostic_status,
     QOS_USAGE,
@@ -25,7 +26,7 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import DiagnosticLevel, imu_reading, Walker
+from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, Walker
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
@@ -90,6 +91,7 @@ class WalkerNode(Node):
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         # Also where simulated time stands still.
         create_steady_timer(self, values['diagnostics_period'], self._report)
+        create_trigger(self, 'reset_fault', self._on_reset_fault)
         # Before crank_state, which moves the estimate: in this order waiting messages are taken.
         if values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu)
@@ -106,6 +108,7 @@ class WalkerNode(Node):
         create_timer = self.create_timer if self._sim else partial(create_steady_timer, self)
         self._timer: Any = create_timer(self._period, lambda: self._command(self._now()), group)
         self._logged = -EVENT_PERIOD
+        self._logged_fault: Fault | None = None
         create_steady_timer(self, WATCH_PERIOD, self._on_watch, group)
 
     def _on_change(self, values: Mapping[str, Any]) -> None:
@@ -122,6 +125,12 @@ class WalkerNode(Node):
             f'{legs} legs on {joints}, {steering.speed:.3f} m/s at 1 rad/s{turns}; '
             f'{kind} on {self.resolve_topic_name("cmd_vel")}, yaw from {imu}'
         )
+
+    def _on_reset_fault(self) -> tuple[bool, str]:
+        latch = self._walker.controller.latch
+        text = latch.fault.text if latch.fault else 'there is no fault'
+        latch.reset()
+        return True, printable_line(text)
 
     # Time.
 
@@ -227,7 +236,11 @@ class WalkerNode(Node):
         self._log_events(_steady_time())
 
     def _log_events(self, now: float) -> None:
-        events = self._walker.controller.events
+        latch, events = self._walker.controller.latch, self._walker.controller.events
+        if latch.fault is not self._logged_fault:
+            self._logged_fault = latch.fault
+            if latch.fault:
+                self.get_logger().error(printable_line(f'fault: {latch.reason}'))
         if not events or now - self._logged < EVENT_PERIOD:
             return
         self._logged = now
@@ -282,7 +295,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'Walk: convert cmd_vel to rates of the cranks of a walker (crank_command), whose legs '
         'keep their phases; estimate its pose (odom) from the angles of its cranks (crank_state).',
         f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
-        f'leg_description\n{QOS_USAGE}',
+        f'leg_description\n{QOS_USAGE}\n\n'
+        'Service ~/reset_fault (std_srvs/srv/Trigger): forget the fault that stopped it.',
     )
     arguments(parser, argv)
     return run('walker_node', lambda _: WalkerNode(), argv, stop, raw=True)

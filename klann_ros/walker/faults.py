@@ -1,0 +1,63 @@
+"""Faults that stop a walker, and their latch: only a deliberate act starts it again."""
+
+from enum import Enum
+from typing import NamedTuple
+
+
+class FaultKind(Enum):
+    """The cause of a fault, in words."""
+
+    WRONG_WAY = 'turns against its command'
+    FROZEN = 'repeats one angle, whatever its velocity'
+    NOT_TURNING = 'does not turn'
+    SLIPPING = 'turns, but not as it is commanded'
+    TILTED = 'the body is tilted'
+    OVERLOAD = 'exceeds its effort'
+    E_STOP = 'the emergency stop'
+
+
+class Fault(NamedTuple):
+    """A fault: its kind, the joint of the crank ('' of the whole walker), and a sentence."""
+
+    kind: FaultKind
+    joint: str
+    text: str
+
+
+class FaultLatch:
+    """
+    The first fault of a walker, until it is reset.
+
+    With `auto_reset` a motion that is commanded after a command of 0 resets it; without, only
+    `reset` does.
+    """
+
+    def __init__(self, *, auto_reset: bool = False) -> None:
+        self.auto_reset = auto_reset
+        self.fault: Fault | None = None
+        # Whether a motion of 0 was commanded since the fault.
+        self._is_released = False
+
+    def trip(self, fault: Fault) -> None:
+        """Latch a fault; a later one changes nothing."""
+        if self.fault is None:
+            self.fault = fault
+            self._is_released = False
+
+    def reset(self) -> None:
+        """Forget the fault."""
+        self.fault = None
+
+    def command(self, *, is_motion: bool) -> None:
+        """Take note of a commanded motion, or of a command to stand."""
+        if self.auto_reset and is_motion and self._is_released:
+            self.reset()
+        self._is_released = not is_motion
+
+    @property
+    def reason(self) -> str:
+        """Return the fault and what resets it, in words; '' without a fault."""
+        if self.fault is None:
+            return ''
+        way = 'a cmd_vel of 0 and then a new one resets it, or' if self.auto_reset else 'call'
+        return f'{self.fault.text}; {way} ~/reset_fault'
