@@ -7,7 +7,7 @@ Names and types may be untrusted: from a log, or a publisher on the network.
 from collections.abc import Callable, Iterable
 from copy import copy
 from importlib import import_module
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -43,6 +43,10 @@ LATCHED = QoSProfile(
 )
 # Fast DDS sends a heartbeat every 3 s; a shorter wait may miss a retransmission [s].
 ARRIVES = 3.5
+# Repetitions of a last message, their period, and the timeout of their acknowledgement [s].
+LAST_MESSAGES = 5
+LAST_PERIOD = 0.02
+LAST_TIMEOUT = 0.2
 
 # Quality of service as parameters: `qos_overrides.TOPIC.publisher.POLICY`, as in ROS 2.
 _POLICIES = {
@@ -123,6 +127,19 @@ def flush(publishers: Iterable[Publisher], seconds: float = ARRIVES) -> None:
     for publisher in publishers:
         if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - monotonic())))
+
+
+def publish_last(publisher: Publisher, message: Any) -> None:
+    """
+    Publish what stops a robot before a publisher is destroyed.
+
+    Best-effort subscribers may lose a message, so it is repeated. Reliable ones acknowledge it.
+    """
+    end = monotonic() + LAST_TIMEOUT
+    for _ in range(LAST_MESSAGES):
+        publisher.publish(message)
+        sleep(LAST_PERIOD)
+    flush([publisher], end - monotonic())
 
 
 def subscribe_raw(

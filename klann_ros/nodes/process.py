@@ -55,8 +55,11 @@ class ProcessNode(Node):
     """A node with an orderly shutdown."""
 
     def close(self) -> int:
-        """Shut down before the process ends; return the exit code."""
+        """Shut down before anything is destroyed; return the exit code."""
         return 0
+
+    def on_callback_error(self) -> None:
+        """Stop what would go on if callbacks fail again and again."""
 
 
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
@@ -136,8 +139,9 @@ def run(
         loop = RawMessageExecutor(executor, plain=not raw, batch_period=batch_period)
         spin_on(partial(loop.spin_until_future_complete, finished), node)
     finally:
-        executor.remove_node(node)
+        # First: nothing may fail, or block, before a robot is stopped.
         closed = node.close() if isinstance(node, ProcessNode) else 0
+        executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
         rclpy.try_shutdown()
@@ -194,6 +198,8 @@ def spin_on(spin: Callable[[], None], node: Node) -> None:
         except Exception as error:
             text = f'a callback failed, and the node goes on: {error_and_place(error)}'
             node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
+            if isinstance(node, ProcessNode):
+                node.on_callback_error()
         else:
             return
 

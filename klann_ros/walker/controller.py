@@ -230,11 +230,16 @@ class WalkController:
         self._add_event(f'{text}: set points restart at the measured angles ({moved})', now)
         self._gap = 0.0
 
+    @property
+    def standstill(self) -> CrankCommand:
+        """Return the command to stand at the measured angles."""
+        return CrankCommand(tuple(self.positions), (0.0,) * len(self.cranks))
+
     def _hold_position(self) -> CrankCommand:
-        """Return the command to stand at the measured angles, at once."""
+        """Stop at once; return the command."""
         self.motion, self._rates = STANDS, Rates(0.0, 0.0)
         self._reset_set_points()
-        return CrankCommand(tuple(self.positions), (0.0,) * len(self.cranks))
+        return self.standstill
 
     def _reset_set_points(self) -> None:
         self.motion_feedback.reset()

@@ -19,12 +19,13 @@ from klann_ros.nodes.endpoints import (
     diagnostic_array,
     diagnostic_status,
     node_of,
+    publish_last,
     QOS_USAGE,
     subscribe_raw,
 )
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
-from klann_ros.nodes.process import arguments, LOG_PERIOD, run
+from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.robot import robot_of
@@ -53,7 +54,7 @@ _COMMAND_PERIOD = 0.1
 _STANDSTILL = 2.0
 
 
-class SimNode(Node):
+class SimNode(ProcessNode):
     """Simulate a robot in real time: crank_command in; cranks, IMU and the truth out."""
 
     def __init__(self, **options: Any) -> None:
@@ -75,8 +76,9 @@ class SimNode(Node):
         self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         create_trigger(self, 'reset', self._on_reset)
+        self._demo: DemoCommandPublisher | None = None
         if values['linear']:
-            DemoCommandPublisher(self, values['linear'], lambda: self._twin.time)
+            self._demo = DemoCommandPublisher(self, values['linear'], lambda: self._twin.time)
         self._factor = factor = values['real_time_factor']
         is_possible = values['use_clock'] or factor == 1.0
         require(is_possible, 'real_time_factor', factor, '1 without use_clock')
@@ -85,6 +87,12 @@ class SimNode(Node):
         create_steady_timer(self, period, self._on_timer, RawCallbackGroup())
         create_steady_timer(self, values['diagnostics_period'], self._report)
         self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
+
+    def close(self) -> int:
+        """Command a stop if this node has commanded a motion."""
+        if self._demo is not None:
+            self._demo.end()
+        return 0
 
     def _make_twin(self, values: dict[str, Any]) -> Twin:
         robot = declared_robot(self)
@@ -296,7 +304,14 @@ class DemoCommandPublisher:
         # Without a stamp it is as old as its arrival.
         self._command = TwistStamped()
         self._command.twist.linear.x = linear
+        # Whether this node commanded the motion last.
+        self._is_driving = False
         create_steady_timer(node, _COMMAND_PERIOD, self._send)
+
+    def end(self) -> None:
+        """Command a stop, unless another node drives."""
+        if self._is_driving:
+            publish_last(self._publisher, TwistStamped())
 
     def _send(self) -> None:
         if not self._node.count_publishers(self._cranks):
@@ -305,7 +320,8 @@ class DemoCommandPublisher:
         # The robot's time starts again at a reset.
         self._since = min(self._since, self._now())
         has_stood = self._now() >= self._since + _STANDSTILL
-        if has_stood and not self._lease.holder and not self._has_others():
+        self._is_driving = has_stood and not self._lease.holder and not self._has_others()
+        if self._is_driving:
             self._publisher.publish(self._command)
 
     def _has_others(self) -> bool:

@@ -15,8 +15,9 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
 from klann_ros.live.protocol import Answer, Command
 from klann_ros.live.rates import TopicRate
-from klann_ros.nodes.endpoints import OUTPUT
+from klann_ros.nodes.endpoints import OUTPUT, publish_last
 from klann_ros.nodes.lease import DELIVERY_TIME, Lease
+from klann_ros.nodes.process import error_and_place, LOG_PERIOD
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -166,8 +167,8 @@ class Drives:
         self._thread.join(1.0)
         with self._lock:
             for driven in self._drives.values():
-                if driven.stops:
-                    self._publish_walk(driven)
+                if driven.stops and driven.publisher is not None:
+                    publish_last(driven.publisher, self._twist())
                 driven.lease.release()
 
     def offer(self, offers: list[Offer]) -> None:
@@ -295,10 +296,20 @@ class Drives:
     def _run(self) -> None:
         while not self._stopped:
             with self._lock:
-                pauses = [self._serve(driven) for driven in self._drives.values()]
+                pauses = [self._serve_or_stop(driven) for driven in self._drives.values()]
             # Without a driving page, wait until one commands.
             self._wake.wait(min((p for p in pauses if p is not None), default=None))
             self._wake.clear()
+
+    def _serve_or_stop(self, driven: _Driven) -> float | None:
+        """Serve a drive; one that fails is released, and the others go on."""
+        try:
+            return self._serve(driven)
+        except Exception as error:
+            text = f'the drive of {driven.offer.topic} failed: {error_and_place(error)}'
+            self._node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
+            self._release(driven, 'view_node failed to drive it')
+            return _PERIOD
 
     def _serve(self, driven: _Driven) -> float | None:
         """Publish due messages; return the time to the next [s], None while nothing drives."""
@@ -340,11 +351,14 @@ class Drives:
         return reason
 
     def _publish_walk(self, driven: _Driven, forward: float = 0.0, turn: float = 0.0) -> None:
+        self._publish(driven, self._twist(forward, turn))
+
+    def _twist(self, forward: float = 0.0, turn: float = 0.0) -> TwistStamped:
         message = TwistStamped()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.header.frame_id = 'base_link'
         message.twist.linear.x, message.twist.angular.z = forward, turn
-        self._publish(driven, message)
+        return message
 
     def _publish(self, driven: _Driven, message: Any) -> None:
         if driven.publisher is not None:

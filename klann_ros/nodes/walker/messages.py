@@ -10,7 +10,12 @@ import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import TransformStamped
-from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    message_class,
+    publish_last,
+    UnknownMessageTypeError,
+)
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, JointStateTemplate, STAMP_SIZE
 from klann_ros.walker import CrankCommand, OdometryEstimate
 from nav_msgs.msg import Odometry
@@ -159,14 +164,26 @@ class CrankOutput:
         self._template = None if velocities else JointStateTemplate(joints)
         kind: Any = Float64MultiArray if velocities else JointState
         self._publisher = create_publisher(node, kind, 'crank_command')
+        # Whether the last command, if there is one, lets a crank turn.
+        self.is_turning = False
+        self._has_commanded = False
 
     def publish(self, command: CrankCommand, sec: int, nanosec: int) -> None:
         """Publish a command."""
+        self._has_commanded = True
+        self.is_turning = any(command.velocity)
+        self._publisher.publish(self._message(command, sec, nanosec))
+
+    def end(self, standstill: CrankCommand, sec: int, nanosec: int) -> None:
+        """Publish the last command, unless there was none before."""
+        if self._has_commanded:
+            publish_last(self._publisher, self._message(standstill, sec, nanosec))
+        self._has_commanded = self.is_turning = False
+
+    def _message(self, command: CrankCommand, sec: int, nanosec: int) -> Any:
         if self._template is None:
-            self._publisher.publish(Float64MultiArray(data=list(command.velocity)))
-        else:
-            filled = self._template.fill(sec, nanosec, command.position, command.velocity)
-            self._publisher.publish(filled)
+            return Float64MultiArray(data=list(command.velocity))
+        return self._template.fill(sec, nanosec, command.position, command.velocity)
 
 
 class OdomOutput:

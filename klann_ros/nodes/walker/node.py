@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from math import inf
 import time
 from typing import Any
 
@@ -19,7 +20,7 @@ from klann_ros.nodes.endpoints import (
     subscribe_raw,
 )
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
-from klann_ros.nodes.process import arguments, LOG_PERIOD, run
+from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
@@ -27,7 +28,6 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, Walker
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
 
@@ -44,11 +44,13 @@ WATCH_PERIOD, DRIVEN_RATIO = 0.1, 0.8
 BEAT_RESTART = 10
 # Steps of a turn of the cranks, for warnings.
 WARNING_SAMPLES = 90
+# Time without a command after which failing callbacks stop the cranks [s].
+MAX_SILENCE = 0.2
 # A command may be early by this part of a period: feedback jitters.
 EARLY = 0.3
 
 
-class WalkerNode(Node):
+class WalkerNode(ProcessNode):
     """Drive the cranks of a walker by cmd_vel, and publish its odometry."""
 
     def __init__(self, **options: Any) -> None:
@@ -78,6 +80,16 @@ class WalkerNode(Node):
         for warning in figures.warnings:
             self.get_logger().warning(printable(warning))
         self.get_logger().info(f'ready: {self._summary(values)}')
+
+    def close(self) -> int:
+        """Stop the cranks."""
+        self._commands.end(self._walker.controller.standstill, *self._stamp())
+        return 0
+
+    def on_callback_error(self) -> None:
+        """Stop the cranks where no callback commands them any more."""
+        if self._commands.is_turning and _steady_time() - self._commanded > MAX_SILENCE:
+            self._commands.publish(self._walker.controller.standstill, *self._stamp())
 
     def _connect(self, values: dict[str, Any]) -> None:
         joints = self._walker.feet.joints
@@ -109,6 +121,8 @@ class WalkerNode(Node):
         self._timer: Any = create_timer(self._period, lambda: self._command(self._now()), group)
         self._logged = -EVENT_PERIOD
         self._logged_fault: Fault | None = None
+        # Steady time of the last command [s].
+        self._commanded = -inf
         create_steady_timer(self, WATCH_PERIOD, self._on_watch, group)
 
     def _on_change(self, values: Mapping[str, Any]) -> None:
@@ -258,6 +272,7 @@ class WalkerNode(Node):
         command = self._walker.controller.step(now)
         if command is not None:
             self._commands.publish(command, *self._stamp())
+            self._commanded = _steady_time()
 
 
 def _steady_time() -> float:
