@@ -18,6 +18,7 @@ from .mjcf import Floor, robot_mjcf
 from .twin import (
     DivergedError,
     Imu,
+    ImuSampling,
     Motors,
     NoMujocoError,
     Sensors,
@@ -32,6 +33,7 @@ __all__ = [
     'DivergedError',
     'Floor',
     'Imu',
+    'ImuSampling',
     'Motors',
     'NoMujocoError',
     'Sensors',

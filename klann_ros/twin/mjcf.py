@@ -77,7 +77,12 @@ FLAT = Floor()
 
 
 def robot_mjcf(
-    robot: Robot, *, floor: Floor = FLAT, time_step: float = 0.0, crank: float | None = None
+    robot: Robot,
+    *,
+    floor: Floor = FLAT,
+    time_step: float = 0.0,
+    crank: float | None = None,
+    compliance: float = 0.0,
 ) -> str:
     """
     Return a robot as an MJCF model.
@@ -99,6 +104,9 @@ def robot_mjcf(
     crank : float, optional
         Joint angle at the start [rad]; by default 0, or the middle of the arc that the
         first leg can reach.
+    compliance : float
+        Time constant with which the loops of the legs close [s]; they give way under load, as
+        joints with play do. 0: they are rigid; the engine takes two time steps or more.
 
     Raises
     ------
@@ -110,7 +118,7 @@ def robot_mjcf(
         The time step is not > 0.
 
     """
-    return _Model(robot, floor, time_step, crank).text()
+    return _Model(robot, floor, time_step, crank, compliance).text()
 
 
 class _Model:
@@ -122,7 +130,14 @@ class _Model:
     starts closed to the last digit.
     """
 
-    def __init__(self, robot: Robot, floor: Floor, time_step: float, crank: float | None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        floor: Floor,
+        time_step: float,
+        crank: float | None,
+        compliance: float,
+    ) -> None:
         self.robot, self.floor = robot, floor
         accuracy = WALKING if robot.is_walker else SUSPENDED
         if not (isfinite(time_step) and time_step >= 0.0):
@@ -130,6 +145,8 @@ class _Model:
         self._accuracy = accuracy._replace(time_step=time_step or accuracy.time_step)
         closing, step = self._accuracy.closing, self._accuracy.time_step
         self.closed = _critically_damped(closing / step**2)
+        # The engine's usual impedance lets a loop open under load.
+        self.loop_closure = {'solref': f'{_text(compliance)} 1'} if compliance else self.closed
         self.equality, self.tendon = Element('equality'), Element('tendon')
         starts = {joint: start_angle(robot.on_joint(joint), crank) for joint in robot.crank_joints}
         self._legs = [_Leg(self, leg, starts[leg.crank_joint]) for leg in robot.legs]
@@ -285,7 +302,9 @@ class _Leg:
         for point, first, j in self._closing:
             names = {'body1': elements[j].get('name'), 'body2': elements[first].get('name')}
             anchor = self._points[point] - origins[j]
-            _add(self._model.equality, 'connect', **self._model.closed, **names, anchor=anchor)
+            _add(
+                self._model.equality, 'connect', **self._model.loop_closure, **names, anchor=anchor
+            )
         for spring in masses.springs:
             self._spring(plane, spring)
         if self._foot and self._model.robot.is_walker:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from importlib import import_module
 from math import cos, degrees, exp, isfinite
 from typing import Any, NamedTuple
@@ -58,6 +59,13 @@ class Motors:
             _require(isfinite(factor), f'factor of {printable(joint)}', factor, 'finite')
 
 
+class ImuSampling(Enum):
+    """Whether a reading is the mean since the last one, as of a filter, or of one instant."""
+
+    MEAN = 'mean'
+    INSTANT = 'instant'
+
+
 # Standard deviation of a point that a camera mistakes for another [m].
 OUTLIER_SIZE = 0.05
 
@@ -87,6 +95,8 @@ class Sensors:
         Of each coordinate of a measured point [m].
     camera_outliers : float
         Share of the measured points that are wrong, by some OUTLIER_SIZE.
+    imu_sampling : ImuSampling
+        How the IMU samples rates and accelerations.
 
     """
 
@@ -99,10 +109,13 @@ class Sensors:
     orientation_noise: float = 0.0
     camera_noise: float = 0.0
     camera_outliers: float = 0.0
+    imu_sampling: ImuSampling = ImuSampling.MEAN
 
     def __post_init__(self) -> None:
         """Refuse invalid noise."""
         for name, value in vars(self).items():
+            if isinstance(value, ImuSampling):
+                continue
             if name.endswith('_offset'):
                 _require(isfinite(value), name, value, 'finite')
             else:
@@ -149,6 +162,8 @@ MOTORS, SENSORS = Motors(), Sensors()
 
 # For a walker: half of it changes the distance walked by 0.3 %, and takes twice as long [s].
 TIME_STEP = 1e-3
+# Softer legs carry no robot [s].
+MAX_COMPLIANCE = 0.05
 # Cosine of the tilt beyond which a walker has fallen.
 FALLEN = cos(np.radians(60.0))
 # A larger position, angle, speed or rate means divergence [m, rad, s].
@@ -183,6 +198,8 @@ class Twin:
         Of the noise: the same seed, commands and steps give the same robot, to the last digit.
     mjcf : str
         A changed model of `robot_mjcf`, with a floor or contacts of its own, instead of that.
+    compliance : float
+        Time constant with which the loops of the legs close [s]: see `robot_mjcf`.
 
     Attributes
     ----------
@@ -212,6 +229,7 @@ class Twin:
         time_step: float = 0.0,
         seed: int = 0,
         mjcf: str = '',
+        compliance: float = 0.0,
     ) -> None:
         self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
         self._legs = robot.legs
@@ -223,7 +241,11 @@ class Twin:
         # Otherwise it writes a log file in the working directory; each step checks for divergence.
         self._engine.set_mju_user_warning(lambda _: None)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
-        text = mjcf or robot_mjcf(robot, floor=floor, time_step=step)
+        least = 2.0 * (step or TIME_STEP)
+        is_possible = compliance == 0.0 or least <= compliance <= MAX_COMPLIANCE
+        rule = f'0, or within {least:g} .. {MAX_COMPLIANCE:g} s'
+        _require(is_possible, 'compliance', compliance, rule)
+        text = mjcf or robot_mjcf(robot, floor=floor, time_step=step, compliance=compliance)
         try:
             self._model = self._engine.MjModel.from_xml_string(text)
         except ValueError as error:
@@ -345,12 +367,14 @@ class Twin:
 
     def imu(self) -> Imu:
         """
-        Return the reading of the IMU, the mean since the last one, as of chips with a filter.
+        Return the reading of the IMU: by default the mean since the last one.
 
         A suspended leg reads gravity alone.
         """
         (x, y, z, w), sensors = self.truth().orientation, self._sensors
-        if self._steps:
+        if sensors.imu_sampling is ImuSampling.INSTANT and self.is_free:
+            self._mean = np.array(self._data.sensordata[self._imu_data])
+        elif self._steps:
             self._mean = self._acceleration_sum / self._steps
             self._acceleration_sum, self._steps = np.zeros(6), 0
         rates = self._mean[:3] + sensors.gyro_noise * self._random.standard_normal(3)

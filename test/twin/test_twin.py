@@ -10,6 +10,7 @@ from klann_ros.robot import Robot, robot_from_parameters, robot_of
 from klann_ros.twin import (
     agreement,
     DivergedError,
+    ImuSampling,
     Motors,
     NoMujocoError,
     robot_mjcf,
@@ -148,6 +149,33 @@ def test_imu_readings_integrate_the_whole_interval() -> None:
     assert gained == pytest.approx(has, abs=0.01)
 
 
+def test_an_imu_may_read_an_instant() -> None:
+    # The mean over one step of the engine is the reading of its end.
+    sampled = driven(0.5, 2.0, 2.0, sensors=Sensors(imu_sampling=ImuSampling.INSTANT))
+    averaged = driven(0.499, 2.0, 2.0)
+    averaged.imu()
+    averaged.step(0.5)
+    assert sampled.imu() == averaged.imu()
+    assert sampled.imu() != driven(0.5, 2.0, 2.0).imu()
+    leg = Twin(robot_of('sem104'), sensors=Sensors(imu_sampling=ImuSampling.INSTANT))
+    assert leg.imu().linear_acceleration == pytest.approx((0.0, 0.0, GRAVITY))
+
+
+def test_legs_whose_loops_give_way_let_the_body_sink_and_walk_all_the_same() -> None:
+    sunk = []
+    for compliance in (0.0, 0.002, 0.008):
+        twin = Twin(two_motors(), compliance=compliance)
+        start = twin.truth().position[2]
+        twin.step(0.5)
+        sunk.append(start - twin.truth().position[2])
+    rigid, stiff, soft = sunk
+    assert rigid < stiff < soft
+    assert 1e-4 < soft - rigid < 0.01
+    assert driven(4.0, 1.0, 1.0, compliance=0.008).truth().position[0] == pytest.approx(
+        0.56, abs=0.06
+    )
+
+
 def over_a_turn(name: str, rate: float, settle: float) -> tuple[np.ndarray, np.ndarray]:
     """Return places and tilts [deg] of a walker over a turn of its crank, after it has settled."""
     twin = Twin(robot_of(str(ROOT / 'config' / f'{name}.yaml')))
@@ -228,6 +256,8 @@ def test_masses_and_sizes_of_no_robot_are_reported_in_one_line(
         (lambda: Motors(factors={'a': math.nan}), 'factor of a'),
         (lambda: Sensors(encoder_noise=-1.0), 'encoder_noise = -1.0'),
         (lambda: Sensors(encoder_offset=math.inf), 'encoder_offset'),
+        (lambda: Twin(two_motors(), compliance=0.001), 'compliance'),
+        (lambda: Twin(two_motors(), compliance=math.nan), 'compliance'),
         (lambda: Twin(robot_of('sem104')).command('crank', math.nan), 'velocity of crank'),
         (lambda: Twin(robot_of('sem104')).command('crank', -math.inf), 'velocity of crank'),
         (lambda: Twin(robot_of('sem104')).command('lift', 1.0), 'lift turns no crank'),

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration, number, require
-from klann_ros.twin import Floor, Motors, Sensors
+from klann_ros.twin import Floor, ImuSampling, Motors, Sensors
 
 _FLOOR, _MOTORS = Floor(), Motors()
 WORLD = (
@@ -12,6 +12,7 @@ WORLD = (
     number('friction', _FLOOR.friction, "Coulomb's, of the feet on the floor", 0.0, 10.0),
     number('slope', _FLOOR.slope, 'angle by which the floor rises along x [rad]', -0.785, 0.785),
     number('time_step', 0.0, 'of the engine [s]; 0: 1 ms, of a leg 0.2 ms', 0.0, 0.005),
+    number('compliance', 0.0, 'time constant of joints that give way [s]; 0: rigid', 0.0, 0.05),
 )
 DRIVES = (
     Declaration(
@@ -38,6 +39,12 @@ READINGS = (
     ),
     number('accelerometer_offset', 0.0, "bias of the IMU's accelerations [m/s^2]", -100.0, 100.0),
     number('orientation_noise', 0.0, "standard deviation of the IMU's attitude [rad]", 0.0, 3.2),
+    Declaration(
+        'imu_sampling',
+        ImuSampling.MEAN.value,
+        'whether the IMU reads the mean since its last reading, or an instant',
+        choices=tuple(sampling.value for sampling in ImuSampling),
+    ),
     number('camera_noise', 1e-4, 'standard deviation of measured points [m]', 0.0, 1.0),
     number('camera_outliers', 0.0, 'share of measured points that are wrong', 0.0, 0.5),
     Declaration('seed', 0, 'seed of all noise', limits=(0, 2**31 - 1)),
@@ -73,4 +80,6 @@ def motors(values: Mapping[str, Any], joints: Sequence[str]) -> Motors:
 
 def sensors(values: Mapping[str, Any]) -> Sensors:
     """Return the sensor noise."""
-    return Sensors(**{p.name: values[p.name] for p in READINGS if p.name != 'seed'})
+    readings = {p.name: values[p.name] for p in READINGS if p.name != 'seed'}
+    readings['imu_sampling'] = ImuSampling(values['imu_sampling'])
+    return Sensors(**readings)

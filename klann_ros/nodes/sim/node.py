@@ -109,6 +109,7 @@ class SimNode(ProcessNode):
                 sensors=sensors(values),
                 time_step=values['time_step'],
                 seed=values['seed'],
+                compliance=values['compliance'],
             )
         except (MassError, TwinError, NoMujocoError, KinematicsError) as error:
             raise StartError(str(error)) from error
