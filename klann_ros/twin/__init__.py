@@ -10,10 +10,12 @@ The twin of a robot in the physics engine MuJoCo; knows nothing of ROS.
 `robot_mjcf` writes a suspended leg, or a walker on a floor, as a model of the engine; it does not
 need the engine. `agreement` compares a leg in the engine with its kinematics and forces. `Twin` is
 a simulated robot: motors with speed commands, noisy sensors, and the true state. The engine is
-the extra `sim`; without it these raise a NoMujocoError.
+the extra `sim`; without it these raise a NoMujocoError. A `FaultInjector` changes commands and
+readings as faults of the hardware do.
 """
 
 from .agreement import Agreement, agreement
+from .injection import FaultInjector, injected_faults, Injection
 from .mjcf import Floor, robot_mjcf
 from .twin import (
     DivergedError,
@@ -31,9 +33,11 @@ from .twin import (
 __all__ = [
     'Agreement',
     'DivergedError',
+    'FaultInjector',
     'Floor',
     'Imu',
     'ImuSampling',
+    'Injection',
     'Motors',
     'NoMujocoError',
     'Sensors',
@@ -42,5 +46,6 @@ __all__ = [
     'Twin',
     'TwinError',
     'agreement',
+    'injected_faults',
     'robot_mjcf',
 ]

@@ -49,8 +49,12 @@ READINGS = (
     number('camera_outliers', 0.0, 'share of measured points that are wrong', 0.0, 0.5),
     Declaration('seed', 0, 'seed of all noise', limits=(0, 2**31 - 1)),
 )
+FAULTS = (
+    Declaration('faults', '', 'what is wrong with it: NAME=SIZE@START [s], ..., such as dead@5'),
+)
 OUTPUT = (
     Declaration('cameras', False, 'whether cameras measure moving points, as camera/LEG/POINT'),
+    Declaration('home_switches', False, 'whether zero of each crank closes a switch, home/JOINT'),
     number('linear', 0.0, 'own cmd_vel while no other node sends any [m/s]; 0: none', -1.0, 1.0),
     number('rate', 100.0, 'messages a second of simulated time [Hz]', 1.0, 1000.0),
     number('real_time_factor', 1.0, 'simulated time over wall time', 0.01, 100.0),
@@ -59,7 +63,7 @@ OUTPUT = (
     Declaration('base_frame', 'base_link', 'frame of the body, and of its IMU'),
     number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )
-SIM_PARAMETERS = (*WORLD, *DRIVES, *READINGS, *OUTPUT)
+SIM_PARAMETERS = (*WORLD, *DRIVES, *READINGS, *FAULTS, *OUTPUT)
 
 
 def floor(values: Mapping[str, Any]) -> Floor:

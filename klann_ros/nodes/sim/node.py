@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
+from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -33,21 +34,41 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.twin import DivergedError, NoMujocoError, Twin, TwinError
+from klann_ros.twin import (
+    DivergedError,
+    FaultInjector,
+    injected_faults,
+    Injection,
+    NoMujocoError,
+    Twin,
+    TwinError,
+)
 from klann_ros.twin.twin import Pace, RealTimeFactor
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Bool, Header
 
-from .declarations import DRIVES, floor, motors, OUTPUT, READINGS, sensors, SIM_PARAMETERS, WORLD
+from .declarations import (
+    DRIVES,
+    FAULTS,
+    floor,
+    motors,
+    OUTPUT,
+    READINGS,
+    sensors,
+    SIM_PARAMETERS,
+    WORLD,
+)
 
 # A warning is published below this real-time factor [-].
 MIN_REAL_TIME_FACTOR = 0.97
 # With shorter steps the engine would never get anywhere [s].
 MIN_TIME_STEP = 1e-5
+# Arc, from zero on, over which a crank closes its home switch [rad].
+SWITCH_WIDTH = 0.2
 # Period of the demo's commands [s].
 _COMMAND_PERIOD = 0.1
 # The demo stands for this time first, in which a walker learns its accelerometer's bias [s].
@@ -65,8 +86,9 @@ class SimNode(ProcessNode):
         require(step == 0.0 or step >= MIN_TIME_STEP, 'time_step', step, allowed)
         self._twin = self._make_twin(values)
         self._period = 1.0 / values['rate']
-        self._commands = CrankCommands(self, self._twin, values['command_timeout'])
-        self._outputs = RobotOutputs(self, self._twin, values)
+        faults = self._make_faults(values['faults'])
+        self._commands = CrankCommands(self, self._twin, faults, values['command_timeout'])
+        self._outputs = RobotOutputs(self, self._twin, faults, values)
         # The number of ticks, and the tick of the robot's start.
         self._tick = self._first = 0
         self._resets = 0
@@ -114,9 +136,16 @@ class SimNode(ProcessNode):
         except (MassError, TwinError, NoMujocoError, KinematicsError) as error:
             raise StartError(str(error)) from error
 
+    def _make_faults(self, text: str) -> FaultInjector:
+        joints = self._twin.joints
+        try:
+            return FaultInjector(injected_faults(text, joints), joints)
+        except TwinError as error:
+            raise StartError(f'faults: {error}') from error
+
     def _on_timer(self) -> None:
         for _ in range(self._pace.due(monotonic())):
-            self._commands.expire_commands()
+            self._commands.drive_motors()
             self._tick += 1
             try:
                 self._twin.step((self._tick - self._first) * self._period)
@@ -124,7 +153,7 @@ class SimNode(ProcessNode):
                 self._fault = f'{error}; the robot is put back to its start'
                 self.get_logger().error(self._fault, throttle_duration_sec=LOG_PERIOD)
                 self._reset()
-            self._outputs.publish(self._stamp())
+            self._outputs.publish(self._stamp(), self._commands.velocities)
 
     def _stamp(self) -> Any:
         """Return simulated time, or the world's, which stands still for no late tick."""
@@ -175,8 +204,11 @@ class SimNode(ProcessNode):
 class CrankCommands:
     """Subscription to crank_command; without a younger command than the timeout a crank stops."""
 
-    def __init__(self, node: Node, twin: Twin, timeout: float) -> None:
+    def __init__(self, node: Node, twin: Twin, faults: FaultInjector, timeout: float) -> None:
         self._node, self._twin, self._timeout = node, twin, timeout
+        self._faults = faults
+        # The last commands of all joints [rad/s].
+        self.velocities = dict.fromkeys(twin.joints, 0.0)
         self._counts: Counter[str] = Counter()
         # Arrival of the last command of each joint [s].
         self._last: dict[str, float] = {}
@@ -193,18 +225,21 @@ class CrankCommands:
         """Return the numbers of commands by their outcome, and of cranks held after a timeout."""
         return {name: self._counts[name] for name in ('commands', 'rejected', 'limited', 'held')}
 
-    def expire_commands(self) -> None:
-        """Hold the cranks whose last command is too old."""
+    def drive_motors(self) -> None:
+        """Drive the motors by the last commands; hold those whose last command is too old."""
         now = monotonic()
         for joint, at in [*self._last.items()]:
             if now - at > self._timeout:
                 del self._last[joint]
-                self._twin.command(joint, 0.0)
+                self.velocities[joint] = 0.0
                 self._counts['held'] += 1
+        for joint, rate in self._faults.commands(self.velocities, self._twin.time).items():
+            self._twin.command(joint, rate)
 
     def forget(self) -> None:
         """Hold all cranks until the next command."""
         self._last.clear()
+        self.velocities = dict.fromkeys(self.velocities, 0.0)
 
     def _on_command(self, data: bytes, _: Info) -> None:
         self._counts['commands'] += 1
@@ -217,6 +252,7 @@ class CrankCommands:
             return
         for joint, velocity in velocities.items():
             self._last[joint] = monotonic()
+            self.velocities[joint] = velocity
             if self._twin.command(joint, velocity) != velocity:
                 self._counts['limited'] += 1
 
@@ -243,8 +279,11 @@ class CrankCommands:
 class RobotOutputs:
     """Publishers of the robot's readings and of the truth, by the node's parameters."""
 
-    def __init__(self, node: Node, twin: Twin, values: Mapping[str, Any]) -> None:
-        self._twin, noise = twin, sensors(values)
+    def __init__(
+        self, node: Node, twin: Twin, faults: FaultInjector, values: Mapping[str, Any]
+    ) -> None:
+        self._twin, self._faults, noise = twin, faults, sensors(values)
+        self._encoder_offset = noise.encoder_offset
         self._cranks = create_publisher(node, JointState, 'crank_state')
         self._imus = create_publisher(node, Imu, 'imu')
         self._truths = create_publisher(node, Odometry, 'ground_truth')
@@ -253,33 +292,26 @@ class RobotOutputs:
             name: create_publisher(node, PointStamped, f'camera/{name}')
             for name in (twin.points() if values['cameras'] else ())
         }
+        self._switches = {
+            joint: create_publisher(node, Bool, f'home/{joint}')
+            for joint in (twin.joints if values['home_switches'] else ())
+        }
         self._crank, self._imu, self._truth = JointState(), Imu(), Odometry()
-        self._crank.name = list(twin.joints)
         self._imu.header.frame_id = self._truth.child_frame_id = values['base_frame']
         self._truth.header.frame_id = values['world_frame']
         self._imu.orientation_covariance = _diagonal(noise.orientation_noise**2)
         self._imu.angular_velocity_covariance = _diagonal(noise.gyro_noise**2)
         self._imu.linear_acceleration_covariance = _diagonal(noise.accelerometer_noise**2)
 
-    def publish(self, stamp: TimeMessage) -> None:
-        """Publish the current state."""
+    def publish(self, stamp: TimeMessage, commands: Mapping[str, float]) -> None:
+        """Publish the current state; `commands` are the commanded rates by joint [rad/s]."""
         if self._clock is not None:
             # First, so that nodes with simulated time have it before the rest arrives.
             self._clock.publish(Clock(clock=stamp))
-        for message in (self._crank, self._imu, self._truth):
-            message.header.stamp = stamp
-        cranks, imu, truth = self._twin.cranks().values(), self._twin.imu(), self._twin.truth()
-        self._crank.position = array('d', [crank.position for crank in cranks])
-        self._crank.velocity = array('d', [crank.velocity for crank in cranks])
-        # A review compares efforts with the masses of the legs alone; a walker's carry its weight.
-        if not self._twin.is_free:
-            self._crank.effort = array('d', self._twin.efforts())
-        _fill(self._imu.orientation, 'xyzw', imu.orientation)
-        _fill(self._imu.angular_velocity, 'xyz', imu.angular_velocity)
-        _fill(self._imu.linear_acceleration, 'xyz', imu.linear_acceleration)
-        # First: walker_node estimates the motion when it has the cranks.
-        self._imus.publish(self._imu)
-        self._cranks.publish(self._crank)
+        # The IMU first: walker_node estimates the motion when it has the cranks.
+        self._publish_imu(stamp)
+        self._publish_cranks(stamp, commands)
+        self._truth.header.stamp, truth = stamp, self._twin.truth()
         pose, twist = self._truth.pose.pose, self._truth.twist.twist
         _fill(pose.position, 'xyz', truth.position)
         _fill(pose.orientation, 'xyzw', truth.orientation)
@@ -291,6 +323,33 @@ class RobotOutputs:
                 message = PointStamped(header=Header(stamp=stamp), point=Point(x=x, y=y))
                 message.header.frame_id = f'{name.rpartition("/")[0]}/leg_plane'.lstrip('/')
                 self._cameras[name].publish(message)
+
+    def _publish_imu(self, stamp: TimeMessage) -> None:
+        imu = self._faults.imu(self._twin.imu(), self._twin.time)
+        if self._faults.is_active(Injection.IMU_MISSING, self._twin.time):
+            return
+        self._imu.header.stamp = stamp
+        _fill(self._imu.orientation, 'xyzw', imu.orientation)
+        _fill(self._imu.angular_velocity, 'xyz', imu.angular_velocity)
+        _fill(self._imu.linear_acceleration, 'xyz', imu.linear_acceleration)
+        self._imus.publish(self._imu)
+
+    def _publish_cranks(self, stamp: TimeMessage, commands: Mapping[str, float]) -> None:
+        measured = self._twin.cranks()
+        for joint, switch in self._switches.items():
+            angle = measured[joint].position - self._encoder_offset
+            switch.publish(Bool(data=angle % TURN < SWITCH_WIDTH))
+        if not self._faults.is_active(Injection.DRIVER_REPEATS, self._twin.time):
+            self._crank.header.stamp = stamp
+            cranks = self._faults.cranks(measured, commands, self._twin.time)
+            self._crank.name = list(cranks)
+            self._crank.position = array('d', [crank.position for crank in cranks.values()])
+            self._crank.velocity = array('d', [crank.velocity for crank in cranks.values()])
+            # A review compares efforts with the masses of the legs alone; a walker's carry its
+            # weight.
+            if not self._twin.is_free:
+                self._crank.effort = array('d', self._twin.efforts())
+        self._cranks.publish(self._crank)
 
 
 class DemoCommandPublisher:
@@ -352,11 +411,14 @@ def _diagonal(variance: float) -> list[float]:
 def main(argv: Sequence[str], stop: StopSignals) -> int:
     """Run the node; return the exit code."""
     groups = {'the world': WORLD, 'motors': DRIVES, 'sensors': READINGS, 'outputs': OUTPUT}
+    groups['faults'] = FAULTS
+    kinds = '\n'.join(f'  {kind.label} ({kind.size:g}): {kind.description}' for kind in Injection)
     parser = ArgumentParser(
         'sim_node',
         'Simulate a robot in MuJoCo, in real time: speeds of its cranks in (crank_command), its '
         'cranks (crank_state), its IMU (imu) and its true pose (ground_truth) out.',
-        f'{usage(groups)}\n its legs and masses: those of solver_node, in the same file\n'
+        f'{usage(groups)}\n faults by name (size), of a crank as JOINT_NAME or for all:\n{kinds}\n'
+        ' its legs and masses: those of solver_node, in the same file\n'
         f'{QOS_USAGE}\n\n'
         'Service ~/reset (std_srvs/srv/Trigger): the robot stands where it began.',
     )
