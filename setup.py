@@ -111,6 +111,7 @@ setup(
                 'player_node',
                 'view_node',
                 'sim_node',
+                'watchdog_node',
                 'review',
                 'recover',
                 'export',

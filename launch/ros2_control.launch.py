@@ -3,7 +3,8 @@ A walker with standard controllers of ros2_control, in sim_node, in MuJoCo or on
 
     ros2 launch klann_ros ros2_control.launch.py
 
-walker_node commands crank_velocity_controller and reads joint_state_broadcaster. With
+walker_node commands crank_velocity_controller and reads joint_state_broadcaster; watchdog_node
+sends zero to the controller, which has no timeout, when these commands stop. With
 hardware:=true (here the default) the hardware interface publishes crank_command and subscribes to
 crank_state, of sim_node unless sim:=false; else it is mujoco_ros2_control's. The files are those
 of `export --ros2-control`; the launch file among them includes this one.
@@ -19,7 +20,12 @@ from klann_ros.export import ros2_control as files
 from klann_ros.robot import robot_of
 from klann_ros.sanitize.text import printable_line
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    Shutdown,
+)
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
@@ -101,7 +107,8 @@ def nodes(context: LaunchContext) -> list[Node]:
     sim_time = {'use_sim_time': not is_real}
     states = ('crank_state', 'joint_state_broadcaster/joint_states')
     spawned = ['joint_state_broadcaster', 'crank_velocity_controller']
-    topics = [states, ('crank_command', 'crank_velocity_controller/commands')]
+    commands = ('crank_command', 'crank_velocity_controller/commands')
+    topics = [states, commands]
     if not is_real:
         spawned.append('imu_sensor_broadcaster')
         topics.append(('imu', 'imu_sensor_broadcaster/imu'))
@@ -147,6 +154,16 @@ def nodes(context: LaunchContext) -> list[Node]:
         parameters=[walker, control, {'use_imu': True}, sim_time],
         remappings=topics,
     )
+    watchdog = Node(
+        package='klann_ros',
+        executable='watchdog_node',
+        name='watchdog_node',
+        output='screen',
+        parameters=[control],
+        remappings=[commands],
+        # Without it the controller would repeat the last command of a hung walker_node for ever.
+        on_exit=Shutdown(reason='watchdog_node has ended'),
+    )
     return [
         # On topics of its own: no other node may take the cranks for the robot.
         description(
@@ -156,6 +173,8 @@ def nodes(context: LaunchContext) -> list[Node]:
             [('robot_description', DESCRIPTION), ('joint_states', 'crank_joints')],
         ),
         description('robot_state_publisher', robot, sim_time, []),
+        # Before what it stops.
+        watchdog,
         hardware_control if is_real else mujoco_control,
         spawner,
         *([sim] if is_real and is_simulated else []),

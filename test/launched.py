@@ -18,7 +18,7 @@ PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 PATIENCE = 60.0
 NODES = (
     'crank_node', 'player_node', 'recorder_node', 'sim_node', 'solver_node', 'view_node',
-    'walker_node',
+    'walker_node', 'watchdog_node',
 )  # fmt: skip
 # The programs of others, which a launch file only starts and ends.
 OTHERS = (

@@ -302,12 +302,14 @@ class _OtherNodes:
         from .sim import declarations as sim  # noqa: PLC0415
         from .solver import declarations as solver  # noqa: PLC0415
         from .walker import declarations as walker  # noqa: PLC0415
+        from .watchdog import declarations as watchdog  # noqa: PLC0415
 
         own = {
             'player_node': player.declarations(1.0, 0.0, 0.0),
             'recorder_node': recorder.RECORDER_PARAMETERS,
             'walker_node': walker.WALKER_PARAMETERS,
             'sim_node': sim.SIM_PARAMETERS,
+            'watchdog_node': watchdog.WATCHDOG_PARAMETERS,
             'crank_node': (*crank.MOTION, *crank.CRANK_PARAMETERS),
             'solver_node': (
                 *solver.GEOMETRY,

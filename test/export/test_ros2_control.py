@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 from klann_ros.export.command import main
 from klann_ros.export.ros2_control import controllers, cranks_urdf
+from klann_ros.nodes.watchdog.declarations import WATCHDOG_PARAMETERS
 from klann_ros.robot import robot_of
 from klann_ros.twin import Twin
 from launch_api import NAMES
@@ -144,6 +145,9 @@ def test_every_parameter_is_one_of_the_controllers(exported: tuple[str, Path]) -
     assert manager.pop('update_rate') == 100
     kinds = {name: given['type'] for name, given in manager.items()}
     assert content.pop('walker_node') == {'ros__parameters': {'command_type': 'velocities'}}
+    watchdog = content.pop('watchdog_node')['ros__parameters']
+    declared = {parameter.name: parameter for parameter in WATCHDOG_PARAMETERS}
+    assert all(declared[name].allows(value) for name, value in watchdog.items())
     assert kinds.keys() == content.keys()
     for name, kind in kinds.items():
         given, known = content[name]['ros__parameters'], KNOWN['controllers'][kind]
@@ -152,6 +156,7 @@ def test_every_parameter_is_one_of_the_controllers(exported: tuple[str, Path]) -
             assert type(value).__name__ == known[key]
     joints = [*robot_of(file).crank_joints]
     assert content['crank_velocity_controller']['ros__parameters']['joints'] == joints
+    assert watchdog['joints'] == joints
 
 
 def test_the_shipped_files_are_those_of_the_generator() -> None:

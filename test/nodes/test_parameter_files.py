@@ -19,6 +19,7 @@ NODES = {
     'sim_node': LEGS,
     'view_node': ('-p', 'port:=0'),
     'walker_node': LEGS,
+    'watchdog_node': ('-p', 'joints:=[left_crank]'),
 }
 
 

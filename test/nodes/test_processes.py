@@ -15,7 +15,8 @@ from ros_domain import Domain, Process
 
 EXECUTABLES = [
     *('solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'),
-    *('sim_node', 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design'),
+    *('sim_node', 'watchdog_node', 'review', 'recover', 'export', 'describe', 'calibrate'),
+    *('exercise', 'design'),
 ]
 
 

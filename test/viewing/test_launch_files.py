@@ -145,3 +145,15 @@ def test_the_same_argument_means_the_same_everywhere(name: str) -> None:
         # The walker's file and the replay's time and topics are another matter.
         allowed = {'params_file': 2, 'use_sim_time': 2, 'namespace': 2}.get(argument, 1)
         assert len(others) <= allowed, argument
+
+
+def test_the_end_of_the_watchdog_ends_its_launch() -> None:
+    (watchdog,) = (
+        call
+        for call in calls('ros2_control.launch.py', 'Node')
+        if keywords(call)['executable'] == 'watchdog_node'
+    )
+    words = {word.arg: ast.unparse(word.value) for word in watchdog.keywords}
+    assert words['on_exit'].startswith('Shutdown(')
+    # It hears what walker_node sends.
+    assert words['remappings'] == '[commands]'

@@ -225,7 +225,7 @@ class WalkerNode(ProcessNode):
         now = self._now()
         level, message = self._walker.verdict(now)
         values = self._walker.values(now).items()
-        count = self.count_publishers(self.resolve_topic_name('crank_command'))
+        count = self._commander_count()
         if count > 1:
             rivals = f'crank_command has {count} publishers: only one may drive the cranks'
             self.get_logger().warning(rivals, once=True)
@@ -233,6 +233,15 @@ class WalkerNode(ProcessNode):
             message = f'{message}; {rivals}'
         status = diagnostic_status(self, 'walker', bytes([level.value]), message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
+
+    def _commander_count(self) -> int:
+        """Return the number of nodes that command the cranks; a watchdog only stops them."""
+        topic = self.resolve_topic_name('crank_command')
+        count = int(self.count_publishers(topic))
+        if count > 1:
+            nodes = [node.node_name for node in self.get_publishers_info_by_topic(topic)]
+            count -= nodes.count('watchdog_node')
+        return count
 
     def _on_watch(self) -> None:
         is_enough = self._driven * self._period >= DRIVEN_RATIO * WATCH_PERIOD

@@ -1,0 +1,1 @@
+"""`watchdog_node`: zero for velocity controllers that have no timeout."""

@@ -1,0 +1,106 @@
+"""
+`watchdog_node`: sends zero to a velocity controller that is no longer commanded.
+
+JointGroupVelocityController repeats its last command for ever. This node listens to the commands
+beside the controller, and is not between it and walker_node: neither of the two processes, stopped
+or killed, leaves a command standing that the other cannot replace.
+"""
+
+from collections.abc import Sequence
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from klann_ros.nodes.endpoints import (
+    create_publisher,
+    create_steady_timer,
+    diagnostic_array,
+    diagnostic_status,
+    publish_last,
+    QOS_USAGE,
+    subscribe_raw,
+)
+from klann_ros.nodes.parameters import declare, require, usage
+from klann_ros.nodes.process import arguments, ProcessNode, run
+from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.stop_signals import StopSignals
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64MultiArray
+
+from .declarations import WATCHDOG_PARAMETERS
+
+# Period of the timer, in timeouts: zero is late by this part of the timeout.
+TICKS = 0.1
+# Zero is repeated with this period [s]: a command that was on its way may arrive after it.
+REPEAT_PERIOD = 0.5
+
+
+class WatchdogNode(ProcessNode):
+    """Send zero while no other node commands the joints, and at the end."""
+
+    def __init__(self, **options: Any) -> None:
+        """Declare, validate and connect; a StartError names a refused parameter."""
+        super().__init__('watchdog_node', **options)
+        values = declare(self, WATCHDOG_PARAMETERS)
+        joints = [joint for joint in values['joints'] if joint]
+        require(bool(joints), 'joints', values['joints'], 'the names of its joints')
+        self._timeout: float = values['command_timeout']
+        self._zero = bytes(serialize_message(Float64MultiArray(data=[0.0] * len(joints))))
+        self._publisher = create_publisher(self, Float64MultiArray, 'crank_command')
+        # Arrival of the last command of another node, and time of the last zero [s].
+        self._heard = self._sent = monotonic()
+        # The middleware delivers a node's messages to its subscriptions too.
+        self._expects_echo = False
+        self._is_silent = False
+        self._timeouts = 0
+        subscribe_raw(self, Float64MultiArray, 'crank_command', self._on_command)
+        create_steady_timer(self, TICKS * self._timeout, self._on_timer, RawCallbackGroup())
+        self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        create_steady_timer(self, values['diagnostics_period'], self._report)
+        topic, count = self._publisher.topic_name, len(joints)
+        self.get_logger().info(f'ready: {topic} of {count} joints, {self._timeout:g} s')
+
+    def close(self) -> int:
+        """Send zero."""
+        publish_last(self._publisher, self._zero)
+        return 0
+
+    def _on_command(self, data: bytes, _: Info) -> None:
+        if self._expects_echo and data == self._zero:
+            self._expects_echo = False
+            return
+        self._heard = monotonic()
+
+    def _on_timer(self) -> None:
+        now = monotonic()
+        was_silent = self._is_silent
+        self._is_silent = now - self._heard > self._timeout
+        if not self._is_silent:
+            return
+        if not was_silent:
+            self._timeouts += 1
+            text = f'no command for {self._timeout:g} s: zero is sent'
+            self.get_logger().warning(f'{self._publisher.topic_name}: {text}')
+        if not was_silent or now - self._sent > REPEAT_PERIOD:
+            self._sent, self._expects_echo = now, True
+            self._publisher.publish(self._zero)
+
+    def _report(self) -> None:
+        silence = f'no command for {monotonic() - self._heard:.1f} s: zero is sent'
+        message = silence if self._is_silent else 'commanded'
+        values = {'timeouts': self._timeouts}.items()
+        status = diagnostic_status(self, 'commands', DiagnosticStatus.OK, message, values)
+        self._diagnostics.publish(diagnostic_array(self, [status]))
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    parser = ArgumentParser(
+        'watchdog_node',
+        'Stop the cranks: send zero to a velocity controller of ros2_control whose commands '
+        '(crank_command, std_msgs/Float64MultiArray) have stopped.',
+        f'{usage({"": WATCHDOG_PARAMETERS})}\n{QOS_USAGE}',
+    )
+    arguments(parser, argv)
+    return run('watchdog_node', lambda _: WatchdogNode(), argv, stop, raw=True)

@@ -1,0 +1,141 @@
+"""watchdog_node as a process: alone, and in the chain of ros2_control.launch.py."""
+
+from pathlib import Path
+from signal import SIGCONT, SIGSTOP, SIGTERM
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
+import pytest
+from ros_domain import Domain, Process
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
+CONTROLLERS = Path(__file__).with_name('velocity_controllers.py')
+COMMANDS = 'crank_velocity_controller/commands'
+REMAPPED = ('-r', f'crank_command:={COMMANDS}')
+PARAMETERS = ('--ros-args', '--params-file', str(CONFIG / 'ros2_control.yaml'), *REMAPPED)
+# Slower cranks stand [rad/s]; at 0.1 m/s they turn at 0.68 rad/s.
+STANDSTILL = 0.02
+
+
+class Chain:
+    """
+    walker_node, the stand-in of the controllers, watchdog_node and sim_node.
+
+    cmd_vel of 0.1 m/s goes on until `is_driven` is false.
+    """
+
+    def __init__(self, ros: Domain) -> None:
+        self.probe = ros.probe
+        self.cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
+        self.reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
+        walker = ('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml'))
+        states = ('-r', 'crank_state:=joint_state_broadcaster/joint_states')
+        ros.start('sim_node', *walker)
+        ros.start('python', str(CONTROLLERS))
+        self.watchdog = ros.start('watchdog_node', *PARAMETERS)
+        self.walker = ros.start('walker_node', *walker, *PARAMETERS[1:], *states)
+        self.cmd_vel = ros.probe.publisher(TwistStamped, 'cmd_vel')
+        self.is_driven = True
+        ros.probe.node.create_timer(0.05, self._drive)
+
+    def _drive(self) -> None:
+        message = TwistStamped()
+        message.twist.linear.x = 0.1 if self.is_driven else 0.0
+        self.cmd_vel.publish(message)
+
+    @property
+    def angles(self) -> list[float]:
+        return list(self.cranks[-1].position)
+
+    def turns(self) -> bool:
+        return bool(self.cranks) and min(self.cranks[-1].velocity) > 0.5
+
+    def stands(self) -> bool:
+        return max(map(abs, self.cranks[-1].velocity)) < STANDSTILL
+
+    def until_walking(self) -> None:
+        self.probe.until(self.turns)
+        self.probe.spin(1.0)
+
+    def turned_in(self, seconds: float) -> float:
+        """Return the largest motion of a crank in a time [rad]."""
+        before = self.angles
+        self.probe.spin(seconds)
+        return max(abs(at - was) for at, was in zip(self.angles, before, strict=True))
+
+
+@pytest.fixture
+def chain(ros: Domain) -> Chain:
+    return Chain(ros)
+
+
+def test_cranks_stand_while_walker_node_is_stopped(chain: Chain) -> None:
+    chain.until_walking()
+    # The motion of one second, and of a stopped process.
+    limit = chain.turned_in(1.0)
+    chain.walker.popen.send_signal(SIGSTOP)
+    assert chain.turned_in(4.0) < limit
+    assert chain.stands()
+    assert 'crank_velocity_controller/commands: no command for 0.5 s' in chain.watchdog.errors
+    chain.walker.popen.send_signal(SIGCONT)
+    # cmd_vel has gone on.
+    chain.probe.until(chain.turns)
+    assert 'publishers' not in chain.walker.errors
+
+
+def test_cranks_stand_after_walker_node_was_killed(chain: Chain) -> None:
+    chain.until_walking()
+    limit = chain.turned_in(1.0)
+    chain.walker.kill()
+    assert chain.turned_in(4.0) < limit
+    assert chain.stands()
+
+
+def test_a_stopped_watchdog_neither_stops_nor_drives_the_cranks(chain: Chain) -> None:
+    chain.until_walking()
+    usual = chain.turned_in(1.0)
+    chain.watchdog.popen.send_signal(SIGSTOP)
+    assert chain.turned_in(2.0) > usual
+    chain.is_driven = False
+    chain.probe.until(chain.stands)
+    chain.probe.spin(1.0)
+    assert chain.stands()
+    chain.watchdog.popen.send_signal(SIGCONT)
+
+
+@pytest.fixture
+def commands(ros: Domain) -> list[Float64MultiArray]:
+    return ros.probe.listen(Float64MultiArray, COMMANDS)
+
+
+def start(ros: Domain, **parameters: object) -> Process:
+    process = ros.start('watchdog_node', *PARAMETERS, **parameters)
+    ros.probe.await_publishers(COMMANDS)
+    return process
+
+
+def test_zero_is_repeated_until_a_command_arrives(
+    ros: Domain, commands: list[Float64MultiArray]
+) -> None:
+    process = start(ros, command_timeout=0.2)
+    ros.probe.until(lambda: len(commands) >= 3)
+    assert {tuple(command.data) for command in commands} == {(0.0, 0.0)}
+    # Its own zeros are no commands: the silence is one.
+    assert process.errors.count('no command for 0.2 s') == 1
+    publisher = ros.probe.publisher(Float64MultiArray, COMMANDS)
+    publisher.publish(Float64MultiArray(data=[1.0, -1.0]))
+    ros.probe.until(lambda: [1.0, -1.0] in [list(command.data) for command in commands])
+    ros.probe.until(lambda: list(commands[-1].data) == [0.0, 0.0])
+    ros.probe.until(lambda: process.errors.count('no command for 0.2 s') == 2)
+    assert process.stop() == 0
+
+
+def test_its_end_sends_zero(ros: Domain, commands: list[Float64MultiArray]) -> None:
+    process = start(ros, command_timeout=60.0)
+    publisher = ros.probe.publisher(Float64MultiArray, COMMANDS)
+    publisher.publish(Float64MultiArray(data=[1.0, 1.0]))
+    ros.probe.until(lambda: commands)
+    assert process.stop(SIGTERM) == 0
+    ros.probe.until(lambda: list(commands[-1].data) == [0.0, 0.0])
