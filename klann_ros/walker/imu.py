@@ -7,6 +7,7 @@ slip of the feet.
 """
 
 from collections.abc import Sequence
+from enum import Enum
 from math import atan2, cos, hypot, sin, tan
 from typing import NamedTuple
 
@@ -80,6 +81,8 @@ class ImuPreintegration:
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
         self.last: ImuReading | None = None
+        # Variance of the heading [rad^2].
+        self.heading_variance = 0.0
         # Whether a reading had a specific force that could be used.
         self.has_accelerometer = False
         self._heading: float | None = None
@@ -162,6 +165,15 @@ class ImuPreintegration:
         return taken
 
 
+class AccelerometerState(Enum):
+    """How an accelerometer is used, in the words of the diagnostics."""
+
+    NONE = 'none'
+    UNKNOWN = 'unknown until it rests'
+    USED = 'used'
+    NOT_BELIEVED = 'not believed'
+
+
 class StandstillCalibration:
     """Detect standstill, and measure the drift of the heading there."""
 
@@ -184,12 +196,12 @@ class StandstillCalibration:
         return self._rested >= self._required and max(map(abs, self._mean)) < limit
 
     @property
-    def state(self) -> str:
+    def state(self) -> AccelerometerState:
         """Return the state of an accelerometer."""
         if self.is_usable:
-            return 'used'
+            return AccelerometerState.USED
         wrong = self._required > self._noise.settling_time or self._rested >= self._required
-        return 'not believed' if wrong else 'unknown until it rests'
+        return AccelerometerState.NOT_BELIEVED if wrong else AccelerometerState.UNKNOWN
 
     def reject(self) -> None:
         """Reject the accelerometer until it has rested again, for twice as long if it moved."""

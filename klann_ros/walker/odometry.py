@@ -58,24 +58,33 @@ a constant which nothing else depends on.
 
 from cmath import rect
 from collections.abc import Sequence
-from math import exp, hypot, nan, sin, sqrt
+from math import hypot, nan
 from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, stance
-from klann_ros.gait.stance import Facet, Point, Support, Triple
+from klann_ros.gait.stance import Point, Support, Triple
 from klann_ros.kinematics.angles import wrap
 import numpy as np
 
-from .imu import ImuIncrement, ImuPreintegration, ImuReading, StandstillCalibration
+from .accelerometer import AccelerometerMonitor
+from .crank_motion import CentreMotion, CrankFilter
+from .filter_state import ContactErrors, FilterState, GYRO_BIAS, GYRO_STATES
+from .imu import (
+    AccelerometerState,
+    ImuIncrement,
+    ImuPreintegration,
+    ImuReading,
+    StandstillCalibration,
+)
 from .settings import OdometryNoise
+from .slope import SlopeEstimator, SupportCheck
 
-# The yaw and the gyro's bias; the accelerometer's biases.
-GYRO_STATES, ACCEL_BIAS = slice(2, 7, 4), slice(7, 9)
 # The places of a symmetric matrix in `stance.Symmetric`.
 _SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-Attitude = tuple[float, float]
+# Variance of a yaw rate that is known [rad^2/s^2].
+KNOWN_YAW_VARIANCE = 1e-18
 
 
 class OdometryEstimate(NamedTuple):
@@ -105,8 +114,7 @@ class Odometry:
 
     `support` is that of the feet which carry it: None before the first angles, and where its
     centre of mass is not above its feet. `travelled` and `slid` are the distances that it moved,
-    and that its feet slid [m]; `support_violation` is the part of the last 10 s in which the
-    measured attitude is that of a body on feet that cannot carry it.
+    and that its feet slid [m].
 
     Parameters
     ----------
@@ -121,83 +129,57 @@ class Odometry:
         self.noise = n = noise or OdometryNoise()
         self._feet = feet
         self.support: Support | None = None
+        self.travelled = 0.0
+        self.slid = 0.0
+        self.state = FilterState(n)
+        self.contact_errors = ContactErrors(n)
+        self.slope = SlopeEstimator(n)
+        self.support_check = SupportCheck(n)
         self.calibration = StandstillCalibration(n)
-        self.travelled = self.slid = 0.0
-        self._imu, self._heading_variance = ImuPreintegration(self.noise), 0.0
-        self._cranks: list[float] | None = None
-        self._rates: list[float] = []
-        self._state = np.zeros(9)
-        deviations = [0.0] * 6 + [n.gyro_bias] + [n.accelerometer_bias] * 2
-        self._covariance = np.diag(np.square(deviations))
-        # Sigma points of the consider parameters, and the pose by each, from the state on.
-        errors = n.advance_error, n.slip_error, n.slip_error, n.slip_yaw_error, n.contact_error
-        # With nine of them the standard deviations in a circle change by 3 % at most.
-        points, weights = np.polynomial.hermite_e.hermegauss(5)
-        self._errors = np.outer(errors, points)
-        self._weights = np.tile(weights / weights.sum(), len(errors))
-        self._turned = np.zeros(self._errors.shape)
-        self._moved, self._directions = 0j * self._turned, np.exp(1j * self._turned)
-        self._attitude: Attitude | None = None
-        self._slope, self._slope_time, self._tilt_square = 0j, 0.0, 0.0
-        self._roughness = 0.0
-        # Weight of the contact model: less where the measured attitude contradicts its feet.
-        self._contact_weight = 1.0
-        # Mean size of the measured horizontal acceleration [m/s^2].
-        self._shaking = 0.0
-        self.support_violation, self._next_check = 0.0, 0.0
-        # Of the centre of mass above the ground [m].
-        self._height = 0.0
-        self._scale, self._innovation_square = 1.0, 0.0
+        self.accelerometer = AccelerometerMonitor(n)
+        self.cranks = CrankFilter(n)
+        self.centre = CentreMotion(n)
+        self._imu = ImuPreintegration(n)
         self._pose: stance.StancePose | None = None
         self._stop()
 
     def _stop(self) -> None:
         """Forget the velocity."""
-        self._state[3:6] = self._slip = 0.0
-        # Of the centre of mass: its velocity in base_link, over ground, and its acceleration.
-        self._centre_velocity: complex | None = None
-        self._velocity: complex | None = None
-        self._acceleration = 0j
-        # Measured: the change of the velocity, and the yaw rate.
+        self.state.mean[3:6] = 0.0
+        self.centre.stop()
+        self.accelerometer.stop()
+        # Mean slip of the feet [m/s].
+        self._slip = 0.0
+        # Measured change of the velocity [m/s], and the yaw rate [rad/s].
         self._push: complex | None = None
         self._yaw_rate: float | None = None
-        self._innovation = self._friction_share = 0j
 
     @property
     def gyro_bias(self) -> float:
         """Return the drift of the heading [rad/s]."""
-        return float(self._state[6])
+        return float(self.state.mean[GYRO_BIAS])
 
     @property
-    def innovation(self) -> float:
-        """Return the friction that the measured motion needs in the mean, by the largest."""
-        return abs(self._innovation)
-
-    @property
-    def tilt_innovation(self) -> float:
-        """Return the root mean square of the attitude's normalised innovation; 1 is usual."""
-        return sqrt(self._tilt_square)
-
-    @property
-    def accelerometer_state(self) -> str:
+    def accelerometer_state(self) -> AccelerometerState:
         """Return the state of the accelerometer."""
-        return self.calibration.state if self._imu.has_accelerometer else 'none'
+        has_one = self._imu.has_accelerometer
+        return self.calibration.state if has_one else AccelerometerState.NONE
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
         if self._imu.last is None:
             self.calibration.restart()
-        self._heading_variance = variance or self.noise.heading_error**2
+        self._imu.heading_variance = variance or self.noise.heading_error**2
         self._imu.read(reading)
 
     def forget_imu(self) -> None:
         """Go on without the IMU."""
-        self._imu, self._heading_variance = ImuPreintegration(self.noise), 0.0
-        self._slope, self._slope_time = 0j, 0.0
+        self._imu = ImuPreintegration(self.noise)
+        self.slope.forget()
 
     def jump(self) -> None:
         """Take the next angles as a new start: encoders jumped, the robot did not move."""
-        self._cranks = self._pose = None
+        self.cranks.angles = self._pose = None
 
     def update(
         self, cranks: Sequence[float], rates: Sequence[float], seconds: float = 0.0
@@ -208,8 +190,7 @@ class Odometry:
         `cranks` are their angles [rad], `rates` theirs [rad/s], and `seconds` is the time since
         the last reading; if it is 0, that of the angles at these rates.
         """
-        before = list(cranks) if self._cranks is None else self._cranks
-        self._cranks = angles = self._filtered(before, cranks, rates, seconds)
+        before, angles = self.cranks.read(cranks, rates, seconds)
         turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
         n = self.noise
         steps = min(500, 1 + int(max(map(abs, turned)) / n.longest_step))
@@ -220,24 +201,12 @@ class Odometry:
         taken = self._imu.take(seconds)
         if taken is not None:
             self._calibrate(taken, rates, seconds)
-            self._check_shaking(taken, seconds)
+            if self.calibration.is_usable and self.accelerometer.is_shaken(taken, seconds):
+                self._reject_accelerometer()
         for k in range(1, steps + 1):
             at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
             self._follow(at, taken, seconds / steps, 1.0 / steps)
         return self._estimate()
-
-    def _filtered(
-        self, before: list[float], cranks: Sequence[float], rates: Sequence[float], seconds: float
-    ) -> list[float]:
-        """Return the angles without most noise of the encoders, which would be slip of feet."""
-        last, self._rates = self._rates or rates, list(rates)
-        both = zip(before, last, rates, cranks, strict=True)
-        away = [was + (p + q) / 2.0 * seconds - is_ for was, p, q, is_ in both]
-        n = self.noise
-        if not 0.0 < seconds < n.max_step_time or max(map(abs, away)) >= n.encoder_gate:
-            return list(cranks)
-        share = exp(-seconds / n.encoder_filter_time)
-        return [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
 
     def _calibrate(self, taken: ImuIncrement, rates: Sequence[float], seconds: float) -> None:
         """Update the biases at standstill: neither rotation nor acceleration."""
@@ -245,23 +214,19 @@ class Odometry:
         heading = 0.0
         if self._imu.last and self._imu.last.yaw is not None:
             share = self._imu.period / (2.0 * self.noise.orientation_filter_time)
-            heading = self._heading_variance * share
-        measured = self.calibration.update(taken, self._cranks or (), rates, seconds, heading)
+            heading = self._imu.heading_variance * share
+        measured = self.calibration.update(
+            taken, self.cranks.angles or (), rates, seconds, heading
+        )
         if measured is None:
             return
         rate, variance = measured
         if variance:
-            self._update_bias(6, rate, variance)
+            self.state.measure(GYRO_BIAS, rate, variance)
         if taken.delta_velocity is not None and taken.span:
             variance = self.noise.accelerometer_noise**2 / taken.span
             for k in (0, 1):
-                self._update_bias(7 + k, taken.delta_velocity[k] / taken.span, variance)
-
-    def _update_bias(self, index: int, measured: float, variance: float) -> None:
-        column = self._covariance[:, index].copy()
-        gain = column / (column[index] + variance)
-        self._covariance -= gain[:, None] * column
-        self._state += gain * (measured - self._state[index])
+                self.state.measure(7 + k, taken.delta_velocity[k] / taken.span, variance)
 
     def _follow(
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
@@ -270,17 +235,17 @@ class Odometry:
         feet, rolled, centre = self._feet.at(angles).tolist()
         over = self._zero_moment_point(centre)
         measured, facet = taken.attitude if taken else None, self.support and self.support.facet
-        level = self._above_slope(measured) if measured and self._slope_is_known else None
+        level = self.slope.above(measured) if measured and self.slope.is_known else None
         tolerance = 3.0 * self.noise.tilt_error
         self.support = rest = stance.support(feet, over, facet, level, tolerance)
         before, self._pose = self._pose, None
         if rest is None:
             self._stop()
             return
-        self._update_attitude(rest, measured, dt)
-        if measured:
-            self._check_support(feet, over, rest.facet, measured, dt)
-        self._pose = pose = stance.stance_pose(feet, rolled, rest, self._attitude, centre)
+        self.slope.update(rest, measured, dt)
+        if measured and self.slope.is_known:
+            self.support_check.update(feet, over, rest.facet, self.slope.above(measured), dt)
+        self._pose = pose = stance.stance_pose(feet, rolled, rest, self.slope.attitude, centre)
         if before is None:
             return
         if dt >= self.noise.max_step_time:
@@ -289,99 +254,60 @@ class Odometry:
         self._yaw_rate = taken.turn * part / dt - self.gyro_bias if taken else None
         if taken and taken.delta_velocity is not None and self.calibration.is_usable:
             push = part * complex(*taken.delta_velocity[:2])
-        self._predict((pose.centre - before.centre) / dt, push, dt)
+        friction_share = self._predict((pose.centre - before.centre) / dt, push, dt)
         # The acceleration of the body shifts the load between the feet.
-        self._height = rest.height_of(centre)
+        self.centre.height = rest.height_of(centre)
         (nx, ny, nz), height = rest.normal, rest.height
         heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
-        acts = stance.zero_moment_point(pose.centre, self._height, self._acceleration)
+        acts = stance.zero_moment_point(pose.centre, self.centre.height, self.centre.acceleration)
         loads = stance.spring_loads(pose.flat, heights, acts)
         both = zip(before.flat, pose.flat, loads, strict=True)
         standing = [stance.foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
-        self._update(standing, dt)
+        self._update(standing, friction_share, dt)
         self._move(standing, dt)
 
     def _zero_moment_point(self, centre: Point) -> Point:
         """Return the centre of mass, shifted by the slope and an acceleration that is measured."""
-        acceleration = -self._slope if self._push is None else self._acceleration - self._slope
-        over = stance.zero_moment_point(complex(*centre[:2]), self._height, acceleration)
+        acceleration = -self.slope.acceleration
+        if self._push is not None:
+            acceleration += self.centre.acceleration
+        over = stance.zero_moment_point(complex(*centre[:2]), self.centre.height, acceleration)
         return over.real, over.imag, centre[2]
 
-    def _update_attitude(self, rest: Support, measured: Attitude | None, dt: float) -> None:
-        """Set roll and pitch to those of the IMU, or to what the body tips to; learn the slope."""
-        n = self.noise
-        if measured is None:
-            share = 1.0 - exp(-dt / n.tilt_time)
-            roll, pitch = self._attitude or (rest.roll, rest.pitch)
-            self._attitude = (
-                roll + share * (rest.roll - roll), pitch + share * (rest.pitch - pitch)
-            )  # fmt: skip
-            return
-        self._attitude = measured
-        self._slope_time += dt
-        roll, pitch = measured[0] - rest.roll, measured[1] - rest.pitch
-        away, variance = complex(pitch, -roll) - self._slope / GRAVITY, n.tilt_error**2
-        square = abs(away) ** 2 / (2.0 * variance)
-        latest = min(1.0, dt / n.slope_time)
-        self._tilt_square += latest * (square - self._tilt_square)
-        self._roughness += latest * (min(square, n.tipping_innovation**2) - self._roughness)
-        share = min(1.0, dt / min(self._slope_time, n.slope_time)) if dt else 1.0
-        # A body that rocks, jumps or stands on other feet measures no slope.
-        self._contact_weight = 1.0 / max(1.0, square)
-        if self._slope_is_known:
-            share *= self._contact_weight
-        self._slope += share * (GRAVITY * complex(sin(pitch), -sin(roll)) - self._slope)
+    def _predict(self, moves: complex, push: complex | None, dt: float) -> complex:
+        """
+        Predict the velocity; return the friction that balances the measured one, by the largest.
 
-    @property
-    def _slope_is_known(self) -> bool:
-        """Return whether it is known well enough to contradict the feet."""
-        return self._slope_time >= self.noise.slope_time / 4.0
-
-    def _above_slope(self, attitude: Attitude) -> Attitude:
-        """Return roll and pitch above the ground."""
-        return attitude[0] + self._slope.imag / GRAVITY, attitude[1] - self._slope.real / GRAVITY
-
-    def _check_support(
-        self, feet: Sequence[Point], over: Point, facet: Facet, measured: Attitude, dt: float
-    ) -> None:
-        """Learn for which part of the time it lies on feet that cannot carry it."""
-        self._next_check -= dt
-        if self._next_check > 0.0 or not self._slope_is_known:
-            return
-        self._next_check = period = 0.1
-        level = self._above_slope(measured)
-        is_off = stance.outside_feet(feet, over, level, facet) > self.noise.max_outside
-        share = period / self.noise.slope_time
-        self.support_violation += share * (is_off - self.support_violation)
-
-    def _predict(self, moves: complex, push: complex | None, dt: float) -> None:
-        """Predict the velocity; the centre of mass has the velocity `moves` in base_link."""
-        n, p = self.noise, self._covariance
-        vx, vy, w, _, bx, by = self._state[3:].tolist()
+        The centre of mass has the velocity `moves` in base_link [m/s].
+        """
+        n, p = self.noise, self.state.covariance
+        vx, vy, w, _, bx, by = self.state.mean[3:].tolist()
         w = w if self._yaw_rate is None else self._yaw_rate
+        share = 0j
         if push is None:
             # The centre of mass keeps its velocity over ground.
-            last = moves if self._centre_velocity is None else self._centre_velocity
-            change = self._slope * dt - moves + last
+            last = moves if self.centre.velocity is None else self.centre.velocity
+            change = self.slope.acceleration * dt - moves + last
         else:
             # From the middle of the last step to that of this one: velocities are means of steps.
             last = push if self._push is None else self._push
             change = (last + push) / 2.0 - complex(bx, by) * dt
             # The force that friction balances, by the greatest friction.
-            share = (self._slope - change / dt) / (n.friction * GRAVITY)
-            self._friction_share = share / max(1.0, abs(share))
-        self._push, self._centre_velocity = push, moves
+            share = (self.slope.acceleration - change / dt) / (n.friction * GRAVITY)
+            share /= max(1.0, abs(share))
+        self._push = push
+        self.centre.velocity = moves
         motion = complex(vx, vy)
         turns, bias = rect(1.0, -w * dt), 0.0 if push is None else -dt
         predicted = motion * turns + change
-        self._state[3:6] = predicted.real, predicted.imag, w
+        self.state.mean[3:6] = predicted.real, predicted.imag, w
         row = [0, 0, 0, turns, 1j * turns, -1j * motion * dt, 0, bias, 1j * bias]
         # With a gyro the error of the yaw rate is that of the bias.
         yaw = [0, 0, 0, 0, 0, 1] if self._yaw_rate is None else [0, 0, 0, 0, 0, 0, -1]
         # Without an accelerometer friction may change the velocity within the step.
         noise = n.friction * GRAVITY / n.friction_information
         spread = noise if push is None else n.accelerometer_noise**2 * dt
-        self._propagate(3, row, yaw)
+        self.state.propagate(3, row, yaw)
         p[3, 3] += spread
         p[4, 4] += spread
         if push is not None:
@@ -393,37 +319,30 @@ class Odometry:
             p[6, 6] += n.gyro_drift**2 * dt
             if self._imu.last and self._imu.last.yaw is None:
                 p[2, 2] += n.gyro_noise**2 * dt
+        return share
 
-    def _propagate(self, first: int, row: Sequence[complex], yaw: Sequence[float]) -> None:
-        """Propagate the covariance: three rows of the Jacobian, the first two as x + jy."""
-        # `dot` takes half the time of @ on matrices this small.
-        p, f, rows = self._covariance, np.zeros((3, 9)), slice(first, first + 3)
-        both = np.array(row, dtype=np.complex128)
-        f[0, : len(row)], f[1, : len(row)], f[2, : len(yaw)] = both.real, both.imag, yaw
-        changed = f.dot(p)
-        changed[:, rows] = changed.dot(f.T)
-        p[rows], p[:, rows] = changed, changed.T
-
-    def _update(self, standing: Sequence[stance.FootMotion], dt: float) -> None:
+    def _update(
+        self, standing: Sequence[stance.FootMotion], friction_share: complex, dt: float
+    ) -> None:
         """Update by the slip of the feet, whose likelihood is dry friction."""
         self._slip = 0.0
         if not standing:
             return
-        p, size = self._covariance, 3 if self._yaw_rate is None else 2
+        p, size = self.state.covariance, 3 if self._yaw_rate is None else 2
         seen, weight = slice(3, 3 + size), self.noise.friction_information * dt
         (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
         if size == 2:
-            c, e, f = 0.0, 0.0, 1e-18
+            c, e, f = 0.0, 0.0, KNOWN_YAW_VARIANCE
         held, force = weight, 0j
         # With an accelerometer, which measures the motion without the feet.
         if self._push is not None:
             noise = self.noise.foot_velocity_noise**2 / dt
             a, d, f = a + noise, d + noise, f + noise / self._feet.reach**2
-            held *= self._contact_weight
-            force = held * self._friction_share
+            held *= self.slope.contact_weight
+            force = held * friction_share
         covariance = a, b, c, d, e, f
         information = stance.inverse(covariance)
-        vx, vy, w = self._state[3:6].tolist()
+        vx, vy, w = self.state.mean[3:6].tolist()
         prior = stance.MotionPrior(complex(vx, vy), w, information, force)
         feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
         creep = self.noise.stiction_speed
@@ -436,94 +355,66 @@ class Odometry:
         all_three = np.array((covariance, information, posterior))
         predicted, inverse_prior, updated = all_three[:, _SQUARE[:size, :size]]
         gain = p[:, seen].dot(inverse_prior)
-        saved = self._state[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
+        saved = self.state.mean[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
         p -= gain.dot(predicted - updated).dot(gain.T)
-        self._state += gain.dot(by)
+        self.state.mean += gain.dot(by)
         if size == 2:
-            self._state[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
+            self.state.mean[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
         self._slip = found.slid / held
         if self._push is not None:
-            self._adapt(complex(*inverse_prior.dot(by)[:2]) / weight, dt)
-
-    def _adapt(self, force: complex, dt: float) -> None:
-        """Learn how hard friction corrects the accelerometer; reject it if that is too much."""
-        n = self.noise
-        self._innovation += (1.0 - exp(-dt / n.innovation_time)) * (force - self._innovation)
-        square = self.innovation**2 - self._innovation_square
-        self._innovation_square += min(1.0, dt / n.slope_time) * square
-        if self.innovation > n.innovation_gate:
-            self._reject_accelerometer()
-
-    def _check_shaking(self, taken: ImuIncrement, seconds: float) -> None:
-        """Reject an accelerometer that measures for a second what no feet can do."""
-        if taken.delta_velocity is None or not taken.span or not self.calibration.is_usable:
-            return
-        size = hypot(*taken.delta_velocity[:2]) / taken.span
-        share = min(1.0, seconds / self.noise.innovation_time)
-        self._shaking += share * (size - self._shaking)
-        if self._shaking > GRAVITY:
-            self._reject_accelerometer()
+            friction = complex(*inverse_prior.dot(by)[:2]) / weight
+            if self.accelerometer.is_contradicted(friction, dt):
+                self._reject_accelerometer()
 
     def _reject_accelerometer(self) -> None:
         self.calibration.reject()
-        self._innovation, self._shaking = 0j, 0.0
-        self._state[ACCEL_BIAS] = 0.0
-        p = self._covariance
-        p[ACCEL_BIAS] = p[:, ACCEL_BIAS] = 0.0
-        p[7, 7] = p[8, 8] = self.noise.accelerometer_bias**2
+        self.accelerometer.forget()
+        self.state.forget_accelerometer(self.noise.accelerometer_bias)
 
     def _move(self, standing: Sequence[stance.FootMotion], dt: float) -> None:
         """Move the pose by the velocity, and its covariance by the errors of the contact model."""
-        n = self.noise
-        _, _, yaw, vx, vy, w = self._state[:6].tolist()
+        n, errors = self.noise, self.contact_errors
+        _, _, yaw, vx, vy, w = self.state.mean[:6].tolist()
         motion, along = complex(vx, vy), rect(1.0, yaw + w * dt / 2.0)
         step = along * motion * dt
-        self._state[:2] += step.real, step.imag
-        self._state[2] = wrap(yaw + w * dt)
+        self.state.mean[:2] += step.real, step.imag
+        self.state.mean[2] = wrap(yaw + w * dt)
         self.travelled += abs(step)
         self.slid += self._slip * dt
         # The acceleration of the centre of mass shifts the load.
-        velocity = motion + (self._centre_velocity or 0j)
-        last = velocity if self._velocity is None else self._velocity
-        acceleration = (velocity - last) / dt + 1j * w * velocity
-        self._velocity = velocity
-        share = 1.0 - exp(-dt / n.load_shift_time)
-        self._acceleration += share * (acceleration - self._acceleration)
-        self._slope *= rect(1.0, -w * dt)
+        self.centre.accelerate(motion, w, dt)
+        self.slope.turn(rect(1.0, -w * dt))
         scale, doubt, has_gyro = 1.0, 1.0, self._yaw_rate is not None
         if self._push is not None:
             # Adaptive errors (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic
             # Control 17, 1972): by the square of what attitude and accelerometer contradict.
-            rough, shaken = self._roughness / n.usual_tilt**2, self._innovation_square
-            doubt = max(1.0, rough, shaken / n.usual_innovation**2)
+            rough = self.slope.roughness / n.usual_tilt**2
+            shaken = self.accelerometer.innovation_square / n.usual_innovation**2
+            doubt = max(1.0, rough, shaken)
             scale = n.slip_scale_with_accelerometer * doubt
         elif has_gyro:
             scale = n.slip_scale_with_gyro
-        self._scale = scale
+        errors.scale = scale
         least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
         side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
-        self._propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
+        self.state.propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
         # The pose by the errors of the contact model.
         slip, contact = scale * self._slip, scale * (least - motion)
-        effects = np.array((doubt * motion, slip, 1j * slip, 0.0, contact))
-        moves = self._directions * (motion + effects[:, None] * self._errors) - motion
-        self._moved += along * dt * moves
-        if not has_gyro:
-            turns = np.array((0.0, 0.0, 0.0, slip / self._feet.reach, turn - w))
-            self._turned += turns[:, None] * self._errors * dt
-            self._directions = np.exp(1j * self._turned)
+        effects = doubt * motion, slip, 1j * slip, 0.0, contact
+        turns = () if has_gyro else (0.0, 0.0, 0.0, slip / self._feet.reach, turn - w)
+        errors.move(along, motion, effects, turns, dt)
 
     def _estimate(self) -> OdometryEstimate:
         rest, reading, n = self.support, self._imu.last, self.noise
-        px, py, yaw, vx, vy, angular = self._state[:6].tolist()
-        away = np.array([self._moved.real, self._moved.imag, self._turned]).reshape(3, -1)
-        p = (self._covariance[:3, :3] + (self._weights * away).dot(away.T)).tolist()
-        p[2][2] += self._heading_variance
+        px, py, yaw, vx, vy, angular = self.state.mean[:6].tolist()
+        covariance = self.state.covariance
+        p = (covariance[:3, :3] + self.contact_errors.covariance()).tolist()
+        p[2][2] += self._imu.heading_variance
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
-        var_x, var_y, var_w = (float(self._covariance[k, k]) for k in (3, 4, 5))
-        slip, reach = self._scale * self._slip, self._feet.reach
+        var_x, var_y, var_w = (float(covariance[k, k]) for k in (3, 4, 5))
+        slip, reach = self.contact_errors.scale * self._slip, self._feet.reach
         rocks = n.rocking_error * hypot(vx, vy, angular * reach)
-        rocks *= 1.0 if self._push is None else self._scale
+        rocks *= 1.0 if self._push is None else self.contact_errors.scale
         common = (n.slip_error * slip) ** 2 + rocks * rocks
         if reading is None:
             var_w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2

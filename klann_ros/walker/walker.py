@@ -8,7 +8,7 @@ from klann_ros.kinematics.angles import wrap
 
 from .controller import DiagnosticLevel, WalkController
 from .feedback import SteadyClock, Watchdog
-from .imu import ImuReading
+from .imu import AccelerometerState, ImuReading
 from .odometry import Odometry, OdometryEstimate
 from .settings import ControllerSettings, OdometryNoise
 
@@ -107,12 +107,12 @@ class Walker:
         odometry, problem = self.odometry, ''
         if self.controller.is_known and odometry.support is None:
             problem = 'its centre of mass is not above its feet'
-        elif odometry.support_violation > odometry.noise.max_support_violation:
-            share = f'{odometry.support_violation:.0%} of the time'
+        elif odometry.support_check.violation > odometry.noise.max_support_violation:
+            share = f'{odometry.support_check.violation:.0%} of the time'
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
-        elif odometry.tilt_innovation > odometry.noise.max_tilt_innovation:
+        elif odometry.slope.innovation > odometry.noise.max_tilt_innovation:
             problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
-        elif odometry.accelerometer_state == 'not believed':
+        elif odometry.accelerometer_state is AccelerometerState.NOT_BELIEVED:
             problem = (
                 'its accelerometer is not believed: check its units and axes, or the feet slip'
             )
@@ -140,6 +140,7 @@ class Walker:
             }
         names = [leg.name for leg in self.feet.robot.legs]
         has_imu = self._imu_age.age(now) <= self._imu_timeout
+        accelerometer = odometry.accelerometer_state if has_imu else AccelerometerState.NONE
         fault = controller.latch.fault
         return found | {
             'fault': fault.kind.name if fault else '',
@@ -155,10 +156,10 @@ class Walker:
             'cmd_vel_refused': str(controller.refused),
             'travelled': f'{odometry.travelled:.3f}',
             'imu': 'used' if has_imu else 'none',
-            'accelerometer': odometry.accelerometer_state if has_imu else 'none',
-            'velocity_innovation': f'{odometry.innovation:.3f}',
-            'tilt_innovation': f'{odometry.tilt_innovation:.3f}',
-            'support_violation': f'{odometry.support_violation:.3f}',
+            'accelerometer': accelerometer.value,
+            'velocity_innovation': f'{odometry.accelerometer.innovation:.3f}',
+            'tilt_innovation': f'{odometry.slope.innovation:.3f}',
+            'support_violation': f'{odometry.support_check.violation:.3f}',
             'gyro_bias': f'{odometry.gyro_bias:.5f}',
         }
 

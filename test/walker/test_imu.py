@@ -7,7 +7,12 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet
 from klann_ros.walker import imu_reading, ImuReading, Odometry, OdometryNoise
-from klann_ros.walker.imu import ImuIncrement, ImuPreintegration, StandstillCalibration
+from klann_ros.walker.imu import (
+    AccelerometerState,
+    ImuIncrement,
+    ImuPreintegration,
+    StandstillCalibration,
+)
 import numpy as np
 import pytest
 
@@ -132,10 +137,10 @@ def rest(calibration: StandstillCalibration, seconds: float, force: Triple = AT_
 def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
     calibration = StandstillCalibration(NOISE)
     rest(calibration, 0.49)
-    assert calibration.state == 'unknown until it rests'
+    assert calibration.state is AccelerometerState.UNKNOWN
     assert not calibration.is_usable
     rest(calibration, 0.02)
-    assert calibration.state == 'used'
+    assert calibration.state is AccelerometerState.USED
 
 
 @pytest.mark.parametrize(
@@ -144,7 +149,7 @@ def test_an_accelerometer_is_used_after_half_a_second_at_standstill() -> None:
 def test_other_units_and_axes_are_rejected(force: Triple) -> None:
     calibration = StandstillCalibration(NOISE)
     rest(calibration, 1.0, force)
-    assert calibration.state == 'not believed'
+    assert calibration.state is AccelerometerState.NOT_BELIEVED
 
 
 def test_an_accelerometer_rejected_at_standstill_has_to_rest_again() -> None:
@@ -164,7 +169,7 @@ def test_an_accelerometer_rejected_on_the_way_has_to_rest_for_twice_as_long() ->
     for seconds in (1.0, 2.0, 4.0):
         calibration.restart()
         calibration.reject()
-        assert calibration.state == 'not believed'
+        assert calibration.state is AccelerometerState.NOT_BELIEVED
         rest(calibration, seconds - 0.02)
         assert not calibration.is_usable
         rest(calibration, 0.04)
@@ -237,7 +242,7 @@ def test_an_accelerometer_that_the_feet_contradict_is_rejected(
 
     odometry, x, y = walked(two_motors, forces())
     _, alone, _ = walked(two_motors, iter(lambda: (nan, nan, nan), None))
-    assert odometry.accelerometer_state == 'not believed'
+    assert odometry.accelerometer_state is AccelerometerState.NOT_BELIEVED
     # It takes half a second, in which noise like that is worth 1 m/s.
     assert x == pytest.approx(alone, abs=0.7)
     assert abs(y) < 0.7
@@ -254,6 +259,6 @@ def test_a_body_that_rocks_beside_its_feet_moves_as_its_accelerometer(two_motors
         odometry.imu(ImuReading(0.0, 0.0, PERIOD * k, attitude, rocking, force))
         angle, rate = (phase / 6.0, pi / 3.0) if phase else (0.0, 0.0)
         at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
-    assert odometry.accelerometer_state == 'used'
+    assert odometry.accelerometer_state is AccelerometerState.USED
     # The feet alone went 0.15 m.
     assert hypot(at.x, at.y) < 0.08

@@ -16,6 +16,7 @@ from klann_ros.walker import (
     OdometryNoise,
     Walker,
 )
+from klann_ros.walker.imu import AccelerometerState
 import numpy as np
 import pytest
 
@@ -113,7 +114,7 @@ def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
     found = []
     for heading in (0.0, pi / 2.0):
         odometry = Odometry(two_motors)
-        odometry._state[2] = heading
+        odometry.state.mean[2] = heading
         for k in range(200):
             at = odometry.update((0.02 * k, 0.03 * k), (1.0, 1.5))
         found.append(at)
@@ -164,7 +165,7 @@ def test_the_filter_of_the_encoders_does_not_lag_while_cranks_accelerate(two_mot
     for k in range(100):
         time = 0.01 * k
         odometry.update((time**2, time**2), (2.0 * time, 2.0 * time), 0.01)
-    assert odometry._cranks == pytest.approx([0.99**2] * 2, abs=1e-9)
+    assert odometry.cranks.angles == pytest.approx([0.99**2] * 2, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -301,8 +302,9 @@ def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
 ) -> None:
     # Forwards it leans back, and downhill forwards.
     odometry = Odometry(two_motors)
-    odometry._push, odometry._height = 0j, 0.3
-    odometry._acceleration, odometry._slope = acceleration + 0j, slope + 0j
+    odometry._push, odometry.centre.height = 0j, 0.3
+    odometry.centre.acceleration = acceleration + 0j
+    odometry.slope.acceleration = slope + 0j
     rest = support(SEESAW, odometry._zero_moment_point((0.0, 0.0, 0.0)))
     assert rest is not None
     assert rest.facet == facet
@@ -334,17 +336,20 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
         still = ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=(0.0, 0.0, GRAVITY))
         odometry.imu(still)
         at = odometry.update((-angle, angle), (-1.0, 1.0) if angle else (0.0, 0.0), 0.01)
-    assert odometry.accelerometer_state == 'used'
+    assert odometry.accelerometer_state is AccelerometerState.USED
     along, across, _ = at.rate_variances
     assert along > 4.0 * across
 
 
 @pytest.mark.parametrize(
-    ('contradicted', 'usual'),
-    [('_roughness', 'usual_tilt'), ('_innovation_square', 'usual_innovation')],
+    ('part', 'contradicted', 'usual'),
+    [
+        ('slope', 'roughness', 'usual_tilt'),
+        ('accelerometer', 'innovation_square', 'usual_innovation'),
+    ],
 )
 def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
-    two_motors: Feet, contradicted: str, usual: str
+    two_motors: Feet, part: str, contradicted: str, usual: str
 ) -> None:
     def deviation(times: float) -> float:
         odometry, gravity = Odometry(two_motors), (0.0, 0.0, GRAVITY)
@@ -353,9 +358,9 @@ def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
             angle = max(0.0, 0.01 * (k - 300))
             odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
             if k >= 300:
-                setattr(odometry, contradicted, times * square)
+                setattr(getattr(odometry, part), contradicted, times * square)
             at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
-        assert odometry.accelerometer_state == 'used'
+        assert odometry.accelerometer_state is AccelerometerState.USED
         return float(np.sqrt(at.covariance[0][0]))
 
     assert deviation(60.0) > 2.0 * deviation(0.0)
@@ -369,14 +374,15 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
     leans, centre = (0.0, atan(0.1)), (x, 0.0, -0.3)
     assert outside_feet(SEESAW, centre, leans) == pytest.approx(away, abs=1e-9)
     walker = Walker(steering)
-    walker.odometry._slope_time = 10.0
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
+    check = walker.odometry.support_check
     for _ in range(400):
-        walker.odometry._check_support(SEESAW, centre, (1, 2, 3), leans, 0.01)
+        check.update(SEESAW, centre, (1, 2, 3), leans, 0.01)
     level, text = walker.verdict(0.0)
     assert ('check body_centre' in text) == bool(away)
     assert (level == DiagnosticLevel.WARN) == bool(away)
-    walker.odometry.support_violation, walker.odometry._tilt_square = 0.0, 7.1**2
+    check.violation = 0.0
+    walker.odometry.slope._innovation_square = 7.1**2
     assert 'attitude is not that of a body on its feet' in walker.verdict(0.0)[1]
     # An attitude of no feet is that of a body that tips.
     assert outside_feet(SEESAW, centre, (0.3, 0.0)) == 0.0
@@ -445,7 +451,7 @@ def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> 
         pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), at - last)
         last = at
         assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
-        assert odometry.tilt_innovation < 3.0
+        assert odometry.slope.innovation < 3.0
     assert hypot(pose.x, pose.y) < 0.6
 
 
