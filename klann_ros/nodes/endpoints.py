@@ -1,10 +1,13 @@
 """
 Names, message classes and quality of service of topics, and services without arguments.
 
+DDS matches no publisher with a subscription of another type, and Fast DDS reports none either (an
+`incompatible_type` event of rclpy never comes): `TypeCheck` finds them in the graph.
+
 Names and types may be untrusted: from a log, or a publisher on the network.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from importlib import import_module
 from time import monotonic, sleep
@@ -12,7 +15,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.definitions import is_installed, split_type
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import listed, printable, verb
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -60,6 +63,9 @@ _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 _COMMON = ('history', 'depth', 'reliability', 'durability')
 _RARE = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
 _MAX_DEPTH = 1_000_000
+# Period of queries for publishers of another type [s]; their topics in a status, and those that
+# are logged, as untrusted publishers could fill the disk.
+_TYPE_CHECK_PERIOD, _MAX_MISMATCHES, _MAX_TYPE_WARNINGS = 1.0, 3, 100
 _MAX_DURATION = 2**63 - 1
 QOS_USAGE = f"""\
  quality of service of each topic, by its full name:
@@ -111,6 +117,12 @@ def message_class(type_name: str) -> Any:
     if kind is None:
         raise UnknownMessageTypeError(f"message type '{shown}' is not installed")
     return kind
+
+
+def type_name(kind: type) -> str:
+    """Return the name of a message class, such as `sensor_msgs/msg/JointState`."""
+    package, _, _ = kind.__module__.partition('.')
+    return f'{package}/msg/{kind.__name__}'
 
 
 def create_publisher(
@@ -174,6 +186,62 @@ def diagnostic_status(
     return DiagnosticStatus(
         level=level, name=name, message=message, hardware_id=name, values=pairs
     )
+
+
+class TypeCheck:
+    """
+    Warn about publishers of another type on the topics that a node subscribes to.
+
+    `remedies` are what the user can do, by the type that the node takes and the published type.
+    """
+
+    def __init__(self, node: Node, remedies: Mapping[tuple[str, str], str] | None = None) -> None:
+        self._node, self._remedies = node, remedies or {}
+        # Time of the next query [s].
+        self._due = 0.0
+        # The present mismatches in words, by topic and published type.
+        self._mismatches: dict[tuple[str, str], str] = {}
+        self._logged: set[tuple[str, str]] = set()
+
+    def check(self) -> str:
+        """Return the mismatches in words, '' for none, and log each once; call it repeatedly."""
+        if monotonic() >= self._due:
+            self._due = monotonic() + _TYPE_CHECK_PERIOD
+            self._update()
+        return '; '.join([*self._mismatches.values()][:_MAX_MISMATCHES])
+
+    def _update(self) -> None:
+        before, self._mismatches = self._mismatches, {}
+        for subscription in self._node.subscriptions:
+            taken = type_name(subscription.msg_type)
+            topic = subscription.topic_name
+            publishers: dict[str, set[str]] = {}
+            try:
+                for endpoint in self._node.get_publishers_info_by_topic(topic):
+                    if endpoint.topic_type != taken:
+                        publishers.setdefault(endpoint.topic_type, set()).add(node_of(endpoint))
+            # DDS accepts any bytes, and rclpy returns nothing then.
+            except UnicodeDecodeError:
+                publishers['a type that is no text'] = {''}
+            for published, names in publishers.items():
+                text = self._mismatch(topic, taken, published, names)
+                self._mismatches[topic, published] = text
+                # Discovery knows a publisher before its node, which may have none.
+                if '' not in names or (topic, published) in before:
+                    self._log((topic, published), text)
+
+    def _mismatch(self, topic: str, taken: str, published: str, names: set[str]) -> str:
+        remedy = self._remedies.get((taken, published))
+        return (
+            f'{topic}: {listed(sorted(names - {""}), 3) or "a publisher"} '
+            f'{verb(len(names), "publishes", "publish")} {printable(published)}, this node takes '
+            f'{taken}{f": set {remedy}" if remedy else ""}'
+        )
+
+    def _log(self, mismatch: tuple[str, str], text: str) -> None:
+        if mismatch not in self._logged and len(self._logged) < _MAX_TYPE_WARNINGS:
+            self._logged.add(mismatch)
+            self._node.get_logger().warning(text)
 
 
 def create_trigger(node: Node, name: str, action: Callable[[], tuple[bool, str]]) -> None:

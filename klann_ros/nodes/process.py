@@ -316,6 +316,7 @@ class _OtherNodes:
                 *solver.LEGS,
                 *solver.SETTINGS,
                 *solver.drive(),
+                *solver.INPUTS,
                 *solver.PUBLISHED,
             ),
         }

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
 TOPICS = (
-    *('crank_angle', 'crank_state', 'joint_states', 'point_h', 'velocity_h'),
+    *('crank_angle', 'crank_state', 'crank_state/*', 'joint_states', 'point_h', 'velocity_h'),
     *('*/point_h', '*/velocity_h', 'markers', 'robot_description', 'leg_description'),
     *('cmd_vel', 'crank_command', 'odom', 'imu', 'ground_truth', '/clock', '/diagnostics'),
 )

@@ -4,9 +4,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration, number, require
+from klann_ros.nodes.solver.declarations import ENCODERS
 from klann_ros.twin import Floor, ImuSampling, Motors, Sensors
 
 _FLOOR, _MOTORS = Floor(), Motors()
+# What to do about a publisher of another type, by the type that is taken and the published one.
+TYPE_REMEDIES = {
+    ('sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'): (
+        'command_type:=joint_state of walker_node'
+    ),
+}
 WORLD = (
     Declaration('built', '', 'leg file with the lengths as built and the encoder zero'),
     number('friction', _FLOOR.friction, "Coulomb's, of the feet on the floor", 0.0, 10.0),
@@ -53,6 +60,7 @@ FAULTS = (
     Declaration('faults', '', 'what is wrong with it: NAME=SIZE@START [s], ..., such as dead@5'),
 )
 OUTPUT = (
+    *ENCODERS,
     Declaration('cameras', False, 'whether cameras measure moving points, as camera/LEG/POINT'),
     Declaration('home_switches', False, 'whether zero of each crank closes a switch, home/JOINT'),
     number('linear', 0.0, 'own cmd_vel while no other node sends any [m/s]; 0: none', -1.0, 1.0),

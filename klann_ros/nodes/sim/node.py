@@ -13,6 +13,7 @@ from geometry_msgs.msg import Point, PointStamped, TwistStamped
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.kinematics.angles import TURN
+from klann_ros.nodes.encoders import encoder_topics, EncoderPublishers
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -23,6 +24,7 @@ from klann_ros.nodes.endpoints import (
     publish_last,
     QOS_USAGE,
     subscribe_raw,
+    TypeCheck,
 )
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
@@ -60,6 +62,7 @@ from .declarations import (
     READINGS,
     sensors,
     SIM_PARAMETERS,
+    TYPE_REMEDIES,
     WORLD,
 )
 
@@ -97,6 +100,7 @@ class SimNode(ProcessNode):
         # Simulated time begins with 0, or with now.
         self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        self._types = TypeCheck(self, TYPE_REMEDIES)
         create_trigger(self, 'reset', self._on_reset)
         self._demo: DemoCommandPublisher | None = None
         if values['linear']:
@@ -173,6 +177,10 @@ class SimNode(ProcessNode):
     def _report(self) -> None:
         factor = self._pace.factor(monotonic())
         level, message = self._verdict(factor)
+        mismatches = self._types.check()
+        if mismatches:
+            level = DiagnosticStatus.WARN if level == DiagnosticStatus.OK else level
+            message = f'{message}; {mismatches}'
         values = {
             'time': f'{self._tick * self._period:.3f}',
             'real_time_factor': f'{factor.factor:.3f}',
@@ -284,7 +292,12 @@ class RobotOutputs:
     ) -> None:
         self._twin, self._faults, noise = twin, faults, sensors(values)
         self._encoder_offset = noise.encoder_offset
-        self._cranks = create_publisher(node, JointState, 'crank_state')
+        topics = encoder_topics(twin.joints, values)
+        self._cranks: Any = (
+            EncoderPublishers(node, topics, values['counts_per_turn'])
+            if topics
+            else create_publisher(node, JointState, 'crank_state')
+        )
         self._imus = create_publisher(node, Imu, 'imu')
         self._truths = create_publisher(node, Odometry, 'ground_truth')
         self._clock = create_publisher(node, Clock, '/clock') if values['use_clock'] else None

@@ -20,7 +20,8 @@ from klann_ros.sanitize.text import printable
 
 # Names in the refusal of a message without the joint, and their length [characters].
 _MAX_NAMES, _MAX_NAME_LENGTH = 5, 40
-_FLOAT64 = {code: struct.Struct(f'{order}d') for code, order in ORDERS.items()}
+# The numbers of std_msgs that angles come in, in struct's notation.
+_NUMBERS = {'std_msgs/msg/Float64': 'd', 'std_msgs/msg/Float32': 'f', 'std_msgs/msg/Int32': 'i'}
 
 
 class JointReading(NamedTuple):
@@ -34,13 +35,20 @@ class JointReading(NamedTuple):
     nanosec: int
 
 
-def read_float64(data: bytes) -> float:
-    """Return the number in a std_msgs/Float64; a ValueError for another message."""
-    try:
-        (value,) = _FLOAT64[data[:2]].unpack_from(data, HEADER_SIZE)
-    except (KeyError, struct.error) as error:
-        raise ValueError(f'{len(data)} bytes are no std_msgs/msg/Float64') from error
-    return float(value)
+class NumberReader:
+    """Read the number in messages of a type: Float64, Float32 or Int32 of std_msgs."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind, code = kind, _NUMBERS[kind]
+        self._layouts = {begin: struct.Struct(order + code) for begin, order in ORDERS.items()}
+
+    def read(self, data: bytes) -> float:
+        """Return the number; a ValueError for another message."""
+        try:
+            (number,) = self._layouts[data[:2]].unpack_from(data, HEADER_SIZE)
+        except (KeyError, struct.error) as error:
+            raise ValueError(f'{len(data)} bytes are no {self._kind}') from error
+        return float(number)
 
 
 class JointsReader:

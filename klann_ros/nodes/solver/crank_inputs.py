@@ -1,26 +1,29 @@
 """The topics that turn cranks: read as CDR in order, stamped, counted."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import isfinite
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log.loss import LossCounter
-from klann_ros.nodes.endpoints import INPUT, overridden
+from klann_ros.nodes.encoders import encoder_topics, TicksReader
+from klann_ros.nodes.endpoints import INPUT, overridden, type_name
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float32, Float64, Int32
 
-from .cdr import JointsReader, read_float64
+from .cdr import JointsReader, NumberReader
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
 # Alternations in a report that prove two simultaneous publishers.
 _MIN_ALTERNATIONS = 2
+_ANGLES = {'float64': Float64, 'float32': Float32}
 # Seconds and nanoseconds, as in a message.
 Stamp = tuple[int, int]
 
@@ -42,14 +45,15 @@ class CrankInputs:
     """
     Subscriptions to crank_angle, which turns all joints, and to crank_state.
 
-    For each message `turn` receives the cranks by their joints, and the stamp; `reject` the reason
-    for an unusable message.
+    `values` are the node's parameters, which say the types. For each message `turn` receives the
+    cranks by their joints, and the stamp; `reject` the reason for an unusable message.
     """
 
     def __init__(
         self,
         node: Node,
         joints: Sequence[str],
+        values: Mapping[str, Any],
         turn: Callable[[Mapping[str, CrankInput], Stamp], None],
         reject: Callable[[KinematicsError], None],
     ) -> None:
@@ -57,51 +61,64 @@ class CrankInputs:
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints, self._turn, self._reject = joints, turn, reject
-        self._reader = JointsReader(joints)
         self._last_stamp = (0, 0)
-        self._angles = _Source(node, Float64, 'crank_angle', self._on_crank_angle)
-        self._states = _Source(node, JointState, 'crank_state', self._on_crank_state)
+        angle = _ANGLES[values['crank_angle_type']]
+        self._number, self._reader = NumberReader(type_name(angle)), JointsReader(joints)
+        self._angles = _Source(node, angle, 'crank_angle', self._on_crank_angle)
+        self._states: list[_Source] = []
+        self._ticks: dict[str, TicksReader] = {}
+        for joint, topic in encoder_topics(joints, values).items():
+            self._ticks[joint] = TicksReader(values['counts_per_turn'])
+            on_ticks = partial(self._on_ticks, joint, len(self._states))
+            self._states.append(_Source(node, Int32, topic, on_ticks))
+        if not self._states:
+            self._states = [_Source(node, JointState, 'crank_state', self._on_crank_state)]
 
     def subscribe(self) -> None:
-        """Subscribe to both topics."""
-        self._angles.subscribe()
-        self._states.subscribe()
+        """Subscribe to all topics."""
+        for source in (self._angles, *self._states):
+            source.subscribe()
 
     def unsubscribe(self) -> None:
-        """Leave both topics."""
-        self._angles.unsubscribe()
-        self._states.unsubscribe()
+        """Leave all topics."""
+        for source in (self._angles, *self._states):
+            source.unsubscribe()
 
     @property
     def summary(self) -> str:
         """Return topics and joints in words."""
         joints = ', '.join(printable(joint) for joint in self._joints)
         word = 'joint' if len(self._joints) == 1 else 'joints'
-        return f'{self._angles.topic} and {self._states.topic} ({word} {joints})'
+        topics = ', '.join(source.topic for source in self._states)
+        return f'{self._angles.topic} and {topics} ({word} {joints})'
 
     @property
     def lost(self) -> int:
         """Return the number of lost messages since the start."""
-        return self._angles.loss.lost + self._states.loss.lost
+        return sum(source.loss.lost for source in (self._angles, *self._states))
 
     def sources(self) -> str:
         """Return the publishers of the crank if there are several; call it once a report."""
-        active = {s.topic: s.active_publishers() for s in (self._angles, self._states)}
-        if sum(active.values()) < 2:
+        angles = self._angles.active_publishers()
+        states = [(source.active_publishers(), source.topic) for source in self._states]
+        # Topics of ticks are of a crank each.
+        count, topic = max(states)
+        if angles + count < 2:
             return ''
-        return ' and '.join(f'{topic} ({count})' for topic, count in active.items() if count)
+        active = ((angles, self._angles.topic), (count, topic))
+        return ' and '.join(f'{topic} ({count})' for count, topic in active if count)
 
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)
         try:
-            crank = CrankInput(read_float64(data), None)
+            crank = CrankInput(self._number.read(data), None)
         except ValueError as error:
             self._reject(BadMessageError(f'crank_angle: {error}'))
         else:
             self._answer(dict.fromkeys(self._joints, crank), (0, 0), info)
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
-        self._states.count(info)
+        self._states[0].count(info)
         try:
             readings = self._reader.read(data)
         except ValueError as error:
@@ -113,6 +130,15 @@ class CrankInputs:
             cranks[joint] = CrankInput(position, velocity if known else None)
             stamp = sec, nanosec
         self._answer(cranks, stamp, info)
+
+    def _on_ticks(self, joint: str, index: int, data: bytes, info: Info) -> None:
+        self._states[index].count(info)
+        try:
+            crank = CrankInput(self._ticks[joint].read(data), None)
+        except ValueError as error:
+            self._reject(BadMessageError(f'{self._states[index].topic}: {error}'))
+        else:
+            self._answer({joint: crank}, (0, 0), info)
 
     def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):

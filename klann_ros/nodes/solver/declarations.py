@@ -8,7 +8,7 @@ from typing import Any
 from klann_ros.kinematics import KlannGeometry
 from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
-from klann_ros.nodes.parameters import Declaration
+from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.robot.robot import SEPARATORS
 
 _DESCRIPTIONS = {
@@ -78,6 +78,37 @@ SETTINGS = (
         'max_crank_step', 0.35, 'larger crank steps are split [rad]', constraint='finite, > 0'
     ),
 )
+ENCODERS = (
+    Declaration(
+        'crank_state_type',
+        'joint_state',
+        'sensor_msgs/JointState, or counts of an encoder (std_msgs/Int32), those of several '
+        'cranks on crank_state/JOINT',
+        choices=('joint_state', 'ticks'),
+    ),
+    number('counts_per_turn', 0.0, 'ticks in a turn of a crank; ticks need it', 0.0, 1e9),
+)
+INPUTS = (
+    Declaration(
+        'crank_angle_type',
+        'float64',
+        'std_msgs/Float64, or Float32',
+        choices=('float64', 'float32'),
+    ),
+    *ENCODERS,
+)
+_JOINT_STATE, _TICKS = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Int32'
+_FLOAT64, _FLOAT32 = 'std_msgs/msg/Float64', 'std_msgs/msg/Float32'
+# What to do about a publisher of another type, by the type that is taken and the published one.
+ENCODER_REMEDIES = {
+    (_JOINT_STATE, _TICKS): 'crank_state_type:=ticks and counts_per_turn',
+    (_TICKS, _JOINT_STATE): 'crank_state_type:=joint_state',
+}
+TYPE_REMEDIES = {
+    (_FLOAT64, _FLOAT32): 'crank_angle_type:=float32',
+    (_FLOAT32, _FLOAT64): 'crank_angle_type:=float64',
+    **ENCODER_REMEDIES,
+}
 PUBLISHED = (
     Declaration('frame_id', 'leg_plane', 'frame of the published point: the plane of the leg'),
     Declaration(

@@ -15,6 +15,7 @@ from klann_ros.nodes.endpoints import (
     diagnostic_array,
     diagnostic_status,
     QOS_USAGE,
+    TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, run
@@ -27,7 +28,17 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from .crank_inputs import CrankInput, CrankInputs, Stamp
-from .declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place, PUBLISHED, SETTINGS
+from .declarations import (
+    drive,
+    GEOMETRY,
+    GEOMETRY_NAMES,
+    INPUTS,
+    LEGS,
+    place,
+    PUBLISHED,
+    SETTINGS,
+    TYPE_REMEDIES,
+)
 from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
 from .leg_publishers import LegDescription, LegMarkers, LegMessages
@@ -44,7 +55,8 @@ class Solver:
         values = declare(node, PUBLISHED)
         self._messages = LegMessages(node, self._legs, values['frame_id'])
         joints = dict.fromkeys(leg.crank_joint for leg in self._legs)
-        self.inputs = CrankInputs(node, list(joints), self._turn, self._reject)
+        inputs = declare(node, INPUTS)
+        self.inputs = CrankInputs(node, list(joints), inputs, self._turn, self._reject)
         self._diagnostics = SolverDiagnostics(
             node,
             self._legs,
@@ -188,6 +200,7 @@ class SolverDiagnostics:
         self._last_report = monotonic()
         self._last_inputs = [self._last_report] * len(legs)
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
+        self._types = TypeCheck(node, TYPE_REMEDIES)
         self.legs_changed()
         create_steady_timer(node, period, self._report)
 
@@ -199,6 +212,7 @@ class SolverDiagnostics:
         now = monotonic()
         lost = self._inputs.lost
         input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())
+        mismatches = self._types.check()
         statuses = []
         for i, leg in enumerate(self._legs):
             if leg.statistics.inputs:
@@ -206,7 +220,9 @@ class SolverDiagnostics:
                 self._last_inputs[i] = now
             silence = now - self._last_inputs[i]
             level, message = self._level_and_message(leg.statistics, silence, input_problem)
-            text = '; '.join(filter(None, (message, self._missing_arcs[i])))
+            if mismatches and level == DiagnosticStatus.OK:
+                level = DiagnosticStatus.WARN
+            text = '; '.join(filter(None, (message, mismatches, self._missing_arcs[i])))
             values = _values(leg, self._inputs, now - self._last_report).items()
             name = leg.name or 'leg'
             statuses.append(diagnostic_status(self._node, name, level, text, values))
@@ -285,6 +301,7 @@ def _help_on_parameters() -> str:
     groups = {
         'the leg, which can be changed while it runs': GEOMETRY,
         'legs and their cranks': [*LEGS, *drive()],
+        'inputs': INPUTS,
         'solving': SETTINGS,
         'outputs': PUBLISHED,
         'each of several legs, LEG being its name in legs': [*drive('LEG.'), *place('LEG')],

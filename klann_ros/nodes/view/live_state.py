@@ -28,7 +28,7 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
     STRING_TYPE,
 )
-from klann_ros.nodes.endpoints import create_steady_timer
+from klann_ros.nodes.endpoints import create_steady_timer, TypeCheck
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.nodes.service_calls import BUSY, ServiceCalls
@@ -80,6 +80,7 @@ class LiveState(PageState):
         self._machines: list[Machine] = []
         self._player_values: dict[str, dict[str, float]] = {}
         self._graph = Graph(node)
+        self._types = TypeCheck(node)
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
         self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
@@ -192,6 +193,7 @@ class LiveState(PageState):
             self._timer.timer_period_ns = int(_PERIOD * 1e9)
         topics = self._graph.topics()
         self._subscriptions.update(topics)
+        self._types.check()
         for topic in self._subscriptions.of_kind(JOINT_STATE):
             self._watch.add(self._graph.publishers(topic.name))
         self._watch.send_requests()

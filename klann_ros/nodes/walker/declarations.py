@@ -7,11 +7,19 @@ from math import inf
 from typing import Any
 
 from klann_ros.nodes.parameters import Declaration, number
+from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES, ENCODERS
 from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
 
 # A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
-COMMANDS = ('joint_state', 'velocities')
+COMMANDS = ('joint_state', 'velocities', 'velocities_float32')
+# What to do about a publisher of another type, by the type that is taken and the published one.
+_TWIST, _TWIST_STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
+TYPE_REMEDIES = {
+    (_TWIST_STAMPED, _TWIST): 'stamped_cmd_vel:=false',
+    (_TWIST, _TWIST_STAMPED): 'stamped_cmd_vel:=true',
+    **ENCODER_REMEDIES,
+}
 _LIMITS, _SETTINGS, _NOISE = MotionLimits(), ControllerSettings(), OdometryNoise()
 # Limits, timeouts and gains can be set at run time.
 _tunable = partial(number, read_only=False)
@@ -33,9 +41,10 @@ CONTROL = (
     Declaration(
         'command_type',
         'joint_state',
-        'type of crank_command: sensor_msgs/JointState, or std_msgs/Float64MultiArray',
+        'sensor_msgs/JointState, or std_msgs/Float64MultiArray or Float32MultiArray',
         choices=COMMANDS,
     ),
+    *ENCODERS,
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
     *(
         _tunable(name, getattr(_SETTINGS, name), text, least, most)

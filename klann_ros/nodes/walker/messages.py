@@ -22,7 +22,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float32MultiArray, Float64MultiArray
 
 # A number and a stamp that mark their places in a message; no name contains their bytes.
 _MARK = 1.2345678e-300
@@ -38,6 +38,8 @@ MAX_ANGULAR_RATE = 100.0
 # Variance of the velocities z, roll and pitch, which only tilting causes.
 _TILTING_VARIANCE = 1e-2
 _ZEROS = (0.0, 0.0, 0.0)
+# The types of crank_command that hold velocities alone.
+_ARRAYS = {'velocities': Float64MultiArray, 'velocities_float32': Float32MultiArray}
 
 
 class NumbersTemplate:
@@ -158,12 +160,12 @@ def _imu_numbers(order: str, begin: int) -> struct.Struct:
 
 
 class CrankOutput:
-    """Publisher of crank_command: JointStates, or `velocities` alone as for ros2_control."""
+    """Publisher of crank_command: JointStates, or velocities alone, as for ros2_control."""
 
-    def __init__(self, node: Node, joints: Sequence[str], *, velocities: bool) -> None:
-        self._template = None if velocities else JointStateTemplate(joints)
-        kind: Any = Float64MultiArray if velocities else JointState
-        self._publisher = create_publisher(node, kind, 'crank_command')
+    def __init__(self, node: Node, joints: Sequence[str], command_type: str) -> None:
+        self._array: Any = _ARRAYS.get(command_type)
+        self._template = JointStateTemplate(joints)
+        self._publisher = create_publisher(node, self._array or JointState, 'crank_command')
         # Whether the last command, if there is one, lets a crank turn.
         self.is_turning = False
         self._has_commanded = False
@@ -181,8 +183,8 @@ class CrankOutput:
         self._has_commanded = self.is_turning = False
 
     def _message(self, command: CrankCommand, sec: int, nanosec: int) -> Any:
-        if self._template is None:
-            return Float64MultiArray(data=list(command.velocity))
+        if self._array is not None:
+            return self._array(data=list(command.velocity))
         return self._template.fill(sec, nanosec, command.position, command.velocity)
 
 

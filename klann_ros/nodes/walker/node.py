@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
+from klann_ros.nodes.encoders import encoder_topics, TicksReader
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -18,11 +19,12 @@ from klann_ros.nodes.endpoints import (
     diagnostic_status,
     QOS_USAGE,
     subscribe_raw,
+    TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointsReader
+from klann_ros.nodes.solver.cdr import JointReading, JointsReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
@@ -30,8 +32,17 @@ from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, Walker
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Int32
 
-from .declarations import CONTROL, LIMITS, noise, ODOMETRY, settings, WALKER_PARAMETERS
+from .declarations import (
+    CONTROL,
+    LIMITS,
+    noise,
+    ODOMETRY,
+    settings,
+    TYPE_REMEDIES,
+    WALKER_PARAMETERS,
+)
 from .messages import CrankOutput, ImuReader, OdomOutput, read_twist
 
 # Minimum time between two log lines about events [s].
@@ -95,19 +106,24 @@ class WalkerNode(ProcessNode):
         joints = self._walker.feet.joints
         self._reader = JointsReader(joints)
         self._imu, self._has_imu = ImuReader(), False
-        velocities = values['command_type'] == 'velocities'
-        self._commands = CrankOutput(self, joints, velocities=velocities)
+        self._commands = CrankOutput(self, joints, values['command_type'])
         self._odom = OdomOutput(self, values)
         if self._odom.problem:
             self.get_logger().warning(self._odom.problem)
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        self._types = TypeCheck(self, TYPE_REMEDIES)
         # Also where simulated time stands still.
         create_steady_timer(self, values['diagnostics_period'], self._report)
         create_trigger(self, 'reset_fault', self._on_reset_fault)
         # Before crank_state, which moves the estimate: in this order waiting messages are taken.
         if values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu)
-        subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        encoders = encoder_topics(joints, values)
+        for joint, topic in encoders.items():
+            reader = TicksReader(values['counts_per_turn'])
+            subscribe_raw(self, Int32, topic, partial(self._on_ticks, joint, reader))
+        if not encoders:
+            subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
         cmd_vel = TwistStamped if self._stamped else Twist
         subscribe_raw(self, cmd_vel, 'cmd_vel', self._on_cmd_vel)
         self._period = 1.0 / values['rate']
@@ -181,14 +197,28 @@ class WalkerNode(ProcessNode):
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
         try:
-            found = self._reader.read(data)
+            readings = self._reader.read(data)
         except ValueError as error:
             self._warn(f'crank_state is rejected: {error}')
-            return
-        readings = {joint: (each.position, each.velocity) for joint, each in found.items()}
-        *_, last = found.values()
+        else:
+            self._feed_back(readings, info)
+
+    def _on_ticks(self, joint: str, reader: TicksReader, data: bytes, info: Info) -> None:
+        try:
+            angle = reader.read(data)
+        except ValueError as error:
+            self._warn(f'crank_state of {joint} is rejected: {error}')
+        else:
+            self._feed_back({joint: JointReading(angle, None, 0, 0)}, info)
+
+    def _feed_back(self, joints: Mapping[str, JointReading], info: Info) -> None:
+        """Take the readings of cranks of one message; publish odom, and the command if due."""
+        readings = {joint: (each.position, each.velocity) for joint, each in joints.items()}
+        *_, last = joints.values()
         stamp = last.sec, last.nanosec
-        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else info['source_timestamp'] / 1e9
+        # The source's time is none of a simulation's.
+        sent = 0.0 if self._sim else info['source_timestamp'] / 1e9
+        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else sent
         now = self._now()
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
         if at_feet is not None:
@@ -225,12 +255,14 @@ class WalkerNode(ProcessNode):
         now = self._now()
         level, message = self._walker.verdict(now)
         values = self._walker.values(now).items()
-        count = self._commander_count()
+        rivals, count = '', self._commander_count()
         if count > 1:
             rivals = f'crank_command has {count} publishers: only one may drive the cranks'
             self.get_logger().warning(rivals, once=True)
-            level = DiagnosticLevel.WARN if level == DiagnosticLevel.OK else level
-            message = f'{message}; {rivals}'
+        problems = [*filter(None, (rivals, self._types.check()))]
+        if problems and level == DiagnosticLevel.OK:
+            level = DiagnosticLevel.WARN
+        message = '; '.join([message, *problems])
         status = diagnostic_status(self, 'walker', bytes([level.value]), message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
 

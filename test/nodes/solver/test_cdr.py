@@ -6,12 +6,13 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
+from klann_ros.nodes.endpoints import type_name
 from klann_ros.nodes.solver import cdr
 from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float32, Float64, Int32
 
 texts = st.text(st.characters(exclude_characters='\0', codec='utf-8'), max_size=12)
 doubles = st.floats()
@@ -80,11 +81,17 @@ def expected(message: JointState, index: int) -> cdr.JointReading:
     return cdr.JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec)
 
 
-@given(doubles)
-def test_a_number_is_read_as_rclpy_reads_it(number: float) -> None:
-    data = serialize_message(Float64(data=number))
-    assert same(cdr.read_float64(data), deserialize_message(data, Float64).data)
-    assert same(cdr.read_float64(b'\0\0\0\0' + struct.pack('>d', number)), number)
+@given(doubles, st.floats(width=32), st.integers(-(2**31), 2**31 - 1))
+def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count: int) -> None:
+    for message, code in (
+        (Float64(data=double), 'd'),
+        (Float32(data=single), 'f'),
+        (Int32(data=count), 'i'),
+    ):
+        reader, data = cdr.NumberReader(type_name(type(message))), serialize_message(message)
+        number = float(deserialize_message(data, type(message)).data)
+        assert same(reader.read(data), number)
+        assert same(reader.read(b'\0\0\0\0' + struct.pack(f'>{code}', message.data)), number)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +99,7 @@ def test_a_number_is_read_as_rclpy_reads_it(number: float) -> None:
 )
 def test_invalid_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match='bytes are no std_msgs/msg/Float64'):
-        cdr.read_float64(data)
+        cdr.NumberReader('std_msgs/msg/Float64').read(data)
 
 
 @given(st.lists(joint_states(), min_size=1, max_size=3), st.data())

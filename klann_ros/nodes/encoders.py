@@ -1,0 +1,85 @@
+"""
+Encoders that count: std_msgs/Int32 on crank_state, as microcontrollers send them.
+
+An Int32 names no joint, so each of several cranks has a topic of its own: `crank_state/JOINT`.
+`counts_per_turn` has no sign: direction and zero of a crank are set as those of a JointState.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from klann_ros.kinematics.angles import TURN
+from klann_ros.sanitize.text import printable
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int32
+
+from .endpoints import create_publisher, name_refusal
+from .parameters import require, StartError
+from .solver.cdr import NumberReader
+
+_TICKS = 'std_msgs/msg/Int32'
+_OVERFLOW = 2**32
+
+
+def encoder_topics(joints: Sequence[str], values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the topic of each crank's ticks, none for a JointState; a StartError if refused."""
+    if values['crank_state_type'] != 'ticks':
+        return {}
+    counts = values['counts_per_turn']
+    require(counts > 0.0, 'counts_per_turn', counts, '> 0 where crank_state_type is ticks')
+    if len(joints) == 1:
+        return {joints[0]: 'crank_state'}
+    for joint in joints:
+        reason = name_refusal(f'/{joint}')
+        if reason:
+            raise StartError(f"the ticks of joint '{printable(joint)}' have no topic: {reason}")
+    return {joint: f'crank_state/{joint}' for joint in joints}
+
+
+def encoder_count(angle: float, counts_per_turn: float) -> int:
+    """Return the count that an encoder of 32 bits shows at an angle [rad]."""
+    count = round(angle / TURN * counts_per_turn)
+    return (count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
+
+
+class EncoderPublishers:
+    """Publishers of the ticks of joints, in the place of one of JointStates."""
+
+    def __init__(self, node: Node, topics: Mapping[str, str], counts_per_turn: float) -> None:
+        self._counts_per_turn = counts_per_turn
+        self._publishers = {
+            joint: create_publisher(node, Int32, topic) for joint, topic in topics.items()
+        }
+
+    def publish(self, state: JointState) -> None:
+        """Publish the positions of a JointState."""
+        for joint, angle in zip(state.name, state.position, strict=True):
+            count = encoder_count(angle, self._counts_per_turn)
+            self._publishers[joint].publish(Int32(data=count))
+
+
+class TicksReader:
+    """
+    Read the angle of a crank from successive std_msgs/Int32 messages.
+
+    Counts may overflow. The whole turns of the first one are left out: they say for how long the
+    encoder has counted.
+    """
+
+    def __init__(self, counts_per_turn: float) -> None:
+        self._counts_per_turn = counts_per_turn
+        self._number = NumberReader(_TICKS)
+        # The last count without overflow; None before the first. And the turns left out.
+        self._count: int | None = None
+        self._turns = 0
+
+    def read(self, data: bytes) -> float:
+        """Return the angle in a message [rad]; a ValueError for another message."""
+        count = int(self._number.read(data))
+        if self._count is None:
+            self._count = count
+            self._turns = round(count / self._counts_per_turn)
+        change = (count - self._count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
+        self._count += change
+        return (self._count / self._counts_per_turn - self._turns) * TURN

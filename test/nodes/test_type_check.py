@@ -1,0 +1,126 @@
+"""A publisher of another type is one warning with both types, from every node, over real DDS."""
+
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist, TwistStamped
+import pytest
+from ros_domain import Domain, Process
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32, Float64, Float64MultiArray, Int32
+from strangers import Stranger
+
+WALKER = Path(__file__).parents[2] / 'config' / 'walker6.yaml'
+TWIST = 'geometry_msgs/msg/Twist'
+STAMPED = 'geometry_msgs/msg/TwistStamped'
+JOINTS = 'sensor_msgs/msg/JointState'
+
+
+def until_warned(ros: Domain, node: Process, text: str) -> None:
+    """Wait for a warning, and for two more reports, in which it is not repeated."""
+    reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    ros.probe.until(lambda: text in node.errors)
+    statuses = [s for report in reports for s in report.status]
+    reports.clear()
+
+    def has_told() -> bool:
+        statuses = [status for report in reports for status in report.status]
+        return len(statuses) > 3 and text in statuses[-1].message
+
+    ros.probe.until(has_told)
+    assert node.errors.count(text) == 1
+    assert statuses[-1].level != DiagnosticStatus.OK
+
+
+@pytest.mark.parametrize(
+    ('command', 'topic', 'kind', 'types'),
+    [
+        ('walker_node WALKER', 'cmd_vel', Twist, f'{TWIST}, {STAMPED}, stamped_cmd_vel:=false'),
+        (
+            'walker_node WALKER -p stamped_cmd_vel:=false',
+            'cmd_vel',
+            TwistStamped,
+            f'{STAMPED}, {TWIST}, stamped_cmd_vel:=true',
+        ),
+        (
+            'walker_node WALKER -r crank_state:=motor',
+            'motor',
+            Int32,
+            f'std_msgs/msg/Int32, {JOINTS}, crank_state_type:=ticks and counts_per_turn',
+        ),
+        (
+            'solver_node --ros-args',
+            'crank_angle',
+            Float32,
+            'std_msgs/msg/Float32, std_msgs/msg/Float64, crank_angle_type:=float32',
+        ),
+        (
+            'solver_node --ros-args -p crank_angle_type:=float32',
+            'crank_angle',
+            Float64,
+            'std_msgs/msg/Float64, std_msgs/msg/Float32, crank_angle_type:=float64',
+        ),
+        (
+            'solver_node --ros-args -p crank_state_type:=ticks -p counts_per_turn:=600',
+            'crank_state',
+            JointState,
+            f'{JOINTS}, std_msgs/msg/Int32, crank_state_type:=joint_state',
+        ),
+        (
+            'sim_node WALKER',
+            'crank_command',
+            Float64MultiArray,
+            f'std_msgs/msg/Float64MultiArray, {JOINTS}, command_type:=joint_state of walker_node',
+        ),
+    ],
+)
+def test_both_types_and_the_remedy_are_said_once(
+    ros: Domain, command: str, topic: str, kind: type, types: str
+) -> None:
+    driver = ros.other_node()
+    publisher = driver.create_publisher(kind, topic, 1)
+    name, *words = command.replace('WALKER', f'--ros-args --params-file {WALKER}').split()
+    node = ros.start(name, *words, '-p', 'diagnostics_period:=0.1')
+    published, taken, remedy = types.split(', ')
+    until_warned(
+        ros,
+        node,
+        f'/{topic}: /probe publishes {published}, this node takes {taken}: set {remedy}',
+    )
+    driver.destroy_publisher(publisher)
+
+
+def test_a_live_page_says_so_too(ros: Domain) -> None:
+    publisher = ros.probe.node.create_publisher(TwistStamped, 'cmd_vel', 1)
+    other = ros.other_node()
+    other.create_publisher(Twist, 'cmd_vel', 1)
+    view = ros.start('view_node', '--port', '0')
+    text = f'publishes {TWIST}, this node takes {STAMPED}'
+    ros.probe.until(lambda: text in view.errors)
+    ros.probe.spin(2.5)
+    assert view.errors.count(text) == 1
+    ros.probe.node.destroy_publisher(publisher)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'text'),
+    [
+        (b'x/msg/\x1b[31mRed', r'/probe publishes x/msg/\x1b[31mRed, this node takes '),
+        (b'y/msg/\xff', 'a publisher publishes a type that is no text, this node takes '),
+    ],
+)
+def test_untrusted_types_are_printable_and_the_text_goes_with_their_publisher(
+    ros: Domain, kind: bytes, text: str
+) -> None:
+    reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
+    solver = ros.start('solver_node', diagnostics_period=0.1)
+    stranger = Stranger(ros.other_node(), b'/crank_angle', kind)
+    ros.probe.until(lambda: reports and text in reports[-1].status[0].message)
+    ros.probe.until(lambda: text in solver.errors)
+    assert all(line.isprintable() for line in solver.errors.split('\n'))
+    stranger.close()
+    ros.probe.until(lambda: text not in reports[-1].status[0].message)
+    # A right type is no news.
+    ros.probe.publisher(Float64, 'crank_angle')
+    ros.probe.spin(1.5)
+    assert solver.errors.count('this node takes') == 1
