@@ -6,22 +6,26 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 import json
 from pathlib import Path
+import signal
 from typing import Any
 
 import aiohttp
 from crank_runs import make_messages, write_run
 from geometry_msgs.msg import TwistStamped
 from klann_ros.live.protocol import Command
+from klann_ros.nodes.endpoints import LAST_MESSAGES
 from klann_ros.nodes.lease import Lease
 from klann_ros.nodes.service_calls import ServiceCalls
 from klann_ros.nodes.view.drives import Drives, Offer
 from live_browser import address
+import pytest
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 CRANK = 'crank:/crank_angle'
+WALK = 'walk:/cmd_vel'
 # Of crank_node between two messages [rad].
 STEP = 0.02
 
@@ -29,8 +33,8 @@ STEP = 0.02
 class Tab:
     """A page without a browser: it sends keep-alives, draws frames, and keeps the drive."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        self._socket = socket
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse, target: str) -> None:
+        self._socket, self._target = socket, target
         self._number = 0
         self.drive: dict[str, Any] = {}
 
@@ -45,26 +49,28 @@ class Tab:
             frame = json.loads(message.data)
             await self._socket.send_json({'ack': frame['n']})
             self.drive = next(
-                (d for d in frame.get('drives', ()) if d['target'] == CRANK), self.drive
+                (d for d in frame.get('drives', ()) if d['target'] == self._target), self.drive
             )
         return self.drive
 
     async def command(self, do: str, **values: float) -> None:
         self._number += 1
         await self._socket.send_json(
-            {'id': self._number, 'command': do, 'target': CRANK, **values}
+            {'id': self._number, 'command': do, 'target': self._target, **values}
         )
 
 
-def drive(ros: Domain, url: str, test: Callable[[Tab], Awaitable[None]]) -> None:
+def drive(
+    ros: Domain, url: str, test: Callable[[Tab], Awaitable[None]], target: str = CRANK
+) -> None:
     """Run a page's side in another thread, while the probe spins."""
 
     async def opened() -> None:
         headers = {'Origin': url.partition('/?')[0]}
         async with aiohttp.ClientSession() as session:
-            target = url.replace('/?', '/socket?')
-            async with session.ws_connect(target, headers=headers) as socket:
-                await asyncio.wait_for(test(Tab(socket)), 60.0)
+            socket_url = url.replace('/?', '/socket?')
+            async with session.ws_connect(socket_url, headers=headers) as socket:
+                await asyncio.wait_for(test(Tab(socket, target)), 60.0)
 
     with ThreadPoolExecutor(1) as pool:
         done = pool.submit(asyncio.run, opened())
@@ -146,6 +152,27 @@ def test_a_publisher_that_cannot_yield_is_named_and_nothing_is_driven(ros: Domai
         assert lost['reason'] == '/probe publishes /crank_angle as well and does not yield'
 
     drive(ros, url, take)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_a_walker_that_a_page_drives(ros: Domain, number: signal.Signals) -> None:
+    commands: list[TwistStamped] = ros.probe.listen(TwistStamped, 'cmd_vel')
+    view, url = started(ros)
+
+    async def walk(tab: Tab) -> None:
+        await tab.until(lambda drive: drive)
+        await tab.command('take')
+        await tab.until(lambda drive: drive['owner'] and not drive['taking'])
+        await tab.command('walk', value=0.2, turn=0.1)
+        await tab.until(lambda _: commands and commands[-1].twist.linear.x == 0.2)
+        view.popen.send_signal(number)
+
+    drive(ros, url, walk, WALK)
+    ros.probe.until(lambda: view.popen.poll() is not None)
+    assert view.wait() == 0
+    ros.probe.spin(0.3)
+    last = [command.twist for command in commands[-LAST_MESSAGES:]]
+    assert [(twist.linear.x, twist.angular.z) for twist in last] == [(0.0, 0.0)] * LAST_MESSAGES
 
 
 def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) -> None:
