@@ -35,6 +35,8 @@ ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
 _START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
 # ROS writes its log files there, and does not start where it cannot.
 _LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
+# Help on the option `--lifecycle`.
+LIFECYCLE_HELP = 'wait for configure and activate, as a managed node does'
 # Period of repeated warnings and errors in the log [s].
 LOG_PERIOD = 2.0
 # Warnings about unused arguments, and names in one: a file may hold any number.

@@ -10,6 +10,7 @@ from klann_ros.gait.steering import Rates, Steering, Twist2D
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
 from .faults import Fault, FaultKind, FaultLatch
 from .feedback import CrankFeedback, SteadyClock, Watchdog
+from .interlocks import Interlocks
 from .settings import ControllerSettings
 
 STANDS = Twist2D(0.0, 0.0)
@@ -31,7 +32,7 @@ class WalkController:
     well, so that they pass where the control clock stands still.
 
     `motion` is that for which the `cranks`, in the order of `Feet.joints`, are driven just now.
-    While a fault trips the `latch`, all cranks stand.
+    They stand while a fault trips the `latch`, or the `interlocks` do not permit motion.
     `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
     it cannot follow, and `pauses` the gaps in its loop. `limits_hit` are the active limits, and
     `events` those to be logged; the logger removes them.
@@ -56,6 +57,7 @@ class WalkController:
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.speed)
         self.latch = FaultLatch()
+        self.interlocks = Interlocks(self.latch, steady)
         self.configure(settings)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = self.pauses = 0
@@ -146,6 +148,7 @@ class WalkController:
         self._loop.feed(now)
         if self.settings.max_gap < gap < inf:
             self._pause(gap, now)
+        self.interlocks.check(now, self.settings.e_stop_timeout)
 
     def _pause(self, gap: float, now: float) -> None:
         """Restart after a gap in the loop [s]: inputs may have waited in their queues."""
@@ -155,6 +158,7 @@ class WalkController:
         self._gap, self._resumed = max(self._gap, gap), now
         for watchdog in (self._command_age, *(crank.watchdog for crank in self.cranks)):
             watchdog.pause(now)
+        self.interlocks.pause(now)
         if gap > self.settings.feedback_timeout:
             self.motion = STANDS
 
@@ -190,7 +194,7 @@ class WalkController:
         self.limits_hit = []
         if not self.is_known:
             return None
-        if self.stop_reason(now):
+        if self.stop_reason(now) or self.interlocks.hold_reason:
             return self._hold_position()
         if self._gap:
             self._restart(now)
@@ -296,7 +300,8 @@ class WalkController:
         if self.limits_hit:
             return DiagnosticLevel.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
         if self.motion == STANDS:
-            return DiagnosticLevel.OK, f'standing{": no cmd_vel" * self._is_command_old(now)}'
+            standing = f'standing{": no cmd_vel" * self._is_command_old(now)}'
+            return DiagnosticLevel.OK, self.interlocks.hold_reason or standing
         return DiagnosticLevel.OK, 'walking'
 
     def stop_reason(self, now: float) -> str:

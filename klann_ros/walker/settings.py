@@ -97,6 +97,8 @@ class ControllerSettings:
         K of the motion feedback; 0 for no correction [1/s].
     auto_reset : bool
         Whether a motion that is commanded after a command of 0 resets a fault.
+    e_stop_timeout : float
+        A longer silence of an emergency stop, once heard, stops it; at 0 none does [s].
 
     """
 
@@ -110,6 +112,7 @@ class ControllerSettings:
     rephase: float = 0.1
     motion_gain: float = 0.5
     auto_reset: bool = False
+    e_stop_timeout: float = 1.0
     # The largest correction of the motion, as a part of the command, and that of the yaw rate in
     # curves, whose plan may be off by more; the largest lag, of which K times makes this part of
     # the command; and K of the yaw rate on the spot, where it comes evenly, as a multiple of K.

@@ -18,7 +18,7 @@ from klann_ros.nodes.endpoints import (
     TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, usage
-from klann_ros.nodes.process import arguments, LOG_PERIOD, run
+from klann_ros.nodes.process import arguments, LIFECYCLE_HELP, LOG_PERIOD, run
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, verb
 from klann_ros.stop_signals import StopSignals
@@ -288,11 +288,7 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'crank_state), pose out (joint_states, point_h, velocity_h).',
         _help_on_parameters(),
     )
-    parser.add_argument(
-        '--lifecycle',
-        action='store_true',
-        help='wait for configure and activate, as a managed node does',
-    )
+    parser.add_argument('--lifecycle', action='store_true', help=LIFECYCLE_HELP)
     kind = ManagedSolverNode if arguments(parser, argv).lifecycle else SolverNode
     return run('solver_node', lambda _: kind(), argv, stop, raw=True)
 

@@ -22,7 +22,7 @@ from klann_ros.nodes.endpoints import (
     TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
-from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
+from klann_ros.nodes.process import arguments, LIFECYCLE_HELP, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.solver.cdr import JointReading, JointsReader
 from klann_ros.nodes.solver.leg_parameters import declared_robot
@@ -30,9 +30,10 @@ from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, Walker
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Int32
+from std_msgs.msg import Bool, Int32
 
 from .declarations import (
     CONTROL,
@@ -115,6 +116,10 @@ class WalkerNode(ProcessNode):
         # Also where simulated time stands still.
         create_steady_timer(self, values['diagnostics_period'], self._report)
         create_trigger(self, 'reset_fault', self._on_reset_fault)
+        create_trigger(self, 'enable', self._on_enable)
+        create_trigger(self, 'disable', self._on_disable)
+        # Before all other inputs, for which it does not wait.
+        subscribe_raw(self, Bool, 'e_stop', self._on_e_stop)
         # Before crank_state, which moves the estimate: in this order waiting messages are taken.
         if values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu)
@@ -160,7 +165,24 @@ class WalkerNode(ProcessNode):
         latch = self._walker.controller.latch
         text = latch.fault.text if latch.fault else 'there is no fault'
         latch.reset()
-        return True, printable_line(text)
+        # A pressed emergency stop trips it again.
+        self._walker.controller.keep_alive(self._now())
+        return latch.fault is None, printable_line(text)
+
+    def _on_enable(self) -> tuple[bool, str]:
+        refusal = self._walker.controller.interlocks.enable()
+        if refusal:
+            return False, printable_line(refusal)
+        return True, self._log(f'enabled; {self._walker.verdict(self._now())[1]}')
+
+    def _on_disable(self) -> tuple[bool, str]:
+        self._walker.controller.interlocks.is_enabled = False
+        self._step(self._now())
+        return True, self._log('disabled: the cranks are commanded to stand')
+
+    def _log(self, text: str) -> str:
+        self.get_logger().info(printable_line(text))
+        return text
 
     # Time.
 
@@ -173,6 +195,14 @@ class WalkerNode(ProcessNode):
         return seconds, nanoseconds
 
     # Inputs.
+
+    def _on_e_stop(self, data: bytes, _: Info) -> None:
+        now = self._now()
+        controller = self._walker.controller
+        controller.interlocks.hear_e_stop(is_pressed=deserialize_message(data, Bool).data, now=now)
+        controller.keep_alive(now)
+        if controller.latch.fault:
+            self._step(now)
 
     def _on_cmd_vel(self, data: bytes, info: Info) -> None:
         try:
@@ -311,9 +341,44 @@ class WalkerNode(ProcessNode):
 
     def _step(self, now: float) -> None:
         command = self._walker.controller.step(now)
-        if command is not None:
+        if command is not None and self._walker.controller.interlocks.is_active:
             self._commands.publish(command, *self._stamp())
             self._commanded = _steady_time()
+
+
+class ManagedWalkerNode(LifecycleNodeMixin, WalkerNode):
+    """A walker_node that commands its cranks while it is active, and only listens otherwise."""
+
+    def __init__(self, **options: Any) -> None:
+        WalkerNode.__init__(self, **options)
+        self._walker.controller.interlocks.is_active = False
+        LifecycleNodeMixin.__init__(self)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Command the cranks, which begin to stand."""
+        self._walker.controller.interlocks.is_active = True
+        self._log('activated: it commands the cranks')
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the cranks, and command nothing."""
+        self._end('deactivated: it commands nothing')
+        return super().on_deactivate(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the cranks, and command nothing any more."""
+        self._end('shut down: it commands nothing any more')
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the cranks after a transition that failed."""
+        self._end('a transition failed: it commands nothing')
+        return super().on_error(state)
+
+    def _end(self, text: str) -> None:
+        self._walker.controller.interlocks.is_active = False
+        self.close()
+        self._log(text)
 
 
 def _steady_time() -> float:
@@ -352,7 +417,9 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'keep their phases; estimate its pose (odom) from the angles of its cranks (crank_state).',
         f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
         f'leg_description\n{QOS_USAGE}\n\n'
-        'Service ~/reset_fault (std_srvs/srv/Trigger): forget the fault that stopped it.',
+        'Services (std_srvs/srv/Trigger): ~/reset_fault forgets the fault that stopped it,\n'
+        '~/disable commands the cranks to stand, and ~/enable permits motion again.',
     )
-    arguments(parser, argv)
-    return run('walker_node', lambda _: WalkerNode(), argv, stop, raw=True)
+    parser.add_argument('--lifecycle', action='store_true', help=LIFECYCLE_HELP)
+    kind = ManagedWalkerNode if arguments(parser, argv).lifecycle else WalkerNode
+    return run('walker_node', lambda _: kind(), argv, stop, raw=True)
