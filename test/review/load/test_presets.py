@@ -15,7 +15,13 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 # These are of no leg.
-OTHERS = {'motor_example.yaml', 'ros2_control.yaml', 'ekf.yaml', 'nav2_walker.yaml'}
+OTHERS = {
+    'motor_example.yaml',
+    'ros2_control.yaml',
+    'ekf.yaml',
+    'nav2_walker.yaml',
+    'gamepad.yaml',
+}
 CONFIGS = [p for p in sorted((ROOT / 'config').glob('*.yaml')) if p.name not in OTHERS]
 LINKAGES = sorted((ROOT / 'klann_ros' / 'linkages').glob('*.yaml'))
 # More messages than a check needs, and steps below those of a jump.
