@@ -71,8 +71,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     found = calibrate(
         leg.linkage,
         measured,
-        direction=leg.direction,
-        phase=leg.phase,
+        direction=leg.encoder_direction,
+        phase=leg.encoder_phase,
         camera=options.camera == 'unknown',
         delay=options.delay == 'unknown',
         prior=_prior(options.prior),
@@ -138,7 +138,8 @@ def _built_file(
         own = found.linkage.dimensions
         parameters |= {name: round(own[name], NUMBER_DIGITS) for name in NUMBERS}
         parameters['assembly'] = [*found.linkage.assembly]
-    parameters |= {'phase': round(found.phase, NUMBER_DIGITS), 'direction': leg.direction}
+    phase = found.phase + leg.direction * leg.drive.zero
+    parameters |= {'phase': round(phase, NUMBER_DIGITS), 'direction': leg.direction}
     parameters['crank_joint'] = leg.crank_joint
     errors = zip(found.model.names, found.standard_errors, strict=True)
     run, drawing = map(printable_line, sources)

@@ -155,7 +155,7 @@ def calibrate(
     linkage: Linkage,
     measured: Sequence[MeasuredSeries],
     *,
-    direction: int = 1,
+    direction: float = 1,
     phase: float = 0.0,
     camera: bool = False,
     delay: bool = False,

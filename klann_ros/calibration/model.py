@@ -53,7 +53,7 @@ class MeasurementModel:
     """
 
     linkage: Linkage
-    direction: int = 1
+    direction: float = 1
     phase: float = 0.0
     optional: tuple[str, ...] = ()
     # The last poses: points are often measured at the same moments.

@@ -298,6 +298,8 @@ class _OtherNodes:
     """The parameters of all nodes of this package, imported only after a mistake."""
 
     def __init__(self) -> None:
+        from klann_ros.robot.file import OF_CRANK  # noqa: PLC0415
+
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415
@@ -323,7 +325,7 @@ class _OtherNodes:
             ),
         }
         self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
-        self._of_legs, self._for_others = solver.OF_LEG, set(solver.FOR_OTHERS)
+        self._of_legs, self._for_others = solver.OF_LEG, {*solver.FOR_OTHERS, *OF_CRANK}
         self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
 
     def has(self, name: str, known: Collection[str]) -> bool:

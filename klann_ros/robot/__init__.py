@@ -11,9 +11,10 @@ simulation and control all read robots by this package; it is without ROS.
 """
 
 from .file import robot_from_file, robot_from_parameters, robot_of, RobotFileError, solver_section
-from .robot import Mount, Robot, RobotLeg, WalkerBody
+from .robot import CrankDrive, Mount, Robot, RobotLeg, WalkerBody
 
 __all__ = [
+    'CrankDrive',
     'Mount',
     'Robot',
     'RobotFileError',

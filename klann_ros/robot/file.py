@@ -1,7 +1,7 @@
 """The robot of parameters of solver_node, of a linkage's file, or of a shipped name."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import isfinite
 from pathlib import Path
 import re
@@ -20,11 +20,11 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.klann import NUMBERS, PRESETS
 from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.sanitize.files import is_regular_file, read_regular
-from klann_ros.sanitize.text import printable, printable_line, refusal
+from klann_ros.sanitize.text import did_you_mean, printable, printable_line, refusal
 from klann_ros.sanitize.units import warn_of_angle, warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
 
-from .robot import Mount, Robot, RobotLeg, Triple, WalkerBody
+from .robot import CrankDrive, Mount, Robot, RobotLeg, Triple, WalkerBody
 
 _GEOMETRY = (*NUMBERS, 'assembly')
 _DESCRIPTION = 'linkage_description'
@@ -36,6 +36,8 @@ _NODE = '/solver_node'
 _PARAMETERS = 'ros__parameters'
 # Parameters that define a robot, in no other node's section.
 _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
+# Keys of a crank joint, `cranks.JOINT.KEY`.
+OF_CRANK = tuple(field.name for field in fields(CrankDrive))
 _BODY = ('body_mass', 'body_size', 'body_centre')
 
 
@@ -122,10 +124,36 @@ def robot_from_parameters(
     """
     flat = _flat(parameters)
     names = _names(flat.get('legs', ()))
+    drives = _drives(flat)
     legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
+    joints = {leg.crank_joint for leg in legs}
+    for joint in drives:
+        if joint not in joints:
+            hint = did_you_mean(joint, joints)
+            raise ValueError(f'cranks.{printable(joint)}: no leg has this crank_joint{hint}')
+    legs = tuple(replace(leg, drive=drives.get(leg.crank_joint, leg.drive)) for leg in legs)
     mounts = {f'{leg.name}.mount_xyz'.lstrip('.'): max(leg.mount.xyz, key=abs) for leg in legs}
     warn_of_lengths(mounts)
     return Robot('robot', legs, _body(flat) if weigh else None)
+
+
+def _drives(flat: Mapping[str, Any]) -> dict[str, CrankDrive]:
+    """Return encoders and motors that are not as by default, by their joints."""
+    drives: dict[str, CrankDrive] = {}
+    for name in flat:
+        family, _, rest = name.partition('.')
+        joint, _, key = rest.rpartition('.')
+        if family != 'cranks':
+            continue
+        if key not in OF_CRANK:
+            raise ValueError(
+                f'{printable(name)} is none of {", ".join(OF_CRANK)} of a crank joint'
+            )
+        number = _number(flat, name, 0.0)
+        if number == 0.0 and key != 'zero':
+            raise ValueError(refusal(name, number, 'a ratio, negative or positive, not 0'))
+        drives[joint] = replace(drives.get(joint, CrankDrive()), **{key: number})
+    return drives
 
 
 def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:

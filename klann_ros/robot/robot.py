@@ -47,6 +47,30 @@ class Mount:
 
 
 @dataclass(frozen=True)
+class CrankDrive:
+    """
+    The encoder and the motor of a crank, as they are wired and mounted.
+
+    `encoder_ratio` and `motor_ratio` are the turns of the encoder, and the turns that have to be
+    commanded, by turn of the crank; they are negative where one goes against the other. `zero` is
+    the angle of the crank that the encoder shows at the crank's zero [rad].
+    """
+
+    encoder_ratio: float = 1.0
+    motor_ratio: float = 1.0
+    zero: float = 0.0
+
+    def measured(self, position: float, velocity: float | None) -> tuple[float, float | None]:
+        """Return angle and rate of the crank by those of its encoder."""
+        rate = None if velocity is None else velocity / self.encoder_ratio
+        return position / self.encoder_ratio - self.zero, rate
+
+    def commanded(self, angle: float, rate: float) -> tuple[float, float]:
+        """Return the position, as the encoder shows it, and the velocity to command."""
+        return (angle + self.zero) * self.encoder_ratio, rate * self.motor_ratio
+
+
+@dataclass(frozen=True)
 class RobotLeg:
     """
     A leg of a robot.
@@ -71,6 +95,8 @@ class RobotLeg:
         The text of its linkage's file; '' for a Klann leg by its lengths.
     linkage_file : str
         The name of that file.
+    drive : CrankDrive
+        Encoder and motor of its crank.
 
     """
 
@@ -83,6 +109,17 @@ class RobotLeg:
     masses: Masses | None = None
     description: str = ''
     linkage_file: str = ''
+    drive: CrankDrive = CrankDrive()
+
+    @property
+    def encoder_direction(self) -> float:
+        """Return the turns of its crank by turn of its encoder."""
+        return self.direction / self.drive.encoder_ratio
+
+    @property
+    def encoder_phase(self) -> float:
+        """Return its crank angle where its encoder shows 0 [rad]."""
+        return self.phase - self.direction * self.drive.zero
 
     @property
     def prefix(self) -> str:
@@ -212,6 +249,11 @@ class Robot:
                     raise ValueError(msg)
                 owners[name] = leg.name
         return tuple(owners)
+
+    @property
+    def drives(self) -> dict[str, CrankDrive]:
+        """Return encoder and motor of each crank joint."""
+        return {leg.crank_joint: leg.drive for leg in self.legs}
 
     def on_joint(self, joint: str) -> tuple[RobotLeg, ...]:
         """Return the legs driven by a joint."""

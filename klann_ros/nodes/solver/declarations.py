@@ -9,6 +9,7 @@ from klann_ros.kinematics import KlannGeometry
 from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import Declaration, number
+from klann_ros.robot.file import OF_CRANK
 from klann_ros.robot.robot import SEPARATORS
 
 _DESCRIPTIONS = {
@@ -177,6 +178,7 @@ DESCRIBED = frozenset(
         *OF_LEG,
         *(p.name for p in (*LEGS, *SETTINGS)),
         *FOR_OTHERS,
+        *OF_CRANK,
         LINKAGE_PARAMETER,
         'frame_id',
         'use_sim_time',

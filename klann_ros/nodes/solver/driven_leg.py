@@ -86,7 +86,8 @@ class DrivenLeg:
         self.prefix = robot_leg.prefix
         # As published, the crank's first.
         self.joint_names = [robot_leg.joint_name(j, joint_separator) for j in leg.joint_names]
-        self._direction, self._phase = robot_leg.direction, robot_leg.phase
+        self._direction = robot_leg.encoder_direction
+        self._phase = robot_leg.encoder_phase
         self.statistics = SolverStatistics()
         # The last pose; None before the first.
         self.last: LinkagePose | None = None
@@ -95,8 +96,9 @@ class DrivenLeg:
         """
         Return the pose at a crank angle [rad], and the velocity if the rate [rad/s] is known.
 
-        alpha_leg = direction * alpha + phase. A CrankAngleError for an invalid angle, or another
-        KinematicsError for one without a solution, is counted before it is raised.
+        alpha_leg = direction * alpha + phase, with those of the leg's encoder. A CrankAngleError
+        for an invalid angle, or another KinematicsError for one without a solution, is counted
+        before it is raised.
         """
         try:
             pose = self.leg.solve(self._direction * alpha + self._phase)

@@ -54,7 +54,8 @@ def declared_robot(node: Node, *, described: bool = False) -> Robot:
     given = {}
     for name, parameter in sorted(overrides(node).items()):
         family, _, last = name.rpartition('.')
-        if name in _OF_ROBOT or (family in names and last in _OF_NAMED_LEG):
+        is_of_leg = family in names and last in _OF_NAMED_LEG
+        if name in _OF_ROBOT or is_of_leg or name.startswith('cranks.'):
             given[name] = plain(parameter.value)
     declare_given(node, given, 'of the robot: see solver_node --help')
     source = 'the parameters are'
@@ -104,9 +105,15 @@ class LegParameters:
             for name, parameter in overrides(node).items()
             if name.rpartition('.')[2] == LINKAGE_PARAMETER
         }
+        cranks = {
+            name: parameter.value
+            for name, parameter in overrides(node).items()
+            if name.startswith('cranks.')
+        }
+        declare_given(node, cranks, 'encoder or motor of a crank joint')
         try:
             robot = robot_from_parameters(
-                {name: plain(value) for name, value in {**values, **texts}.items()},
+                {name: plain(value) for name, value in {**values, **texts, **cranks}.items()},
                 folders=parameter_folders(),
                 weigh=False,
             )

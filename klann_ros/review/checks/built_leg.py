@@ -239,9 +239,7 @@ def _calibrated(leg: ReviewedLeg, points: dict[str, Series], start: int) -> Cali
         series_of('point', name, (series.stamps - start) / 1e9, series.values, crank)
         for name, series in points.items()
     ]
-    return calibrate(
-        solver.leg.linkage, measured, direction=int(solver.direction), phase=solver.phase
-    )
+    return calibrate(solver.leg.linkage, measured, direction=solver.direction, phase=solver.phase)
 
 
 def _finding(leg: ReviewedLeg, found: Calibration) -> Iterator[Finding]:

@@ -56,13 +56,17 @@ def _solver(own: Sequence[SolverParameters], name: str, reference: Robot | None)
     last, source = values[-1], REFERENCE if reference else ''
     if legs[-1] and not reference:
         source = f'the parameters of {printable(own[-1].node)}'
+    joint = str(last.get('crank_joint') or LegSolver.crank_joint)
+    direction = _number(last.get('direction'), 1)
+    ratio = _number(last.get(f'cranks.{joint}.encoder_ratio'), 1)
+    zero = _number(last.get(f'cranks.{joint}.zero'), 0.0)
     return LegSolver(
-        crank_joint=str(last.get('crank_joint') or LegSolver.crank_joint),
+        crank_joint=joint,
         sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
         leg=legs[-1],
         leg_time=0 if reference else _last_change([record.time for record in own], legs),
-        direction=_number(last.get('direction'), 1),
-        phase=_number(last.get('phase'), 0.0),
+        direction=direction if ratio in (0, 1) else direction / ratio,
+        phase=_number(last.get('phase'), 0.0) - direction * zero,
         nodes=tuple(dict.fromkeys(record.node for record in own)),
         source=source,
         joint_separator='_' if last.get('joint_separator') == '_' else '/',
