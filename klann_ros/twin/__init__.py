@@ -15,7 +15,7 @@ readings as faults of the hardware do.
 """
 
 from .agreement import Agreement, agreement
-from .injection import FaultInjector, injected_faults, Injection
+from .injection import described_faults, FaultInjector, injected_faults, Injection
 from .mjcf import Floor, robot_mjcf
 from .twin import (
     DivergedError,
@@ -46,6 +46,7 @@ __all__ = [
     'Twin',
     'TwinError',
     'agreement',
+    'described_faults',
     'injected_faults',
     'robot_mjcf',
 ]

@@ -12,6 +12,7 @@ import re
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import GRAVITY
+from klann_ros.robot import CrankDrive
 from klann_ros.sanitize.text import did_you_mean, printable, refusal
 
 from .twin import Imu, SimulatedCrank, TwinError
@@ -77,6 +78,19 @@ class InjectedFault(NamedTuple):
     joint: str
     size: float
     start: float
+
+
+def described_faults(drives: Mapping[str, CrankDrive]) -> list[InjectedFault]:
+    """Return encoders and motors as a robot file describes them, by their joints."""
+    faults = []
+    for joint, drive in drives.items():
+        sizes = {
+            Injection.MOTOR_RATIO: 1.0 / drive.motor_ratio,
+            Injection.GEAR_RATIO: drive.encoder_ratio,
+            Injection.ZERO: drive.zero * drive.encoder_ratio,
+        }
+        faults += [InjectedFault(kind, joint, size, 0.0) for kind, size in sizes.items()]
+    return faults
 
 
 def injected_faults(text: str, joints: Sequence[str]) -> list[InjectedFault]:

@@ -8,6 +8,7 @@ of `klann_ros.gait`.
 
 from .control_laws import CrankCommand, PhaseLock
 from .controller import DiagnosticLevel, WalkController
+from .drives import CrankDrives
 from .faults import Fault, FaultKind, FaultLatch
 from .imu import imu_reading, ImuReading
 from .odometry import Odometry, OdometryEstimate
@@ -17,6 +18,7 @@ from .walker import Walker
 __all__ = [
     'ControllerSettings',
     'CrankCommand',
+    'CrankDrives',
     'DiagnosticLevel',
     'Fault',
     'FaultKind',

@@ -172,6 +172,12 @@ class CrankFeedback:
         """Return the age of the last reading [s]; infinite before the first."""
         return self.watchdog.age(now)
 
+    def shift(self, offset: float) -> None:
+        """Add an offset to the angle, whose zero has changed [rad]."""
+        self.position += offset
+        self._since = nan
+        self.detector.restart()
+
     def read(
         self,
         position: float,

@@ -1,12 +1,13 @@
 """A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from math import cos, inf, nan, sin
 
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import wrap
 
-from .controller import DiagnosticLevel, WalkController
+from .controller import DiagnosticLevel, STANDS, WalkController
+from .drives import CrankDrives
 from .feedback import SteadyClock, Watchdog
 from .imu import AccelerometerState, ImuReading
 from .odometry import Odometry, OdometryEstimate
@@ -20,6 +21,8 @@ MAX_LOSS, MIN_STEP, MAX_WAIT = 1.0, 0.005, 0.1
 class Walker:
     """
     Control a walker, and follow where it goes.
+
+    Angles and rates are those of cranks; `drives` converts those of their encoders and motors.
 
     Parameters
     ----------
@@ -48,11 +51,31 @@ class Walker:
         self.feet = steering.feet
         self.controller = WalkController(steering, settings or ControllerSettings(), steady)
         self.odometry = Odometry(self.feet, noise)
+        self.drives = CrankDrives(self.feet.robot.drives)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
         self._at: float | None = None
         self._arrived = 0.0
         self._estimate: OdometryEstimate | None = None
+
+    def set_zero(self, joints: Collection[str] = ()) -> str:
+        """
+        Declare the angles of cranks their zeros, of all without joints, while it stands.
+
+        Returns why it does not, '' if it does.
+        """
+        controller = self.controller
+        creep = controller.settings.creep_rate
+        if not controller.is_known:
+            return 'not all cranks have given feedback'
+        if controller.motion != STANDS or any(abs(c.velocity) > creep for c in controller.cranks):
+            return 'it moves'
+        for crank in controller.cranks:
+            if crank.joint in joints or not joints:
+                self.drives.set_zero(crank)
+        controller.lock.reset(controller.positions)
+        self.odometry.jump()
+        return ''
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take a reading of an IMU on base_link."""

@@ -4,7 +4,7 @@ from math import pi
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
-from klann_ros.robot import robot_from_file, robot_of, RobotFileError
+from klann_ros.robot import CrankDrive, robot_from_file, robot_of, RobotFileError
 import numpy as np
 import pytest
 
@@ -67,6 +67,14 @@ def test_a_preset_has_the_masses_of_its_parameter_file(name: str) -> None:
         ('l_ab: 0.12\nbody_mass: 20', 'body_size'),
         ('l_ab: 0.12\nbody_mass: 0\nbody_size: [1, 1, 1]', 'body_mass'),
         ('legs: [a, a]', 'legs'),
+        (
+            'l_ab: 0.12\ncranks: {crank: {sign: -1}}',
+            'cranks.crank.sign is none of encoder_ratio, ',
+        ),
+        ('l_ab: 0.12\ncranks: {crnk: {zero: 1}}', 'cranks.crnk: no leg .* did you mean crank'),
+        ('l_ab: 0.12\ncranks: {crank: {encoder_ratio: 0}}', 'not 0'),
+        ('l_ab: 0.12\ncranks: {crank: {motor_ratio: 0.0}}', 'not 0'),
+        ('l_ab: 0.12\ncranks: {crank: {zero: .nan}}', 'finite'),
         ('linkage: not_there.yaml', 'not_there.yaml'),
     ],
 )
@@ -76,3 +84,23 @@ def test_an_invalid_robot_is_refused_in_one_line(text: str, reason: str, tmp_pat
     with pytest.raises(RobotFileError, match=reason) as refused:
         robot_from_file(file)
     assert '\n' not in str(refused.value)
+
+
+def test_a_file_has_encoder_and_motor_of_each_crank(tmp_path: Path) -> None:
+    text = (ROOT / 'config' / 'walker6_two_motors.yaml').read_text()
+    file = tmp_path / 'robot.yaml'
+    cranks = 'cranks: {left_crank: {encoder_ratio: -4, motor_ratio: -2.0, zero: 0.3}}'
+    file.write_text(f'{text}    {cranks}\n')
+    robot = robot_from_file(file)
+    left, right = robot.drives.values()
+    assert list(robot.drives) == ['left_crank', 'right_crank']
+    assert (left, right) == (CrankDrive(-4.0, -2.0, 0.3), CrankDrive())
+    # At an encoder of -2 rad the crank is at 0.5 rad, 0.3 rad of which are its zero.
+    assert left.measured(-2.0, 8.0) == pytest.approx((0.2, -2.0))
+    assert left.measured(-2.0, None) == (pytest.approx(0.2), None)
+    assert left.commanded(0.2, 1.5) == pytest.approx((-2.0, -3.0))
+    for leg in robot.legs:
+        # What follows from the encoder is what follows from the crank.
+        by_encoder = leg.encoder_direction * -2.0 + leg.encoder_phase
+        angle = leg.drive.measured(-2.0, None)[0]
+        assert by_encoder == pytest.approx(float(leg.crank_angles(angle)))

@@ -37,6 +37,7 @@ from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import (
+    described_faults,
     DivergedError,
     FaultInjector,
     injected_faults,
@@ -122,6 +123,7 @@ class SimNode(ProcessNode):
 
     def _make_twin(self, values: dict[str, Any]) -> Twin:
         robot = declared_robot(self)
+        self._drives = robot.drives
         try:
             if values['built']:
                 robot = robot.built_as(robot_of(values['built']))
@@ -143,7 +145,8 @@ class SimNode(ProcessNode):
     def _make_faults(self, text: str) -> FaultInjector:
         joints = self._twin.joints
         try:
-            return FaultInjector(injected_faults(text, joints), joints)
+            faults = [*described_faults(self._drives), *injected_faults(text, joints)]
+            return FaultInjector(faults, joints)
         except TwinError as error:
             raise StartError(f'faults: {error}') from error
 

@@ -17,7 +17,7 @@ from klann_ros.nodes.endpoints import (
     UnknownMessageTypeError,
 )
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, JointStateTemplate, STAMP_SIZE
-from klann_ros.walker import CrankCommand, OdometryEstimate
+from klann_ros.walker import CrankCommand, CrankDrives, OdometryEstimate
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -162,9 +162,10 @@ def _imu_numbers(order: str, begin: int) -> struct.Struct:
 class CrankOutput:
     """Publisher of crank_command: JointStates, or velocities alone, as for ros2_control."""
 
-    def __init__(self, node: Node, joints: Sequence[str], command_type: str) -> None:
+    def __init__(self, node: Node, drives: CrankDrives, command_type: str) -> None:
+        self._drives = drives
         self._array: Any = _ARRAYS.get(command_type)
-        self._template = JointStateTemplate(joints)
+        self._template = JointStateTemplate([*drives.drives])
         self._publisher = create_publisher(node, self._array or JointState, 'crank_command')
         # Whether the last command, if there is one, lets a crank turn.
         self.is_turning = False
@@ -183,6 +184,7 @@ class CrankOutput:
         self._has_commanded = self.is_turning = False
 
     def _message(self, command: CrankCommand, sec: int, nanosec: int) -> Any:
+        command = self._drives.commanded(command)
         if self._array is not None:
             return self._array(data=list(command.velocity))
         return self._template.fill(sec, nanosec, command.position, command.velocity)

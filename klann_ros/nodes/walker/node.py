@@ -107,7 +107,7 @@ class WalkerNode(ProcessNode):
         joints = self._walker.feet.joints
         self._reader = JointsReader(joints)
         self._imu, self._has_imu = ImuReader(), False
-        self._commands = CrankOutput(self, joints, values['command_type'])
+        self._commands = CrankOutput(self, self._walker.drives, values['command_type'])
         self._odom = OdomOutput(self, values)
         if self._odom.problem:
             self.get_logger().warning(self._odom.problem)
@@ -116,6 +116,11 @@ class WalkerNode(ProcessNode):
         # Also where simulated time stands still.
         create_steady_timer(self, values['diagnostics_period'], self._report)
         create_trigger(self, 'reset_fault', self._on_reset_fault)
+        create_trigger(self, 'set_zero', self._on_set_zero)
+        for joint in joints:
+            # A joint may have a name that ROS allows to no service.
+            if joint.isidentifier() and joint.isascii():
+                create_trigger(self, f'{joint}/set_zero', partial(self._on_set_zero, joint))
         create_trigger(self, 'enable', self._on_enable)
         create_trigger(self, 'disable', self._on_disable)
         # Before all other inputs, for which it does not wait.
@@ -184,6 +189,12 @@ class WalkerNode(ProcessNode):
         self.get_logger().info(printable_line(text))
         return text
 
+    def _on_set_zero(self, *joints: str) -> tuple[bool, str]:
+        refusal = self._walker.set_zero(joints)
+        if refusal:
+            return False, f'zero is not set: {refusal}'
+        return True, f'for the robot file: {self._walker.drives.zeros}'
+
     # Time.
 
     def _now(self) -> float:
@@ -243,7 +254,8 @@ class WalkerNode(ProcessNode):
 
     def _feed_back(self, joints: Mapping[str, JointReading], info: Info) -> None:
         """Take the readings of cranks of one message; publish odom, and the command if due."""
-        readings = {joint: (each.position, each.velocity) for joint, each in joints.items()}
+        encoders = {joint: reading[:2] for joint, reading in joints.items()}
+        readings = self._walker.drives.measured(encoders)
         *_, last = joints.values()
         stamp = last.sec, last.nanosec
         # The source's time is none of a simulation's.
@@ -418,7 +430,8 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
         f'leg_description\n{QOS_USAGE}\n\n'
         'Services (std_srvs/srv/Trigger): ~/reset_fault forgets the fault that stopped it,\n'
-        '~/disable commands the cranks to stand, and ~/enable permits motion again.',
+        '~/disable commands the cranks to stand, and ~/enable permits motion again;\n'
+        '~/set_zero and ~/JOINT/set_zero: all cranks, or that of a joint, are at zero now.',
     )
     parser.add_argument('--lifecycle', action='store_true', help=LIFECYCLE_HELP)
     kind = ManagedWalkerNode if arguments(parser, argv).lifecycle else WalkerNode
