@@ -25,7 +25,6 @@ ALLOWED = {
     'gait': {'kinematics', 'dynamics', 'robot'},
     'walker': {'kinematics', 'dynamics', 'gait'},
     'twin': {'sanitize', 'kinematics', 'dynamics', 'robot'},
-    'sweeps': {'sanitize', 'engines', 'kinematics'},
     'plotting': {'kinematics'},
     'web': {'sanitize', 'kinematics'},
     'review': {

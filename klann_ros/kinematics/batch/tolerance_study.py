@@ -1,15 +1,14 @@
 """Effect of manufacturing errors on the foot path: Monte Carlo statistics and sensitivities."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil, inf
 from numbers import Real
 from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import AnyArray, FloatArray, IntArray
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
@@ -20,8 +19,6 @@ from .turn_clearance import driven_clearances
 DISTRIBUTIONS = ('uniform', 'normal')
 # Poses in memory at once: the crank angles are processed in parts.
 MAX_STUDY_POSES = 1_000_000
-# Of a ToleranceStudy, at each crank angle.
-STATISTICS = ('mean', 'rms', 'p95', 'p99', 'largest', 'box')
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,7 @@ class ToleranceStudy:
     mean : numpy.ndarray, shape (k, 2)
         Mean of H - H_nominal [m].
     rms, p95, p99, largest : numpy.ndarray, shape (k,)
-        Of `|H - H_nominal|`: root mean square, 95th and 99th percentile, maximum [m].
+        Statistics of `|H - H_nominal|`: root mean square, 95th and 99th percentile, maximum [m].
     box : numpy.ndarray, shape (k, 2, 2)
         Rows: least and greatest x, y of H at each crank angle [m].
     stride, lift : numpy.ndarray, shape (samples,)
@@ -87,12 +84,15 @@ class ToleranceStudy:
         return sorted(zip(self.names, rms, strict=True), key=lambda pair: -pair[1])
 
 
-def tolerance_study(  # noqa: D417 - its options are described by name
+def tolerance_study(
     linkage: Any,
     tolerances: Mapping[str, float] | float,
     *,
+    samples: int = 1000,
+    crank_angles: int = 360,
+    distribution: str = 'uniform',
+    seed: int = 0,
     progress: Progress | None = None,
-    **options: Any,
 ) -> ToleranceStudy:
     """
     Return the effect of manufacturing errors on a foot path.
@@ -104,17 +104,17 @@ def tolerance_study(  # noqa: D417 - its options are described by name
     tolerances : mapping of str to float, or float
         Half-width of each dimension's tolerance, by name [m, rad]; others are exact. A single
         number is the relative half-width of all lengths.
+    samples : int
+        Number of random legs.
+    crank_angles : int
+        Number of equal steps of the crank's turn.
+    distribution : str
+        Distribution of every dimension, independently: 'uniform', or 'normal' with a third of the
+        half-width as standard deviation, truncated to the tolerance.
+    seed : int
+        >= 0; the same seed gives the same legs.
     progress : callable, optional
         Called with (done, total) poses after each part.
-    samples : int, default 1000
-        Number of random legs.
-    crank_angles : int, default 360
-        Number of equal steps of the crank's turn.
-    distribution : str, default 'uniform'
-        Of every dimension, independently: 'uniform', or 'normal' with a third of the half-width as
-        standard deviation, truncated to the tolerance.
-    seed : int, default 0
-        >= 0; the same seed gives the same legs.
 
     Returns
     -------
@@ -138,101 +138,49 @@ def tolerance_study(  # noqa: D417 - its options are described by name
     'l_bc'
 
     """
-    draw = tolerance_draw(linkage, tolerances, **options)
-
-    def results() -> Iterator[dict[str, Any]]:
-        for part in draw.parts:
-            yield draw.deviations(part)
-            if progress is not None:
-                progress(part.stop * draw.samples, len(draw.alphas) * draw.samples)
-
-    return draw.study(results())
-
-
-@dataclass(frozen=True, eq=False)
-class ToleranceDraw:
-    """
-    Random legs within tolerances, evaluated some crank angles at a time.
-
-    `linkage` is the nominal leg, `widths` are the half-widths of its dimensions' tolerances [m,
-    rad], `alphas` the crank angles [rad].
-    """
-
-    linkage: Linkage
-    widths: FloatArray
-    samples: int
-    distribution: str
-    seed: int
-    alphas: FloatArray
-
-    @property
-    def parts(self) -> list[slice]:
-        """Return the parts of the crank angles that are evaluated together."""
-        step = max(1, MAX_STUDY_POSES // self.samples)
-        count = len(self.alphas)
-        return [slice(first, min(first + step, count)) for first in range(0, count, step)]
-
-    @cached_property
-    def drawn(self) -> Variants:
-        """Return the random legs."""
-        values = np.array(self.linkage.numbers)
-        errors = _draw(self.distribution, (len(values), self.samples), self.seed)
-        numbers = values[:, None] + self.widths[:, None] * errors
-        return Variants(self.linkage, dict(zip(self.linkage.dimensions, numbers, strict=True)))
-
-    def deviations(self, part: slice) -> dict[str, AnyArray]:
-        """Return the statistics of the feet at some of the crank angles."""
-        alphas = self.alphas[part]
-        nominal = linkage_poses(self.linkage, alphas).h
-        return deviations(linkage_poses(self.drawn, alphas).h, nominal)
-
-    def study(self, found: Iterable[Mapping[str, Any]]) -> ToleranceStudy:
-        """Return the study from the deviations of all parts, in order."""
-        rows, turns = [], ~(driven_clearances(self.drawn) < 0.0)
-        least, greatest = np.full((2, self.samples, 2), np.inf)
-        greatest *= -1.0
-        for each in found:
-            rows.append({name: each[name] for name in STATISTICS})
-            turns &= each['turns']
-            np.minimum(least, each['least'], out=least)
-            np.maximum(greatest, each['greatest'], out=greatest)
-        extent = np.where(turns[:, None], greatest - least, np.nan)
-        nominal: Any = linkage_poses(self.linkage, self.alphas, gradients=True)
-        arrays = {
-            'alphas': self.alphas,
-            'nominal': nominal.h,
-            **{name: np.concatenate([row[name] for row in rows]) for name in STATISTICS},
-            'stride': extent[:, 0].copy(),
-            'lift': extent[:, 1].copy(),
-            'tolerances': self.widths,
-            'sensitivities': nominal.h_gradient.swapaxes(1, 2),
-        }
-        for array in arrays.values():
-            array.setflags(write=False)
-        fraction, names = float((~turns).mean()), nominal.dimension_names
-        return ToleranceStudy(**arrays, non_turning_fraction=fraction, names=names)
-
-
-def tolerance_draw(
-    linkage: Any,
-    tolerances: Mapping[str, float] | float,
-    *,
-    samples: int = 1000,
-    crank_angles: int = 360,
-    distribution: str = 'uniform',
-    seed: int = 0,
-) -> ToleranceDraw:
-    """Return the legs of a `tolerance_study`; parameters and errors as there."""
-    nominal = as_linkage(linkage)
+    base = as_linkage(linkage)
     samples = validation.count('samples', samples, 1)
     crank_angles = validation.count('crank_angles', crank_angles, 1)
     seed = validation.count('seed', seed, 0)
     if distribution not in DISTRIBUTIONS:
         msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
         raise ValueError(msg)
+    widths = _half_widths(base, tolerances)
+    errors = _draw(distribution, (len(widths), samples), seed)
+    numbers = np.array(base.numbers)[:, None] + widths[:, None] * errors
+    legs = Variants(base, dict(zip(base.dimensions, numbers, strict=True)))
+
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
-    widths = _half_widths(nominal, tolerances)
-    return ToleranceDraw(nominal, widths, samples, distribution, seed, alphas)
+    nominal: Any = linkage_poses(base, alphas, gradients=True)
+    turns = ~(driven_clearances(legs) < 0.0)
+    least = np.full((samples, 2), np.inf)
+    greatest = np.full((samples, 2), -np.inf)
+    parts = []
+    step = max(1, MAX_STUDY_POSES // samples)
+    for start in range(0, crank_angles, step):
+        end = min(start + step, crank_angles)
+        feet = linkage_poses(legs, alphas[start:end]).h
+        parts.append(_statistics(feet, nominal.h[start:end]))
+        turns &= ~np.isnan(feet[..., 0]).any(axis=1)
+        # fmin and fmax ignore a missing foot.
+        np.fmin(least, np.fmin.reduce(feet, axis=1), out=least)
+        np.fmax(greatest, np.fmax.reduce(feet, axis=1), out=greatest)
+        if progress is not None:
+            progress(end * samples, crank_angles * samples)
+    extent = np.where(turns[:, None], greatest - least, np.nan)
+    arrays = {
+        'alphas': alphas,
+        'nominal': nominal.h,
+        **{name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
+        'stride': extent[:, 0].copy(),
+        'lift': extent[:, 1].copy(),
+        'tolerances': widths,
+        'sensitivities': nominal.h_gradient.swapaxes(1, 2),
+    }
+    for array in arrays.values():
+        array.setflags(write=False)
+    fraction = float((~turns).mean())
+    return ToleranceStudy(**arrays, non_turning_fraction=fraction, names=nominal.dimension_names)
 
 
 def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> FloatArray:
@@ -274,32 +222,31 @@ def _draw(distribution: str, shape: tuple[int, int], seed: int) -> FloatArray:
     return errors
 
 
-def deviations(h: FloatArray, nominal: FloatArray) -> dict[str, AnyArray]:
+def _statistics(feet: FloatArray, nominal: FloatArray) -> dict[str, FloatArray]:
     """
-    Return statistics of feet at k crank angles, shape (legs, k, 2), against `nominal`.
+    Return the statistics of a ToleranceStudy at k crank angles.
 
-    A missing foot is NaN. By angle: the statistics of a ToleranceStudy; by leg: whether it has all
-    poses, and its extent.
+    `feet` are those of the legs, shape (legs, k, 2), NaN where missing.
     """
-    there = ~np.isnan(h[..., 0])
-    least, greatest = (np.where(there[..., None], h, far) for far in (np.inf, -np.inf))
-    apart = h - nominal
-    count = there.sum(axis=0)
+    is_missing = np.isnan(feet)
+    shift = feet - nominal
+    count = (~is_missing[..., 0]).sum(axis=0)
     # NaN comes last in order.
-    distance = np.sort(np.hypot(apart[..., 0], apart[..., 1]), axis=0)
+    distance = np.sort(np.hypot(shift[..., 0], shift[..., 1]), axis=0)
+    lower = np.where(is_missing, np.inf, feet).min(axis=0)
+    upper = np.where(is_missing, -np.inf, feet).max(axis=0)
     statistics = {
-        'mean': _total(apart) / np.maximum(1, count)[:, None],
+        'mean': _total(shift) / np.maximum(1, count)[:, None],
         'rms': np.sqrt(_total(distance * distance) / np.maximum(1, count)),
         'p95': _percentile(distance, count, 0.95),
         'p99': _percentile(distance, count, 0.99),
         'largest': _percentile(distance, count, 1.0),
-        'box': np.stack([least.min(axis=0), greatest.max(axis=0)], axis=1),
+        'box': np.stack([lower, upper], axis=1),
     }
-    nowhere = (count == 0) | np.isnan(nominal[:, 0])
+    is_undefined = (count == 0) | np.isnan(nominal[:, 0])
     for values in statistics.values():
-        values[nowhere] = np.nan
-    legs = {'least': least.min(axis=1), 'greatest': greatest.max(axis=1)}
-    return {**statistics, 'turns': there.all(axis=1), **legs}
+        values[is_undefined] = np.nan
+    return statistics
 
 
 def _total(values: FloatArray) -> FloatArray:
