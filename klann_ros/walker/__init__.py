@@ -7,9 +7,9 @@ of `klann_ros.gait`.
 """
 
 from .control_laws import CrankCommand, PhaseLock
-from .controller import DiagnosticLevel, WalkController
+from .controller import WalkController
 from .drives import CrankDrives
-from .faults import Fault, FaultKind, FaultLatch
+from .faults import DiagnosticLevel, Fault, FaultKind, FaultLatch, RefusalKind
 from .imu import imu_reading, ImuReading
 from .odometry import Odometry, OdometryEstimate
 from .settings import ControllerSettings, MotionLimits, OdometryNoise
@@ -29,6 +29,7 @@ __all__ = [
     'OdometryEstimate',
     'OdometryNoise',
     'PhaseLock',
+    'RefusalKind',
     'WalkController',
     'Walker',
     'imu_reading',

@@ -1,27 +1,19 @@
 """From a commanded motion to commands of the cranks, and what stops a walker."""
 
-from collections import deque
-from collections.abc import Mapping, Sequence
-from enum import Enum
+from collections.abc import Mapping
 from math import degrees, inf, isfinite
 
 from klann_ros.gait.steering import Rates, Steering, Twist2D
 
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
-from .faults import Fault, FaultKind, FaultLatch
+from .faults import DiagnosticLevel, FaultLatch, Refusal, RefusalKind
 from .feedback import CrankFeedback, SteadyClock, Watchdog
 from .interlocks import Interlocks
+from .loop import ControlLoop, EventLog
+from .monitors import FollowingMonitor
 from .settings import ControllerSettings
 
 STANDS = Twist2D(0.0, 0.0)
-
-
-class DiagnosticLevel(Enum):
-    """The level of a diagnostic status, as in ROS."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
 
 
 class WalkController:
@@ -34,8 +26,7 @@ class WalkController:
     `motion` is that for which the `cranks`, in the order of `Feet.joints`, are driven just now.
     They stand while a fault trips the `latch`, or the `interlocks` do not permit motion.
     `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
-    it cannot follow, and `pauses` the gaps in its loop. `limits_hit` are the active limits, and
-    `events` those to be logged; the logger removes them.
+    it cannot follow. `limits_hit` are the active limits.
 
     Parameters
     ----------
@@ -54,24 +45,17 @@ class WalkController:
         self.steering = steering
         feet = steering.feet
         self.cranks = [CrankFeedback(joint, inf, steady) for joint in feet.joints]
+        self.monitors = [FollowingMonitor(crank, inf, inf) for crank in self.cranks]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.speed)
         self.latch = FaultLatch()
         self.interlocks = Interlocks(self.latch, steady)
+        self.events, self.loop = EventLog(steady), ControlLoop(steady)
         self.configure(settings)
         self.motion, self._wanted = STANDS, STANDS
-        self.rejected = self.late = self.refused = self.pauses = 0
+        self.rejected = self.late = self.refused = 0
         self.limits_hit: list[str] = []
-        self.events: deque[str] = deque(maxlen=100)
-        self._event, self._event_age = '', Watchdog(steady)
         self._command_age = Watchdog(steady)
-        # Of any callback, and of the control clock's last progress.
-        self._loop, self._progress = Watchdog(steady), Watchdog(steady)
-        self._last: float | None = None
-        # The longest gap since the set points were last current, where they were before it, and
-        # when it ended.
-        self._gap, self._targets_before, self._resumed = 0.0, list[float](), -inf
-        self._stalled = [0.0] * len(self.cranks)
         self._rates = Rates(0.0, 0.0)
 
     def configure(self, settings: ControllerSettings) -> None:
@@ -80,6 +64,9 @@ class WalkController:
         self.latch.auto_reset = settings.auto_reset
         for crank in self.cranks:
             crank.max_rate = 4.0 * settings.limits.max_crank_rate
+        for monitor in self.monitors:
+            monitor.max_error = settings.max_following_error
+            monitor.reaction_time = settings.feedback_timeout
 
     # Inputs.
 
@@ -90,9 +77,9 @@ class WalkController:
         now: float,
         age: float = 0.0,
         transport_age: float | None = None,
-    ) -> str:
+    ) -> Refusal | None:
         """
-        Take a commanded motion [m/s, rad/s]; return why it is not followed, '' if it is.
+        Take a commanded motion [m/s, rad/s]; return why it is not followed, None if it is.
 
         `age` is that by its stamp, and `transport_age` that by the middleware's time of sending
         [s]; the clocks of sender and receiver may differ by any offset in the latter.
@@ -101,21 +88,25 @@ class WalkController:
         delay = self._command_age.delay(transport_age, now)
         if not (isfinite(linear) and isfinite(angular)):
             self.rejected += 1
-            return f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
+            text = f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
+            return Refusal(RefusalKind.NOT_FINITE, text)
         if age > self.settings.cmd_vel_timeout:
             self.late += 1
-            return f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
+            text = f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
+            return Refusal(RefusalKind.LATE, text)
         if delay > self.settings.cmd_vel_timeout:
             self.late += 1
-            return f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
+            text = f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
+            return Refusal(RefusalKind.LATE, text)
         self._wanted = Twist2D(linear, angular)
         self._command_age.feed(now, delay)
         self.latch.command(is_motion=linear != 0.0 or angular != 0.0)
         if angular != 0.0 and not self.steering.can_turn:
             self.refused += 1
             self._wanted = Twist2D(linear, 0.0)
-            return 'it cannot turn: its legs share one crank, or all cranks are on one side'
-        return ''
+            text = 'it cannot turn: its legs share one crank, or all cranks are on one side'
+            return Refusal(RefusalKind.CANNOT_TURN, text)
+        return None
 
     def feedback(
         self,
@@ -139,23 +130,19 @@ class WalkController:
                     has_jumped = True
                     self.lock.reset(self.positions)
                     text += ', phases restart from there'
-                self._add_event(text, now)
+                self.events.add(text, now)
         return has_jumped
 
     def keep_alive(self, now: float) -> None:
         """Note that the control loop runs; whatever is called next may be the first in a while."""
-        gap = self._loop.age(now)
-        self._loop.feed(now)
+        gap = self.loop.keep_alive(now)
         if self.settings.max_gap < gap < inf:
             self._pause(gap, now)
         self.interlocks.check(now, self.settings.e_stop_timeout)
 
     def _pause(self, gap: float, now: float) -> None:
         """Restart after a gap in the loop [s]: inputs may have waited in their queues."""
-        if not self._gap:
-            self._targets_before = list(self.lock.targets)
-            self.pauses += 1
-        self._gap, self._resumed = max(self._gap, gap), now
+        self.loop.pause(gap, now, self.lock.targets)
         for watchdog in (self._command_age, *(crank.watchdog for crank in self.cranks)):
             watchdog.pause(now)
         self.interlocks.pause(now)
@@ -183,12 +170,9 @@ class WalkController:
     def step(self, now: float) -> CrankCommand | None:
         """Return the command of the cranks at this time; None before all gave feedback."""
         self.keep_alive(now)
-        if self._last is not None and now < self._last:
+        if self.loop.time is not None and now < self.loop.time:
             self._reset_clock(now)
-        if now != self._last:
-            self._progress.feed(now)
-        gap = 0.0 if self._last is None else now - self._last
-        self._last = now
+        gap = self.loop.step(now, self.settings.max_gap)
         if gap > self.settings.max_gap:
             self._pause(gap, now)
         self.limits_hit = []
@@ -196,7 +180,7 @@ class WalkController:
             return None
         if self.stop_reason(now) or self.interlocks.hold_reason:
             return self._hold_position()
-        if self._gap:
+        if self.loop.gap:
             self._restart(now)
             gap = 0.0
         wanted = STANDS if self._is_command_old(now) else self._wanted
@@ -204,13 +188,15 @@ class WalkController:
         aim, self.limits_hit = limits.motion(wanted, self.steering.rates)
         self.motion = limits.approach(self.motion, aim, gap)
         command = self.lock.step(gap, self._crank_rates(gap), self.positions)
-        self._detect_blocked(command.velocity, now, gap)
+        for monitor, rate in zip(self.monitors, command.velocity, strict=True):
+            if fault := monitor.update(rate, gap, now):
+                self.latch.trip(fault)
         return self._hold_position() if self.latch.fault else command
 
     def _reset_clock(self, now: float) -> None:
         """Forget the times of commands: a simulation has restarted."""
         self._command_age.clear()
-        self._last, self._resumed = None, -inf
+        self.loop.reset_clock()
         for crank in self.cranks:
             crank.received = min(crank.received, now)
         if self.is_known:
@@ -223,16 +209,16 @@ class WalkController:
         if self._is_command_old(now):
             self.motion = STANDS
         # Readings from before the gap are as old as those that waited.
-        if any(crank.delay or crank.received < self._resumed for crank in self.cranks):
+        if any(crank.delay or crank.received < self.loop.resumed for crank in self.cranks):
             return
-        before = self._targets_before or self.positions
+        before = self.loop.targets_before or self.positions
         moved = ', '.join(
             f'{crank.joint} {_angle(crank.position - target)}'
             for crank, target in zip(self.cranks, before, strict=True)
         )
-        text = f'the control loop was paused for {self._gap:.1f} s'
-        self._add_event(f'{text}: set points restart at the measured angles ({moved})', now)
-        self._gap = 0.0
+        text = f'the control loop was paused for {self.loop.gap:.1f} s'
+        self.events.add(f'{text}: set points restart at the measured angles ({moved})', now)
+        self.loop.gap = 0.0
 
     @property
     def standstill(self) -> CrankCommand:
@@ -243,12 +229,13 @@ class WalkController:
         """Stop at once; return the command."""
         self.motion, self._rates = STANDS, Rates(0.0, 0.0)
         self._reset_set_points()
+        for monitor in self.monitors:
+            monitor.restart()
         return self.standstill
 
     def _reset_set_points(self) -> None:
         self.motion_feedback.reset()
         self.lock.reset(self.positions)
-        self._stalled = [0.0] * len(self.cranks)
 
     def _is_command_old(self, now: float) -> bool:
         return self._command_age.age(now) > self.settings.cmd_vel_timeout
@@ -269,40 +256,31 @@ class WalkController:
         self._rates = Rates(left, right)
         return self.steering.crank_rates(self._rates)
 
-    def _detect_blocked(self, rates: Sequence[float], now: float, dt: float) -> None:
-        s = self.settings
-        for k, (crank, rate) in enumerate(zip(self.cranks, rates, strict=True)):
-            stuck = abs(rate) > s.creep_rate and abs(crank.velocity) < s.blocked_ratio * abs(rate)
-            # An old reading shows nothing: its publisher may be paused, as a simulated motor is.
-            shown = dt if crank.age(now) < s.blocked_age else 0.0
-            self._stalled[k] = self._stalled[k] + shown if stuck else 0.0
-            if self._stalled[k] > s.blocked_time:
-                text = f'{crank.joint} does not turn: commanded {rate:+.2f} rad/s'
-                self.latch.trip(Fault(FaultKind.NOT_TURNING, crank.joint, text))
-
     # Diagnostics.
-
-    def _add_event(self, text: str, now: float) -> None:
-        self.events.append(text)
-        self._event = text
-        self._event_age.feed(now)
 
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
         if stopped := self.stop_reason(now):
             return DiagnosticLevel.ERROR, f'stopped: {stopped}'
-        if self._event_age.age(now) < 3.0:
-            return DiagnosticLevel.WARN, self._event
-        if self.lock.rate_scale < 1.0 and self.motion != STANDS:
-            lags = [degrees(abs(error)) for error in self.lock.errors]
-            joint = self.cranks[lags.index(max(lags))].joint
-            return DiagnosticLevel.WARN, f'slowing down: {joint} lags by {max(lags):.0f} deg'
-        if self.limits_hit:
-            return DiagnosticLevel.WARN, f'cmd_vel is limited by {", ".join(self.limits_hit)}'
+        if warning := self._warning(now):
+            return DiagnosticLevel.WARN, warning
         if self.motion == STANDS:
             standing = f'standing{": no cmd_vel" * self._is_command_old(now)}'
             return DiagnosticLevel.OK, self.interlocks.hold_reason or standing
         return DiagnosticLevel.OK, 'walking'
+
+    def _warning(self, now: float) -> str:
+        """Return what a user should know of a walker that works, '' if there is nothing."""
+        if self.loop.is_clock_slow:
+            text = f'/clock advances every {self.loop.period:.2f} s only: too rarely to walk'
+            return f'{text}, it needs {1.0 / self.settings.max_gap:.0f} Hz'
+        if event := self.events.recent(now):
+            return event
+        if self.lock.rate_scale < 1.0 and self.motion != STANDS:
+            lags = [degrees(abs(error)) for error in self.lock.errors]
+            joint = self.cranks[lags.index(max(lags))].joint
+            return f'slowing down: {joint} lags by {max(lags):.0f} deg'
+        return f'cmd_vel is limited by {", ".join(self.limits_hit)}' if self.limits_hit else ''
 
     def stop_reason(self, now: float) -> str:
         """Return why all cranks have to stand, '' if they need not."""
@@ -313,10 +291,12 @@ class WalkController:
         if silent:
             oldest = max(ages.values())
             since = f'for {oldest:.1f} s' if oldest < inf else 'yet'
-            return f'no valid feedback of {", ".join(silent)} {since}'
-        stands = self._progress.age(now) if now == self._last else 0.0
-        if stands > timeout:
-            return f'the clock has stood still for {stands:.1f} s'
+            repeats = any(crank.repeats for crank in self.cranks if crank.joint in silent)
+            cause = ': its stamp repeats' if repeats else ''
+            return f'no valid feedback of {", ".join(silent)} {since}{cause}'
+        standing_time = self.loop.standing_time(now)
+        if standing_time > timeout:
+            return f'the clock has stood still for {standing_time:.1f} s'
         return ''
 
 

@@ -1,7 +1,30 @@
-"""Faults that stop a walker, and their latch: only a deliberate act starts it again."""
+"""What a walker reports: levels, refused commands, and faults that stop it, with their latch."""
 
 from enum import Enum
 from typing import NamedTuple
+
+
+class DiagnosticLevel(Enum):
+    """The level of a diagnostic status, as in ROS."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+class RefusalKind(Enum):
+    """Why a commanded motion is not followed."""
+
+    NOT_FINITE = 'not finite'
+    LATE = 'too late'
+    CANNOT_TURN = 'it cannot turn'
+
+
+class Refusal(NamedTuple):
+    """A refused command: the kind, and a sentence."""
+
+    kind: RefusalKind
+    text: str
 
 
 class FaultKind(Enum):

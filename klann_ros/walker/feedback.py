@@ -103,8 +103,13 @@ class OffsetDetector:
         self._offset = 0.0
         self._position = self._at = nan
 
-    def read(self, position: float, at: float) -> float:
-        """Take an angle [rad] at its time [s]; return the offset [rad] accepted with it, or 0."""
+    def read(self, position: float, at: float, arrival_interval: float = 0.0) -> float:
+        """
+        Take an angle [rad] at its time [s]; return the offset [rad] accepted with it, or 0.
+
+        `arrival_interval` is the time since the last one arrived [s]: a late reading may be
+        younger than its stamp, as that of a broadcaster which stamps its cycle.
+        """
         dt, step = at - self._at, position - self._position
         # NaN compares with nothing.
         is_next = 0.0 < dt < self.max_interval
@@ -118,8 +123,9 @@ class OffsetDetector:
         predicted = median(self._rates) * dt
         tolerance = self.gate * self.noise + self.max_acceleration * dt**2
         self._learn_noise(step - predicted, tolerance)
-        # A crank may stop at any time.
-        excess = step - max(min(0.0, predicted), min(max(0.0, predicted), step))
+        # A crank may stop at any time, and a late reading is of a later time.
+        furthest = median(self._rates) * max(dt, min(arrival_interval, self.max_interval))
+        excess = step - max(min(0.0, furthest), min(max(0.0, furthest), step))
         is_step = abs(excess) > tolerance and self._count > self.noise_readings
         if is_step:
             self._offset += step - predicted
@@ -156,6 +162,8 @@ class CrankFeedback:
         self.at, self.received, self.delay = nan, nan, 0.0
         # Readings that were no angles; implausible steps, those accepted, and position offsets.
         self.rejected = self.jumps = self.accepted_jumps = self.offsets = 0
+        # Messages since the last reading that had the stamp of that reading.
+        self.repeats = 0
         # The sum of the accepted offsets [rad].
         self.offset_sum = 0.0
         self.watchdog, self.detector = Watchdog(steady), OffsetDetector()
@@ -197,6 +205,11 @@ class CrankFeedback:
         if not abs(position) <= 1e6:
             self.rejected += 1
             return 0.0
+        if at is not None and at == self.at:
+            # A driver that repeats its last message has measured nothing.
+            self.repeats += 1
+            return 0.0
+        self.repeats = 0
         delay = self.watchdog.delay(age, now)
         at = now if at is None else at
         offset = 0.0
@@ -231,9 +244,10 @@ class CrankFeedback:
         # NaN compares with nothing.
         if not 0.0 <= passed < RATE_INTERVAL:
             self._from, self._since = position, at
+        arrival_interval = now - self.received
         self.position, self.at, self.received, self.delay = position, at, now, delay
         self.watchdog.feed(now, delay)
-        offset = offset or self.detector.read(position, at)
+        offset = offset or self.detector.read(position, at, arrival_interval)
         self.offsets += offset != 0.0
         self.offset_sum += offset
         return offset

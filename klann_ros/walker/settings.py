@@ -95,6 +95,8 @@ class ControllerSettings:
         The part of its rate by which a crank goes faster or slower to get back into phase.
     motion_gain : float
         K of the motion feedback; 0 for no correction [1/s].
+    max_following_error : float
+        A crank that does not follow its command over this path is a fault [rad].
     auto_reset : bool
         Whether a motion that is commanded after a command of 0 resets a fault.
     e_stop_timeout : float
@@ -111,6 +113,7 @@ class ControllerSettings:
     phase_integral: float = 4.0
     rephase: float = 0.1
     motion_gain: float = 0.5
+    max_following_error: float = 0.15
     auto_reset: bool = False
     e_stop_timeout: float = 1.0
     # The largest correction of the motion, as a part of the command, and that of the yaw rate in
@@ -131,12 +134,7 @@ class ControllerSettings:
     rephase_time: float = 1.0
     # Of the crank rates [rad/s^2]: half of what the encoders' offset detector takes for a step.
     max_crank_acceleration: float = 15.0
-    # A crank is blocked if its rate stays below this part of the commanded one for this time [s],
-    # by readings that are not older than this [s]; at lower commanded rates it may well stand
-    # [rad/s].
-    blocked_ratio: float = 0.1
-    blocked_time: float = 0.5
-    blocked_age: float = 0.1
+    # A crank below this rate stands [rad/s].
     creep_rate: float = 0.05
 
 

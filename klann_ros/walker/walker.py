@@ -6,8 +6,9 @@ from math import cos, inf, nan, sin
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import wrap
 
-from .controller import DiagnosticLevel, STANDS, WalkController
+from .controller import STANDS, WalkController
 from .drives import CrankDrives
+from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
 from .imu import AccelerometerState, ImuReading
 from .odometry import Odometry, OdometryEstimate
@@ -74,6 +75,8 @@ class Walker:
             if crank.joint in joints or not joints:
                 self.drives.set_zero(crank)
         controller.lock.reset(controller.positions)
+        for monitor in controller.monitors:
+            monitor.restart()
         self.odometry.jump()
         return ''
 
@@ -172,7 +175,7 @@ class Walker:
             'linear': f'{controller.motion.linear:.4f}',
             'angular': f'{controller.motion.angular:.4f}',
             'rate_scale': f'{lock.rate_scale:.3f}',
-            'pauses': str(controller.pauses),
+            'pauses': str(controller.loop.pauses),
             'limits_hit': ' '.join(controller.limits_hit),
             'cmd_vel_rejected': str(controller.rejected),
             'cmd_vel_late': str(controller.late),

@@ -17,6 +17,7 @@ from klann_ros.walker import (
     FaultLatch,
     ImuReading,
     MotionLimits,
+    RefusalKind,
     WalkController,
     Walker,
 )
@@ -277,8 +278,10 @@ def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
 def test_non_finite_inputs_are_rejected_and_counted(steering: Steering, bad: float) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     moving = bench.control.motion
-    assert 'rejected' in bench.control.command(bad, 0.0, bench.now)
-    assert 'rejected' in bench.control.command(0.1, bad, bench.now)
+    for motion in ((bad, 0.0), (0.1, bad)):
+        refusal = bench.control.command(*motion, bench.now)
+        assert refusal is not None
+        assert refusal.kind is RefusalKind.NOT_FINITE
     assert bench.control.rejected == 2
     assert bench.control.motion == moving
 
@@ -429,8 +432,11 @@ def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rat
 
 def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
     control = WalkController(Steering(one_motor), ControllerSettings())
-    assert control.command(0.1, 0.0, 0.0) == ''
-    assert 'it cannot turn: its legs share one crank' in control.command(0.1, 0.2, 0.0)
+    assert control.command(0.1, 0.0, 0.0) is None
+    refusal = control.command(0.1, 0.2, 0.0)
+    assert refusal is not None
+    assert refusal.kind is RefusalKind.CANNOT_TURN
+    assert 'its legs share one crank' in refusal.text
     assert control.refused == 1
     assert control.steering.rates(Twist2D(0.1, 0.2)).left > 0.0
 
@@ -461,7 +467,7 @@ def test_after_a_pause_the_set_points_restart_where_the_cranks_are(
     bench.run(3.0)
     least, most = sorted((0.0, copysign(1.1 * rate, linear)))
     assert least <= min(first[0], bench.least) <= max(first[1], bench.most) <= most
-    assert bench.control.pauses >= 1
+    assert bench.control.loop.pauses >= 1
     assert 'was paused for' in bench.control.events[-1]
     assert bench.rates == pytest.approx([0.0, 0.0] if ended else [copysign(rate, linear)] * 2, 0.1)
 
@@ -550,7 +556,7 @@ def test_on_a_loaded_machine_no_crank_turns_against_its_set_point(
     for seed in range(5):
         walk = StarvedWalk(steering, twist, seed)
         walk.run(6.0)
-        assert walk.control.pauses > 0
+        assert walk.control.loop.pauses > 0
         assert walk.walked > 50
 
 
@@ -565,13 +571,18 @@ def test_a_pause_without_a_command_prolongs_no_motion(steering: Steering) -> Non
 
 def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
-    assert 'clocks differ' in bench.control.command(0.1, 0.0, bench.now, age=0.51)
-    assert bench.control.command(0.1, 0.0, bench.now, age=0.49) == ''
+    refusal = bench.control.command(0.1, 0.0, bench.now, age=0.51)
+    assert refusal is not None
+    assert refusal.kind is RefusalKind.LATE
+    assert 'clocks differ' in refusal.text
+    assert bench.control.command(0.1, 0.0, bench.now, age=0.49) is None
     assert bench.control.late == 1
     bench.commands = False
     bench.now += 5.0
     sent_before = bench.clock_offset + 4.9
-    assert 'waited' in bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
+    refusal = bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
+    assert refusal is not None
+    assert 'waited' in refusal.text
     assert bench.run(0.5).most == 0.0
 
 
@@ -631,9 +642,9 @@ def test_timeouts_pass_while_simulated_time_stands_still(
 ) -> None:
     clock = SteadyClock()
     control = WalkController(steering, ControllerSettings(), clock)
-    readings = dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.5))
     for k in range(200):
         clock.now += DT
+        readings = dict.fromkeys(('left_crank', 'right_crank'), (0.5 * k * DT, 0.5))
         control.feedback(readings, k * DT)
         control.command(0.1, 0.0, k * DT)
         command = control.step(k * DT)

@@ -52,6 +52,12 @@ CONTROL = (
             ('cmd_vel_timeout', 'command timeout: older commands stop it [s]', 0.01, 60.0),
             ('feedback_timeout', 'a crank that is silent for longer stops all [s]', 0.01, 60.0),
             ('e_stop_timeout', 'a heard e_stop that is silent stops it; 0: never [s]', 0.0, 60.0),
+            (
+                'max_following_error',
+                'a crank that does not follow over it is a fault [rad]',
+                0.02,
+                100.0,
+            ),
             ('rephase', 'part of its rate by which a crank returns to its phase', 0.0, 0.5),
             ('motion_gain', 'of the feedback of the measured motion; 0: none [1/s]', 0.0, 5.0),
             ('phase_gain', 'proportional gain of the phase lock [1/s]', 0.0, 100.0),

@@ -29,7 +29,7 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, Walker
+from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, RefusalKind, Walker
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
@@ -84,7 +84,6 @@ class WalkerNode(ProcessNode):
         except (NoWalkerError, KinematicsError) as error:
             raise StartError(str(error)) from error
         self._stamped: bool = values['stamped_cmd_vel']
-        self._reported_refusals: set[str] = set()
         self._connect(values)
         self._values = values
         on_change(self, WALKER_PARAMETERS, self._on_change)
@@ -225,16 +224,16 @@ class WalkerNode(ProcessNode):
         if stamp != [0, 0]:
             sec, nanosec = self._stamp()
             age = sec - stamp[0] + (nanosec - stamp[1]) / 1e9
-        problem = self._walker.controller.command(
+        refusal = self._walker.controller.command(
             linear, angular, self._now(), age, _transport_age(info)
         )
-        if problem.startswith('it cannot turn'):
+        if refusal is None:
+            return
+        if refusal.kind is RefusalKind.CANNOT_TURN:
             # A joystick repeats it.
-            if problem not in self._reported_refusals:
-                self._reported_refusals.add(problem)
-                self.get_logger().warning(f'angular.z is refused: {problem}')
-        elif problem:
-            self._warn(problem)
+            self.get_logger().warning(f'angular.z is refused: {refusal.text}', once=True)
+        else:
+            self._warn(refusal.text)
 
     def _on_crank_state(self, data: bytes, info: Info) -> None:
         try:

@@ -1,0 +1,263 @@
+"""Monitors of a walker: does each crank follow its command, and is the body upright."""
+
+from collections import deque
+from math import acos, atan2, copysign, cos, degrees, exp, hypot, inf, isfinite, nan, pi
+from typing import NamedTuple
+
+from .faults import Fault, FaultKind
+from .feedback import CrankFeedback
+from .imu import ImuReading
+
+# Part of the commanded path that a crank moves at the least, in the window of the following error,
+# and in one of half a turn; a healthy motor of an empty battery reaches half of its speed.
+MIN_RATIO, MIN_SLIP_RATIO, SLIP_PATH = 0.1, 0.2, pi
+# A crank whose path has this part of the commanded one, to the other side, turns the wrong way;
+# and one whose velocities have the second says that it turns.
+WRONG_WAY_RATIO, TURNING_RATIO = 0.2, 0.5
+# A window has this number of an encoder's steps: a healthy crank then moves by one or more. Of an
+# encoder that has not moved yet this step is assumed, that of 64 a turn [rad].
+STEPS, COARSE_STEP = 3.5, 0.1
+# Distance of the marks on the commanded path [rad].
+MARK_DISTANCE = 0.002
+# Readings that confirm a fault: more than those that confirm a position offset.
+CONFIRMATIONS = 8
+# An older reading shows nothing: its publisher may be paused, as a simulated motor is [s].
+MAX_READING_AGE = 0.1
+ADVICE = {
+    FaultKind.WRONG_WAY: 'check the leads of its motor and the sign of its encoder',
+    FaultKind.FROZEN: 'check its encoder',
+    FaultKind.NOT_TURNING: 'it is blocked, or its motor or its encoder is not connected',
+    FaultKind.SLIPPING: 'check its coupling, its load and its supply',
+}
+# A tilt that lasts for this time is no shock [s].
+TILT_TIME = 0.2
+# Time constant of the vertical by an accelerometer, which the feet shake [s].
+VERTICAL_TIME = 0.5
+
+
+class PathMark(NamedTuple):
+    """A point of the path of a crank, along the commanded sense."""
+
+    # Of the control clock [s].
+    time: float
+    # The commanded path, the measured one, and that by the velocities of the feedback [rad].
+    commanded: float
+    measured: float
+    by_velocity: float
+
+    def since(self, first: 'PathMark') -> 'PathMark':
+        """Return the paths since an earlier mark."""
+        return PathMark(*(late - early for late, early in zip(self, first, strict=True)))
+
+
+class PathWindow:
+    """
+    The last part of a commanded path, of a length [rad].
+
+    The crank follows it if it moves by `min_ratio` of it.
+    """
+
+    def __init__(self, length: float, min_ratio: float) -> None:
+        self.length, self.min_ratio = length, min_ratio
+        self.marks: deque[PathMark] = deque()
+
+    def add(self, mark: PathMark) -> None:
+        """Take the next mark, and drop those that are not needed any more."""
+        marks = self.marks
+        marks.append(mark)
+        while len(marks) > 1 and mark.commanded - marks[1].commanded >= self.length:
+            marks.popleft()
+
+    def is_followed(self, path: PathMark) -> bool:
+        """Return whether a crank that is there has followed; yes while the path is too short."""
+        if not self.marks:
+            return True
+        commanded = self.marks[-1].commanded - self.marks[0].commanded
+        measured = path.measured - self.marks[0].measured
+        return commanded < self.length or measured >= self.min_ratio * commanded
+
+
+class EncoderSteps:
+    """
+    The last steps of an encoder that were not 0: no smaller than its resolution.
+
+    `offset` is the sum of the accepted position offsets that are more than steps [rad].
+    """
+
+    def __init__(self) -> None:
+        self.offset = 0.0
+        self._steps = deque([COARSE_STEP], maxlen=3)
+        # Of the last reading: time [s], position and the sum of all accepted offsets [rad].
+        self._time, self._position, self._offset_sum = nan, nan, 0.0
+
+    @property
+    def largest(self) -> float:
+        """Return the largest of them [rad]."""
+        return max(self._steps)
+
+    def read(self, crank: CrankFeedback) -> bool:
+        """Take the last reading of a crank; return whether it is new."""
+        if crank.at == self._time:
+            return False
+        offset = crank.offset_sum - self._offset_sum
+        self.offset += offset if abs(offset) > 2.0 * self.largest else 0.0
+        step = abs(crank.position - self._position)
+        # NaN compares with nothing; a rounding error is no step.
+        if step > 1e-6:
+            self._steps.append(step)
+        self._time, self._position, self._offset_sum = crank.at, crank.position, crank.offset_sum
+        return True
+
+
+class FollowingMonitor:
+    """
+    Compare the path of a crank with the path that its motor was commanded.
+
+    C is the integral of the commanded rate, after all slowing down for cranks that lag; M is the
+    displacement of the encoder without accepted offsets; both along the commanded sense. A motor
+    that reaches the part f of its commanded rate, with a delay of T or less, has
+
+        M(t) - M(s) >= f (C(t - T) - C(s))
+
+    at all times s < t while that sense stays the same, however slow it is. So a motor that obeys
+    never has a following error, and one that does not has it at any rate. The velocities of the
+    feedback only help to name the cause.
+
+    Parameters
+    ----------
+    crank : CrankFeedback
+        The feedback of the crank.
+    max_error : float
+        Commanded path in which the crank has to follow [rad].
+    reaction_time : float
+        T [s].
+
+    """
+
+    def __init__(self, crank: CrankFeedback, max_error: float, reaction_time: float) -> None:
+        self.crank, self.max_error, self.reaction_time = crank, max_error, reaction_time
+        self._steps = EncoderSteps()
+        self._window = PathWindow(max_error, MIN_RATIO)
+        self._turn_window = PathWindow(SLIP_PATH, MIN_SLIP_RATIO)
+        self.restart()
+
+    def restart(self, begin: float = -inf) -> None:
+        """Forget the path; the next one begins at a time [s]."""
+        self._begin = begin
+        # The last command, and its sense: 0 before there is any [rad/s].
+        self._rate = self._sense = 0.0
+        self._path = PathMark(0.0, 0.0, 0.0, 0.0)
+        # Marks whose commands may not have reached the motor yet.
+        self._pending: deque[PathMark] = deque()
+        self._window.marks.clear()
+        self._turn_window.marks.clear()
+        # Readings in a row that show a following error.
+        self._errors = 0
+
+    def update(self, rate: float, seconds: float, now: float) -> Fault | None:
+        """Take the rate commanded from now on, after `seconds` of the last one [rad/s]."""
+        crank, is_new = self.crank, self._steps.read(self.crank)
+        if rate * self._sense < 0.0:
+            # A motor that turns the other way has to stop first.
+            self.restart(now + self.reaction_time)
+        elif not rate and not self._pending:
+            # At standstill it may be turned by hand.
+            self.restart()
+        last_rate, self._rate = self._rate, rate
+        self._sense = copysign(1.0, rate) if rate else self._sense
+        if not self._sense or now < self._begin or crank.age(now) > MAX_READING_AGE:
+            return None
+        self._path = path = PathMark(
+            now,
+            self._path.commanded + abs(last_rate) * seconds,
+            self._sense * (crank.position - self._steps.offset),
+            self._path.by_velocity + self._sense * crank.velocity * seconds,
+        )
+        pending = self._pending
+        if not pending or path.commanded > pending[-1].commanded + MARK_DISTANCE:
+            pending.append(path)
+        self._window.length = max(self.max_error, STEPS * self._steps.largest)
+        while pending and pending[0].time <= now - self.reaction_time:
+            mark = pending.popleft()
+            self._window.add(mark)
+            self._turn_window.add(mark)
+        if not is_new:
+            return None
+        follows = self._window.is_followed(path) and self._turn_window.is_followed(path)
+        self._errors = 0 if follows else self._errors + 1
+        return self._fault() if self._errors >= CONFIRMATIONS else None
+
+    def _fault(self) -> Fault:
+        """Return the fault of a crank that does not follow."""
+        path = self._path
+        is_slipping = self._window.is_followed(path)
+        window = self._turn_window if is_slipping else self._window
+        moved = path.since(window.marks[0])
+        # What happened last may differ from what the window still contains of the time before.
+        last = path.since(self._pending[0]) if self._pending else moved
+        kind = FaultKind.NOT_TURNING
+        if is_slipping:
+            kind = FaultKind.SLIPPING
+        elif any(part.measured < -WRONG_WAY_RATIO * part.commanded for part in (moved, last)):
+            kind = FaultKind.WRONG_WAY
+        elif last.by_velocity > TURNING_RATIO * last.commanded:
+            kind = FaultKind.FROZEN
+        measured, commanded = self._sense * moved.measured, self._sense * moved.commanded
+        text = (
+            f'{self.crank.joint} {kind.value} ({measured:+.2f} rad measured, '
+            f'{commanded:+.2f} rad commanded): {ADVICE[kind]}'
+        )
+        return Fault(kind, self.crank.joint, text)
+
+
+class TiltMonitor:
+    """
+    Watch the tilt of the body by its IMU; `tilt` is that of the last reading [rad].
+
+    The vertical is that of the orientation, or without one a mean of the specific force. A tilt
+    beyond `max_tilt` that lasts is a fault, and at once if the body was never upright.
+    """
+
+    def __init__(self, max_tilt: float) -> None:
+        self.max_tilt = max_tilt
+        self.tilt = 0.0
+        self._was_upright = False
+        # Time since which it is tilted, and of the last reading [s]; the mean of the force
+        # [m/s^2].
+        self._since, self._time = inf, nan
+        self._vertical: tuple[float, float, float] | None = None
+
+    def update(self, reading: ImuReading, now: float) -> Fault | None:
+        """Take a reading that arrives at a time [s]; return the fault, if there is one."""
+        tilt = self._measured(reading)
+        if tilt is None:
+            return None
+        self.tilt = tilt
+        if tilt <= self.max_tilt:
+            self._was_upright, self._since = True, inf
+            return None
+        self._since = min(self._since, now)
+        angle = f'{degrees(tilt):.0f} deg (max_tilt {degrees(self.max_tilt):.0f} deg)'
+        if not self._was_upright:
+            text = f'the IMU was never upright, it is tilted by {angle}'
+            return Fault(FaultKind.TILTED, '', f'{text}: check its axes, or the robot lies')
+        if now - self._since < TILT_TIME:
+            return None
+        return Fault(FaultKind.TILTED, '', f'the body is tilted by {angle}: it has fallen')
+
+    def _measured(self, reading: ImuReading) -> float | None:
+        if reading.attitude is not None:
+            roll, pitch = reading.attitude
+            return acos(max(-1.0, min(1.0, cos(roll) * cos(pitch))))
+        if reading.force is None or not all(map(isfinite, reading.force)):
+            return None
+        # NaN compares with nothing: the first reading is taken as it is.
+        passed = reading.at - self._time
+        share = 1.0 - exp(-passed / VERTICAL_TIME) if passed >= 0.0 else 1.0
+        self._time = reading.at
+        mean = self._vertical or reading.force
+        x, y, z = (
+            part + share * (new - part) for part, new in zip(mean, reading.force, strict=True)
+        )
+        self._vertical = x, y, z
+        return atan2(hypot(x, y), z)

@@ -1,0 +1,196 @@
+"""Cranks that do not follow their commands, a body that fell, and healthy motors of all kinds."""
+
+from collections import deque
+from dataclasses import dataclass
+from math import copysign, inf, pi
+from random import Random
+
+from klann_ros.gait import Steering
+from klann_ros.walker import (
+    ControllerSettings,
+    DiagnosticLevel,
+    FaultKind,
+    WalkController,
+)
+import pytest
+
+DT = 0.01
+
+
+@dataclass
+class Motor:
+    """A motor with an encoder, either of which may be faulty."""
+
+    # Speed by its command, and the delay between command and speed [s].
+    factor: float = 1.0
+    delay: float = 0.0
+    time_constant: float = 0.0
+    # The encoder: its sense, resolution [rad], noise [rad], and whether it repeats one angle.
+    sense: float = 1.0
+    resolution: float = 0.0
+    noise: float = 0.0
+    is_frozen: bool = False
+    # The velocity in the feedback: of the motor, of the command, of noise alone, or none.
+    velocity: str = 'true'
+    max_rate: float = inf
+    position: float = 0.0
+    rate: float = 0.0
+    command: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._commands = deque([0.0] * round(self.delay / DT))
+        self._random = Random(5)  # noqa: S311 - noise
+        self._frozen: float | None = None
+
+    def turn(self) -> None:
+        self._commands.append(self.command)
+        wanted = self.factor * self._commands.popleft()
+        wanted = copysign(min(abs(wanted), self.max_rate), wanted)
+        share = DT / (DT + self.time_constant)
+        self.rate += share * (wanted - self.rate)
+        self.position += self.rate * DT
+
+    @property
+    def reading(self) -> tuple[float, float | None]:
+        angle = self.sense * self.position
+        if self.resolution:
+            angle = round(angle / self.resolution) * self.resolution
+        angle += self._random.gauss(0.0, self.noise)
+        if not self.is_frozen:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = angle
+        velocities = {
+            'true': self.sense * self.rate,
+            'echoed': self.command,
+            'noise': self._random.uniform(-0.1, 0.1),
+            'none': None,
+        }
+        return angle if self._frozen is None else self._frozen, velocities[self.velocity]
+
+
+class FaultyWalk:
+    """A controller with motors."""
+
+    def __init__(self, steering: Steering, motors: list[Motor], **changes: object) -> None:
+        settings = ControllerSettings(**changes)  # type: ignore[arg-type]
+        self.control = WalkController(steering, settings)
+        self.motors = motors
+        self.now = 0.0
+        self.twist = (0.15, 0.0)
+        # Ticks of a feedback, and its delay [s].
+        self.feedback_ticks = 1
+        self.feedback_delay = 0.0
+        self._readings: deque[tuple[float, dict[str, tuple[float, float | None]]]] = deque()
+        # Rates commanded after the fault that are not 0 [rad/s].
+        self.turned_after: list[float] = []
+        self._ticks = 0
+
+    def run(self, seconds: float) -> 'FaultyWalk':
+        for _ in range(round(seconds / DT)):
+            self._ticks += 1
+            self.now = self._ticks * DT
+            for motor in self.motors:
+                motor.turn()
+            if self._ticks % self.feedback_ticks == 0:
+                joints = [crank.joint for crank in self.control.cranks]
+                readings = {
+                    joint: motor.reading for joint, motor in zip(joints, self.motors, strict=True)
+                }
+                self._readings.append((self.now, readings))
+            while self._readings and self._readings[0][0] <= self.now - self.feedback_delay:
+                at, readings = self._readings.popleft()
+                self.control.feedback(readings, self.now, at=at)
+            self.control.command(*self.twist, self.now)
+            command = self.control.step(self.now)
+            rates = command.velocity if command else [0.0] * len(self.motors)
+            for motor, rate in zip(self.motors, rates, strict=True):
+                motor.command = rate
+            if self.control.latch.fault:
+                self.turned_after += [rate for rate in rates if rate]
+        return self
+
+
+FAULTS = {
+    'wrong way': (Motor(factor=-1.0), FaultKind.WRONG_WAY),
+    'counts backwards': (Motor(sense=-1.0), FaultKind.WRONG_WAY),
+    'counts backwards, echoed': (Motor(sense=-1.0, velocity='echoed'), FaultKind.WRONG_WAY),
+    'frozen': (Motor(is_frozen=True), FaultKind.FROZEN),
+    'frozen, echoed': (Motor(is_frozen=True, velocity='echoed'), FaultKind.FROZEN),
+    'frozen, no velocity': (Motor(is_frozen=True, velocity='none'), FaultKind.NOT_TURNING),
+    'dead, noise': (Motor(factor=0.0, velocity='noise'), FaultKind.NOT_TURNING),
+    'dead, noise of both': (
+        Motor(factor=0.0, velocity='noise', noise=0.003), FaultKind.NOT_TURNING,
+    ),
+    'dead, coarse': (Motor(factor=0.0, resolution=2.0 * pi / 64), FaultKind.NOT_TURNING),
+    'wrong way, coarse': (Motor(factor=-1.0, resolution=2.0 * pi / 64), FaultKind.WRONG_WAY),
+    'slips': (Motor(factor=0.15), FaultKind.SLIPPING),
+}  # fmt: skip
+
+
+def copied(motor: Motor) -> Motor:
+    fields = ('factor', 'delay', 'sense', 'resolution', 'noise', 'is_frozen', 'velocity')
+    return Motor(**{name: getattr(motor, name) for name in fields})
+
+
+@pytest.mark.parametrize('name', FAULTS)
+@pytest.mark.parametrize(('linear', 'patience'), [(0.15, 1.3), (-0.02, 3.8)])
+@pytest.mark.parametrize('begin', [0.0, 2.0])
+def test_a_crank_that_does_not_follow_stops_all(
+    steering: Steering, name: str, linear: float, patience: float, begin: float
+) -> None:
+    faulty, kind = FAULTS[name]
+    if kind is FaultKind.SLIPPING:
+        linear, patience = copysign(0.15, linear), 8.0
+    walk = FaultyWalk(steering, [Motor(), Motor()])
+    walk.twist = (linear, 0.0)
+    walk.run(begin)
+    now = copied(faulty)
+    now.position = walk.motors[1].position * (now.sense if not begin else 1.0)
+    if now.sense < 0.0 and begin:
+        # A sense that changes is an offset, too.
+        now.position *= now.sense
+    walk.motors[1] = now
+    walk.run(patience)
+    fault = walk.control.latch.fault
+    assert fault is not None
+    assert fault.joint == 'right_crank'
+    assert fault.kind is kind
+    assert 'right_crank' in walk.control.verdict(walk.now)[1]
+    assert walk.control.verdict(walk.now)[0] is DiagnosticLevel.ERROR
+    walk.run(3.0)
+    assert walk.turned_after == []
+
+
+@pytest.mark.parametrize(
+    'motor',
+    [
+        Motor(),
+        Motor(factor=0.5),
+        Motor(factor=0.5, noise=0.002, velocity='none'),
+        Motor(factor=0.4, delay=0.1),
+        Motor(factor=0.5, resolution=2.0 * pi / 64),
+        Motor(factor=0.5, resolution=2.0 * pi / 64, velocity='none'),
+        Motor(delay=0.2, time_constant=0.1),
+        Motor(factor=1.5),
+        Motor(max_rate=0.3),
+        Motor(noise=0.01, velocity='noise'),
+    ],
+)
+@pytest.mark.parametrize('ticks', [1, 5])
+def test_a_motor_that_obeys_is_no_fault_however_slow(
+    steering: Steering, motor: Motor, ticks: int
+) -> None:
+    """Straight on, in curves, on the spot, forwards and back, with standstills, slow and fast."""
+    for seed in range(2):
+        random = Random(seed)  # noqa: S311 - commands
+        walk = FaultyWalk(steering, [Motor(delay=motor.delay), copied(motor)])
+        walk.motors[1].max_rate, walk.motors[1].time_constant = motor.max_rate, motor.time_constant
+        walk.feedback_ticks = ticks
+        for _ in range(8):
+            size = random.choice([0.05, 0.3, 1.0])
+            linear = random.choice([-0.2, -0.1, 0.0, 0.1, 0.2]) * size
+            walk.twist = (linear, random.choice([-0.1, 0.0, 0.1]) * size)
+            walk.run(random.choice([0.5, 2.0, 5.0]))
+            assert walk.control.latch.fault is None
+            assert walk.motors[1].position != 0.0 or walk.twist == (0.0, 0.0)
