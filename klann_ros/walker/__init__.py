@@ -11,8 +11,9 @@ from .controller import WalkController
 from .drives import CrankDrives
 from .faults import DiagnosticLevel, Fault, FaultKind, FaultLatch, RefusalKind
 from .imu import imu_reading, ImuReading
+from .limits import MotionLimits
 from .odometry import Odometry, OdometryEstimate
-from .settings import ControllerSettings, MotionLimits, OdometryNoise
+from .settings import ControllerSettings, OdometryNoise
 from .walker import Walker
 
 __all__ = [

@@ -9,6 +9,7 @@ from .control_laws import CrankCommand, MotionFeedback, PhaseLock
 from .faults import DiagnosticLevel, FaultLatch, Refusal, RefusalKind
 from .feedback import CrankFeedback, SteadyClock, Watchdog
 from .interlocks import Interlocks
+from .limits import MotionLimiter
 from .loop import ControlLoop, EventLog
 from .monitors import FollowingMonitor
 from .settings import ControllerSettings
@@ -51,6 +52,7 @@ class WalkController:
         self.latch = FaultLatch()
         self.interlocks = Interlocks(self.latch, steady)
         self.events, self.loop = EventLog(steady), ControlLoop(steady)
+        self._limiter = MotionLimiter(settings.limits)
         self.configure(settings)
         self.motion, self._wanted = STANDS, STANDS
         self.rejected = self.late = self.refused = 0
@@ -62,6 +64,7 @@ class WalkController:
         """Replace limits, timeouts and gains."""
         self.settings = self.lock.settings = self.motion_feedback.settings = settings
         self.latch.auto_reset = settings.auto_reset
+        self._limiter.limits = settings.limits
         for crank in self.cranks:
             crank.max_rate = 4.0 * settings.limits.max_crank_rate
         for monitor in self.monitors:
@@ -186,7 +189,7 @@ class WalkController:
         wanted = STANDS if self._is_command_old(now) else self._wanted
         limits = self.settings.limits
         aim, self.limits_hit = limits.motion(wanted, self.steering.rates)
-        self.motion = limits.approach(self.motion, aim, gap)
+        self.motion = self._limiter.approach(self.motion, aim, gap)
         command = self.lock.step(gap, self._crank_rates(gap), self.positions)
         for monitor, rate in zip(self.monitors, command.velocity, strict=True):
             if fault := monitor.update(rate, gap, now):

@@ -7,71 +7,9 @@ walker8_two_motors, the odometry's by `benchmarks/odometry.py` on walker6_two_mo
 walker_jansen alone. A comment that gives a bound or a reason is its source instead.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import copysign, inf
 
-from klann_ros.gait.steering import Rates, Twist2D
-
-
-@dataclass(frozen=True)
-class MotionLimits:
-    """
-    What a walker may do.
-
-    Attributes
-    ----------
-    max_linear, max_angular : float
-        Of its speed [m/s] and yaw rate [rad/s].
-    max_linear_acceleration, max_angular_acceleration : float
-        Of their changes [m/s^2, rad/s^2].
-    max_curvature : float
-        Of its path [1/m]; infinite where it may turn on the spot.
-    max_crank_rate : float
-        Of each crank [rad/s].
-
-    """
-
-    max_linear: float = 0.3
-    max_angular: float = 0.3
-    max_linear_acceleration: float = 0.3
-    max_angular_acceleration: float = 0.6
-    max_curvature: float = inf
-    max_crank_rate: float = 3.0
-
-    def motion(
-        self, wanted: Twist2D, rates: Callable[[Twist2D], Rates]
-    ) -> tuple[Twist2D, list[str]]:
-        """
-        Return the motion that is allowed, on the same path, and what limits it.
-
-        `rates` returns those of the sides for a motion.
-        """
-        linear, angular = wanted
-        most, hit = self.max_curvature * abs(linear), []
-        if abs(angular) > most:
-            hit.append('max_curvature')
-            angular = copysign(most, angular)
-        fastest = max(map(abs, rates(Twist2D(linear, angular))))
-        share = 1.0
-        for name, value in (
-            ('max_linear', abs(linear)), ('max_angular', abs(angular)), ('max_crank_rate', fastest)
-        ):  # fmt: skip
-            most = getattr(self, name)
-            if value > most:
-                hit.append(name)
-                share = min(share, most / value)
-        return Twist2D(linear * share, angular * share), hit
-
-    def approach(self, now: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
-        """Return the motion after a time; both parts approach the command in proportion."""
-        linear, angular = wanted.linear - now.linear, wanted.angular - now.angular
-        share = min(
-            1.0,
-            self.max_linear_acceleration * dt / abs(linear) if linear else 1.0,
-            self.max_angular_acceleration * dt / abs(angular) if angular else 1.0,
-        )
-        return Twist2D(now.linear + share * linear, now.angular + share * angular)
+from .limits import MotionLimits
 
 
 @dataclass(frozen=True)

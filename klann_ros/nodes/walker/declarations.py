@@ -27,14 +27,25 @@ LIMITS = (
     *(
         _tunable(name, getattr(_LIMITS, name), f'greatest {text}', least, most)
         for name, text, least, most in (
-            ('max_linear', 'speed [m/s]', 0.0, 100.0),
-            ('max_angular', 'yaw rate [rad/s]', 0.0, 100.0),
-            ('max_linear_acceleration', 'change of the speed [m/s^2]', 1e-3, 1e3),
-            ('max_angular_acceleration', 'change of the yaw rate [rad/s^2]', 1e-3, 1e3),
+            ('max_linear', 'speed forwards [m/s]', 0.0, 100.0),
+            ('max_angular', 'yaw rate to the left [rad/s]', 0.0, 100.0),
+            ('max_linear_backward', 'speed backwards; negative: as forwards [m/s]', -1.0, 100.0),
+            ('max_angular_right', 'yaw rate to the right; negative: as left', -1.0, 100.0),
+            ('max_linear_acceleration', 'growth of the speed [m/s^2]', 1e-3, 1e3),
+            ('max_angular_acceleration', 'growth of the yaw rate [rad/s^2]', 1e-3, 1e3),
+            ('max_linear_deceleration', 'decrease; 0: as growth [m/s^2]', 0.0, 1e3),
+            ('max_angular_deceleration', 'decrease; 0: as growth [rad/s^2]', 0.0, 1e3),
             ('max_crank_rate', 'rate of a crank [rad/s]', 1e-3, 1e3),
         )
     ),
-    _tunable('max_curvature', 0.0, 'greatest curvature of the path [1/m]; 0: any', 0.0, 1e3),
+    *(
+        _tunable(name, 0.0, f'greatest {text}; 0: any', 0.0, 1e3)
+        for name, text in (
+            ('max_curvature', 'curvature of the path [1/m]'),
+            ('max_linear_jerk', 'change of a growth of the speed [m/s^3]'),
+            ('max_angular_jerk', 'change of a growth of the yaw rate [rad/s^3]'),
+        )
+    ),
 )
 CONTROL = (
     number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
@@ -108,7 +119,8 @@ WALKER_PARAMETERS = (*LIMITS, *CONTROL, *ODOMETRY)
 def settings(values: Mapping[str, Any]) -> ControllerSettings:
     """Return the controller's settings."""
     limits = {p.name: values[p.name] for p in LIMITS}
-    limits['max_curvature'] = limits['max_curvature'] or inf
+    for name in ('max_curvature', 'max_linear_jerk', 'max_angular_jerk'):
+        limits[name] = limits[name] or inf
     own = {
         each.name: values[each.name] for each in fields(ControllerSettings) if each.name in values
     }

@@ -1,0 +1,185 @@
+"""Limits of a walker's motion: speeds, accelerations, jerks, curvature and crank rates."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import copysign, inf, sqrt
+from typing import NamedTuple
+
+from klann_ros.gait.steering import Rates, Twist2D
+
+# With a smaller deceleration a walker would never stop [m/s^2, rad/s^2].
+MIN_DECELERATION = 1e-3
+
+
+class AxisLimits(NamedTuple):
+    """Limits of the speed or the yaw rate: both ways, of its rates of change, and of its jerk."""
+
+    forwards: float
+    backwards: float
+    acceleration: float
+    deceleration: float
+    jerk: float
+
+    def largest(self, wanted: float) -> float:
+        """Return the largest magnitude in the direction of a wanted speed or yaw rate."""
+        return self.forwards if wanted >= 0.0 else self.backwards
+
+    def eased_acceleration(self, before: float, missing: float, dt: float) -> float:
+        """
+        Return the largest acceleration of the next step, by that of the last one.
+
+        From then on it can decrease by jerk times dt a step, to 0 where nothing is missing:
+        missing = a^2 / (2 jerk) + a dt / 2.
+        """
+        if self.jerk == inf:
+            return self.acceleration
+        half = self.jerk * dt / 2.0
+        eased = sqrt(half * half + 2.0 * self.jerk * missing) - half
+        return min(self.acceleration, before + self.jerk * dt, eased)
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """
+    What a walker may do.
+
+    Attributes
+    ----------
+    max_linear, max_angular : float
+        Largest speed forwards [m/s] and yaw rate to the left [rad/s].
+    max_linear_backward, max_angular_right : float
+        Those in the other direction; negative: the same.
+    max_linear_acceleration, max_angular_acceleration : float
+        Their largest increase [m/s^2, rad/s^2].
+    max_linear_deceleration, max_angular_deceleration : float
+        Their largest decrease; below MIN_DECELERATION that of the increase.
+    max_linear_jerk, max_angular_jerk : float
+        Largest change of an acceleration [m/s^3, rad/s^3]; a deceleration begins at once.
+    max_curvature : float
+        Of its path [1/m]; infinite where it may turn on the spot.
+    max_crank_rate : float
+        Of each crank [rad/s].
+
+    """
+
+    max_linear: float = 0.3
+    max_angular: float = 0.3
+    max_linear_backward: float = -1.0
+    max_angular_right: float = -1.0
+    max_linear_acceleration: float = 0.3
+    max_angular_acceleration: float = 0.6
+    max_linear_deceleration: float = 0.0
+    max_angular_deceleration: float = 0.0
+    max_linear_jerk: float = inf
+    max_angular_jerk: float = inf
+    max_curvature: float = inf
+    max_crank_rate: float = 3.0
+
+    @property
+    def axes(self) -> tuple[AxisLimits, AxisLimits]:
+        """Return the limits of the speed and of the yaw rate."""
+        linear = AxisLimits(
+            self.max_linear,
+            _or(self.max_linear, self.max_linear_backward, 0.0),
+            self.max_linear_acceleration,
+            _or(self.max_linear_acceleration, self.max_linear_deceleration, MIN_DECELERATION),
+            self.max_linear_jerk,
+        )
+        angular = AxisLimits(
+            self.max_angular,
+            _or(self.max_angular, self.max_angular_right, 0.0),
+            self.max_angular_acceleration,
+            _or(self.max_angular_acceleration, self.max_angular_deceleration, MIN_DECELERATION),
+            self.max_angular_jerk,
+        )
+        return linear, angular
+
+    def motion(
+        self, wanted: Twist2D, rates: Callable[[Twist2D], Rates]
+    ) -> tuple[Twist2D, list[str]]:
+        """
+        Return the motion that is allowed, on the same path, and what limits it.
+
+        `rates` returns those of the sides for a motion.
+        """
+        linear, angular = wanted
+        largest_angular = self.max_curvature * abs(linear)
+        hit = []
+        if abs(angular) > largest_angular:
+            hit.append('max_curvature')
+            angular = copysign(largest_angular, angular)
+        speed_limits, yaw_limits = self.axes
+        fastest = max(map(abs, rates(Twist2D(linear, angular))))
+        share = 1.0
+        for name, magnitude, largest in (
+            ('max_linear', abs(linear), speed_limits.largest(linear)),
+            ('max_angular', abs(angular), yaw_limits.largest(angular)),
+            ('max_crank_rate', fastest, self.max_crank_rate),
+        ):
+            if magnitude > largest:
+                hit.append(name)
+                share = min(share, largest / magnitude)
+        return Twist2D(linear * share, angular * share), hit
+
+
+def _or(default: float, limit: float, lowest: float) -> float:
+    return limit if limit >= lowest else default
+
+
+class MotionLimiter:
+    """
+    The way from the present motion to the allowed one, within accelerations and jerks.
+
+    Speed and yaw rate grow in proportion, and decrease in proportion, so the path from and to
+    standstill stays the same. What decreases never waits for what grows.
+    """
+
+    def __init__(self, limits: MotionLimits) -> None:
+        self.limits = limits
+        # The last motion, and how fast its parts grew [m/s^2, rad/s^2].
+        self._motion = Twist2D(0.0, 0.0)
+        self._accelerations = (0.0, 0.0)
+
+    def approach(self, motion: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
+        """Return the motion after a time [s]; one that is not the last begins unaccelerated."""
+        if dt <= 0.0:
+            return motion
+        if motion != self._motion:
+            self._accelerations = (0.0, 0.0)
+        changes = [
+            _AxisChange.plan(*parts, dt)
+            for parts in zip(self.limits.axes, motion, wanted, self._accelerations, strict=True)
+        ]
+        shares = [min(c.share for c in changes if c.grows == own.grows) for own in changes]
+        parts = [c.after(share) for c, share in zip(changes, shares, strict=True)]
+        growths = [
+            abs(after - before) / dt if change.grows else 0.0
+            for change, before, after in zip(changes, motion, parts, strict=True)
+        ]
+        self._motion = Twist2D(*parts)
+        self._accelerations = (growths[0], growths[1])
+        return self._motion
+
+
+class _AxisChange(NamedTuple):
+    """The change of a speed or yaw rate in a step: from and to, and the possible share of it."""
+
+    before: float
+    target: float
+    grows: bool
+    share: float
+
+    @classmethod
+    def plan(
+        cls, axis: AxisLimits, now: float, wanted: float, acceleration: float, dt: float
+    ) -> '_AxisChange':
+        """Plan the next step; on the way to the other direction the first target is 0."""
+        target = wanted if now * wanted >= 0.0 else 0.0
+        grows = abs(target) > abs(now)
+        missing = abs(target - now)
+        rate = axis.eased_acceleration(acceleration, missing, dt) if grows else axis.deceleration
+        return cls(now, target, grows, rate * dt / missing if missing > rate * dt else 1.0)
+
+    def after(self, share: float) -> float:
+        """Return the speed or yaw rate after a share of the change."""
+        return self.target if share == 1.0 else self.before + share * (self.target - self.before)
