@@ -56,6 +56,9 @@ CONTROL = (
         choices=COMMANDS,
     ),
     *ENCODERS,
+    Declaration(
+        'publish_limited_velocity', False, 'whether cmd_vel_out has the motion within its limits'
+    ),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
     *(
         _tunable(name, getattr(_SETTINGS, name), text, least, most)

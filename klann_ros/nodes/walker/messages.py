@@ -9,7 +9,8 @@ from math import cos, isfinite, pi, sin
 import struct
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped
+from klann_ros.gait import Twist2D
 from klann_ros.nodes.endpoints import (
     create_publisher,
     message_class,
@@ -92,6 +93,15 @@ def read_twist(data: bytes, *, stamped: bool) -> TwistReading:
     sec, nanosec = cursor.header() if stamped else (0, 0)
     x, *_, turn = cursor.numbers('d', 6)
     return TwistReading(x, turn, sec, nanosec)
+
+
+def twist_message(motion: Twist2D, frame: str, sec: int, nanosec: int) -> TwistStamped:
+    """Return a motion as a message."""
+    message = TwistStamped()
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    message.twist.linear.x, message.twist.angular.z = motion
+    return message
 
 
 class ImuMessage(NamedTuple):

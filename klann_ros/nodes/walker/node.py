@@ -44,7 +44,7 @@ from .declarations import (
     TYPE_REMEDIES,
     WALKER_PARAMETERS,
 )
-from .messages import CrankOutput, ImuReader, OdomOutput, read_twist
+from .messages import CrankOutput, ImuReader, OdomOutput, read_twist, twist_message
 
 # Minimum time between two log lines about events [s].
 EVENT_PERIOD = 1.0
@@ -107,6 +107,9 @@ class WalkerNode(ProcessNode):
         self._reader = JointsReader(joints)
         self._imu, self._has_imu = ImuReader(), False
         self._commands = CrankOutput(self, self._walker.drives, values['command_type'])
+        self._limited: Any = None
+        if values['publish_limited_velocity']:
+            self._limited = create_publisher(self, TwistStamped, 'cmd_vel_out')
         self._odom = OdomOutput(self, values)
         if self._odom.problem:
             self.get_logger().warning(self._odom.problem)
@@ -353,8 +356,12 @@ class WalkerNode(ProcessNode):
     def _step(self, now: float) -> None:
         command = self._walker.controller.step(now)
         if command is not None and self._walker.controller.interlocks.is_active:
-            self._commands.publish(command, *self._stamp())
+            stamp = self._stamp()
+            self._commands.publish(command, *stamp)
             self._commanded = _steady_time()
+            if self._limited is not None:
+                motion = self._walker.controller.motion
+                self._limited.publish(twist_message(motion, self._values['base_frame'], *stamp))
 
 
 class ManagedWalkerNode(LifecycleNodeMixin, WalkerNode):
