@@ -16,13 +16,13 @@ JOINTS = ['left_crank', 'right_crank']
 class Motors:
     """Two motors on the probe: they turn as commanded, times their factors."""
 
-    def __init__(self, ros: Domain) -> None:
+    def __init__(self, ros: Domain, prefix: str = '') -> None:
         self.probe = ros.probe
-        self.commands = self.probe.listen(JointState, 'crank_command')
-        self.odom = self.probe.listen(Odometry, 'odom')
+        self.commands = self.probe.listen(JointState, f'{prefix}crank_command')
+        self.odom = self.probe.listen(Odometry, f'{prefix}odom')
         self.reports = self.probe.listen(DiagnosticArray, '/diagnostics')
-        self.state = self.probe.publisher(JointState, 'crank_state')
-        self.cmd_vel = self.probe.publisher(TwistStamped, 'cmd_vel')
+        self.state = self.probe.publisher(JointState, f'{prefix}crank_state')
+        self.cmd_vel = self.probe.publisher(TwistStamped, f'{prefix}cmd_vel')
         self.factors = [1.0, 0.9]
         self.positions = [0.0, 0.0]
         # All angles that were published.

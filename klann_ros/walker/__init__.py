@@ -13,6 +13,7 @@ from .faults import DiagnosticLevel, Fault, FaultKind, FaultLatch, RefusalKind
 from .imu import imu_reading, ImuReading
 from .limits import MotionLimits
 from .odometry import Odometry, OdometryEstimate
+from .odometry_scale import OdometryScale
 from .settings import ControllerSettings, OdometryNoise
 from .walker import Walker
 
@@ -29,6 +30,7 @@ __all__ = [
     'Odometry',
     'OdometryEstimate',
     'OdometryNoise',
+    'OdometryScale',
     'PhaseLock',
     'RefusalKind',
     'WalkController',

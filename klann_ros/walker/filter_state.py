@@ -29,6 +29,12 @@ class FilterState:
         deviations = [0.0] * 6 + [noise.gyro_bias] + [noise.accelerometer_bias] * 2
         self.covariance = np.diag(np.square(deviations))
 
+    def set_pose(self, pose: Sequence[float], covariance: Sequence[Sequence[float]]) -> None:
+        """Go on at x, y and yaw, whose errors are independent of the others."""
+        self.mean[:3] = pose
+        self.covariance[:3] = self.covariance[:, :3] = 0.0
+        self.covariance[:3, :3] = covariance
+
     def propagate(self, first: int, row: Sequence[complex], yaw: Sequence[float]) -> None:
         """Propagate the covariance: three rows of the Jacobian, the first two as x + jy."""
         # `dot` takes half the time of @ on matrices this small.

@@ -177,6 +177,11 @@ class Odometry:
         self._imu = ImuPreintegration(self.noise)
         self.slope.forget()
 
+    def set_pose(self, pose: Sequence[float], covariance: Sequence[Sequence[float]]) -> None:
+        """Go on at x, y [m] and yaw [rad]; what is known of velocity and biases stays."""
+        self.state.set_pose(pose, covariance)
+        self.contact_errors = ContactErrors(self.noise)
+
     def jump(self) -> None:
         """Take the next angles as a new start: encoders jumped, the robot did not move."""
         self.cranks.angles = self._pose = None

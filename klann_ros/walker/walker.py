@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from math import cos, inf, nan, sin
 
+from klann_ros.gait.stance import Triple
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import wrap
 
@@ -12,11 +13,15 @@ from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
 from .imu import AccelerometerState, ImuReading
 from .odometry import Odometry, OdometryEstimate
+from .odometry_scale import OdometryScale
 from .settings import ControllerSettings, OdometryNoise
 
 # Messages that are lost while a queue is drained take no longer; and readings whose stamps advance
 # by less than the second are taken with the next, for the third at most [s].
 MAX_LOSS, MIN_STEP, MAX_WAIT = 1.0, 0.005, 0.1
+# Where the odometry begins: x, y [m], yaw [rad], and their covariance.
+_ORIGIN = (0.0, 0.0, 0.0)
+_CERTAIN = (_ORIGIN, _ORIGIN, _ORIGIN)
 
 
 class Walker:
@@ -33,6 +38,8 @@ class Walker:
         Of its `controller`, which turns its cranks.
     noise : OdometryNoise, optional
         Of its `odometry`, which follows them.
+    scale : OdometryScale, optional
+        Factors of its speed and yaw rate, by a calibration.
     imu_timeout : float
         Maximum age of IMU readings [s]; older ones are ignored.
     steady : callable, optional
@@ -46,12 +53,14 @@ class Walker:
         settings: ControllerSettings | None = None,
         noise: OdometryNoise | None = None,
         *,
+        scale: OdometryScale | None = None,
         imu_timeout: float = 0.5,
         steady: SteadyClock | None = None,
     ) -> None:
         self.feet = steering.feet
         self.controller = WalkController(steering, settings or ControllerSettings(), steady)
         self.odometry = Odometry(self.feet, noise)
+        self._scale = scale or OdometryScale()
         self.drives = CrankDrives(self.feet.robot.drives)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
@@ -79,6 +88,17 @@ class Walker:
             monitor.restart()
         self.odometry.jump()
         return ''
+
+    def set_pose(
+        self, pose: Triple = _ORIGIN, covariance: tuple[Triple, Triple, Triple] = _CERTAIN
+    ) -> None:
+        """Go on at x, y [m] and yaw [rad] in odom, with their covariance."""
+        x, y, yaw = pose
+        self.odometry.set_pose(pose, covariance)
+        self._scale.set_pose(x, y, yaw)
+        if self._estimate is not None:
+            # No motion is measured from the pose before to this one.
+            self._estimate = self._estimate._replace(x=x, y=y, yaw=yaw, covariance=covariance)
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take a reading of an IMU on base_link."""
@@ -121,7 +141,7 @@ class Walker:
         # One without valid readings stands, as all are stopped then.
         timeout = controller.settings.feedback_timeout
         rates = [0.0 if each.age(now) > timeout else each.velocity for each in controller.cranks]
-        found = self.odometry.update(controller.positions, rates, seconds)
+        found = self._scale.scaled(self.odometry.update(controller.positions, rates, seconds))
         if self._estimate is not None and seconds > 0.0:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
         self._estimate = found

@@ -91,6 +91,8 @@ ODOMETRY = (
     Declaration('base_frame', 'base_link', 'frame of the body'),
     Declaration('publish_tf', True, 'whether odom_frame -> base_frame is sent to /tf'),
     Declaration('use_imu', False, 'whether yaw and attitude are taken from imu'),
+    number('linear_scale', 1.0, 'true speed by that of odom, calibrated', 0.1, 10.0),
+    number('angular_scale', 1.0, 'true yaw rate by that of odom, calibrated', 0.1, 10.0),
     number('imu_timeout', 0.5, 'an older IMU is not used [s]', 0.01, 60.0),
     number('foot_radius', 0.004, 'of its feet, which are balls [m]', 0.0, 1.0),
     *(

@@ -5,12 +5,13 @@ As in solver/cdr.py: conversion between bytes and Python messages costs more tha
 """
 
 from collections.abc import Mapping, Sequence
-from math import cos, isfinite, pi, sin
+from math import atan2, cos, hypot, isfinite, pi, sin
 import struct
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from klann_ros.gait import Twist2D
+from klann_ros.gait.stance import Triple
 from klann_ros.nodes.endpoints import (
     create_publisher,
     message_class,
@@ -18,10 +19,12 @@ from klann_ros.nodes.endpoints import (
     UnknownMessageTypeError,
 )
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, JointStateTemplate, STAMP_SIZE
+from klann_ros.sanitize.text import printable
 from klann_ros.walker import CrankCommand, CrankDrives, OdometryEstimate
 from nav_msgs.msg import Odometry
+import numpy as np
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray, Float64MultiArray
 
@@ -39,6 +42,9 @@ MAX_ANGULAR_RATE = 100.0
 # Variance of the velocities z, roll and pitch, which only tilting causes.
 _TILTING_VARIANCE = 1e-2
 _ZEROS = (0.0, 0.0, 0.0)
+# The places of x, y and yaw in a covariance of six, and rounding errors of its eigenvalues.
+_PLANE = [0, 1, 5]
+MAX_ROUNDING = 1e-9
 # The types of crank_command that hold velocities alone.
 _ARRAYS = {'velocities': Float64MultiArray, 'velocities_float32': Float32MultiArray}
 
@@ -102,6 +108,28 @@ def twist_message(motion: Twist2D, frame: str, sec: int, nanosec: int) -> TwistS
     message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
     message.twist.linear.x, message.twist.angular.z = motion
     return message
+
+
+def read_pose(data: bytes, frame: str) -> tuple[Triple, tuple[Triple, Triple, Triple]]:
+    """
+    Read x, y and yaw of a geometry_msgs/PoseWithCovarianceStamped, and their covariance.
+
+    A ValueError for another frame, for a pose that is none, and for a covariance that is none.
+    """
+    message = deserialize_message(data, PoseWithCovarianceStamped)
+    if message.header.frame_id not in ('', frame):
+        raise ValueError(f'its frame is {printable(message.header.frame_id)}, not {frame}')
+    position, turned = message.pose.pose.position, message.pose.pose.orientation
+    norm = hypot(turned.x, turned.y, turned.z, turned.w)
+    if not (isfinite(position.x + position.y) and abs(norm - 1.0) < UNIT_TOLERANCE):
+        raise ValueError('its position is not finite, or its orientation no unit quaternion')
+    rows = message.pose.covariance.reshape(6, 6)[_PLANE][:, _PLANE]
+    if not (np.isfinite(rows).all() and np.linalg.eigvalsh(rows).min() >= -MAX_ROUNDING):
+        raise ValueError('its covariance is not finite, or not positive')
+    sine = 2.0 * (turned.w * turned.z + turned.x * turned.y)
+    yaw = atan2(sine, 1.0 - 2.0 * (turned.y**2 + turned.z**2))
+    x_row, y_row, yaw_row = rows.tolist()
+    return (position.x, position.y, yaw), (tuple(x_row), tuple(y_row), tuple(yaw_row))
 
 
 class ImuMessage(NamedTuple):

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.encoders import encoder_topics, TicksReader
@@ -29,7 +29,14 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.stop_signals import StopSignals
-from klann_ros.walker import DiagnosticLevel, Fault, imu_reading, RefusalKind, Walker
+from klann_ros.walker import (
+    DiagnosticLevel,
+    Fault,
+    imu_reading,
+    OdometryScale,
+    RefusalKind,
+    Walker,
+)
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
@@ -44,7 +51,14 @@ from .declarations import (
     TYPE_REMEDIES,
     WALKER_PARAMETERS,
 )
-from .messages import CrankOutput, ImuReader, OdomOutput, read_twist, twist_message
+from .messages import (
+    CrankOutput,
+    ImuReader,
+    OdomOutput,
+    read_pose,
+    read_twist,
+    twist_message,
+)
 
 # Minimum time between two log lines about events [s].
 EVENT_PERIOD = 1.0
@@ -78,6 +92,7 @@ class WalkerNode(ProcessNode):
                 Steering(feet),
                 settings(values),
                 noise(values),
+                scale=OdometryScale(values['linear_scale'], values['angular_scale']),
                 imu_timeout=values['imu_timeout'],
                 steady=_steady_time if self._sim else None,
             )
@@ -123,6 +138,8 @@ class WalkerNode(ProcessNode):
             # A joint may have a name that ROS allows to no service.
             if joint.isidentifier() and joint.isascii():
                 create_trigger(self, f'{joint}/set_zero', partial(self._on_set_zero, joint))
+        create_trigger(self, 'reset_odometry', self._on_reset_odometry)
+        subscribe_raw(self, PoseWithCovarianceStamped, 'set_pose', self._on_set_pose)
         create_trigger(self, 'enable', self._on_enable)
         create_trigger(self, 'disable', self._on_disable)
         # Before all other inputs, for which it does not wait.
@@ -175,6 +192,20 @@ class WalkerNode(ProcessNode):
         # A pressed emergency stop trips it again.
         self._walker.controller.keep_alive(self._now())
         return latch.fault is None, printable_line(text)
+
+    def _on_reset_odometry(self) -> tuple[bool, str]:
+        self._walker.set_pose()
+        return True, self._log('odom begins again here')
+
+    def _on_set_pose(self, data: bytes, _: Info) -> None:
+        try:
+            pose, covariance = read_pose(data, self._values['odom_frame'])
+        except ValueError as error:
+            self._warn(f'set_pose is rejected: {error}')
+            return
+        self._walker.set_pose(pose, covariance)
+        x, y, yaw = pose
+        self._log(f'odom goes on at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad')
 
     def _on_enable(self) -> tuple[bool, str]:
         refusal = self._walker.controller.interlocks.enable()

@@ -1,0 +1,113 @@
+"""Factors of a calibration correct the path of the odometry, and its covariance with it."""
+
+from cmath import rect
+from pathlib import Path
+
+from hypothesis import given, strategies as st
+from klann_ros.gait import Feet, Steering
+from klann_ros.robot import robot_of
+from klann_ros.walker import Odometry, OdometryEstimate, OdometryScale, Walker
+import numpy as np
+import pytest
+
+WALKER = Path(__file__).resolve().parents[2] / 'config' / 'walker6_two_motors.yaml'
+factors = st.floats(0.8, 1.25)
+speeds = st.floats(-0.3, 0.3)
+COVARIANCE = ((0.04, 0.01, 0.002), (0.01, 0.09, 0.003), (0.002, 0.003, 0.01))
+
+
+def estimate(place: complex, yaw: float, speed: float = 0.1) -> OdometryEstimate:
+    return OdometryEstimate(
+        place.real, place.imag, 0.3, 0.01, 0.02, yaw, (speed, 0.0), 0.2, COVARIANCE,
+        (0.01, 0.02, 0.03),
+    )  # fmt: skip
+
+
+@given(factors, factors, st.lists(st.tuples(speeds, speeds), min_size=1, max_size=30))
+def test_the_scaled_path_of_wrong_estimates_is_the_true_one(
+    linear: float, angular: float, motions: list[tuple[float, float]]
+) -> None:
+    scale = OdometryScale(linear, angular)
+    true_place, true_yaw, place, yaw = 0j, 0.0, 0j, 0.0
+    for speed, turn in motions:
+        true_place += speed * rect(1.0, true_yaw + turn / 2.0)
+        true_yaw += turn
+        place += speed / linear * rect(1.0, yaw + turn / angular / 2.0)
+        yaw += turn / angular
+        scaled = scale.scaled(estimate(place, yaw))
+    assert complex(scaled.x, scaled.y) == pytest.approx(true_place, abs=1e-9)
+    assert rect(1.0, scaled.yaw) == pytest.approx(rect(1.0, true_yaw), abs=1e-9)
+    # Height and attitude have no scale.
+    assert (scaled.z, scaled.roll, scaled.pitch) == (0.3, 0.01, 0.02)
+
+
+def test_the_covariance_is_that_of_the_scaled_errors() -> None:
+    scaled = OdometryScale(2.0, 3.0).scaled(estimate(1.0 + 0j, 0.5))
+    # It has turned by three times 0.5 rad, where the estimate turned by 0.5 rad.
+    turn = rect(2.0, 1.0)
+    jacobian = np.array([[turn.real, -turn.imag, 0], [turn.imag, turn.real, 0], [0, 0, 3.0]])
+    expected = jacobian @ np.array(COVARIANCE) @ jacobian.T
+    assert np.array(scaled.covariance) == pytest.approx(expected)
+    assert scaled.rate_variances == pytest.approx((0.04, 0.08, 0.27))
+    assert (*scaled.linear, scaled.angular) == pytest.approx((0.2, 0.0, 0.6))
+
+
+def test_without_factors_an_estimate_stays_itself() -> None:
+    unscaled = estimate(1.0 + 2.0j, 3.0)
+    assert OdometryScale().scaled(unscaled) is unscaled
+
+
+@pytest.fixture(scope='module')
+def feet() -> Feet:
+    return Feet(robot_of(str(WALKER)))
+
+
+def walked(odometry: Odometry, first: int, last: int) -> OdometryEstimate:
+    """Walk in a curve between two readings, at 100 Hz."""
+    for k in range(first, last):
+        found = odometry.update([0.008 * k, 0.012 * k], [0.8, 1.2], 0.01)
+    return found
+
+
+def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
+    one, two = Odometry(feet), Odometry(feet)
+    before = walked(one, 0, 300)
+    walked(two, 0, 300)
+    two.set_pose((1.0, 2.0, 0.7), ((0.0, 0.0, 0.0),) * 3)
+    after, moved = walked(one, 300, 600), walked(two, 300, 600)
+    step = complex(after.x - before.x, after.y - before.y) * rect(1.0, 0.7 - before.yaw)
+    # What is learned later of the velocity before changes the whole walk only.
+    assert complex(moved.x, moved.y) == pytest.approx(1.0 + 2.0j + step, abs=1e-3)
+    assert moved.yaw - 0.7 == pytest.approx(after.yaw - before.yaw, abs=1e-3)
+    # A shorter walk is known better, and from its own covariance on.
+    assert np.trace(moved.covariance) < np.trace(after.covariance)
+    two.set_pose((0.0, 0.0, 0.0), COVARIANCE)
+    assert np.array(walked(two, 600, 601).covariance) == pytest.approx(
+        np.array(COVARIANCE), rel=0.05
+    )
+
+
+@pytest.mark.parametrize('factor', [1.0, 1.1])
+def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
+    walker = Walker(Steering(feet), scale=OdometryScale(factor, factor))
+
+    def walk(first: int, last: int) -> OdometryEstimate | None:
+        for k in range(first, last):
+            readings = {'left_crank': (0.01 * k, 1.0), 'right_crank': (0.01 * k, 1.0)}
+            found = walker.feedback(readings, 0.01 * k)
+        return found
+
+    before = walk(0, 200)
+    lag = walker.controller.motion_feedback.lag
+    walker.set_pose((5.0, -3.0, 1.0), COVARIANCE)
+    after = walk(200, 201)
+    assert before is not None
+    assert after is not None
+    assert before.x > 0.1
+    assert (after.x, after.y, after.yaw) == pytest.approx((5.0, -3.0, 1.0), abs=0.01)
+    # No motion was measured on the way there.
+    assert walker.controller.motion_feedback.lag == pytest.approx(lag, abs=0.01)
+    walker.set_pose()
+    again = walk(201, 202)
+    assert again is not None
+    assert (again.x, again.y, again.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
