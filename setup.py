@@ -41,6 +41,7 @@ EXTRAS['test'] = [
     'playwright',
     'pyarrow',
     'pymoo',
+    'pyserial',
     'pytest>=7.4',
     'pytest-xdist',
     'ray',

@@ -167,9 +167,13 @@ class Prefix:
         ]
         return [node['robot_description'] for node in nodes if 'robot_description' in node]
 
-    def left(self) -> list[str]:
+    def processes(self) -> list[tuple[str, int]]:
+        """Return the names and numbers of the processes that were started."""
         lines = [line.split() for line in self._started.read_text().splitlines()]
-        return [name for name, pid in lines if name != 'code' and Path('/proc', pid).exists()]
+        return [(name, int(pid)) for name, pid in lines if name != 'code']
+
+    def left(self) -> list[str]:
+        return [name for name, pid in self.processes() if Path('/proc', str(pid)).exists()]
 
     def close(self) -> None:
         for launch in self._launches:

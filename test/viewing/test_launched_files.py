@@ -294,6 +294,7 @@ def test_an_exported_walker_is_launched_under_ros2_control(
     launch = made.launch(folder / 'ros2_control.launch.py', arguments)
     output = launch.communicate(timeout=PATIENCE)[0]
     always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
+    always |= {'watchdog_node'}
     assert list(made.started()) == [(always | {'walker_node'} | adds, 0)], output
     assert f'/lib/{package}/' in made.given('ros2_control_node')[0]
     is_real = package == 'controller_manager'
@@ -324,6 +325,7 @@ def test_any_walker_is_launched_under_ros2_control(prefix: Callable[..., Prefix]
     shutil.copy(ROOT / 'config' / 'sem104.yaml', made.folder)
     output = launch.communicate(timeout=PATIENCE)[0]
     always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
+    always |= {'watchdog_node'}
     always |= {'walker_node'}
     assert list(made.started()) == [
         (always | {'sim_node'}, 0),
@@ -335,6 +337,19 @@ def test_any_walker_is_launched_under_ros2_control(prefix: Callable[..., Prefix]
     assert f'folder:={made.folder}/config: export --ros2-control has not written it' in output
     assert 'Traceback' not in output
     assert list(made.folder.glob('klann_ros-*')) == []
+
+
+def test_a_watchdog_that_ends_in_order_ends_its_launch(prefix: Callable[..., Prefix]) -> None:
+    made = prefix()
+    launch = made.launch('ros2_control', [])
+    assert launch.stdout is not None
+    # It handles signals then.
+    assert any('[watchdog_node]: ready' in line for line in launch.stdout)
+    (pid,) = (pid for name, pid in made.processes() if name == 'watchdog_node')
+    os.kill(pid, signal.SIGINT)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    assert launch.returncode == 0, output
+    assert made.left() == []
 
 
 def test_paths_may_hold_any_character(prefix: Callable[..., Prefix]) -> None:

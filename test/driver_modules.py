@@ -1,0 +1,13 @@
+"""The modules of examples/hardware_driver."""
+
+from importlib import import_module
+from pathlib import Path
+import sys
+
+DRIVER = Path(__file__).resolve().parents[1] / 'examples' / 'hardware_driver'
+
+sys.path.insert(0, str(DRIVER))
+try:
+    serial_motors = import_module('serial_motors')
+finally:
+    sys.path.remove(str(DRIVER))

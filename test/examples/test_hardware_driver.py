@@ -1,0 +1,241 @@
+"""examples/hardware_driver as a process, with simulated motors and with a board on a port."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import nan, pi
+import os
+from pathlib import Path
+from signal import SIGCONT, SIGKILL, SIGSTOP, SIGTERM
+import subprocess
+import sys
+from time import monotonic
+import tty
+
+from domain import own_domain
+from driver_modules import DRIVER
+from geometry_msgs.msg import TwistStamped
+from motor_board import ROOT
+import pytest
+from rclpy.duration import Duration
+from ros_domain import Domain, open_domain, Process
+from sensor_msgs.msg import JointState
+
+JOINTS = ['left_crank', 'right_crank']
+WALKER = str(ROOT / 'config' / 'walker6_two_motors.yaml')
+# Slower shafts stand [rad/s].
+STANDSTILL = 0.02
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> Iterator[Domain]:
+    with own_domain() as domain, open_domain(domain, tmp_path) as made:
+        yield made
+
+
+def start_driver(ros: Domain, **parameters: object) -> Process:
+    return ros.start('python', str(DRIVER / 'hardware_driver.py'), **parameters)
+
+
+class Walk:
+    """A driver and walker_node; cmd_vel of 0.1 m/s goes on."""
+
+    def __init__(self, ros: Domain, **parameters: object) -> None:
+        self.probe = ros.probe
+        self.states: list[JointState] = ros.probe.listen(JointState, 'crank_state')
+        self.driver = start_driver(ros, **parameters)
+        self.walker = ros.start('walker_node', '--ros-args', '--params-file', WALKER)
+        self.cmd_vel = ros.probe.publisher(TwistStamped, 'cmd_vel')
+        ros.probe.node.create_timer(0.05, self._drive)
+
+    def _drive(self) -> None:
+        message = TwistStamped()
+        message.twist.linear.x = 0.1
+        self.cmd_vel.publish(message)
+
+    def until_walking(self) -> None:
+        self.probe.until(lambda: self.states)
+        start = self.states[-1].position[0]
+        self.probe.until(lambda: self.states[-1].position[0] - start > 1.0)
+
+    def turned_in(self, seconds: float) -> float:
+        """Return the largest motion of a crank in a time [rad]."""
+        before = self.states[-1].position
+        self.probe.spin(seconds)
+        return max(abs(b - a) for a, b in zip(before, self.states[-1].position, strict=True))
+
+
+@pytest.mark.parametrize('number', [SIGKILL, SIGSTOP])
+@pytest.mark.parametrize('attempt', range(2))
+def test_cranks_stand_without_walker_node(ros: Domain, number: int, attempt: int) -> None:
+    walk = Walk(ros)
+    walk.until_walking()
+    # The motion of one second: the timeout, the motor's lag, and a busy machine.
+    limit = walk.turned_in(1.0)
+    # Commands come every 10 ms: the signal meets another part of a period.
+    walk.probe.spin(0.003 * attempt)
+    walk.walker.popen.send_signal(number)
+    assert walk.turned_in(2.0) < limit
+    assert walk.turned_in(0.3) < 0.3 * STANDSTILL
+    walk.walker.popen.send_signal(SIGCONT)
+
+
+def test_a_stopped_driver_takes_no_old_command_when_it_goes_on(ros: Domain) -> None:
+    walk = Walk(ros)
+    walk.until_walking()
+    walk.driver.popen.send_signal(SIGSTOP)
+    # Commands until here wait in its queue.
+    walk.probe.spin(0.2)
+    walk.walker.kill()
+    walk.probe.spin(1.5)
+    walk.driver.popen.send_signal(SIGCONT)
+    count = len(walk.states)
+    walk.probe.until(lambda: len(walk.states) > count + 5)
+    assert walk.turned_in(0.5) < 0.5 * STANDSTILL
+
+
+class Board:
+    """A board with two motors on a serial port, as a process of its own."""
+
+    def __init__(self, folder: Path, library: Path) -> None:
+        self._log = folder / 'board.log'
+        # The port stays where nobody has it open: this process holds both ends.
+        self._ends: tuple[int, ...] = os.openpty()
+        tty.setraw(self._ends[1])
+        self.port = os.ttyname(self._ends[1])
+        script = str(ROOT / 'test' / 'motor_board.py')
+        arguments = [script, str(library), str(self._ends[0]), str(self._log)]
+        self.process = subprocess.Popen([sys.executable, *arguments], pass_fds=self._ends[:1])
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        for end in self._ends:
+            os.close(end)
+        self._ends = ()
+
+    def rows(self) -> list[list[float]]:
+        """Return the log: times, rates of the shafts, duties."""
+        lines = self._log.read_text().splitlines()[:-1] if self._log.exists() else []
+        return [[float(word) for word in line.split()] for line in lines]
+
+    def turned(self, seconds: float, after: float) -> float:
+        """Return the largest motion of a shaft [rad] in a time after another one [s]."""
+        rows = [row for row in self.rows() if after <= row[0] < after + seconds]
+        moved = [0.0, 0.0]
+        for before, row in pairwise(rows):
+            for index, rate in enumerate(before[1:3]):
+                moved[index] += abs(rate) * (row[0] - before[0])
+        return max(moved)
+
+
+@pytest.fixture
+def board(tmp_path: Path, library: Path) -> Iterator[Board]:
+    pytest.importorskip('serial')
+    made = Board(tmp_path, library)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize('number', [SIGKILL, SIGSTOP])
+def test_the_motors_stand_without_their_driver(ros: Domain, board: Board, number: int) -> None:
+    walk = Walk(ros, port=board.port)
+    walk.until_walking()
+    walk.probe.spin(1.0)
+    stopped = monotonic()
+    walk.driver.popen.send_signal(number)
+    walk.probe.spin(2.0)
+    # The timeout, the lag, and a busy machine: less than the motion of the second before.
+    assert board.turned(2.0, stopped) < board.turned(1.0, stopped - 1.0)
+    assert board.rows()[-1][1:] == pytest.approx([0.0] * 4, abs=STANDSTILL)
+    walk.driver.popen.send_signal(SIGCONT)
+
+
+def test_a_board_turns_as_commanded_and_its_angles_have_their_own_time(
+    ros: Domain, board: Board
+) -> None:
+    states = ros.probe.listen(JointState, 'crank_state')
+    driver = start_driver(ros, port=board.port, rate=50.0)
+    commands = ros.probe.publisher(JointState, 'crank_command')
+    command = JointState(name=JOINTS, velocity=[0.5, -0.5])
+    ros.probe.node.create_timer(0.05, lambda: commands.publish(command))
+    ros.probe.until(lambda: states and states[-1].position[0] > 1.0)
+    first, last = states[len(states) // 2], states[-1]
+    moved = [b - a for a, b in zip(first.position, last.position, strict=True)]
+    seconds = stamp(last) - stamp(first)
+    assert moved == pytest.approx([0.5 * seconds, -0.5 * seconds], abs=0.03)
+    # No measurement is repeated.
+    stamps = [stamp(state) for state in states]
+    assert all(before < after for before, after in pairwise(stamps))
+    # A port that is gone is one line, and the end: crank_state ends with it.
+    board.close()
+    assert driver.wait() == 1
+    assert driver.errors.splitlines()[-1].startswith('hardware_driver: ')
+    assert 'Traceback' not in driver.errors
+
+
+def stamp(state: JointState) -> float:
+    return float(state.header.stamp.sec) + 1e-9 * state.header.stamp.nanosec
+
+
+def test_sign_gear_ratio_and_zero_hold_for_commands_and_angles(ros: Domain) -> None:
+    states = ros.probe.listen(JointState, 'crank_state')
+    start_driver(
+        ros, joints='[left_crank, right_crank]', gear_ratios=[-30.0, 2.0], zeros=[0.5, pi]
+    )
+    ros.probe.until(lambda: states)
+    assert list(states[0].name) == JOINTS
+    assert list(states[0].position) == pytest.approx([0.5, pi])
+    commands = ros.probe.publisher(JointState, 'crank_command')
+    command = JointState(name=['stranger', *JOINTS], velocity=[9.0, 1.0, -1.0])
+    ros.probe.node.create_timer(0.05, lambda: commands.publish(command))
+    ros.probe.until(lambda: states[-1].position[0] > 1.5)
+    assert states[-1].position[1] < pi - 0.5
+
+
+@pytest.mark.parametrize(
+    ('names', 'velocities', 'age', 'reason'),
+    [
+        (JOINTS, [1.0, nan], 0.0, 'it has no finite'),
+        (['left_crank', 'stranger'], [1.0, 1.0], 0.0, 'it has no finite'),
+        (JOINTS, [1.0], 0.0, 'it has no finite'),
+        (JOINTS, [1.0, 1.0], 5.0, 'it is 5.'),
+        (JOINTS, [1.0, 1.0], -5.0, 'it is -5.'),
+    ],
+)
+def test_what_is_no_command_turns_no_motor(
+    ros: Domain, names: list[str], velocities: list[float], age: float, reason: str
+) -> None:
+    states = ros.probe.listen(JointState, 'crank_state')
+    driver = start_driver(ros)
+    commands = ros.probe.publisher(JointState, 'crank_command')
+
+    def send() -> None:
+        command = JointState(name=names, velocity=velocities)
+        sent = ros.probe.node.get_clock().now() - Duration(seconds=age)
+        command.header.stamp = sent.to_msg()
+        commands.publish(command)
+
+    ros.probe.node.create_timer(0.05, send)
+    ros.probe.until(lambda: f'crank_command is refused: {reason}' in driver.errors)
+    ros.probe.spin(0.2)
+    assert list(states[-1].position) == [0.0, 0.0]
+
+
+def test_its_end_stops_the_motors(ros: Domain, board: Board) -> None:
+    driver = start_driver(ros, port=board.port, command_timeout=60.0)
+    commands = ros.probe.publisher(JointState, 'crank_command')
+    commands.publish(JointState(name=JOINTS, velocity=[1.0, 1.0]))
+    ros.probe.until(lambda: board.rows() and min(board.rows()[-1][1:3]) > 0.5)
+    ended = monotonic()
+    assert driver.stop(SIGTERM) == 0
+    ros.probe.spin(0.5)
+    # The board's own timeout has not run out.
+    assert board.turned(0.5, ended) < 0.4
+
+
+def test_a_port_that_is_not_there_is_one_line(ros: Domain) -> None:
+    pytest.importorskip('serial')
+    driver = start_driver(ros, port='/dev/no_port')
+    assert driver.wait() == 1
+    (line,) = driver.errors.splitlines()
+    assert line.startswith('hardware_driver: ')
