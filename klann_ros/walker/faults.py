@@ -35,6 +35,7 @@ class FaultKind(Enum):
     NOT_TURNING = 'does not turn'
     SLIPPING = 'turns, but not as it is commanded'
     TILTED = 'the body is tilted'
+    FREE_FALL = 'the body falls'
     OVERLOAD = 'exceeds its effort'
     E_STOP = 'the emergency stop'
 

@@ -48,7 +48,7 @@ def imu_reading(
     [m/s^2] are those in base_link, `at` a time [s].
     """
     if orientation is None:
-        return ImuReading(None, angular[2], at)
+        return ImuReading(None, angular[2], at, force=force)
     x, y, z, w = orientation
     # The vertical in base_link; any norm.
     up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z

@@ -8,6 +8,7 @@ walker_jansen alone. A comment that gives a bound or a reason is its source inst
 """
 
 from dataclasses import dataclass, field
+from math import radians
 
 from .limits import MotionLimits
 
@@ -35,6 +36,8 @@ class ControllerSettings:
         K of the motion feedback; 0 for no correction [1/s].
     max_following_error : float
         A crank that does not follow its command over this path is a fault [rad].
+    max_tilt : float
+        A larger tilt of the body, by its IMU, is a fault [rad].
     auto_reset : bool
         Whether a motion that is commanded after a command of 0 resets a fault.
     e_stop_timeout : float
@@ -52,6 +55,7 @@ class ControllerSettings:
     rephase: float = 0.1
     motion_gain: float = 0.5
     max_following_error: float = 0.15
+    max_tilt: float = radians(30.0)
     auto_reset: bool = False
     e_stop_timeout: float = 1.0
     # The largest correction of the motion, as a part of the command, and that of the yaw rate in

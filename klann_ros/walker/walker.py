@@ -1,7 +1,7 @@
 """A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
 from collections.abc import Collection, Mapping
-from math import cos, inf, nan, sin
+from math import cos, inf, nan, radians, sin
 
 from klann_ros.gait.stance import Triple
 from klann_ros.gait.steering import Steering, Twist2D
@@ -12,6 +12,7 @@ from .drives import CrankDrives
 from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
 from .imu import AccelerometerState, ImuReading
+from .monitors import BodyMonitor
 from .odometry import Odometry, OdometryEstimate
 from .odometry_scale import OdometryScale
 from .settings import ControllerSettings, OdometryNoise
@@ -22,6 +23,8 @@ MAX_LOSS, MIN_STEP, MAX_WAIT = 1.0, 0.005, 0.1
 # Where the odometry begins: x, y [m], yaw [rad], and their covariance.
 _ORIGIN = (0.0, 0.0, 0.0)
 _CERTAIN = (_ORIGIN, _ORIGIN, _ORIGIN)
+# Greatest tilt at which a body stands on its feet [rad].
+MAX_WALKING_TILT = radians(60.0)
 
 
 class Walker:
@@ -64,6 +67,7 @@ class Walker:
         self.drives = CrankDrives(self.feet.robot.drives)
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
+        self._body = BodyMonitor()
         self._at: float | None = None
         self._arrived = 0.0
         self._estimate: OdometryEstimate | None = None
@@ -103,8 +107,13 @@ class Walker:
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take a reading of an IMU on base_link."""
         self.controller.keep_alive(now)
-        self._imu_age.feed(now)
-        self.odometry.imu(reading, variance)
+        fault = self._body.update(reading, now, self.controller.settings.max_tilt)
+        if fault:
+            self.controller.latch.trip(fault)
+        # The attitude of a body that lies on its side or head says nothing about its feet.
+        if self._body.tilt < MAX_WALKING_TILT:
+            self._imu_age.feed(now)
+            self.odometry.imu(reading, variance)
 
     def feedback(
         self,
@@ -202,6 +211,7 @@ class Walker:
             'cmd_vel_refused': str(controller.refused),
             'travelled': f'{odometry.travelled:.3f}',
             'imu': 'used' if has_imu else 'none',
+            'tilt': f'{self._body.tilt:.3f}',
             'accelerometer': accelerometer.value,
             'velocity_innovation': f'{odometry.accelerometer.innovation:.3f}',
             'tilt_innovation': f'{odometry.slope.innovation:.3f}',

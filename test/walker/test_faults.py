@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
-from math import copysign, inf, pi
+from math import copysign, cos, inf, nan, pi, radians, sin
 from random import Random
 
 from klann_ros.gait import Steering
@@ -10,7 +10,9 @@ from klann_ros.walker import (
     ControllerSettings,
     DiagnosticLevel,
     FaultKind,
+    imu_reading,
     WalkController,
+    Walker,
 )
 import pytest
 
@@ -194,3 +196,99 @@ def test_a_motor_that_obeys_is_no_fault_however_slow(
             walk.run(random.choice([0.5, 2.0, 5.0]))
             assert walk.control.latch.fault is None
             assert walk.motors[1].position != 0.0 or walk.twist == (0.0, 0.0)
+
+
+class Body:
+    """A walker that is commanded to walk, its cranks in step with it, and its IMU."""
+
+    def __init__(self, steering: Steering, *, has_orientation: bool = True) -> None:
+        self.walker = Walker(steering)
+        self.has_orientation = has_orientation
+        self.ticks = 0
+        self.rates = [0.0, 0.0]
+        self.positions = [0.0, 0.0]
+
+    def feel(self, seconds: float, pitch: float = 0.0, gravity: float = 9.8) -> None:
+        for _ in range(round(seconds / DT)):
+            self.ticks += 1
+            now = self.ticks * DT
+            # The specific force of a body that is pitched.
+            force = -gravity * sin(pitch), 0.0, gravity * cos(pitch)
+            orientation = (0.0, sin(pitch / 2.0), 0.0, cos(pitch / 2.0))
+            reading = imu_reading(
+                orientation if self.has_orientation else None, (0.0, 0.0, 0.0), now, force
+            )
+            self.walker.imu(reading, now)
+            joints = [crank.joint for crank in self.walker.controller.cranks]
+            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            both = zip(self.positions, self.rates, strict=True)
+            self.walker.feedback(dict(zip(joints, both, strict=True)), now)
+            self.walker.controller.command(0.15, 0.0, now)
+            command = self.walker.controller.step(now)
+            self.rates = list(command.velocity) if command else [0.0, 0.0]
+
+    @property
+    def kind(self) -> FaultKind | None:
+        fault = self.walker.controller.latch.fault
+        return fault.kind if fault else None
+
+
+@pytest.mark.parametrize('has_orientation', [True, False])
+@pytest.mark.parametrize('degrees', [35.0, -90.0, 180.0])
+def test_a_body_that_falls_over_stops(
+    steering: Steering, degrees: float, *, has_orientation: bool
+) -> None:
+    body = Body(steering, has_orientation=has_orientation)
+    body.feel(2.0, radians(25.0))
+    assert body.kind is None
+    assert min(body.rates) > 0.5
+    body.feel(0.15, radians(degrees))
+    body.feel(0.5)
+    # A blow is no fall.
+    assert body.kind is None
+    body.feel(0.3 if has_orientation else 1.2, radians(degrees))
+    assert body.kind is FaultKind.TILTED
+    assert body.rates == [0.0, 0.0]
+    assert f'{abs(degrees):.0f} deg' in body.walker.verdict(body.ticks * DT)[1] or (
+        not has_orientation
+    )
+    body.walker.controller.latch.reset()
+    # It lies as before.
+    body.feel(0.05, radians(degrees))
+    assert body.kind is FaultKind.TILTED
+    assert body.rates == [0.0, 0.0]
+    body.walker.controller.latch.reset()
+    body.feel(2.0)
+    assert (body.kind is None) == has_orientation
+    assert body.walker.values(body.ticks * DT)['imu'] == 'used'
+
+
+@pytest.mark.parametrize('degrees', [90.0, 180.0])
+def test_an_imu_on_its_head_never_drives(steering: Steering, degrees: float) -> None:
+    body = Body(steering)
+    body.feel(DT, radians(degrees))
+    assert body.kind is FaultKind.TILTED
+    assert 'check its axes' in body.walker.verdict(DT)[1]
+    body.feel(2.0, radians(degrees))
+    assert body.positions == [0.0, 0.0]
+    assert body.walker.values(body.ticks * DT)['fault'] == 'TILTED'
+
+
+def test_a_body_that_falls_freely_stops(steering: Steering) -> None:
+    body = Body(steering)
+    body.feel(2.0)
+    body.feel(0.08, gravity=0.3)
+    # Between two steps it may be light.
+    assert body.kind is None
+    body.feel(0.12, gravity=0.3)
+    assert body.kind is FaultKind.FREE_FALL
+    assert body.rates == [0.0, 0.0]
+
+
+@pytest.mark.parametrize('gravity', [0.0, 1.0, nan])
+def test_an_accelerometer_without_gravity_shows_no_fall(
+    steering: Steering, gravity: float
+) -> None:
+    body = Body(steering)
+    body.feel(1.0, gravity=gravity)
+    assert body.kind is None

@@ -31,8 +31,6 @@ from std_msgs.msg import Float32MultiArray, Float64MultiArray
 # A number and a stamp that mark their places in a message; no name contains their bytes.
 _MARK = 1.2345678e-300
 _STAMP = 123456789, 987654321
-# Square of the sine of half of the greatest tilt of a walker that stands: 60 deg.
-MAX_TILT = 0.25
 # Tolerance of the norm of a quaternion; a default-initialised one is shorter.
 UNIT_TOLERANCE = 1e-2
 # The length of a header's frame in a message.
@@ -170,8 +168,6 @@ class ImuReader:
         # without an orientation leave the default of the message.
         is_unit = abs(x * x + y * y + z * z + w * w - 1.0) < UNIT_TOLERANCE
         has = is_unit and first != -1.0 and (w, first, variance) != (1.0, 0.0, 0.0)
-        if has and x * x + y * y > MAX_TILT:
-            raise ValueError("its orientation is that of a fallen body: has it base_link's axes?")
         # A yaw of any direction has no larger one.
         variance = min(variance, pi**2) if variance > 0.0 else 0.0
         orientation = (x, y, z, w) if has else None
