@@ -28,6 +28,8 @@ class Motors:
         # All angles that were published.
         self.measured: set[tuple[float, ...]] = set()
         self.silent: set[int] = set()
+        # Empty: they measure none [N m].
+        self.efforts: list[float] = []
         self.twist: tuple[float, float] | None = None
         self.ticks = 0
         self.probe.node.create_timer(0.01, self._tick)
@@ -43,6 +45,7 @@ class Motors:
             name=[JOINTS[k] for k in reporting],
             position=[self.positions[k] for k in reporting],
             velocity=[rates[k] for k in reporting],
+            effort=[self.efforts[k] for k in reporting] if self.efforts else [],
         )
         # They turn by ticks, which a busy machine delays.
         message.header.stamp.sec, ticks = divmod(self.ticks, 100)

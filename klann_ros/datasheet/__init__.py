@@ -14,7 +14,7 @@ All values are in SI units. `klann_ros.datasheet.text`, `.json_report` and `.pag
 `DataSheet`.
 """
 
-from .computing import data_sheet
+from .computing import data_sheet, peak_efforts
 from .motor import Motor, motor_from, motor_from_file, MotorFileError, MotorVerdict
 from .sheet import (
     BarFigures,
@@ -42,4 +42,5 @@ __all__ = [
     'data_sheet',
     'motor_from',
     'motor_from_file',
+    'peak_efforts',
 ]

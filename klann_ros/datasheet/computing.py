@@ -7,6 +7,7 @@ from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
+from klann_ros.dynamics.forces import GRAVITY
 from klann_ros.gait import GaitFigures, NoWalkerError, walk_figures
 from klann_ros.kinematics import (
     foot_path,
@@ -122,6 +123,18 @@ def data_sheet(
         walk=walk,
         no_walk=no_walk,
     )
+
+
+def peak_efforts(robot: Robot, speed: float = 1.0) -> dict[str, float]:
+    """
+    Return the largest crank torque of each joint of a walker on three feet [N m].
+
+    All cranks have the same speed [rad/s]. Without masses it is empty.
+    """
+    if robot.body is None or _missing_masses(robot):
+        return {}
+    sheet = data_sheet(robot, speed=speed, load=robot.body.mass * GRAVITY / 3.0)
+    return {crank.joint: crank.loaded.peak for crank in sheet.cranks if crank.loaded}
 
 
 class _Request(NamedTuple):

@@ -42,6 +42,8 @@ class ControllerSettings:
         Whether a motion that is commanded after a command of 0 resets a fault.
     e_stop_timeout : float
         A longer silence of an emergency stop, once heard, stops it; at 0 none does [s].
+    max_effort : float
+        A larger effort of a crank, for a time, stops it; at 0 none does [N m].
 
     """
 
@@ -58,6 +60,7 @@ class ControllerSettings:
     max_tilt: float = radians(30.0)
     auto_reset: bool = False
     e_stop_timeout: float = 1.0
+    max_effort: float = 0.0
     # The largest correction of the motion, as a part of the command, and that of the yaw rate in
     # curves, whose plan may be off by more; the largest lag, of which K times makes this part of
     # the command; and K of the yaw rate on the spot, where it comes evenly, as a multiple of K.

@@ -1,7 +1,7 @@
 """A walker as its node has it: controller, odometry, and the diagnostics of both."""
 
 from collections.abc import Collection, Mapping
-from math import cos, inf, nan, radians, sin
+from math import cos, inf, isfinite, nan, radians, sin
 
 from klann_ros.gait.stance import Triple
 from klann_ros.gait.steering import Steering, Twist2D
@@ -12,6 +12,7 @@ from .drives import CrankDrives
 from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
 from .imu import AccelerometerState, ImuReading
+from .load import LoadMonitor
 from .monitors import BodyMonitor
 from .odometry import Odometry, OdometryEstimate
 from .odometry_scale import OdometryScale
@@ -65,6 +66,7 @@ class Walker:
         self.odometry = Odometry(self.feet, noise)
         self._scale = scale or OdometryScale()
         self.drives = CrankDrives(self.feet.robot.drives)
+        self._loads = {joint: LoadMonitor(joint) for joint in self.feet.joints}
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
         self._body = BodyMonitor()
@@ -103,6 +105,15 @@ class Walker:
         if self._estimate is not None:
             # No motion is measured from the pose before to this one.
             self._estimate = self._estimate._replace(x=x, y=y, yaw=yaw, covariance=covariance)
+
+    def take_efforts(self, efforts: Mapping[str, float | None], now: float) -> None:
+        """Take the efforts of cranks by their joints [N m]; None is unknown."""
+        for joint, effort in efforts.items():
+            if effort is None:
+                continue
+            fault = self._loads[joint].read(effort, now, self.controller.settings.max_effort)
+            if fault is not None:
+                self.controller.latch.trip(fault)
 
     def imu(self, reading: ImuReading, now: float, variance: float = 0.0) -> None:
         """Take a reading of an IMU on base_link."""
@@ -193,6 +204,9 @@ class Walker:
                 f'{joint} offset_sum': f'{crank.offset_sum:.4f}',
                 f'{joint} encoder_noise': f'{crank.detector.noise:.5f}',
             }
+        for joint, load in self._loads.items():
+            if isfinite(load.effort):
+                found[f'{joint} effort'] = f'{load.effort:.3f}'
         names = [leg.name for leg in self.feet.robot.legs]
         has_imu = self._imu_age.age(now) <= self._imu_timeout
         accelerometer = odometry.accelerometer_state if has_imu else AccelerometerState.NONE

@@ -23,7 +23,7 @@ ALLOWED = {
     'dynamics': {'sanitize', 'kinematics'},
     'robot': {'sanitize', 'kinematics', 'dynamics'},
     'gait': {'kinematics', 'dynamics', 'robot'},
-    'walker': {'kinematics', 'dynamics', 'gait'},
+    'walker': {'kinematics', 'dynamics', 'robot', 'gait'},
     'twin': {'sanitize', 'kinematics', 'dynamics', 'robot'},
     'plotting': {'kinematics'},
     'web': {'sanitize', 'kinematics'},
@@ -44,7 +44,7 @@ ALLOWED = {
     'stop_signals': set(),
     'nodes': {
         *('sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'walker', 'twin', 'plotting'),
-        *('log', 'review', 'web', 'live', 'stop_signals'),
+        *('log', 'review', 'web', 'live', 'datasheet', 'stop_signals'),
     },
     'executables': {'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }

@@ -33,6 +33,8 @@ class JointReading(NamedTuple):
     velocity: float | None
     sec: int
     nanosec: int
+    # [N m] of a revolute joint; None unless there are as many efforts as names.
+    effort: float | None = None
 
 
 class NumberReader:
@@ -82,13 +84,17 @@ class _Layout(NamedTuple):
     fixed: tuple[bytes, ...]
     places: tuple[int, ...]
     numbers: struct.Struct
+    has_velocity: bool
+    has_effort: bool
 
     def fits(self, data: bytes) -> bool:
         return len(data) == self.size and all(map(data.startswith, self.fixed, self.places))
 
     def joint(self, data: bytes) -> JointReading:
-        sec, nanosec, position, *velocity = self.numbers.unpack_from(data)
-        return JointReading(position, velocity[0] if velocity else None, sec, nanosec)
+        sec, nanosec, position, *others = self.numbers.unpack_from(data)
+        velocity = others[0] if self.has_velocity else None
+        effort = others[-1] if self.has_effort else None
+        return JointReading(position, velocity, sec, nanosec, effort)
 
 
 def _listed(names: Sequence[bytes]) -> str:
@@ -112,10 +118,13 @@ def _layout(data: bytes, joint: str) -> _Layout:
         shown = printable(joint, _MAX_NAME_LENGTH)
         raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
     offset = 8 * names.index(joint.encode())
-    position, velocity = begins[0] + offset, begins[1] + offset
-    numbers = f'{cursor.order}{HEADER_SIZE}xiI{position - HEADER_SIZE - STAMP_SIZE}xd'
-    if counts[1] == counts[0]:
-        numbers += f'{velocity - position - 8}xd'
+    numbers = f'{cursor.order}{HEADER_SIZE}xiI'
+    last_end = HEADER_SIZE + STAMP_SIZE
+    is_given = [count == len(names) for count in counts]
+    for begin, has_number in zip(begins, is_given, strict=True):
+        if has_number:
+            numbers += f'{begin + offset - last_end}xd'
+            last_end = begin + offset + 8
     ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
     # All but stamp, positions, velocities and efforts.
     spans = [
@@ -129,4 +138,6 @@ def _layout(data: bytes, joint: str) -> _Layout:
         tuple(data[begin:end] for begin, end in spans),
         tuple(begin for begin, _ in spans),
         struct.Struct(numbers),
+        has_velocity=is_given[1],
+        has_effort=is_given[2],
     )

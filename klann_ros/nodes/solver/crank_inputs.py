@@ -125,10 +125,11 @@ class CrankInputs:
             self._reject(BadMessageError(f'crank_state: {error} (parameter crank_joint)'))
             return
         cranks, stamp = {}, (0, 0)
-        for joint, (position, velocity, sec, nanosec) in readings.items():
+        for joint, reading in readings.items():
+            velocity = reading.velocity
             known = velocity is not None and isfinite(velocity)
-            cranks[joint] = CrankInput(position, velocity if known else None)
-            stamp = sec, nanosec
+            cranks[joint] = CrankInput(reading.position, velocity if known else None)
+            stamp = reading.sec, reading.nanosec
         self._answer(cranks, stamp, info)
 
     def _on_ticks(self, joint: str, index: int, data: bytes, info: Info) -> None:

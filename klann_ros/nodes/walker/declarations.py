@@ -73,6 +73,7 @@ CONTROL = (
                 100.0,
             ),
             ('max_tilt', 'greatest tilt of the body; a larger one is a fault [rad]', 0.05, 1.6),
+            ('max_effort', 'of a crank, by crank_state: a larger one stops; 0: none', 0.0, 1e6),
             ('rephase', 'part of its rate by which a crank returns to its phase', 0.0, 0.5),
             ('motion_gain', 'of the feedback of the measured motion; 0: none [1/s]', 0.0, 5.0),
             ('phase_gain', 'proportional gain of the phase lock [1/s]', 0.0, 100.0),

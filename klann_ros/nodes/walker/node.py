@@ -8,6 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
+from klann_ros.datasheet import peak_efforts
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
 from klann_ros.nodes.encoders import encoder_topics, TicksReader
@@ -99,6 +100,8 @@ class WalkerNode(ProcessNode):
         except (NoWalkerError, KinematicsError) as error:
             raise StartError(str(error)) from error
         self._stamped: bool = values['stamped_cmd_vel']
+        # The largest effort of each crank by the masses in its file [N m].
+        self._described_efforts = peak_efforts(robot) if values['max_effort'] else {}
         self._connect(values)
         self._values = values
         on_change(self, WALKER_PARAMETERS, self._on_change)
@@ -295,6 +298,7 @@ class WalkerNode(ProcessNode):
         sent = 0.0 if self._sim else info['source_timestamp'] / 1e9
         when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else sent
         now = self._now()
+        self._walker.take_efforts({joint: each.effort for joint, each in joints.items()}, now)
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
         if at_feet is not None:
             self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
@@ -329,7 +333,9 @@ class WalkerNode(ProcessNode):
     def _report(self) -> None:
         now = self._now()
         level, message = self._walker.verdict(now)
-        values = self._walker.values(now).items()
+        values = self._walker.values(now)
+        for joint, effort in self._described_efforts.items():
+            values[f'{joint} described_effort'] = f'{effort:.3f}'
         rivals, count = '', self._commander_count()
         if count > 1:
             rivals = f'crank_command has {count} publishers: only one may drive the cranks'
@@ -338,7 +344,7 @@ class WalkerNode(ProcessNode):
         if problems and level == DiagnosticLevel.OK:
             level = DiagnosticLevel.WARN
         message = '; '.join([message, *problems])
-        status = diagnostic_status(self, 'walker', bytes([level.value]), message, values)
+        status = diagnostic_status(self, 'walker', bytes([level.value]), message, values.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _commander_count(self) -> int:

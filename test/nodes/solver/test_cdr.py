@@ -78,7 +78,8 @@ def expected(message: JointState, index: int) -> cdr.JointReading:
     names, velocities, stamp = message.name, message.velocity, message.header.stamp
     index = list(names).index(names[index])
     velocity = velocities[index] if len(velocities) == len(names) else None
-    return cdr.JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec)
+    effort = message.effort[index] if len(message.effort) == len(names) else None
+    return cdr.JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec, effort)
 
 
 @given(doubles, st.floats(width=32), st.integers(-(2**31), 2**31 - 1))
