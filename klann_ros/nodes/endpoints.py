@@ -19,6 +19,7 @@ from klann_ros.sanitize.text import listed, printable, verb
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -155,11 +156,25 @@ def publish_last(publisher: Publisher, message: Any) -> None:
 
 
 def subscribe_raw(
-    node: Node, kind: type, topic: str, callback: Callable[[bytes, Info], None]
+    node: Node,
+    kind: type,
+    topic: str,
+    callback: Callable[[bytes, Info], None],
+    *,
+    wakes: bool = True,
 ) -> None:
-    """Subscribe to the bytes of an input, with the quality of service as overridden."""
-    profile, group = overridden(node, topic, 'subscription', INPUT), RawCallbackGroup()
-    node.create_subscription(kind, topic, callback, profile, raw=True, callback_group=group)
+    """
+    Subscribe to the bytes of an input, with the quality of service as overridden.
+
+    Without `wakes` its messages are taken with those of a subscription that wakes the node.
+    """
+    profile = overridden(node, topic, 'subscription', INPUT)
+    # Each event costs at every wait. An input that matches every publisher needs none.
+    events = SubscriptionEventCallbacks(use_default_callbacks=profile != INPUT)
+    group = RawCallbackGroup(wakes=wakes)
+    node.create_subscription(
+        kind, topic, callback, profile, raw=True, callback_group=group, event_callbacks=events
+    )
 
 
 def create_steady_timer(

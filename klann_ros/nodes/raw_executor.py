@@ -53,10 +53,15 @@ class RawCallbackGroup(MutuallyExclusiveCallbackGroup):
     Their events are the loop's too: Fast DDS signals both by one condition, so a thread that waits
     for the events wakes up for every message. Timers have a callback without arguments, likewise.
     Put nothing else into the group.
+
+    Without `wakes` its messages are taken at the next wake-up of the loop, in the order in which
+    subscriptions were made: for an input that only matters with another one. A wake-up costs more
+    than most callbacks. They have no events, which would wake the loop with each message.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, wakes: bool = True) -> None:
         super().__init__()
+        self.wakes = wakes
         # Whether a loop serves the group, and the executor must not.
         self.has_loop = False
 
@@ -187,8 +192,12 @@ class RawMessageExecutor:
             handle = subscription.handle
             with suppress(InvalidHandle):  # likewise
                 held.enter_context(handle)
-                handles.append(handle)
-                takes.append((handle.take_message, subscription.msg_type, subscription.callback))
+                # Place in the wait set.
+                index = len(handles) if subscription.callback_group.wakes else None
+                if index is not None:
+                    handles.append(handle)
+                take = handle.take_message
+                takes.append((index, take, subscription.msg_type, subscription.callback))
                 for event in subscription.event_handlers:
                     held.enter_context(event)
                     events.append(event)
@@ -319,9 +328,9 @@ def _fill(
 def _take(takes: list[Any], wait_set: Any) -> int:
     """Take queued messages; return the count of the most frequent topic."""
     most = 0
-    for index, (take, kind, callback) in enumerate(takes):
+    for index, take, kind, callback in takes:
         # A take without a message costs more than this query.
-        if not wait_set.is_ready('subscription', index):
+        if index is not None and not wait_set.is_ready('subscription', index):
             continue
         count = 0
         while count < BURST and (taken := take(kind, True)) is not None:  # raw

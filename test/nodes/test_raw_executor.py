@@ -44,6 +44,9 @@ class Echo(Node):
         self.pause = 0.0
         self.trouble: type[Exception] | None = None
         self.back = self.create_publisher(Float64, 'back', 2000)
+        options: dict[str, Any] = {'raw': True, 'callback_group': RawCallbackGroup(wakes=False)}
+        options['event_callbacks'] = SubscriptionEventCallbacks(use_default_callbacks=False)
+        self.create_subscription(Float64, 'quiet', self._take, 2000, **options)
         self.there = self.listen('there')
         self.typed: list[float] = []
         self.create_subscription(Float64, 'typed', self._take_typed, 2000)
@@ -236,29 +239,39 @@ def test_simulated_time_moves_clock_and_timers(ros: Domain) -> None:
         ros.probe.until(lambda: min(run.echo.ticks[t] for t in ('ros', 'lean ros')) >= 2)
 
 
-def test_threads_wake_up_only_for_messages(ros: Domain, monkeypatch: pytest.MonkeyPatch) -> None:
-    waits: list[str] = []
+@pytest.fixture
+def waits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the names of threads that wait, once for each time."""
+    names: list[str] = []
 
     class Counting(raw_executor.rclpy_implementation.WaitSet):  # type: ignore[misc, name-defined]
         """A wait set that records the waiting threads."""
 
         def wait(self, timeout: int) -> None:
-            waits.append(threading.current_thread().name)
+            names.append(threading.current_thread().name)
             super().wait(timeout)
 
     monkeypatch.setattr(raw_executor.rclpy_implementation, 'WaitSet', Counting)
+    return names
+
+
+def calm(ros: Domain, run: Running, waits: list[str]) -> None:
+    """Cancel the timers, and wait until discovery wakes no thread."""
+    for timer in run.echo.timers:
+        timer.cancel()
+
+    def is_quiet() -> bool:
+        waits.clear()
+        time.sleep(0.5)
+        return waits == []
+
+    ros.probe.until(is_quiet)
+
+
+def test_threads_wake_up_only_for_messages(ros: Domain, waits: list[str]) -> None:
     with Running(ros) as run:
         there = ros.probe.publisher(Float64, 'there')
-        for timer in run.echo.timers:
-            timer.cancel()
-
-        def is_quiet() -> bool:
-            # Discovery may still be going on.
-            waits.clear()
-            time.sleep(0.5)
-            return waits == []
-
-        ros.probe.until(is_quiet)
+        calm(ros, run, waits)
         for k in range(100):
             there.publish(Float64(data=float(k)))
             ros.probe.spin(0.01)
@@ -266,6 +279,33 @@ def test_threads_wake_up_only_for_messages(ros: Domain, monkeypatch: pytest.Monk
         # One for each message; the executor's thread sleeps.
         assert waits.count('loop') <= 110
         assert waits.count('watch') <= 3
+
+
+def test_messages_that_wake_no_loop_come_first_with_those_that_do(
+    ros: Domain, waits: list[str]
+) -> None:
+    with Running(ros) as run:
+        quiet = ros.probe.publisher(Float64, 'quiet')
+        there = ros.probe.publisher(Float64, 'there')
+        calm(ros, run, waits)
+        for k in range(100):
+            quiet.publish(Float64(data=float(k)))
+        time.sleep(0.5)
+        assert (waits, run.echo.taken) == ([], [])
+        there.publish(Float64(data=100.0))
+        ros.probe.until(lambda: run.echo.numbers()[-1:] == [100.0])
+        # A burst is limited, and what is left has the next turn.
+        there.publish(Float64(data=101.0))
+        ros.probe.until(lambda: len(run.echo.taken) == 102)
+        numbers = run.echo.numbers()
+        assert numbers[:65] == [*map(float, range(64)), 100.0]
+        assert [number for number in numbers if number < 100.0] == [*map(float, range(100))]
+
+
+def test_on_the_plain_path_all_messages_wake_the_executor(ros: Domain) -> None:
+    with Running(ros, plain=True) as run:
+        ros.probe.publisher(Float64, 'quiet').publish(Float64(data=1.0))
+        ros.probe.until(lambda: run.echo.numbers() == [1.0])
 
 
 @pytest.mark.parametrize('where', ['outside', 'executor', 'loop'])

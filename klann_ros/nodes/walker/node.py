@@ -148,8 +148,9 @@ class WalkerNode(ProcessNode):
         # Before all other inputs, for which it does not wait.
         subscribe_raw(self, Bool, 'e_stop', self._on_e_stop)
         # Before crank_state, which moves the estimate: in this order waiting messages are taken.
+        # An IMU is needed only then, so its messages wake nobody.
         if values['use_imu']:
-            subscribe_raw(self, Imu, 'imu', self._on_imu)
+            subscribe_raw(self, Imu, 'imu', self._on_imu, wakes=False)
         encoders = encoder_topics(joints, values)
         for joint, topic in encoders.items():
             reader = TicksReader(values['counts_per_turn'])
@@ -251,6 +252,10 @@ class WalkerNode(ProcessNode):
         if controller.latch.fault:
             self._step(now)
 
+    def _sent(self, info: Info) -> float:
+        """Return the time of sending [s], which is none of a simulation's: 0 there."""
+        return 0.0 if self._sim else float(info['source_timestamp'] / 1e9)
+
     def _on_cmd_vel(self, data: bytes, info: Info) -> None:
         try:
             linear, angular, *stamp = read_twist(data, stamped=self._stamped)
@@ -294,9 +299,7 @@ class WalkerNode(ProcessNode):
         readings = self._walker.drives.measured(encoders)
         *_, last = joints.values()
         stamp = last.sec, last.nanosec
-        # The source's time is none of a simulation's.
-        sent = 0.0 if self._sim else info['source_timestamp'] / 1e9
-        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else sent
+        when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else self._sent(info)
         now = self._now()
         self._walker.take_efforts({joint: each.effort for joint, each in joints.items()}, now)
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
@@ -306,7 +309,7 @@ class WalkerNode(ProcessNode):
             self._driven += self._fed.take(now)
             self._command(now)
 
-    def _on_imu(self, data: bytes, _: Info) -> None:
+    def _on_imu(self, data: bytes, info: Info) -> None:
         try:
             message = self._imu.read(data)
         except ValueError as error:
@@ -320,8 +323,9 @@ class WalkerNode(ProcessNode):
                 text = f'imu is in frame {frame}: its axes are taken as those of {base}'
                 self.get_logger().warning(printable_line(text))
         now = self._now()
-        # Its own clock has less jitter than the transport.
-        at = message.sec + message.nanosec / 1e9 or now
+        # Its own clock has less jitter than the transport; the time of sending less than that of
+        # reception, which is one for all that waited.
+        at = message.sec + message.nanosec / 1e9 or self._sent(info) or now
         reading = imu_reading(message.orientation, message.angular, at, message.force)
         self._walker.imu(reading, now, message.variance)
 
