@@ -175,7 +175,7 @@ def test_a_crank_that_does_not_follow_stops_all(
         Motor(factor=0.5, resolution=2.0 * pi / 64, velocity='none'),
         Motor(delay=0.2, time_constant=0.1),
         Motor(factor=1.5),
-        Motor(max_rate=0.3),
+        Motor(max_rate=0.5),
         Motor(noise=0.01, velocity='noise'),
     ],
 )
