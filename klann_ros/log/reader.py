@@ -12,18 +12,12 @@ import hashlib
 import heapq
 from pathlib import Path
 
+from . import run_parameters
 from .errors import AnyPath
 from .read.block import MessageBlock
 from .read.opening import open_files
 from .read.storage import Source, Storage, Topics
 from .records import Attachment, Message
-from .run_parameters import (
-    described_solvers,
-    is_leg_description,
-    recorded_solvers,
-    SOLVER_RECORD,
-    SolverParameters,
-)
 
 # Messages that are kept beside the wanted number while the last ones are searched.
 _SLACK = 100
@@ -86,18 +80,18 @@ class Log(AbstractContextManager['Log']):
         return f'{first} (and {len(more)} more)' if more else first
 
     @property
-    def solvers(self) -> list[SolverParameters]:
+    def solvers(self) -> list[run_parameters.SolverParameters]:
         """
         Return the parameters of the run's solvers, in the order of time.
 
         They are records of recorder_node, or else messages of `leg_description`, which any
         recorder has; read at each call.
         """
-        records = self.metadata.get(SOLVER_RECORD, ())
+        records = self.metadata.get(run_parameters.SOLVER_RECORD, ())
         if not records:
-            names = {t.name for t in self.topics if is_leg_description(t)}
-            return described_solvers(self.messages(names)) if names else []
-        return recorded_solvers(records)
+            names = {t.name for t in self.topics if run_parameters.is_leg_description(t)}
+            return run_parameters.described_solvers(self.messages(names)) if names else []
+        return run_parameters.recorded_solvers(records)
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:

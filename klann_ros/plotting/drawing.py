@@ -2,15 +2,7 @@
 
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.kinematics import LinkagePose
-from klann_ros.kinematics.drawing import (
-    BodyDrawing,
-    line_directions,
-    PIN,
-    PIVOT,
-    POINT,
-    PoseDrawing,
-)
+from klann_ros.kinematics import drawing, LinkagePose
 import numpy as np
 
 if TYPE_CHECKING:
@@ -33,7 +25,7 @@ class PoseArtists:
     def __init__(
         self, ax: 'Axes', pose: LinkagePose, *, letters: bool = True, width: float = BAR_WIDTH
     ) -> None:
-        drawn = PoseDrawing.of(pose)
+        drawn = drawing.PoseDrawing.of(pose)
         self._far = 10.0 + width
         self.bodies, self.plates, self.guides, self.blocks = [], [], [], []
         for body in drawn.bodies:
@@ -61,7 +53,7 @@ class PoseArtists:
 
     def move(self, pose: LinkagePose) -> 'list[Artist]':
         """Show another pose of the linkage; return the moved artists."""
-        drawn = PoseDrawing.of(pose)
+        drawn = drawing.PoseDrawing.of(pose)
         for line, body in zip(self.bodies, drawn.bodies, strict=True):
             line.set_data(*drawn.line(body).T)
         rigid = (body for body in drawn.bodies if len(body.points) > 2)
@@ -80,33 +72,35 @@ class PoseArtists:
         changed = [*self.plates, *self.bodies, *self.guides, *self.blocks]
         return [*changed, *self.joints.values(), *self.letters.values()]
 
-    def _offset(self, drawn: PoseDrawing, name: str) -> tuple[float, float]:
+    def _offset(self, drawn: drawing.PoseDrawing, name: str) -> tuple[float, float]:
         x, y = drawn.free_side(name)
         is_block = any(body.line and body.line[1] == name for body in drawn.bodies)
         far = self._far * (1.3 if is_block else 1.0)
         return far * x, far * y
 
 
-def _sliding(drawn: PoseDrawing, pose: LinkagePose) -> list[tuple[BodyDrawing, Any, Any]]:
+def _sliding(
+    drawn: drawing.PoseDrawing, pose: LinkagePose
+) -> list[tuple[drawing.BodyDrawing, Any, Any]]:
     """Return each sliding body, with its line's ends and its block as a marker."""
     bodies = [body for body in drawn.bodies if body.line]
     return [
         (body, drawn.guide(body, direction), _block(direction))
-        for body, direction in zip(bodies, line_directions(pose), strict=True)
+        for body, direction in zip(bodies, drawing.line_directions(pose), strict=True)
     ]
 
 
 def _joint_style(kind: str, width: float) -> dict[str, Any]:
     ink: dict[str, Any] = {'color': 'white', 'markeredgecolor': 'black'}
     styles: dict[str, dict[str, Any]] = {
-        PIVOT: {**ink, 'marker': _support(), 'markersize': 7.0 * width},
-        PIN: {**ink, 'marker': 'o', 'markersize': 2.0 * width},
-        POINT: {'color': 'black', 'marker': 'o', 'markersize': 1.2 * width},
+        drawing.PIVOT: {**ink, 'marker': _support(), 'markersize': 7.0 * width},
+        drawing.PIN: {**ink, 'marker': 'o', 'markersize': 2.0 * width},
+        drawing.POINT: {'color': 'black', 'marker': 'o', 'markersize': 1.2 * width},
     }
     return styles[kind]
 
 
-def _block_style(body: BodyDrawing, width: float) -> dict[str, Any]:
+def _block_style(body: drawing.BodyDrawing, width: float) -> dict[str, Any]:
     edge = {'markeredgecolor': body.colour, 'markeredgewidth': 0.4 * width}
     return {'color': 'white', 'markersize': 5.0 * width, 'ls': '', 'zorder': 2.5, **edge}
 

@@ -10,15 +10,9 @@ from klann_ros.kinematics.angles import crank_angle, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.poses import linkage_poses
 from klann_ros.kinematics.errors import GeometryError
+from klann_ros.kinematics.linkage import pose
 from klann_ros.kinematics.linkage.dyads import TANGENCY_TOLERANCE
 from klann_ros.kinematics.linkage.leg import Leg
-from klann_ros.kinematics.linkage.pose import (
-    closed_form_vectors,
-    initial_guess,
-    LinkageMotion,
-    LinkagePose,
-    PoseEntry,
-)
 from klann_ros.kinematics.linkage.reach import crank_limits, triangle_angle
 from klann_ros.sanitize.text import did_you_mean
 import numpy as np
@@ -36,7 +30,7 @@ UNITS, DECIMALS = ('[deg]',) * 5 + ('', '[deg]', '[1]'), (2, 2, 2, 2, 2, 6, 2, 4
 MAX_ROWS = 100
 
 
-class FourBarPose(LinkagePose):
+class FourBarPose(pose.LinkagePose):
     """
     A solved pose of a four-bar: `x` are theta3, theta4; `points` O2, A, B, O4; `h` is B.
 
@@ -47,9 +41,9 @@ class FourBarPose(LinkagePose):
 
     __slots__ = ()
 
-    theta2 = PoseEntry('joints', 0)
-    theta3 = PoseEntry('x', 0)
-    theta4 = PoseEntry('x', 1)
+    theta2 = pose.PoseEntry('joints', 0)
+    theta3 = pose.PoseEntry('x', 0)
+    theta4 = pose.PoseEntry('x', 1)
 
     @property
     def transmission_angle(self) -> float:
@@ -98,14 +92,14 @@ class FourBarPose(LinkagePose):
         return self.clearances[0]
 
 
-class FourBarMotion(LinkageMotion):
+class FourBarMotion(pose.LinkageMotion):
     """The velocity or the acceleration of a pose, by the course's names [rad/s, rad/s^2]."""
 
     __slots__ = ()
 
-    theta2 = PoseEntry('joints', 0)
-    theta3 = PoseEntry('joints', 1)
-    theta4 = PoseEntry('joints', 2)
+    theta2 = pose.PoseEntry('joints', 0)
+    theta3 = pose.PoseEntry('joints', 1)
+    theta4 = pose.PoseEntry('joints', 2)
 
 
 class TransmissionExtremes(NamedTuple):
@@ -345,7 +339,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         (dyad,), geometry = self.linkage.blocks, self._geometry
         to_a = geometry.ground - rect(geometry.crank, theta2)
         if -dyad.dyad_solver.clearance(to_a) > TANGENCY_TOLERANCE * dyad.rounding:
-            closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
+            pose.closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
         return float(triangle_angle(geometry.coupler, geometry.rocker, abs(to_a)))
 
     @property
@@ -370,7 +364,7 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
         point. Parameters and errors as for `transmission_angle`.
         """
         theta2 = crank_angle(theta2)
-        return float(self._advantage(theta2, *initial_guess(self.linkage, theta2)))
+        return float(self._advantage(theta2, *pose.initial_guess(self.linkage, theta2)))
 
     def _advantage(self, theta2: Any, theta3: Any, theta4: Any) -> Any:
         """Return the mechanical advantage of one pose, or of arrays of poses."""

@@ -12,14 +12,9 @@ from itertools import islice, product
 from math import degrees, pi
 from typing import Any
 
+from klann_ros.kinematics import errors
 from klann_ros.kinematics.angles import crank_angle
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.errors import (
-    GeometryError,
-    LoopsOpenError,
-    NotConvergedError,
-    UnreachableError,
-)
 from klann_ros.kinematics.newton import newton_raphson
 import numpy as np
 
@@ -126,7 +121,7 @@ def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
         one = linkage.in_assembly(signs)
         try:
             u = closed_form_vectors(one, alpha)
-        except UnreachableError as error:
+        except errors.UnreachableError as error:
             failed = signs[: error.dyad]
             continue
         yield closed_pose(one, u, alpha)
@@ -142,7 +137,7 @@ def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
             continue
         found.append(x)
         # At a singular pose two assemblies meet.
-        with suppress(GeometryError):
+        with suppress(errors.GeometryError):
             one = linkage.from_start([alpha, *x.tolist()])
             yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
 
@@ -165,7 +160,7 @@ def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | N
     try:
         limits: Any = {'tolerance': TOLERANCE, 'max_iterations': ITERATIONS}
         x = newton_raphson(linkage, alpha, guess, **limits)[-1]
-    except (NotConvergedError, LoopsOpenError):
+    except (errors.NotConvergedError, errors.LoopsOpenError):
         return None
     return np.array(linkage.wrapped(x))
 

@@ -5,15 +5,10 @@ from math import ceil, hypot, isnan, remainder
 from sys import float_info
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
-from klann_ros.kinematics import validation
+from klann_ros.kinematics import errors, validation
 from klann_ros.kinematics.angles import Arc, crank_angle, MAX_CRANK_ANGLE, TURN
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.results import LinkagePoses
-from klann_ros.kinematics.errors import (
-    ImmobileDirectionError,
-    NotConvergedError,
-    SingularPoseError,
-)
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 from klann_ros.kinematics.svg import leg_svg
 from klann_ros.sanitize.text import listed
@@ -194,7 +189,7 @@ class Leg(Generic[PoseT, MotionT]):
         pose = self._correct(alpha, guess, tolerance, MAX_ITERATIONS)
         if pose is None:
             reason = 'it does not confirm the closed form'
-            raise NotConvergedError(alpha, np.array([guess]), reason)
+            raise errors.NotConvergedError(alpha, np.array([guess]), reason)
         return pose
 
     def _take_steps(self, alpha: float, step: float, last: Any) -> Any:
@@ -252,7 +247,7 @@ class Leg(Generic[PoseT, MotionT]):
         if pose.linkage is not self._linkage:
             self._check_own(pose)
         if isnan(pose.coefficients[0]):
-            raise SingularPoseError(pose.crank_angle)
+            raise errors.SingularPoseError(pose.crank_angle)
         validation.rate('alpha_rate', alpha_rate)
         found = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         moving: Any = self.motion_class._make((*found, pose, None))
@@ -283,7 +278,7 @@ class Leg(Generic[PoseT, MotionT]):
         if pose.linkage is not self._linkage:
             self._check_own(pose)
         if isnan(pose.coefficients[0]):
-            raise SingularPoseError(pose.crank_angle)
+            raise errors.SingularPoseError(pose.crank_angle)
         x, h = self._linkage.derivatives(pose.crank_angle, pose.x)
         names = tuple(self._linkage.dimensions)
         given: Any = {'angles_gradient': x, 'h_gradient': h, 'dimension_names': names}
@@ -367,7 +362,7 @@ class Leg(Generic[PoseT, MotionT]):
         u, v = validation.unit('direction', direction)
         along = u * h_1[0] + v * h_1[1]
         if abs(along) <= MIN_COMPONENT_RATIO * hypot(*h_1):
-            raise ImmobileDirectionError(h_1, (u, v))
+            raise errors.ImmobileDirectionError(h_1, (u, v))
         return -torque / along
 
     # The textbook's methods, which neither read nor set the last pose.
@@ -418,7 +413,7 @@ class Leg(Generic[PoseT, MotionT]):
         try:
             step = np.linalg.solve(self.phi(alpha, x), self.f(alpha, x))
         except np.linalg.LinAlgError:
-            raise SingularPoseError(crank_angle(alpha)) from None
+            raise errors.SingularPoseError(crank_angle(alpha)) from None
         return np.asarray(-step, dtype=np.float64)
 
     def _x(self, name: str, x: Sequence[float] | FloatArray) -> FloatArray:
@@ -481,11 +476,11 @@ class Leg(Generic[PoseT, MotionT]):
             return newton_raphson(
                 linkage, alpha, self._x('guess', guess), tolerance=tolerance, **limits
             )
-        except NotConvergedError as error:
+        except errors.NotConvergedError as error:
             if not linkage.is_dyadic or assembly_poses(linkage, alpha):
                 raise
             reason = f'{error.reason}; at this crank angle it closes in no assembly'
-            raise NotConvergedError(alpha, error.iterates, reason) from None
+            raise errors.NotConvergedError(alpha, error.iterates, reason) from None
 
     def iterations(
         self, alpha: float, guess: Sequence[float] | FloatArray, **stop: Any

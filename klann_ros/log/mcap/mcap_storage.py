@@ -21,27 +21,17 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 import numpy as np
 
+from . import records
 from .channels import Channels
 from .content import chunk_content, Content, content_of
 from .decompression import DecompressionBudget, MAX_RATIO, MIN_LIMIT
 from .record_check import RecordCheck
-from .records import (
-    find_footer,
-    MAGIC,
-    name_of,
-    parse,
-    parse_attachment,
-    read,
-    RECORD_HEAD,
-    RecordSpan,
-    span_at,
-)
 from .recovery import gaps, RecordScan
 from .summary import ContentCount, read_summary, Summary
 
 Parsed = TypeVar('Parsed')
 
-_START = MAGIC + bytes([Opcode.HEADER])
+_START = records.MAGIC + bytes([Opcode.HEADER])
 # A chunk of this size may be merged with others whatever its index says; smaller ones without an
 # index are read together [bytes].
 _SMALL_CHUNK = 1024 * 1024
@@ -104,7 +94,7 @@ class McapStorage:
         start = file.read(len(_START))
         if start != _START:
             self._check_start(start, file)
-        footer = find_footer(file, self.size)
+        footer = records.find_footer(file, self.size)
         self.closed = footer is not None
         self._end = self.size if footer is None else footer.offset
         if footer is None:
@@ -124,7 +114,7 @@ class McapStorage:
             return
         if not start:
             raise NotALogError(self.path, 'the file is empty')
-        if not start.startswith(MAGIC):
+        if not start.startswith(records.MAGIC):
             raise NotALogError(self.path, 'it does not start as an MCAP file does')
         raise NotALogError(self.path, 'there is no header at its start')
 
@@ -222,21 +212,21 @@ class McapStorage:
         try:
             with self.open() as file:
                 end = self.summary.entry(offset).end or self._end
-                span = span_at(file, offset, min(end, self._end))
+                span = records.span_at(file, offset, min(end, self._end))
                 _check_kind(file, span, opcode)
-                return parse_one(read(file, span), offset)
+                return parse_one(records.read(file, span), offset)
         except DamagedError as damage:
             self.problems.note(offset, damage.reason, is_loss=True)
             return None
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the name and content of a metadata record; None if it is damaged."""
-        record = self._parsed_at(offset, Opcode.METADATA, partial(parse, Metadata))
+        record = self._parsed_at(offset, Opcode.METADATA, partial(records.parse, Metadata))
         return None if record is None else (record.name, record.metadata)
 
     def attachment_at(self, offset: int) -> Attachment | None:
         """Return an attachment; None if it is damaged."""
-        return self._parsed_at(offset, Opcode.ATTACHMENT, parse_attachment)
+        return self._parsed_at(offset, Opcode.ATTACHMENT, records.parse_attachment)
 
     def first_data(self) -> bytes:
         """Return the data of the first message in the file; b'' if there is none."""
@@ -249,7 +239,7 @@ class McapStorage:
     def _parts(self) -> list[_Part]:
         if not self.summary.is_index:
             return self._survey.parts
-        head = RECORD_HEAD.size
+        head = records.RECORD_HEAD.size
         return [
             _Part(
                 chunk.uncompressed_size,
@@ -285,7 +275,7 @@ class McapStorage:
                 return iter(())
         rows = iter(part.spans)
         with self.open() as file:
-            places = [RecordSpan(*row) for row in zip(rows, rows, rows, strict=True)]
+            places = [records.RecordSpan(*row) for row in zip(rows, rows, rows, strict=True)]
             contents = [(span.offset, self._content_of(file, span)) for span in places]
         blocks = [(offset, block_of(each, self._topics)) for offset, each in contents if each]
         if not self._may_merge(part, [block for _, block in blocks]):
@@ -293,12 +283,12 @@ class McapStorage:
         found = [self._by_time(offset, block, topics) for offset, block in blocks]
         return found[0] if len(found) == 1 else heapq.merge(*found, key=attrgetter('log_time'))
 
-    def _content_of(self, file: BinaryIO, span: RecordSpan) -> Content | None:
+    def _content_of(self, file: BinaryIO, span: records.RecordSpan) -> Content | None:
         """Return the content of a chunk or a row of messages; None, and a problem, if damaged."""
         try:
             _check_kind(file, span, span.opcode)
             if span.opcode == Opcode.CHUNK:
-                content = chunk_content(read(file, span), span.offset, self._budget)
+                content = chunk_content(records.read(file, span), span.offset, self._budget)
             else:
                 file.seek(span.offset)
                 content = content_of(file.read(span.end - span.offset), verified=False)
@@ -347,11 +337,13 @@ class McapStorage:
         self.remarks[:] = _remarks(scan, others + scan.unknown, 0 if scan.verified else unverified)
 
 
-def _check_kind(file: BinaryIO, span: RecordSpan, opcode: int) -> None:
+def _check_kind(file: BinaryIO, span: records.RecordSpan, opcode: int) -> None:
     """Raise a DamagedError if no record of a kind stands at a place."""
     file.seek(span.offset)
     if file.read(1) != bytes([opcode]):
-        raise DamagedError(f'the index is wrong: no {name_of(opcode)} stands there', span.offset)
+        raise DamagedError(
+            f'the index is wrong: no {records.name_of(opcode)} stands there', span.offset
+        )
 
 
 def _can_merge(parts: list[_Part], file_size: int) -> bool:

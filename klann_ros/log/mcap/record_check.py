@@ -19,23 +19,9 @@ from klann_ros.sanitize.files import next_data
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
+from . import records
 from .content import chunk_content
 from .decompression import COMPRESSIONS, DecompressionBudget
-from .records import (
-    attachment_crc,
-    fields_end,
-    INDEX_ENTRY,
-    INDEX_HEAD,
-    is_known,
-    min_size,
-    parse,
-    parse_attachment,
-    parse_schema,
-    read,
-    RECORD_HEAD,
-    RecordSpan,
-    span_at,
-)
 
 
 class Payload(IntEnum):
@@ -76,9 +62,9 @@ CHECKED_KINDS = (Opcode.CHUNK, Opcode.ATTACHMENT)
 """Kinds with a CRC of their own."""
 
 _PARSERS: dict[int, Callable[[bytes], object]] = {
-    Opcode.METADATA: partial(parse, Metadata),
-    Opcode.SCHEMA: parse_schema,
-    Opcode.CHANNEL: partial(parse, Channel),
+    Opcode.METADATA: partial(records.parse, Metadata),
+    Opcode.SCHEMA: records.parse_schema,
+    Opcode.CHANNEL: partial(records.parse, Channel),
 }
 # Kinds to resynchronise at. The others also occur in fragments of a chunk, so they count only in a
 # file without chunks.
@@ -114,20 +100,20 @@ class RecordCheck:
     def __init__(self, file: BinaryIO, size: int, budget: DecompressionBudget) -> None:
         self._file, self._size, self._budget = file, size, budget
         self._left = 4 * size
-        self._last: tuple[RecordSpan, Payload] | None = None
+        self._last: tuple[records.RecordSpan, Payload] | None = None
         # The sound chunks in a range of the file, each searched once.
         self._begin = self._until = 0
-        self._chunks: list[RecordSpan] = []
+        self._chunks: list[records.RecordSpan] = []
 
-    def payload(self, span: RecordSpan) -> Payload:
+    def payload(self, span: records.RecordSpan) -> Payload:
         """Return what the content of a record says for it."""
         if self._last is None or self._last[0] != span:
             self._last = span, self._payload(span)
         return self._last[1]
 
-    def _payload(self, span: RecordSpan) -> Payload:
-        end = fields_end(self._file, span)
-        if end is None or not is_known(span.opcode):
+    def _payload(self, span: records.RecordSpan) -> Payload:
+        end = records.fields_end(self._file, span)
+        if end is None or not records.is_known(span.opcode):
             return Payload.INVALID
         if span.opcode == Opcode.MESSAGE:
             return Payload.FITTING
@@ -135,7 +121,7 @@ class RecordCheck:
         try:
             if self._left <= 0:
                 return Payload.INVALID
-            if self._is_proven(span.opcode, read(self._file, span)):
+            if self._is_proven(span.opcode, records.read(self._file, span)):
                 return Payload.PROVEN
         except DamagedError:
             return Payload.INVALID
@@ -149,21 +135,21 @@ class RecordCheck:
                 raise DamagedError(chunk.broken)
             return True
         if opcode == Opcode.ATTACHMENT:
-            parse_attachment(content)
-            return attachment_crc(content) != 0
+            records.parse_attachment(content)
+            return records.attachment_crc(content) != 0
         if opcode == Opcode.MESSAGE_INDEX:
-            size = len(content) - INDEX_HEAD
-            if size <= 0 or size % INDEX_ENTRY:
+            size = len(content) - records.INDEX_HEAD
+            if size <= 0 or size % records.INDEX_ENTRY:
                 raise DamagedError('it has no entries')
         elif opcode in _PARSERS:
             _PARSERS[opcode](content)
         return False
 
-    def proven_kind(self, span: RecordSpan) -> Opcode | None:
+    def proven_kind(self, span: records.RecordSpan) -> Opcode | None:
         """Return the kind that a CRC in a record proves, if its opcode is another one."""
         for kind in CHECKED_KINDS:
-            other = RecordSpan(kind, span.offset, span.length)
-            fits = kind != span.opcode and fields_end(self._file, other) == span.end
+            other = records.RecordSpan(kind, span.offset, span.length)
+            fits = kind != span.opcode and records.fields_end(self._file, other) == span.end
             if fits and self.payload(other) is Payload.PROVEN:
                 return kind
         return None
@@ -175,13 +161,13 @@ class RecordCheck:
             if end == self._size:
                 return Successor.SOUND
             try:
-                span = span_at(self._file, end, self._size)
+                span = records.span_at(self._file, end, self._size)
             except DamagedError:
                 return self._damaged_successor(offset)
-            fields = fields_end(self._file, span)
+            fields = records.fields_end(self._file, span)
             if fields is None:
                 return self._damaged_successor(offset)
-            if fields == span.end and is_known(span.opcode):
+            if fields == span.end and records.is_known(span.opcode):
                 return Successor.SOUND
             end = span.end
         return Successor.SOUND
@@ -190,15 +176,15 @@ class RecordCheck:
         """Return whether a record may have been at an offset."""
         if offset >= self._size:
             return Successor.NONE
-        left = self._size - offset - RECORD_HEAD.size
+        left = self._size - offset - records.RECORD_HEAD.size
         self._file.seek(offset)
-        head = self._file.read(min(RECORD_HEAD.size, self._size - offset))
+        head = self._file.read(min(records.RECORD_HEAD.size, self._size - offset))
         if not any(head):
             return Successor.POSSIBLE
-        if len(head) < RECORD_HEAD.size:
-            return Successor.POSSIBLE if is_known(head[0]) else Successor.NONE
-        opcode, length = RECORD_HEAD.unpack(head)
-        limit = _MAX_KNOWN_LENGTH if is_known(opcode) else left
+        if len(head) < records.RECORD_HEAD.size:
+            return Successor.POSSIBLE if records.is_known(head[0]) else Successor.NONE
+        opcode, length = records.RECORD_HEAD.unpack(head)
+        limit = _MAX_KNOWN_LENGTH if records.is_known(opcode) else left
         return Successor.POSSIBLE if opcode and length <= limit else Successor.NONE
 
     def are_records(self, start: int, end: int) -> bool:
@@ -207,10 +193,10 @@ class RecordCheck:
             if start == end:
                 return True
             try:
-                span = span_at(self._file, start, end)
+                span = records.span_at(self._file, start, end)
             except DamagedError:
                 return False
-            if not is_known(span.opcode) or fields_end(self._file, span) is None:
+            if not records.is_known(span.opcode) or records.fields_end(self._file, span) is None:
                 return False
             start = span.end
         return True
@@ -262,7 +248,9 @@ class RecordCheck:
         self._chunks.append(span)
         return True
 
-    def _sound(self, start: int, stop: int, kinds: tuple[Opcode, ...]) -> Iterator[RecordSpan]:
+    def _sound(
+        self, start: int, stop: int, kinds: tuple[Opcode, ...]
+    ) -> Iterator[records.RecordSpan]:
         """Yield the sound records of some kinds that start between two offsets."""
         pattern = _head_pattern(kinds)
         # Holes of a sparse file have no records.
@@ -275,14 +263,14 @@ class RecordCheck:
                 if match.start() >= size:
                     break
                 (length,) = _LENGTH.unpack_from(block, match.end())
-                span = RecordSpan(block[match.start()], offset + match.start(), length)
-                fits = span.end <= self._size and length >= min_size(span.opcode)
+                span = records.RecordSpan(block[match.start()], offset + match.start(), length)
+                fits = span.end <= self._size and length >= records.min_size(span.opcode)
                 if fits and self._is_sound(span):
                     yield span
             offset = next_data(self._file, offset + size)
             size = min(2 * size, _SEARCH_BLOCK_SIZE)
 
-    def _is_sound(self, span: RecordSpan) -> bool:
+    def _is_sound(self, span: records.RecordSpan) -> bool:
         if span.opcode == Opcode.MESSAGE:
             return self._is_row(span.offset)
         payload = self.payload(span)
@@ -292,11 +280,11 @@ class RecordCheck:
         """Return whether a message is followed by more records, up to the end if that is near."""
         for _ in range(_MIN_ROW):
             try:
-                span = span_at(self._file, offset, self._size)
+                span = records.span_at(self._file, offset, self._size)
             except DamagedError:
                 # The end, or a truncated record.
                 return True
-            if is_known(span.opcode) and span.opcode not in _UNCHUNKED:
+            if records.is_known(span.opcode) and span.opcode not in _UNCHUNKED:
                 return False
             if span.opcode == Opcode.MESSAGE and self.payload(span) is Payload.INVALID:
                 return False

@@ -20,28 +20,11 @@ from klann_ros.sanitize.text import counted
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Metadata
 
+from . import records
 from .channels import Channels
 from .content import chunk_content, Content, message_content, row_of_messages
 from .decompression import DecompressionBudget
 from .record_check import CHECKED_KINDS, Payload, RecordCheck, Successor, Verdict, VERDICTS
-from .records import (
-    check_data,
-    contradiction,
-    DEFINITIONS,
-    fields_end,
-    has_no_content,
-    INDEX_ENTRY,
-    INDEX_HEAD,
-    is_known,
-    MAGIC,
-    min_size,
-    name_of,
-    parse,
-    read,
-    RECORD_HEAD,
-    RecordSpan,
-    span_at,
-)
 from .summary import Summary
 
 # Notes and losses of one pass; further losses are merged.
@@ -88,8 +71,8 @@ class RecordScan:
         self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
     ) -> None:
         # Places of such records so far.
-        self.metadata: list[RecordSpan] = []
-        self.attachments: list[RecordSpan] = []
+        self.metadata: list[records.RecordSpan] = []
+        self.attachments: list[records.RecordSpan] = []
         # Skipped bytes, faults that lose nothing, and records that only look like faults.
         self.losses: list[Loss] = []
         self.problems: list[Problem] = []
@@ -107,12 +90,12 @@ class RecordScan:
         # Of the next block of messages outside of chunks.
         self._block_size = _MIN_BLOCK
         self._chunked = False
-        self._data_end: RecordSpan | None = None
-        self._next = len(MAGIC)
+        self._data_end: records.RecordSpan | None = None
+        self._next = len(records.MAGIC)
         # The record lost last, whose message indexes may follow.
         self._lost: Loss | None = None
 
-    def contents(self) -> Iterator[tuple[RecordSpan, Content]]:
+    def contents(self) -> Iterator[tuple[records.RecordSpan, Content]]:
         """Yield the content of each chunk and each row of loose messages, with its place."""
         while self._next < self._size:
             try:
@@ -123,34 +106,38 @@ class RecordScan:
                 self._resynchronise(damage)
                 continue
             if content is not None:
-                yield RecordSpan(span.opcode, span.offset, self._next - span.start), content
+                yield (
+                    records.RecordSpan(span.opcode, span.offset, self._next - span.start),
+                    content,
+                )
         if self._data_end is not None and not self.losses and not self.problems:
             self.verified = self._data_crc_matches(self._data_end)
 
-    def _data_crc_matches(self, end: RecordSpan) -> bool:
+    def _data_crc_matches(self, end: records.RecordSpan) -> bool:
         try:
-            return check_data(self._file, end)
+            return records.check_data(self._file, end)
         except DamagedError as damage:
             text = f'{damage.reason}: something in it was changed'
             self.problems.append(Problem(end.offset, text))
             return False
 
-    def _span_at(self, offset: int) -> RecordSpan:
+    def _span_at(self, offset: int) -> records.RecordSpan:
         """Return the place of a record; raise if its end is not reliable."""
-        span = span_at(self._file, offset, self._size)
+        span = records.span_at(self._file, offset, self._size)
         if self._ends_as_declared(span):
             return span
         # Its length is wrong; a CRC may prove a part of it.
-        end = fields_end(self._file, span)
+        end = records.fields_end(self._file, span)
         if end in (None, span.end) or self._check.payload(span) is not Payload.PROVEN:
-            reason = f'the {name_of(span.opcode)} or its length is damaged'
+            reason = f'the {records.name_of(span.opcode)} or its length is damaged'
             raise DamagedError(reason, offset, span.opcode)
         if len(self.problems) < _MAX_NOTES:
-            text = f'the length of the {name_of(span.opcode)} is damaged, its content is intact'
+            name = records.name_of(span.opcode)
+            text = f'the length of the {name} is damaged, its content is intact'
             self.problems.append(Problem(offset, text))
-        return RecordSpan(span.opcode, offset, (end or 0) - span.start)
+        return records.RecordSpan(span.opcode, offset, (end or 0) - span.start)
 
-    def _ends_as_declared(self, span: RecordSpan) -> bool:
+    def _ends_as_declared(self, span: records.RecordSpan) -> bool:
         successor = self._check.successor(span.end)
         # The payload of a record with a sound successor is read later.
         is_followed = successor is Successor.SOUND
@@ -162,34 +149,34 @@ class RecordScan:
             return True
         return span.opcode == Opcode.MESSAGE and self._precedes_damage(span)
 
-    def _is_alone(self, span: RecordSpan, payload: Payload) -> bool:
+    def _is_alone(self, span: records.RecordSpan, payload: Payload) -> bool:
         """Return whether no other record seems to start inside of one."""
         covered = 0
         if payload >= Payload.EXACT:
-            end = fields_end(self._file, span) or span.end
+            end = records.fields_end(self._file, span) or span.end
             if end < span.end and self._check.successor(end) is Successor.SOUND:
                 return False
             # A record without a CRC may have the right lengths, and yet reach into a chunk.
             covered = end if span.opcode in CHECKED_KINDS else 0
         return self._check.find_chunk(span.start, span.end, beyond=covered) is None
 
-    def _precedes_damage(self, span: RecordSpan) -> bool:
+    def _precedes_damage(self, span: records.RecordSpan) -> bool:
         """Return whether the record behind a message is damaged, not the message's length."""
         self._file.seek(span.end)
         opcode = self._file.read(1)
-        if not opcode or not is_known(opcode[0]):
+        if not opcode or not records.is_known(opcode[0]):
             return False
         found = self._check.find_record(span.start, chunked=self._chunked)
         return found is None or found >= span.end
 
-    def _covers_records(self, span: RecordSpan) -> bool:
+    def _covers_records(self, span: records.RecordSpan) -> bool:
         """
         Return whether other records, not unknown fields, stand behind the fields of one.
 
         Unknown fields may look like records. In a closed file without an index they count as
         fields, as the specification says, with a remark.
         """
-        end = fields_end(self._file, span) if is_known(span.opcode) else None
+        end = records.fields_end(self._file, span) if records.is_known(span.opcode) else None
         if end is None or end == span.end:
             return False
         if self._summary.names_all:
@@ -197,14 +184,14 @@ class RecordScan:
             return place is not None and place < span.end
         found = self._check.are_records(end, span.end)
         if found and self._summary.closed and len(self.remarks) < _MAX_NOTES:
-            name = name_of(span.opcode)
+            name = records.name_of(span.opcode)
             self.remarks.append(
                 f'at byte {end}: what stands behind the fields of a {name} looks like records; '
                 f'it belongs to the {name}, whose length includes it'
             )
         return found and not self._summary.closed
 
-    def _process(self, span: RecordSpan) -> Content | None:
+    def _process(self, span: records.RecordSpan) -> Content | None:
         """Process a record; its damage, if any, ends at its end."""
         reason = self._content_fault(span)
         if reason:
@@ -213,41 +200,41 @@ class RecordScan:
             self._count_lost(span)
         elif span.opcode == Opcode.MESSAGE:
             return self._read_loose(span)
-        elif not is_known(span.opcode):
+        elif not records.is_known(span.opcode):
             self.unknown += 1
         else:
             self._lost = None
-            if span.opcode in (Opcode.CHUNK, *DEFINITIONS):
+            if span.opcode in (Opcode.CHUNK, *records.DEFINITIONS):
                 return self._read(span)
             self._note_place(span)
         return None
 
-    def _content_fault(self, span: RecordSpan) -> str:
+    def _content_fault(self, span: records.RecordSpan) -> str:
         """Return the fault of a record's content in one line; '' for none."""
-        name, kind = name_of(span.opcode), self._summary.entry(span.offset).opcode
+        name, kind = records.name_of(span.opcode), self._summary.entry(span.offset).opcode
         if kind not in (None, span.opcode):
-            return f'the {name} is a {name_of(kind)} in the index'
-        end = fields_end(self._file, span)
+            return f'the {name} is a {records.name_of(kind)} in the index'
+        end = records.fields_end(self._file, span)
         if end is None:
-            return contradiction(span)
+            return records.contradiction(span)
         if end < span.end:
             if self._is_zeroed(span, end):
                 return f'there are zeros where the content of the {name} began'
             if not self._summary.names_all:
                 kind = self._check.proven_kind(span)
                 if kind is not None:
-                    return f'the {name} is a {name_of(kind)} by its content'
+                    return f'the {name} is a {records.name_of(kind)} by its content'
         return ''
 
-    def _is_zeroed(self, span: RecordSpan, end: int) -> bool:
+    def _is_zeroed(self, span: records.RecordSpan, end: int) -> bool:
         """Return whether zeros over a record's head make it look empty, with unknown fields."""
         size = _EMPTY_TAIL.get(span.opcode)
-        if size is None or not has_no_content(self._file, span):
+        if size is None or not records.has_no_content(self._file, span):
             return False
         self._file.seek(end - size)
         return not any(self._file.read(size + 1)) and self._summary.entry(span.offset).size != 0
 
-    def _read_loose(self, span: RecordSpan) -> Content | None:
+    def _read_loose(self, span: records.RecordSpan) -> Content | None:
         """Return a message outside of chunks, and those behind it if there are enough."""
         until = min(self._summary.first_from(span.start) or self._size, self._size)
         self._file.seek(span.offset)
@@ -264,12 +251,12 @@ class RecordScan:
             self._lost = None
         return content
 
-    def _note_place(self, span: RecordSpan) -> None:
+    def _note_place(self, span: records.RecordSpan) -> None:
         if span.opcode == Opcode.DATA_END:
             self._data_end = self._data_end or span
         elif span.opcode == Opcode.METADATA:
             try:
-                parse(Metadata, read(self._file, span), span.offset)
+                records.parse(Metadata, records.read(self._file, span), span.offset)
             except DamagedError as damage:
                 self._lose_record(span, damage.reason)
             else:
@@ -277,23 +264,23 @@ class RecordScan:
         elif span.opcode == Opcode.ATTACHMENT:
             self.attachments.append(span)
         elif span.opcode == Opcode.HEADER:
-            if span.offset != len(MAGIC):
+            if span.offset != len(records.MAGIC):
                 self._lose_record(span, 'a header does not belong there')
         elif not (self._data_end or 0 < self._summary.start <= span.offset):
-            self._lose_record(span, f'a {name_of(span.opcode)} does not belong there')
+            self._lose_record(span, f'a {records.name_of(span.opcode)} does not belong there')
 
-    def _read(self, span: RecordSpan) -> Content | None:
+    def _read(self, span: records.RecordSpan) -> Content | None:
         """Return the content of a chunk or a message; note it as lost if it is damaged."""
         content = None
         try:
             if span.opcode == Opcode.CHUNK:
                 self._chunked = True
-                content = chunk_content(read(self._file, span), span.offset, self._budget)
+                content = chunk_content(records.read(self._file, span), span.offset, self._budget)
                 self._channels.add_all(content, span.offset)
             elif span.opcode == Opcode.MESSAGE:
-                content = message_content(read(self._file, span), span.offset)
+                content = message_content(records.read(self._file, span), span.offset)
             else:
-                self._channels.add(span.opcode, read(self._file, span), span.offset)
+                self._channels.add(span.opcode, records.read(self._file, span), span.offset)
         except DamagedError as damage:
             if content is None:
                 self._lose_record(span, damage.reason)
@@ -304,13 +291,17 @@ class RecordScan:
             self._lose(span.offset, span.end, reason)
         return content
 
-    def _count_lost(self, span: RecordSpan) -> None:
+    def _count_lost(self, span: records.RecordSpan) -> None:
         """Count the messages of a lost chunk by the index behind it."""
         if self._lost is not None:
-            size = (fields_end(self._file, span) or span.end) - span.start - INDEX_HEAD
-            self._lost.messages = (self._lost.messages or 0) + size // INDEX_ENTRY
+            size = (
+                (records.fields_end(self._file, span) or span.end)
+                - span.start
+                - records.INDEX_HEAD
+            )
+            self._lost.messages = (self._lost.messages or 0) + size // records.INDEX_ENTRY
 
-    def _lose_record(self, span: RecordSpan, reason: str) -> None:
+    def _lose_record(self, span: records.RecordSpan, reason: str) -> None:
         """Note a record as lost up to a chunk in it, if missing bytes make it reach over one."""
         self._lost = self._lose(span.offset, span.end, reason)
         found = self._check.find_chunk(span.start, span.end)
@@ -358,10 +349,10 @@ class RecordScan:
             if len(head) < _CUT_INDEX.size:
                 return True
             length, _, size = _CUT_INDEX.unpack_from(head)
-            return bool(length >= size + INDEX_HEAD > left - RECORD_HEAD.size)
+            return bool(length >= size + records.INDEX_HEAD > left - records.RECORD_HEAD.size)
         if damage.opcode == Opcode.METADATA:
             return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
-        size = RECORD_HEAD.size + min_size(Opcode.DATA_END)
+        size = records.RECORD_HEAD.size + records.min_size(Opcode.DATA_END)
         return damage.opcode == Opcode.DATA_END and left < size
 
 

@@ -14,21 +14,11 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex, Statistics
 import numpy as np
 
+from . import records
 from .channels import Channels
-from .records import (
-    check_summary,
-    DEFINITIONS,
-    Footer,
-    INDEX_ENTRY,
-    INDEX_HEAD,
-    parse,
-    read,
-    RECORD_HEAD,
-    spans,
-)
 
 _USED_KINDS = (
-    *DEFINITIONS,
+    *records.DEFINITIONS,
     Opcode.CHUNK_INDEX,
     Opcode.METADATA_INDEX,
     Opcode.ATTACHMENT_INDEX,
@@ -125,40 +115,40 @@ class Summary:
         """Compare the sizes of the message indexes, if any, with the number of messages."""
         size = sum(chunk.message_index_length for chunk in self.chunks)
         count = sum(len(chunk.message_index_offsets) for chunk in self.chunks)
-        entries = size - (RECORD_HEAD.size + INDEX_HEAD) * count
-        return size == 0 or entries == INDEX_ENTRY * statistics.message_count
+        entries = size - (records.RECORD_HEAD.size + records.INDEX_HEAD) * count
+        return size == 0 or entries == records.INDEX_ENTRY * statistics.message_count
 
 
-def read_summary(file: BinaryIO, footer: Footer) -> Summary:
+def read_summary(file: BinaryIO, footer: records.Footer) -> Summary:
     """Return the summary of a file; an empty one if it has none."""
     summary = Summary(closed=True)
     if footer.summary_start == 0:
         return summary
-    check_summary(file, footer)
+    records.check_summary(file, footer)
     summary.start, summary.verified = footer.summary_start, footer.crc != 0
     entries = summary.entries
-    for span in spans(file, footer.summary_start, footer.offset):
+    for span in records.spans(file, footer.summary_start, footer.offset):
         if span.opcode not in _USED_KINDS:
             continue
-        content, at = read(file, span), span.offset
-        if span.opcode in DEFINITIONS:
+        content, at = records.read(file, span), span.offset
+        if span.opcode in records.DEFINITIONS:
             summary.channels.add(span.opcode, content, at, verified=summary.verified)
         elif span.opcode == Opcode.CHUNK_INDEX:
-            chunk = parse(ChunkIndex, content, at)
+            chunk = records.parse(ChunkIndex, content, at)
             summary.chunks.append(chunk)
             start, end = chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length
             entries[start] = IndexEntry(Opcode.CHUNK, end, chunk.compressed_size)
         elif span.opcode == Opcode.METADATA_INDEX:
-            found = parse(MetadataIndex, content, at)
+            found = records.parse(MetadataIndex, content, at)
             summary.metadata.append(found.offset)
             entries[found.offset] = IndexEntry(Opcode.METADATA, found.offset + found.length)
         elif span.opcode == Opcode.ATTACHMENT_INDEX:
-            index = parse(AttachmentIndex, content, at)
+            index = records.parse(AttachmentIndex, content, at)
             summary.attachments.append(index.offset)
             end = index.offset + index.length
             entries[index.offset] = IndexEntry(Opcode.ATTACHMENT, end, index.data_size)
         elif span.opcode == Opcode.STATISTICS:
-            summary.statistics = parse(Statistics, content, at)
+            summary.statistics = records.parse(Statistics, content, at)
     return summary
 
 

@@ -10,11 +10,7 @@ from typing import BinaryIO
 
 from klann_ros.log.browser import zstandard
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.mcap.decompression import (
-    decompress_message,
-    DecompressionBudget,
-    DecompressionError,
-)
+from klann_ros.log.mcap import decompression
 from klann_ros.log.records import Message, Topic
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
@@ -151,7 +147,7 @@ class _Unpacker:
 
     def __init__(self, report: Callable[[str], object]) -> None:
         self._report = report
-        self._budget = DecompressionBudget()
+        self._budget = decompression.DecompressionBudget()
 
     def message(self, message: Message) -> Message | None:
         """Return a message as it was published; None if it cannot be unpacked."""
@@ -164,8 +160,8 @@ class _Unpacker:
         if not is_compressed(packed):
             return packed
         try:
-            return decompress_message(packed, self._budget)
-        except DecompressionError as error:
+            return decompression.decompress_message(packed, self._budget)
+        except decompression.DecompressionError as error:
             reason = str(error)
         self._report(f'messages of {printable(topic.name)} cannot be unpacked: {reason}')
         return None

@@ -14,15 +14,7 @@ from klann_ros.log.qos import latched_count, Qos, QosTexts
 from klann_ros.log.reader import Log, open_log
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers_json
-from klann_ros.nodes.endpoints import (
-    create_steady_timer,
-    DEPTH,
-    flush,
-    message_class,
-    name_refusal,
-    OUTPUT,
-    UnknownMessageTypeError,
-)
+from klann_ros.nodes import endpoints
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import (
@@ -111,13 +103,13 @@ class PlayerNode(ProcessNode):
             LeaseListener(self, topic, partial(controls.on_lease, topic))
         self.get_logger().info(self._summary(options))
         self._warn(options)
-        create_steady_timer(self, _REPORT_PERIOD, self._report)
+        endpoints.create_steady_timer(self, _REPORT_PERIOD, self._report)
         self._clock_publisher: Any = None
         if options.clock:
             # Also before the first message, and while the log is paused.
             qos = QoSProfile(depth=10)
             self._clock_publisher = self.create_publisher(ClockMessage, _CLOCK, qos)
-            create_steady_timer(self, 1.0 / options.clock, self._publish_clock)
+            endpoints.create_steady_timer(self, 1.0 / options.clock, self._publish_clock)
         self._stopped = Event()
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._thread.start()
@@ -233,7 +225,7 @@ class PlayedTopics:
         for name, channels in by_name.items():
             try:
                 self._make(name, channels)
-            except (UnknownMessageTypeError, *ROS_ERRORS) as error:  # noqa: PERF203, RUF100
+            except (endpoints.UnknownMessageTypeError, *ROS_ERRORS) as error:  # noqa: PERF203, RUF100
                 self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
         shown, more = self._warnings[:_MAX_WARNINGS], len(self._warnings) - _MAX_WARNINGS
         if more > 0:
@@ -271,20 +263,20 @@ class PlayedTopics:
 
     def flush(self) -> None:
         """Wait until the last messages have arrived, up to a timeout."""
-        flush(set(self._publishers.values()))
+        endpoints.flush(set(self._publishers.values()))
 
     def _make(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
         namespace = self._node.get_namespace().rstrip('/')
         full = f'{namespace}/{self._renamed.get(name, name).removeprefix("/")}'
-        reason = name_refusal(full)
+        reason = endpoints.name_refusal(full)
         if first.message_encoding != 'cdr':
             encoding = printable(first.message_encoding) or 'of no encoding'
             reason = reason or f'its messages are {encoding}, not cdr'
         if reason:
             raise ValueError(reason)
-        kind = message_class(first.type)
+        kind = endpoints.message_class(first.type)
         alike = []
         for topic in channels:
             if (topic.type, topic.message_encoding) == (first.type, first.message_encoding):
@@ -318,13 +310,13 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
     Discovery does not include history and depth, so most logs lack them.
     """
     if not offered:
-        return OUTPUT
+        return endpoints.OUTPUT
     first = offered[0]
     latched = latched_count(offered)
     known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
     # A latched topic must not repeat more than was latched; other queues have at least the depth
     # of this package's own.
-    least = (1 if known else LATCHED_DEPTH) if latched else DEPTH
+    least = (1 if known else LATCHED_DEPTH) if latched else endpoints.DEPTH
     depth = min(max(latched or first.depth, least), MAX_DEPTH)
     words = {
         _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered

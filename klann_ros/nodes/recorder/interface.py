@@ -6,12 +6,7 @@ from collections.abc import Callable
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from klann_ros.log.write.mcap_file import COMPRESSIONS
 from klann_ros.log.write.recording import RecordingState
-from klann_ros.nodes.endpoints import (
-    create_publisher,
-    diagnostic_array,
-    diagnostic_status,
-    flush,
-)
+from klann_ros.nodes import endpoints
 from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.sanitize.text import counted, verb
 from rclpy.node import Node
@@ -98,23 +93,23 @@ class RecordingDiagnostics:
         self._published: deque[bytes] = deque(maxlen=_MAX_OWN_REPORTS)
         # Further statuses of each report.
         self.statuses = list[Callable[[], DiagnosticStatus]]()
-        self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
+        self._publisher = endpoints.create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
 
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""
         level, message = _level_and_message(state, state.lost - self._lost)
         values = _values(state).items()
-        own = diagnostic_status(self._node, 'recording', level, message, values)
+        own = endpoints.diagnostic_status(self._node, 'recording', level, message, values)
         others = (status() for status in self.statuses)
-        data = serialize_message(diagnostic_array(self._node, [own, *others]))
+        data = serialize_message(endpoints.diagnostic_array(self._node, [own, *others]))
         self._published.append(data)
         self._publisher.publish(data)
         self._lost = state.lost
 
     def flush(self) -> None:
         """Wait until the last report has arrived, up to a timeout."""
-        flush([self._publisher], _FLUSH_TIMEOUT)
+        endpoints.flush([self._publisher], _FLUSH_TIMEOUT)
 
     def has_published(self, data: bytes) -> bool:
         """Return whether a message is one of these reports."""

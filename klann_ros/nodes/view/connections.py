@@ -7,13 +7,7 @@ from typing import Any
 
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, STRING_TYPE
-from klann_ros.nodes.endpoints import (
-    LATCHED,
-    message_class,
-    name_refusal,
-    node_of,
-    UnknownMessageTypeError,
-)
+from klann_ros.nodes import endpoints
 from klann_ros.nodes.process import ROS_ERRORS
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
@@ -85,16 +79,16 @@ class Graph:
     def publishers(self, topic: str) -> list[Any]:
         """Return the publishers of a topic."""
         infos = _query(lambda: self._node.get_publishers_info_by_topic(topic))
-        return [info for info in infos if node_of(info) not in {'', self._own}]
+        return [info for info in infos if endpoints.node_of(info) not in {'', self._own}]
 
     def names_of_publishers(self, topic: str) -> list[str]:
         """Return the names of those nodes, each once."""
-        return list(dict.fromkeys(map(node_of, self.publishers(topic))))
+        return list(dict.fromkeys(map(endpoints.node_of, self.publishers(topic))))
 
     def names_of_subscribers(self, topic: str) -> list[str]:
         """Return the names of the nodes that subscribe to a topic."""
         infos = _query(lambda: self._node.get_subscriptions_info_by_topic(topic))
-        return [name for name in map(node_of, infos) if name not in {'', self._own}]
+        return [name for name in map(endpoints.node_of, infos) if name not in {'', self._own}]
 
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node subscribes to."""
@@ -103,7 +97,7 @@ class Graph:
             lambda: self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
         )
         return sorted(
-            t for t, kinds in subscribed if _CRANK_ANGLE in kinds and not name_refusal(t)
+            t for t, kinds in subscribed if _CRANK_ANGLE in kinds and not endpoints.name_refusal(t)
         )
 
     def walker_topics(self, topics: Names) -> list[str]:
@@ -113,7 +107,7 @@ class Graph:
             for name, kinds in topics
             if _TWIST in kinds
             and name.rpartition('/')[2] == 'cmd_vel'
-            and not name_refusal(name)
+            and not endpoints.name_refusal(name)
             and self._node.count_subscribers(name) > 0
         )
 
@@ -121,7 +115,7 @@ class Graph:
         """Return the recorders and players."""
         offered: dict[str, set[str]] = {}
         for service, kinds in _query(self._node.get_service_names_and_types):
-            if _TRIGGER in kinds and not name_refusal(service):
+            if _TRIGGER in kinds and not endpoints.name_refusal(service):
                 node, _, name = service.rpartition('/')
                 offered.setdefault(node, set()).add(name)
         found = []
@@ -151,7 +145,7 @@ class SubscribedTopic:
     ) -> None:
         self.name, self.kind = name, kind
         self.rate = TopicRate()
-        self._class = message_class(kind)
+        self._class = endpoints.message_class(kind)
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
         self._on_update = on_update if kind in _DECODED_TYPES else None
@@ -159,7 +153,7 @@ class SubscribedTopic:
             self._class,
             name,
             self._on_message,
-            LATCHED if kind == STRING_TYPE else _QOS,
+            endpoints.LATCHED if kind == STRING_TYPE else _QOS,
             raw=True,
             callback_group=group,
             event_callbacks=SubscriptionEventCallbacks(
@@ -256,12 +250,12 @@ class TopicSubscriptions:
         return fits and self._node.count_publishers(name) > 0
 
     def _subscribe(self, name: str, kind: str) -> None:
-        if name_refusal(name):
+        if endpoints.name_refusal(name):
             self._refused.add((name, kind))
             return
         try:
             topic = SubscribedTopic(self._node, self._group, name, kind, self._on_update)
-        except (UnknownMessageTypeError, *ROS_ERRORS) as error:
+        except (endpoints.UnknownMessageTypeError, *ROS_ERRORS) as error:
             self._refused.add((name, kind))
             self._node.get_logger().warning(f'{printable(name)} is not shown: {printable(error)}')
             return

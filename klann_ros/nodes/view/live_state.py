@@ -9,25 +9,11 @@ from math import atan2, isfinite
 from time import monotonic
 from typing import Any
 
+from klann_ros.live import legs
 from klann_ros.live.clients import PageState, recorded, status_text
 from klann_ros.live.drive import crank_at
-from klann_ros.live.legs import (
-    assumed_solver,
-    LiveLeg,
-    LiveSolver,
-    MAX_LEGS,
-    positions,
-    replayed_solver,
-    solver_of,
-)
 from klann_ros.live.protocol import Answer, Command
-from klann_ros.log.run_parameters import (
-    described_solver,
-    REPLAYED_PARAMETER,
-    replayed_solvers,
-    SolverParameters,
-    STRING_TYPE,
-)
+from klann_ros.log import run_parameters
 from klann_ros.nodes.endpoints import create_steady_timer, TypeCheck
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
@@ -65,7 +51,7 @@ class _ShownLeg:
     topic: str
     # The node's name, and if it plays several topics, the topic.
     solver: str
-    leg: LiveLeg
+    leg: legs.LiveLeg
 
 
 class LiveState(PageState):
@@ -74,8 +60,8 @@ class LiveState(PageState):
     def __init__(self, node: Node, *, read_only: bool) -> None:
         super().__init__()
         self._shown: list[_ShownLeg] = []
-        self._solvers: dict[str, LiveSolver] = {}
-        self._replays: dict[str, list[SolverParameters]] = {}
+        self._solvers: dict[str, legs.LiveSolver] = {}
+        self._replays: dict[str, list[run_parameters.SolverParameters]] = {}
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
         self._player_values: dict[str, dict[str, float]] = {}
@@ -83,7 +69,7 @@ class LiveState(PageState):
         self._types = TypeCheck(node)
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
-        self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
+        self._watch = SolverWatch(node, self._on_parameters, [run_parameters.REPLAYED_PARAMETER])
         self._read_only = read_only
         self._drives = Drives(
             node,
@@ -180,12 +166,12 @@ class LiveState(PageState):
 
     # Callbacks in ROS's thread.
 
-    def _on_parameters(self, parameters: SolverParameters) -> None:
-        text = parameters.parameters.get(REPLAYED_PARAMETER)
+    def _on_parameters(self, parameters: run_parameters.SolverParameters) -> None:
+        text = parameters.parameters.get(run_parameters.REPLAYED_PARAMETER)
         if isinstance(text, str):
-            self._replays[parameters.node] = replayed_solvers(text)
+            self._replays[parameters.node] = run_parameters.replayed_solvers(text)
         else:
-            self._solvers = {**self._solvers, parameters.node: solver_of(parameters)}
+            self._solvers = {**self._solvers, parameters.node: legs.solver_of(parameters)}
         self._update_legs()
 
     def _update(self) -> None:
@@ -206,7 +192,7 @@ class LiveState(PageState):
 
     def _update_legs(self) -> None:
         shown: list[_ShownLeg] = []
-        solvers: dict[str, LiveSolver] = {}
+        solvers: dict[str, legs.LiveSolver] = {}
         # Discovery finds them in any order.
         for topic in sorted(self._subscriptions.of_kind(JOINT_STATE), key=lambda of: of.name):
             known = self._solvers_of(topic)
@@ -214,7 +200,7 @@ class LiveState(PageState):
             shown += [
                 _ShownLeg(topic.name, key, leg) for key, of in known.items() for leg in of.legs
             ]
-        self._shown = shown[:MAX_LEGS]
+        self._shown = shown[: legs.MAX_LEGS]
         data = []
         for key, solver in solvers.items():
             own = [number for number, leg in enumerate(self._shown) if leg.solver == key]
@@ -228,12 +214,12 @@ class LiveState(PageState):
             )
         self.set_part('legs', data)
 
-    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
+    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, legs.LiveSolver]:
         """Return the solvers with legs on a topic, by their keys."""
         found = {}
         names = [name for _, message in topic.newest() for name in message.name[:200]]
 
-        def has_joints(solver: LiveSolver) -> bool:
+        def has_joints(solver: legs.LiveSolver) -> bool:
             return any({*names} >= {*leg.joint_names} for leg in solver.legs)
 
         for node in self._graph.names_of_publishers(topic.name):
@@ -246,19 +232,19 @@ class LiveState(PageState):
                 continue
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'
-                found[key] = replayed_solver(node, topic.name, self._replays[node])
+                found[key] = legs.replayed_solver(node, topic.name, self._replays[node])
             else:
                 records = self._described(topic)
-                described = replayed_solver(node, topic.name, records) if records else None
+                described = legs.replayed_solver(node, topic.name, records) if records else None
                 if described and has_joints(described):
                     found[f'{node} {topic.name}'] = described
                 elif names:
-                    found[node] = assumed_solver(node, names)
+                    found[node] = legs.assumed_solver(node, names)
         return found
 
-    def _described(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
+    def _described(self, topic: SubscribedTopic) -> Sequence[run_parameters.SolverParameters]:
         """Return the solvers described beside a topic, or else in another namespace."""
-        topics = self._subscriptions.of_kind(STRING_TYPE)
+        topics = self._subscriptions.of_kind(run_parameters.STRING_TYPE)
         beside = [each for each in topics if parent(each.name) == parent(topic.name)]
         texts = [m.data for each in beside or topics[:1] for _, m in each.newest()]
         return _described_solvers(tuple(texts))
@@ -344,23 +330,23 @@ class LiveState(PageState):
 
 
 @lru_cache(maxsize=8)
-def _described_solvers(texts: tuple[str, ...]) -> Sequence[SolverParameters]:
+def _described_solvers(texts: tuple[str, ...]) -> Sequence[run_parameters.SolverParameters]:
     """Return the solvers that texts describe, without malformed ones; cached, as texts repeat."""
     found = []
     for text in texts:
         with suppress(ValueError):
-            found.append(described_solver(text, 0))
+            found.append(run_parameters.described_solver(text, 0))
     return found
 
 
 def _newest_pose(
-    leg: LiveLeg, messages: list[tuple[float, Any]]
+    leg: legs.LiveLeg, messages: list[tuple[float, Any]]
 ) -> tuple[float, float, list[float]] | None:
     """Return a leg's newest pose: its time of reception [s], its stamp [s], its coordinates."""
     best = None
     for time, message in messages:
         if best is None or time > best[0]:
-            x = positions(leg.joint_names, message.name, message.position)
+            x = legs.positions(leg.joint_names, message.name, message.position)
             if x is not None:
                 stamp = message.header.stamp
                 best = time, stamp.sec + stamp.nanosec / 1e9, x

@@ -7,16 +7,11 @@ from pathlib import Path
 import re
 from time import monotonic, sleep
 
+from klann_ros.log import run_parameters
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap.growing import GrowingFile, NamedRecord
 from klann_ros.log.read.run_files import natural
 from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import (
-    PAUSE_RECORD,
-    recorded_pause,
-    solver_parameters,
-    SOLVER_RECORD,
-)
 from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import located
@@ -62,10 +57,10 @@ def _note(judge: LiveJudge, record: NamedRecord) -> None:
     """Give a record of the recorder to the judge; an invalid one is ignored."""
     name, content = record
     with suppress(ValueError):
-        if name == SOLVER_RECORD:
-            judge.set_solver(solver_parameters(content))
-        elif name == PAUSE_RECORD:
-            judge.excuse(recorded_pause(content))
+        if name == run_parameters.SOLVER_RECORD:
+            judge.set_solver(run_parameters.solver_parameters(content))
+        elif name == run_parameters.PAUSE_RECORD:
+            judge.excuse(run_parameters.recorded_pause(content))
 
 
 def _report(judge: LiveJudge, waiting: list[Message], now: int, found: Report) -> None:

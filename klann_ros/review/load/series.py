@@ -7,12 +7,7 @@ from functools import partial
 import struct
 from typing import Any
 
-from klann_ros.calibration.load import (
-    COMPUTED_TOPICS,
-    FRAMED_TYPES,
-    POINT_LAYOUTS,
-    readings,
-)
+from klann_ros.calibration import load
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.records import Topic
@@ -109,14 +104,14 @@ class PointCollector:
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add a topic's messages in a block, up to a number of each topic."""
         last = topic.name.rpartition('/')[2]
-        is_point = topic.type in POINT_LAYOUTS and topic.type not in FRAMED_TYPES
-        if not is_point or last in COMPUTED_TOPICS:
+        is_point = topic.type in load.POINT_LAYOUTS and topic.type not in load.FRAMED_TYPES
+        if not is_point or last in load.COMPUTED_TOPICS:
             return
         rows = rows[: max(0, MAX_MEASURED - self._counts[topic.name])]
         self._counts[topic.name] += len(rows)
         for row in rows.tolist():
             with suppress(ValueError, struct.error):
-                for _, stamp, values, _ in readings(topic.type, block.message(row)):
+                for _, stamp, values, _ in load.readings(topic.type, block.message(row)):
                     time = nanoseconds(block.heads['log_time'][[row]])
                     stamps = np.array([stamp or time[0]])
                     self._columns[topic.name].add(time, stamps, np.array([values]))

@@ -13,14 +13,7 @@ from klann_ros.log.records import ANNOTATION, Topic
 from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review
-from klann_ros.sanitize.cdr import (
-    aligned,
-    append_string,
-    CDR_HEADER,
-    HEADER_SIZE,
-    JointStateTemplate,
-    PointTemplate,
-)
+from klann_ros.sanitize import cdr
 from klann_ros.sanitize.outputs import reported
 import numpy as np
 from numpy.typing import NDArray
@@ -70,15 +63,15 @@ def _findings(review: Review, topic: Topic) -> Iterator[TopicMessages]:
 
 def _diagnostics(finding: Finding, time: int) -> bytes:
     """Return a finding as a DiagnosticArray of one status."""
-    head = aligned(append_string(b'', ''), 4) + struct.pack('<IB', 1, finding.severity)
+    head = cdr.aligned(cdr.append_string(b'', ''), 4) + struct.pack('<IB', 1, finding.severity)
     name = f'review: {finding.check}'
     for text in (name, finding.text, finding.leg or 'run'):
-        head = append_string(head, text)
+        head = cdr.append_string(head, text)
     values = {'meaning': finding.meaning, 'leg': finding.leg}
-    head = aligned(head, 4) + struct.pack('<I', len(values))
+    head = cdr.aligned(head, 4) + struct.pack('<I', len(values))
     for key, value in values.items():
-        head = append_string(append_string(head, key), value)
-    return CDR_HEADER + struct.pack('<iI', *divmod(time, 10**9)) + head
+        head = cdr.append_string(cdr.append_string(head, key), value)
+    return cdr.CDR_HEADER + struct.pack('<iI', *divmod(time, 10**9)) + head
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +108,8 @@ def _states(answers: Sequence[_Answers]) -> TopicMessages:
     """Return the angles of all legs of a message."""
     first = answers[0]
     names = [name for one in answers for name in one.leg.solver.published_joints(one.leg.name)]
-    state = JointStateTemplate(names)
-    changes: dict[int, NDArray[np.generic]] = {HEADER_SIZE: first.stamps}
+    state = cdr.JointStateTemplate(names)
+    changes: dict[int, NDArray[np.generic]] = {cdr.HEADER_SIZE: first.stamps}
     offset = state.values_at
     for one in answers:
         changes[offset] = one.angles
@@ -127,11 +120,11 @@ def _states(answers: Sequence[_Answers]) -> TopicMessages:
 
 def _feet(answers: _Answers) -> TopicMessages:
     leg = answers.leg
-    foot = PointTemplate(f'{leg.name}/leg_plane'.lstrip('/'))
+    foot = cdr.PointTemplate(f'{leg.name}/leg_plane'.lstrip('/'))
     place = f'{leg.namespace}/{leg.name}'.rstrip('/')
     return TopicMessages(
         _topic(f'{place}/point_h', 'geometry_msgs/msg/PointStamped'),
         answers.times,
         foot.fill(0, 0, 0.0, 0.0),
-        {HEADER_SIZE: answers.stamps, foot.values_at: answers.feet},
+        {cdr.HEADER_SIZE: answers.stamps, foot.values_at: answers.feet},
     )
