@@ -75,6 +75,11 @@ class Steering:
         v, w, x, y = self._gains
         return Twist2D(v * walking + x * turning, w * walking + y * turning)
 
+    @property
+    def unit_motion(self) -> Twist2D:
+        """Return the speed at 1 rad/s straight on, and the yaw rate at 1 rad/s on the spot."""
+        return Twist2D(self.speed, self.motion(Rates(-1.0, 1.0)).angular)
+
     def rates(self, wanted: Twist2D) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
         walking, turning = self._mean_rates(wanted)

@@ -29,10 +29,19 @@ from .settings import ControllerSettings
 
 
 class MotionFeedback:
-    """Correct a commanded motion by the measured one; `speed` is by the crank rate [m/rad]."""
+    """
+    Correct a commanded motion by the measured one.
 
-    def __init__(self, settings: ControllerSettings, speed: float) -> None:
-        self.settings, self._step = settings, abs(speed) * pi
+    `unit_motion` is what the walker can do: its speed at 1 rad/s of all cranks, and its yaw rate
+    at 1 rad/s of the sides against each other. In curves the motion comes in steps: the body
+    turns and goes back and forth at some phases of its cranks alone, however slow the command.
+    So the largest lag is the motion of half a turn of the cranks, and the correction is bounded
+    by what the walker can do, not by the command alone.
+    """
+
+    def __init__(self, settings: ControllerSettings, unit_motion: Twist2D) -> None:
+        self.settings = settings
+        self._unit = Twist2D(abs(unit_motion.linear), abs(unit_motion.angular))
         self.reset()
 
     def reset(self) -> None:
@@ -45,36 +54,38 @@ class MotionFeedback:
         # A measurement over a longer time says little about the motion within it.
         if not (settings.motion_gain and 0.0 < seconds <= 0.1):
             return
-        most = settings.max_windup / settings.motion_gain
-        limits = [most * abs(each) for each in commanded]
-        if _is_on_spot(commanded):
-            limits[0] = self._step
-        both = zip(self.lag, commanded, measured, limits, strict=True)
-        self.lag = Twist2D(
-            *(max(-most, min(most, lag + (is_ - was) * seconds)) for lag, is_, was, most in both)
-        )
+        if commanded.angular:
+            max_lag = Twist2D(pi * self._unit.linear, pi * self._unit.angular)
+        else:
+            windup = settings.max_windup * abs(commanded.linear)
+            max_lag = Twist2D(windup / settings.motion_gain, 0.0)
+        linear = self.lag.linear + (commanded.linear - measured.linear) * seconds
+        angular = self.lag.angular + (commanded.angular - measured.angular) * seconds
+        self.lag = Twist2D(_clip(linear, max_lag.linear), _clip(angular, max_lag.angular))
 
     def corrected(self, commanded: Twist2D) -> Twist2D:
         """Return the motion to drive for; straight on the yaw is not corrected."""
         linear, angular = commanded
-        s, (forwards, turn) = self.settings, (self.settings.motion_gain * lag for lag in self.lag)
-        if _is_on_spot(commanded):
+        s = self.settings
+        forwards = s.motion_gain * self.lag.linear
+        turn = s.motion_gain * self.lag.angular
+        slowdown = s.max_correction * abs(linear)
+        if not angular:
+            return Twist2D(linear + _clip(forwards, slowdown), 0.0)
+        if not linear:
             # Never at rest, or it would stay in phases in which it does not turn.
-            most = 1.0 + s.max_curve_correction
-            part = max(1.0 / most, min(most, 1.0 + s.spot_gain * turn / angular))
-            return Twist2D(forwards, part * angular)
-        return Twist2D(
-            _corrected(linear, forwards, s.max_correction),
-            _corrected(angular, turn, s.max_curve_correction),
-        )
+            ratio = 1.0 + s.spot_gain * turn / angular
+            ratio = max(1.0 / s.max_spot_ratio, min(s.max_spot_ratio, ratio))
+            return Twist2D(forwards, ratio * angular)
+        # In curves likewise: the walk goes on at a part of the commanded speed. It may turn back.
+        speedup = abs(linear) + s.curve_correction * self._unit.linear
+        faster = max(-slowdown, min(speedup, copysign(1.0, linear) * forwards))
+        max_turn = abs(angular) + s.curve_correction * self._unit.angular
+        return Twist2D(linear + copysign(1.0, linear) * faster, angular + _clip(turn, max_turn))
 
 
-def _is_on_spot(commanded: Twist2D) -> bool:
-    return commanded.linear == 0.0 and commanded.angular != 0.0
-
-
-def _corrected(wanted: float, correction: float, most: float) -> float:
-    return wanted + copysign(min(abs(correction), most * abs(wanted)), correction)
+def _clip(number: float, bound: float) -> float:
+    return max(-bound, min(bound, number))
 
 
 class CrankCommand(NamedTuple):

@@ -48,7 +48,7 @@ class WalkController:
         self.cranks = [CrankFeedback(joint, inf, steady) for joint in feet.joints]
         self.monitors = [FollowingMonitor(crank, inf, inf) for crank in self.cranks]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
-        self.motion_feedback = MotionFeedback(settings, steering.speed)
+        self.motion_feedback = MotionFeedback(settings, steering.unit_motion)
         self.latch = FaultLatch()
         self.interlocks = Interlocks(self.latch, steady)
         self.events, self.loop = EventLog(steady), ControlLoop(steady)

@@ -61,12 +61,15 @@ class ControllerSettings:
     auto_reset: bool = False
     e_stop_timeout: float = 1.0
     max_effort: float = 0.0
-    # The largest correction of the motion, as a part of the command, and that of the yaw rate in
-    # curves, whose plan may be off by more; the largest lag, of which K times makes this part of
-    # the command; and K of the yaw rate on the spot, where it comes evenly, as a multiple of K.
+    # The largest correction of the speed straight on, and by how much it is reduced in curves, as
+    # a part of the command; the largest lag straight on, of which K times makes this part of it.
     max_correction: float = 0.5
-    max_curve_correction: float = 1.0
     max_windup: float = 3.0
+    # In curves a correction may exceed the command by this part of the motion at 1 rad/s.
+    curve_correction: float = 0.5
+    # The largest ratio of corrected to commanded yaw rate on the spot, and of commanded to
+    # corrected; and K there, where the yaw comes evenly, as a multiple of K.
+    max_spot_ratio: float = 2.0
     spot_gain: float = 3.0
     # All cranks slow down for one that lags by the first, and stop for one by the second [rad].
     error_slowdown: float = 0.1

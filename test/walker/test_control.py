@@ -6,8 +6,6 @@ from random import Random
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.gait import Feet, Rates, Steering, Twist2D
-from klann_ros.gait.phase_map import phase_map
-from klann_ros.robot import robot_of
 from klann_ros.walker import (
     ControllerSettings,
     CrankCommand,
@@ -21,17 +19,14 @@ from klann_ros.walker import (
     WalkController,
     Walker,
 )
-from klann_ros.walker.control_laws import MotionFeedback, PhaseLock
+from klann_ros.walker.control_laws import PhaseLock
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback, Watchdog
 from klann_ros.walker.limits import MotionLimiter
-import numpy as np
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 DT = 0.01
-# Of a map of the body's motion, in a turn.
-POINTS = 64
 SPEEDS = st.floats(-0.3, 0.3)
 
 
@@ -115,59 +110,6 @@ class Bench:
     @property
     def verdict(self) -> tuple[DiagnosticLevel, str]:
         return self.control.verdict(self.now)
-
-
-def test_the_lag_of_a_walker_is_made_up_within_bounds_of_its_command() -> None:
-    feedback = MotionFeedback(ControllerSettings(), speed=0.15)
-    wanted = Twist2D(0.1, 0.05)
-    assert feedback.corrected(wanted) == wanted
-    for _ in range(100):
-        feedback.measure(wanted, Twist2D(0.09, 0.02), 0.01)
-    assert feedback.lag == pytest.approx((0.01, 0.03))
-    assert feedback.corrected(wanted) == pytest.approx((0.105, 0.065))
-    for measured, bound in ((STANDS, (0.15, 0.1)), (Twist2D(0.3, 0.3), (0.05, 0.0))):
-        for _ in range(10_000):
-            feedback.measure(wanted, measured, 0.01)
-        assert feedback.corrected(wanted) == pytest.approx(bound)
-    feedback.measure(STANDS, STANDS, 0.01)
-    assert feedback.corrected(wanted) == wanted
-    # A long gap says little about the motion within it.
-    feedback.measure(wanted, STANDS, 0.11)
-    assert feedback.lag == STANDS
-    # Straight on no lag turns it; on the spot the drift of the body is made up for.
-    feedback.measure(Twist2D(0.1, 0.0), Twist2D(0.05, 0.1), 0.1)
-    assert feedback.corrected(Twist2D(0.1, 0.0)) == pytest.approx((0.1025, 0.0))
-    feedback.measure(Twist2D(0.0, 0.1), Twist2D(0.105, 0.08), 0.1)
-    assert feedback.corrected(Twist2D(0.0, 0.1)) == pytest.approx((-0.00275, 0.103))
-    for measured, bound in ((0.0, 0.2), (0.3, 0.05)):
-        for _ in range(10_000):
-            feedback.measure(Twist2D(0.0, 0.1), Twist2D(0.0, measured), 0.01)
-        assert feedback.corrected(Twist2D(0.0, 0.1)).angular == pytest.approx(bound)
-
-
-@pytest.mark.parametrize('name', ['walker6_two_motors', 'walker8_two_motors', 'walker_jansen'])
-def test_on_the_spot_the_yaw_rate_holds_over_any_3_s(name: str) -> None:
-    """By plan and feedback, where the body moves as in the map: within a fourth."""
-    steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
-    sides = np.array([steering.crank_rates(Rates(*each)) for each in np.eye(2)])
-    maps, dt, window = np.array(phase_map(steering.feet, sides, POINTS)), 0.02, 150
-    for part in (0.5, -1.0):
-        wanted = Twist2D(0.0, part * steering.motion(Rates(-1.0, 1.0)).angular)
-        feedback = MotionFeedback(ControllerSettings(), steering.speed)
-        phases, yaws = np.zeros(2), [0.0]
-        for _ in range(2000):
-            p, q = phases
-            cranks = steering.crank_rates(Rates(p - q, p + q))
-            left, right = steering.planned_rates(feedback.corrected(wanted), cranks, on_spot=True)
-            i, j = (phases / (2.0 * pi) * POINTS).astype(int) % POINTS
-            rates = np.array([left + right, right - left]) / 2.0
-            moved = rates @ maps[:, i, j]
-            feedback.measure(wanted, Twist2D(*moved), dt)
-            phases += rates * dt
-            yaws.append(yaws[-1] + moved[1] * dt)
-        after = np.array(yaws[window:])
-        means = (after[window:] - after[:-window]) / (window * dt)
-        assert means == pytest.approx(wanted.angular, rel=0.25)
 
 
 def test_motors_five_percent_apart_keep_their_phases(steering: Steering) -> None:
