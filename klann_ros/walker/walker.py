@@ -7,6 +7,7 @@ from klann_ros.gait.stance import Triple
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import wrap
 
+from .control_laws import CrankCommand
 from .controller import STANDS, WalkController
 from .drives import CrankDrives
 from .faults import DiagnosticLevel
@@ -166,6 +167,13 @@ class Walker:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
         self._estimate = found
         return found
+
+    def follow_command(self, command: CrankCommand | None, now: float) -> OdometryEstimate | None:
+        """Take a command as obeyed, without encoders; without one the cranks are at 0."""
+        joints = self.feet.joints
+        zeros = (0.0,) * len(joints)
+        angles, rates = command or (zeros, zeros)
+        return self.feedback(dict(zip(joints, zip(angles, rates, strict=True), strict=True)), now)
 
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""

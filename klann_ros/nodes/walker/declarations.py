@@ -59,6 +59,7 @@ CONTROL = (
     Declaration(
         'publish_limited_velocity', False, 'whether cmd_vel_out has the motion within its limits'
     ),
+    Declaration('open_loop', False, 'whether commands are taken as obeyed, without crank_state'),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
     *(
         _tunable(name, getattr(_SETTINGS, name), text, least, most)

@@ -73,6 +73,9 @@ BEAT_RESTART = 10
 WARNING_SAMPLES = 90
 # Time without a command after which failing callbacks stop the cranks [s].
 MAX_SILENCE = 0.2
+OPEN_LOOP = (
+    'open loop: begin with all cranks at 0; cranks that drift apart, stall or slip are not seen'
+)
 # A command may be early by this part of a period: feedback jitters.
 EARLY = 0.3
 
@@ -142,20 +145,22 @@ class WalkerNode(ProcessNode):
             if joint.isidentifier() and joint.isascii():
                 create_trigger(self, f'{joint}/set_zero', partial(self._on_set_zero, joint))
         create_trigger(self, 'reset_odometry', self._on_reset_odometry)
-        subscribe_raw(self, PoseWithCovarianceStamped, 'set_pose', self._on_set_pose)
         create_trigger(self, 'enable', self._on_enable)
         create_trigger(self, 'disable', self._on_disable)
         # Before all other inputs, for which it does not wait.
         subscribe_raw(self, Bool, 'e_stop', self._on_e_stop)
+        subscribe_raw(self, PoseWithCovarianceStamped, 'set_pose', self._on_set_pose)
         # Before crank_state, which moves the estimate: in this order waiting messages are taken.
         # An IMU is needed only then, so its messages wake nobody.
         if values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu, wakes=False)
-        encoders = encoder_topics(joints, values)
+        encoders = {} if values['open_loop'] else encoder_topics(joints, values)
         for joint, topic in encoders.items():
             reader = TicksReader(values['counts_per_turn'])
             subscribe_raw(self, Int32, topic, partial(self._on_ticks, joint, reader))
-        if not encoders:
+        if values['open_loop']:
+            self.get_logger().warning(OPEN_LOOP)
+        elif not encoders:
             subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
         cmd_vel = TwistStamped if self._stamped else Twist
         subscribe_raw(self, cmd_vel, 'cmd_vel', self._on_cmd_vel)
@@ -403,6 +408,10 @@ class WalkerNode(ProcessNode):
             if self._limited is not None:
                 motion = self._walker.controller.motion
                 self._limited.publish(twist_message(motion, self._values['base_frame'], *stamp))
+        if self._values['open_loop']:
+            estimate = self._walker.follow_command(command, now)
+            if estimate is not None:
+                self._odom.publish(estimate, *self._stamp())
 
 
 class ManagedWalkerNode(LifecycleNodeMixin, WalkerNode):
