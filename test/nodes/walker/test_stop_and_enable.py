@@ -1,5 +1,7 @@
 """Services and the emergency stop of walker_node, with cmd_vel going on."""
 
+from signal import SIGCONT, SIGSTOP
+
 from crank_motors import Motors, TWO_MOTORS
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -80,6 +82,25 @@ def test_an_emergency_stop_of_any_quality_of_service_latches(
     assert call(ros, 'reset_fault') == (True, 'e_stop is pressed')
     walks(ros, motors)
     ros.probe.node.destroy_publisher(e_stop)
+
+
+def test_a_pause_of_the_process_is_no_silence(
+    ros: Domain, walker: Process, motors: Motors
+) -> None:
+    e_stop = ros.probe.publisher(Bool, 'e_stop')
+    timer = ros.probe.node.create_timer(0.05, lambda: e_stop.publish(Bool(data=False)))
+    ros.probe.spin(0.3)
+    assert ros.probe.set_parameters('walker_node', {'e_stop_timeout': 1.0}).successful
+    walks(ros, motors)
+    pauses = walker.errors.count('was paused for')
+    walker.popen.send_signal(SIGSTOP)
+    ros.probe.spin(1.8)
+    walker.popen.send_signal(SIGCONT)
+    ros.probe.until(lambda: walker.errors.count('was paused for') > pauses)
+    walks(ros, motors)
+    assert 'e_stop has been silent' not in walker.errors
+    assert ros.probe.set_parameters('walker_node', {'e_stop_timeout': 0.0}).successful
+    timer.destroy()
 
 
 def test_the_silence_of_an_emergency_stop_stops(ros: Domain, motors: Motors) -> None:
