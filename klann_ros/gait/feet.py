@@ -1,5 +1,7 @@
 """Where the feet and the centre of mass of a walker are, for any angles of its cranks."""
 
+from collections.abc import Sequence
+from math import floor
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics.motion import body_motion
@@ -31,7 +33,7 @@ class Placed(NamedTuple):
     centre: FloatArray
 
     def tolist(self) -> tuple[list[Any], list[Any], list[Any]]:
-        """Return the three in plain numbers: single poses are faster without arrays."""
+        """Return the three in plain numbers."""
         return self.feet.tolist(), self.rolled.tolist(), self.centre.tolist()
 
 
@@ -96,6 +98,12 @@ class Feet:
         # By leg and interval, by column, by power.
         turn = np.array([_leg_cubics(leg, foot_radius) for leg in robot.legs])
         self._cubics, self._rows = np.concatenate(turn), CUBIC_SAMPLES * np.arange(len(turn))
+        # In plain numbers: crank, scale, start and row of each leg; shares; the body's part.
+        columns = (
+            each.tolist() for each in (self._crank_of, self._scales, self._starts, self._rows)
+        )
+        self._legs = list(zip(*columns, strict=True))
+        self._leg_shares, self._body = self._shares.tolist(), self._fixed.tolist()
         places = turn[..., 0]
         self.reach = float(np.hypot(places[..., 0], places[..., 1]).max())
         square = self._shares @ (places[..., 5:7] ** 2).sum(axis=(1, 2)) / CUBIC_SAMPLES
@@ -113,6 +121,25 @@ class Feet:
             if abs(forward) < 1e-6 * self.reach:
                 raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')
         self.senses = np.sign(forwards)
+
+    def pose(self, cranks: Sequence[float]) -> tuple[list[Any], list[Any], list[float]]:
+        """Return `at(cranks).tolist()` of a single pose, faster: with two arrays."""
+        rows: list[int] = []
+        powers: list[float] = []
+        for crank, scale, start, row in self._legs:
+            turned = cranks[crank] * scale + start
+            whole = floor(turned)
+            t = turned - whole
+            rows.append(whole % CUBIC_SAMPLES + row)
+            powers += (1.0, t, t * t, t * t * t)
+        cubics = self._cubics.take(rows, axis=0)
+        legs = (cubics @ np.array(powers).reshape(-1, 4, 1))[..., 0].tolist()
+        x, y, z = self._body
+        for share, leg in zip(self._leg_shares, legs, strict=True):
+            x += share * leg[5]
+            y += share * leg[6]
+            z += share * leg[7]
+        return [leg[:3] for leg in legs], [leg[3:5] for leg in legs], [x, y, z]
 
     def at(self, cranks: ArrayLike) -> Placed:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""

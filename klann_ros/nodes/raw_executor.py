@@ -182,7 +182,10 @@ class RawMessageExecutor:
     def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
         """Return subscriptions' handles and events, their take calls, and timers, all held."""
         self._adopt()
-        handles, events, takes, timers = [], [], [], []
+        handles: list[Any] = []
+        events: list[Any] = []
+        takes: list[Any] = []
+        timers: list[Any] = []
         subscriptions, all_timers = self._lean
         for timer in all_timers:
             with suppress(InvalidHandle):  # another thread has just destroyed it

@@ -66,6 +66,7 @@ from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, stance
 from klann_ros.gait.stance import Point, Support, Triple
 from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
 from .accelerometer import AccelerometerMonitor
@@ -81,8 +82,6 @@ from .imu import (
 from .settings import OdometryNoise
 from .slope import SlopeEstimator, SupportCheck
 
-# The places of a symmetric matrix in `stance.Symmetric`.
-_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 # Variance of a yaw rate that is known [rad^2/s^2].
 KNOWN_YAW_VARIANCE = 1e-18
 
@@ -237,7 +236,7 @@ class Odometry:
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
     ) -> None:
         """Predict and update over a step, a part of the interval, to new angles of the cranks."""
-        feet, rolled, centre = self._feet.at(angles).tolist()
+        feet, rolled, centre = self._feet.pose(angles)
         over = self._zero_moment_point(centre)
         measured, facet = taken.attitude if taken else None, self.support and self.support.facet
         level = self.slope.above(measured) if measured and self.slope.is_known else None
@@ -356,18 +355,19 @@ class Odometry:
         if self._push is not None:
             after = stance.dissipation_hessian(feet, found, creep, information)
             posterior = stance.inverse(after)
-        by = np.array((found.motion.real - vx, found.motion.imag - vy, found.yaw - w)[:size])
-        all_three = np.array((covariance, information, posterior))
-        predicted, inverse_prior, updated = all_three[:, _SQUARE[:size, :size]]
-        gain = p[:, seen].dot(inverse_prior)
+        by = found.motion.real - vx, found.motion.imag - vy, found.yaw - w
+        learned = [prior - after for prior, after in zip(covariance, posterior, strict=True)]
+        gain = p[:, seen].dot(_square(information, size))
         saved = self.state.mean[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
-        p -= gain.dot(predicted - updated).dot(gain.T)
-        self.state.mean += gain.dot(by)
+        p -= gain.dot(_square(learned, size)).dot(gain.T)
+        self.state.mean += gain.dot(by[:size])
         if size == 2:
             self.state.mean[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
         self._slip = found.slid / held
         if self._push is not None:
-            friction = complex(*inverse_prior.dot(by)[:2]) / weight
+            a, b, c, d, e, _ = information
+            x, y, turn = by
+            friction = complex(a * x + b * y + c * turn, b * x + d * y + e * turn) / weight
             if self.accelerometer.is_contradicted(friction, dt):
                 self._reject_accelerometer()
 
@@ -437,3 +437,10 @@ class Odometry:
                 var_w,
             ),
         )  # fmt: skip
+
+
+def _square(matrix: Sequence[float], size: int) -> FloatArray:
+    """Return the first rows and columns of a `stance.Symmetric`."""
+    a, b, c, d, e, f = matrix
+    rows = ((a, b), (b, d)) if size == 2 else ((a, b, c), (b, d, e), (c, e, f))
+    return np.array(rows)

@@ -29,6 +29,7 @@ import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 ANGLES = st.floats(-50.0, 50.0)
+EIGHT = Feet(robot_of(str(CONFIG / 'walker8_two_motors.yaml')), foot_radius=0.004)
 
 
 @pytest.fixture(scope='module')
@@ -44,6 +45,15 @@ def feet(six: Robot) -> Feet:
 @pytest.fixture(scope='module')
 def walk(six: Robot) -> GaitFigures:
     return walk_figures(six)
+
+
+@given(st.lists(ANGLES, min_size=2, max_size=2))
+def test_a_single_pose_is_that_of_many(angles: list[float]) -> None:
+    many = EIGHT.at(angles)
+    feet, rolled, centre = EIGHT.pose(angles)
+    assert np.array(feet) == pytest.approx(many.feet, abs=1e-15)
+    assert np.array(rolled) == pytest.approx(many.rolled, abs=1e-15)
+    assert centre == pytest.approx(many.centre, abs=1e-15)
 
 
 def test_walker6_walks_as_its_stance_predicts(walk: GaitFigures) -> None:
