@@ -7,6 +7,7 @@ DDS matches no publisher with a subscription of another type, and Fast DDS repor
 Names and types may be untrusted: from a log, or a publisher on the network.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from importlib import import_module
@@ -67,6 +68,8 @@ _MAX_DEPTH = 1_000_000
 # Period of queries for publishers of another type [s]; their topics in a status, and those that
 # are logged, as untrusted publishers could fill the disk.
 _TYPE_CHECK_PERIOD, _MAX_MISMATCHES, _MAX_TYPE_WARNINGS = 1.0, 3, 100
+# Queries until a publisher without a node's name is logged.
+_MIN_SIGHTINGS = 5
 _MAX_DURATION = 2**63 - 1
 QOS_USAGE = f"""\
  quality of service of each topic, by its full name:
@@ -216,6 +219,8 @@ class TypeCheck:
         self._due = 0.0
         # The present mismatches in words, by topic and published type.
         self._mismatches: dict[tuple[str, str], str] = {}
+        # The number of queries that had them, and those that were logged.
+        self._sightings: Counter[tuple[str, str]] = Counter()
         self._logged: set[tuple[str, str]] = set()
 
     def check(self) -> str:
@@ -225,8 +230,15 @@ class TypeCheck:
             self._update()
         return '; '.join([*self._mismatches.values()][:_MAX_MISMATCHES])
 
+    def add_to(self, level: bytes, message: str) -> tuple[bytes, str]:
+        """Return the level and message of a status with the mismatches, which are a warning."""
+        mismatches = self.check()
+        if not mismatches:
+            return level, message
+        return max(level, DiagnosticStatus.WARN), f'{message}; {mismatches}'
+
     def _update(self) -> None:
-        before, self._mismatches = self._mismatches, {}
+        self._mismatches = {}
         for subscription in self._node.subscriptions:
             taken = type_name(subscription.msg_type)
             topic = subscription.topic_name
@@ -241,8 +253,9 @@ class TypeCheck:
             for published, names in publishers.items():
                 text = self._mismatch(topic, taken, published, names)
                 self._mismatches[topic, published] = text
+                self._sightings[topic, published] += 1
                 # Discovery knows a publisher before its node, which may have none.
-                if '' not in names or (topic, published) in before:
+                if '' not in names or self._sightings[topic, published] >= _MIN_SIGHTINGS:
                     self._log((topic, published), text)
 
     def _mismatch(self, topic: str, taken: str, published: str, names: set[str]) -> str:

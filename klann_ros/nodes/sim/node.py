@@ -179,11 +179,7 @@ class SimNode(ProcessNode):
 
     def _report(self) -> None:
         factor = self._pace.factor(monotonic())
-        level, message = self._verdict(factor)
-        mismatches = self._types.check()
-        if mismatches:
-            level = DiagnosticStatus.WARN if level == DiagnosticStatus.OK else level
-            message = f'{message}; {mismatches}'
+        level, message = self._types.add_to(*self._verdict(factor))
         values = {
             'time': f'{self._tick * self._period:.3f}',
             'real_time_factor': f'{factor.factor:.3f}',

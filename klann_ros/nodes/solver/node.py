@@ -212,17 +212,15 @@ class SolverDiagnostics:
         now = monotonic()
         lost = self._inputs.lost
         input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())
-        mismatches = self._types.check()
         statuses = []
         for i, leg in enumerate(self._legs):
             if leg.statistics.inputs:
                 # To the accuracy of a period, far less than STALE_AFTER.
                 self._last_inputs[i] = now
             silence = now - self._last_inputs[i]
-            level, message = self._level_and_message(leg.statistics, silence, input_problem)
-            if mismatches and level == DiagnosticStatus.OK:
-                level = DiagnosticStatus.WARN
-            text = '; '.join(filter(None, (message, mismatches, self._missing_arcs[i])))
+            verdict = self._level_and_message(leg.statistics, silence, input_problem)
+            level, message = self._types.add_to(*verdict)
+            text = '; '.join(filter(None, (message, self._missing_arcs[i])))
             values = _values(leg, self._inputs, now - self._last_report).items()
             name = leg.name or 'leg'
             statuses.append(diagnostic_status(self._node, name, level, text, values))

@@ -345,15 +345,14 @@ class WalkerNode(ProcessNode):
         values = self._walker.values(now)
         for joint, effort in self._described_efforts.items():
             values[f'{joint} described_effort'] = f'{effort:.3f}'
-        rivals, count = '', self._commander_count()
+        count = self._commander_count()
         if count > 1:
             rivals = f'crank_command has {count} publishers: only one may drive the cranks'
             self.get_logger().warning(rivals, once=True)
-        problems = [*filter(None, (rivals, self._types.check()))]
-        if problems and level == DiagnosticLevel.OK:
-            level = DiagnosticLevel.WARN
-        message = '; '.join([message, *problems])
-        status = diagnostic_status(self, 'walker', bytes([level.value]), message, values.items())
+            level = DiagnosticLevel.WARN if level == DiagnosticLevel.OK else level
+            message = f'{message}; {rivals}'
+        verdict = self._types.add_to(bytes([level.value]), message)
+        status = diagnostic_status(self, 'walker', *verdict, values.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _commander_count(self) -> int:

@@ -19,6 +19,7 @@ from klann_ros.nodes.endpoints import (
     publish_last,
     QOS_USAGE,
     subscribe_raw,
+    TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, require, usage
 from klann_ros.nodes.process import arguments, ProcessNode, run
@@ -28,7 +29,7 @@ from klann_ros.stop_signals import StopSignals
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from .declarations import WATCHDOG_PARAMETERS
+from .declarations import TYPE_REMEDIES, WATCHDOG_PARAMETERS
 
 # Period of the timer, in timeouts: zero is late by this part of the timeout.
 TICKS = 0.1
@@ -57,6 +58,7 @@ class WatchdogNode(ProcessNode):
         subscribe_raw(self, Float64MultiArray, 'crank_command', self._on_command)
         create_steady_timer(self, TICKS * self._timeout, self._on_timer, RawCallbackGroup())
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
+        self._types = TypeCheck(self, TYPE_REMEDIES)
         create_steady_timer(self, values['diagnostics_period'], self._report)
         topic, count = self._publisher.topic_name, len(joints)
         self.get_logger().info(f'ready: {topic} of {count} joints, {self._timeout:g} s')
@@ -90,7 +92,8 @@ class WatchdogNode(ProcessNode):
         silence = f'no command for {monotonic() - self._heard:.1f} s: zero is sent'
         message = silence if self._is_silent else 'commanded'
         values = {'timeouts': self._timeouts}.items()
-        status = diagnostic_status(self, 'commands', DiagnosticStatus.OK, message, values)
+        level, message = self._types.add_to(DiagnosticStatus.OK, message)
+        status = diagnostic_status(self, 'commands', level, message, values)
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
 
