@@ -1,7 +1,7 @@
 """
 The code of examples/esp32_driver, compiled for this machine; as a process, a board with motors.
 
-    python motor_board.py LIBRARY DESCRIPTOR LOG
+    python motor_board.py LIBRARY DESCRIPTOR LOG TIMEOUT
 
 The process reads and writes the lines of a serial port on the descriptor, and writes a row to the
 log every 10 ms: the time, the rates of the shafts and the duties of the bridges.
@@ -85,7 +85,7 @@ class Motor:
         self._board = board
         given = counts_per_turn, full_rate, MAX_RATE, *GAINS, timeout
         self._control = board.motor_new(*given)
-        # The shaft: its rate at full voltage [rad/s], and the counts of its turn.
+        # The shaft: its true rate at full voltage [rad/s], and the true counts of its turn.
         self.full_rate = full_rate
         self.counts_per_turn = counts_per_turn
         self.rate = 0.0
@@ -114,7 +114,16 @@ def main() -> None:
     board = Board(Path(sys.argv[1]))
     port = int(sys.argv[2])
     os.set_blocking(port, False)
-    motors = [Motor(board), Motor(board, counts_per_turn=-COUNTS_PER_TURN, full_rate=-FULL_RATE)]
+    timeout = float(sys.argv[4])
+    motors = [
+        Motor(
+            board,
+            counts_per_turn=sign * COUNTS_PER_TURN,
+            full_rate=sign * FULL_RATE,
+            timeout=timeout,
+        )
+        for sign in (1.0, -1.0)
+    ]
     reader = board.reader_new()
     start = last = monotonic()
     sent = 0.0

@@ -8,6 +8,7 @@ docs/hardware.md gives the reasons: what walker_node expects of any driver.
 
 from contextlib import suppress
 from math import inf, isfinite
+import signal
 import sys
 from time import monotonic
 from typing import Any
@@ -15,8 +16,8 @@ from typing import Any
 from motors import Motors, SimulatedMotors
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -98,14 +99,17 @@ def motors_of(port: str, count: int) -> Motors:
 
 
 def main() -> None:
-    """Drive until a signal."""
-    rclpy.init()
+    """Drive until a signal, or until the port is gone."""
+    # A handler of rclpy's would end the context in the middle of a callback.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _: signals.append(number))
     driver = None
     try:
         driver = HardwareDriver()
-        rclpy.spin(driver)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        while not signals:
+            rclpy.spin_once(driver, timeout_sec=0.1)
     except OSError as error:
         sys.exit(f'hardware_driver: {error}')
     finally:

@@ -63,11 +63,13 @@ class SerialMotors:
 
     def _measurement_time(self, counter: int) -> float:
         """Return the time of a measurement: of all lines the quickest tells the board's clock."""
-        before = counter if self._counter is None else self._counter
+        last_counter = counter if self._counter is None else self._counter
+        elapsed = (counter - last_counter) % 2**32 / 1e6
         self._counter = counter
-        self._board_time += (counter - before) % 2**32 / 1e6
-        slowest = self._offset + CLOCK_DRIFT * (counter - before) % 2**32 / 1e6
-        self._offset = min(slowest, monotonic() - self._board_time)
+        self._board_time += elapsed
+        # A line is never early, only late.
+        offset = monotonic() - self._board_time
+        self._offset = min(self._offset + CLOCK_DRIFT * elapsed, offset)
         return self._board_time + self._offset
 
 

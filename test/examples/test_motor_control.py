@@ -91,6 +91,13 @@ def test_a_command_is_limited_and_a_blocked_shaft_winds_nothing_up(board: Board)
     assert motor.rate == pytest.approx(1.0, abs=0.3)
 
 
+def test_a_loaded_motor_keeps_its_rate(board: Board) -> None:
+    motor = Motor(board)
+    motor.full_rate = 0.7 * FULL_RATE
+    run(motor, 10.0, rate=1.0)
+    assert motor.rate == pytest.approx(1.0, abs=0.05)
+
+
 def test_a_quadrature_encoder_counts_both_ways_and_ignores_impossible_steps(
     board: Board,
 ) -> None:

@@ -15,8 +15,11 @@ CONTROLLERS = Path(__file__).with_name('velocity_controllers.py')
 COMMANDS = 'crank_velocity_controller/commands'
 REMAPPED = ('-r', f'crank_command:={COMMANDS}')
 PARAMETERS = ('--ros-args', '--params-file', str(CONFIG / 'ros2_control.yaml'), *REMAPPED)
-# Slower cranks stand [rad/s]; at 0.1 m/s they turn at 0.68 rad/s.
+# Slower cranks stand [rad/s].
 STANDSTILL = 0.02
+# Motion in a second at 0.1 m/s [rad]: 1 rad for 0.149 m, at most 1.5 by the feedback of the motion
+# and 1.4 by that of the phases.
+SECOND = 0.1 / 0.149 * 1.5 * 1.4
 
 
 class Chain:
@@ -73,10 +76,8 @@ def chain(ros: Domain) -> Chain:
 
 def test_cranks_stand_while_walker_node_is_stopped(chain: Chain) -> None:
     chain.until_walking()
-    # The motion of one second, and of a stopped process.
-    limit = chain.turned_in(1.0)
     chain.walker.popen.send_signal(SIGSTOP)
-    assert chain.turned_in(4.0) < limit
+    assert chain.turned_in(4.0) < SECOND
     assert chain.stands()
     assert 'crank_velocity_controller/commands: no command for 0.5 s' in chain.watchdog.errors
     chain.walker.popen.send_signal(SIGCONT)
@@ -87,17 +88,17 @@ def test_cranks_stand_while_walker_node_is_stopped(chain: Chain) -> None:
 
 def test_cranks_stand_after_walker_node_was_killed(chain: Chain) -> None:
     chain.until_walking()
-    limit = chain.turned_in(1.0)
     chain.walker.kill()
-    assert chain.turned_in(4.0) < limit
+    assert chain.turned_in(4.0) < SECOND
     assert chain.stands()
 
 
 def test_a_stopped_watchdog_neither_stops_nor_drives_the_cranks(chain: Chain) -> None:
     chain.until_walking()
-    usual = chain.turned_in(1.0)
     chain.watchdog.popen.send_signal(SIGSTOP)
-    assert chain.turned_in(2.0) > usual
+    # It walks on: without commands it would have stood after the timeout.
+    chain.probe.spin(2.0)
+    chain.probe.until(chain.turns)
     chain.is_driven = False
     chain.probe.until(chain.stands)
     chain.probe.spin(1.0)
