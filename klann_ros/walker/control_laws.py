@@ -27,6 +27,11 @@ from klann_ros.kinematics.angles import wrap
 
 from .settings import ControllerSettings
 
+# Greatest product of the proportional gain of the phase lock and the delay of the feedback [rad].
+MAX_DELAY_PHASE = 0.6
+# A larger delay by stamps is a difference of clocks [s]; share of a reading in the mean delay.
+MAX_DELAY, DELAY_SHARE = 2.0, 0.02
+
 
 class MotionFeedback:
     """
@@ -100,6 +105,7 @@ class PhaseLock:
     The lock of a walker's cranks.
 
     `targets` are their set points, and `errors` target - position at the last step [rad];
+    `delay` is that of the feedback by its stamps [s], for which the gains are reduced;
     `rate_scale` is the ratio of the targets' rates to the commanded ones, below 1 while they wait
     for a crank.
 
@@ -120,6 +126,12 @@ class PhaseLock:
         self.targets: list[float] = []
         self.errors = [0.0] * len(self._senses)
         self.rate_scale = 1.0
+        self.delay = 0.0
+
+    def take_delay(self, delay: float) -> None:
+        """Take the delay of a reading [s]; one of another clock says nothing."""
+        if 0.0 <= delay < MAX_DELAY:
+            self.delay += DELAY_SHARE * (delay - self.delay)
 
     def reset(self, positions: Sequence[float]) -> None:
         """Restart the set points at measured angles [rad]; learned speed errors stay."""
@@ -159,7 +171,10 @@ class PhaseLock:
         """Return the rate of a crank [rad/s] whose target moves at `rate`."""
         error, limit = self.errors[k], abs(commanded)
         forward = rate * (1.0 + self._speed_errors[k])
-        wanted = forward + self.settings.phase_gain * error
+        gain = self.settings.phase_gain
+        # Feedback that is late makes a larger gain swing.
+        share = min(1.0, MAX_DELAY_PHASE / (gain * self.delay)) if gain * self.delay else 1.0
+        wanted = forward + share * gain * error
         most = self.settings.limits.max_crank_rate
         low, high = (0.0, most) if commanded >= 0.0 else (-most, 0.0)
         velocity = max(low, min(high, max(forward - limit, min(forward + limit, wanted))))
@@ -167,7 +182,9 @@ class PhaseLock:
         if rate and (velocity == wanted or wanted * error < 0.0):
             s, bound = self.settings, self.settings.integral_limit
             learned = self._speed_errors[k]
-            learned += s.phase_integral * error * rate / (rate**2 + s.learning_rate**2) * dt
+            learned += (
+                share**2 * s.phase_integral * error * rate / (rate**2 + s.learning_rate**2) * dt
+            )
             self._speed_errors[k] = max(-bound, min(bound, learned))
         return velocity
 

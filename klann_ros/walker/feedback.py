@@ -2,8 +2,9 @@
 
 from collections import deque
 from collections.abc import Callable
-from math import inf, isfinite, nan, sqrt
+from math import degrees, inf, isfinite, nan, radians, sqrt
 from statistics import median
+from typing import ClassVar
 
 from klann_ros.kinematics.angles import TURN
 
@@ -149,6 +150,59 @@ class OffsetDetector:
         self._variance += (innovation**2 - self._variance) / min(self._count, self.noise_readings)
 
 
+class UnitCheck:
+    """
+    Compare the angles of an encoder with its velocities, which may have other units.
+
+    `suspicion` names the unit, '' without one.
+    """
+
+    # Angle by integral of velocity, of common mistakes.
+    mistakes: ClassVar = {
+        degrees(1.0): 'its angles may be in degrees',
+        radians(1.0): 'its velocities may be in deg/s',
+        TURN / 60.0: 'its velocities may be in rpm',
+        1.0 / TURN: 'its angles may be in turns',
+        TURN: 'its velocities may be in turns/s',
+    }
+    # The ratio is the median over this number of intervals [s] in which it turns [rad], and may be
+    # off by this factor.
+    intervals, interval, least_path, tolerance = 5, 0.25, 0.02, 1.2
+
+    def __init__(self, joint: str) -> None:
+        self._joint, self.suspicion = joint, ''
+        self._ratios: deque[float] = deque(maxlen=self.intervals)
+        # Angle [rad] and time [s] at the beginning of the interval, time of the last reading, and
+        # path by the velocities since [rad].
+        self._position, self._begin, self._time, self._path = nan, nan, nan, 0.0
+
+    def read(self, position: float, velocity: float | None, time: float) -> None:
+        """Take a reading as it is in the message, at a time [s]."""
+        if velocity is None:
+            return
+        # NaN compares with nothing.
+        if not 0.0 <= time - self._begin < 2.0 * self.interval:
+            self._position, self._begin, self._time, self._path = position, time, time, 0.0
+            return
+        self._path += velocity * (time - self._time)
+        self._time = time
+        if time - self._begin < self.interval:
+            return
+        moved = abs(position - self._position)
+        if abs(self._path) > self.least_path:
+            self._ratios.append(moved / abs(self._path))
+        self._position, self._begin, self._path = position, time, 0.0
+        if len(self._ratios) < self.intervals:
+            return
+        ratio = median(self._ratios)
+        for mistake, text in self.mistakes.items():
+            if mistake < self.tolerance * ratio and ratio < self.tolerance * mistake:
+                turns = f'{self._joint} moves {ratio:.2g} times as far as its velocity says'
+                self.suspicion = f'{turns}: {text}'
+        if 0.5 < ratio < 2.0:
+            self.suspicion = ''
+
+
 class CrankFeedback:
     """The state of the crank of a joint, with a greatest rate [rad/s], by its encoder."""
 
@@ -167,6 +221,7 @@ class CrankFeedback:
         # The sum of the accepted offsets [rad].
         self.offset_sum = 0.0
         self.watchdog, self.detector = Watchdog(steady), OffsetDetector()
+        self.units = UnitCheck(joint)
         self._turns, self._outliers = 0.0, list[float]()
         # Angle and time from which its rate is computed.
         self._from = self._since = nan
@@ -210,6 +265,7 @@ class CrankFeedback:
             self.repeats += 1
             return 0.0
         self.repeats = 0
+        self.units.read(position, velocity, now if at is None else at)
         delay = self.watchdog.delay(age, now)
         at = now if at is None else at
         offset = 0.0

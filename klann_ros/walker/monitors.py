@@ -269,7 +269,6 @@ class BodyMonitor:
         # NaN compares with nothing: the first reading, and one of another clock, begin the means.
         if not 0.0 <= passed < VERTICAL_TIME:
             self._force, self._norm = force, norm
-            self._has_gravity = norm > GRAVITY / 2.0
         share = 1.0 - exp(-passed / VERTICAL_TIME) if passed > 0.0 else 0.0
         x, y, z = (
             mean + share * (part - mean) for mean, part in zip(self._force, force, strict=True)
@@ -277,4 +276,6 @@ class BodyMonitor:
         self._force = x, y, z
         share = 1.0 - exp(-passed / FREE_FALL_TIME) if passed > 0.0 else 0.0
         self._norm += share * (norm - self._norm)
+        # The mean of accelerations alone is 0.
+        self._has_gravity |= hypot(x, y, z) > GRAVITY / 2.0
         self._time = time

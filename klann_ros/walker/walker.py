@@ -226,6 +226,7 @@ class Walker:
             'linear': f'{controller.motion.linear:.4f}',
             'angular': f'{controller.motion.angular:.4f}',
             'rate_scale': f'{lock.rate_scale:.3f}',
+            'feedback_delay': f'{lock.delay:.3f}',
             'pauses': str(controller.loop.pauses),
             'limits_hit': ' '.join(controller.limits_hit),
             'cmd_vel_rejected': str(controller.rejected),

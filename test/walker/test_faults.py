@@ -14,6 +14,7 @@ from klann_ros.walker import (
     WalkController,
     Walker,
 )
+from klann_ros.walker.feedback import CrankFeedback
 import pytest
 
 DT = 0.01
@@ -276,6 +277,8 @@ def test_an_imu_on_its_head_never_drives(steering: Steering, degrees: float) -> 
 
 def test_a_body_that_falls_freely_stops(steering: Steering) -> None:
     body = Body(steering)
+    # The first message of a driver may be empty.
+    body.feel(DT, gravity=0.0)
     body.feel(2.0)
     body.feel(0.08, gravity=0.3)
     # Between two steps it may be light.
@@ -292,3 +295,118 @@ def test_an_accelerometer_without_gravity_shows_no_fall(
     body = Body(steering)
     body.feel(1.0, gravity=gravity)
     assert body.kind is None
+
+
+@pytest.mark.parametrize('delay', [0.1, 0.3, 0.4])
+def test_feedback_that_is_late_makes_no_motor_swing(steering: Steering, delay: float) -> None:
+    walk = FaultyWalk(steering, [Motor(), Motor(factor=0.95)])
+    walk.feedback_delay = delay
+    rates = []
+    for tick in range(1500):
+        walk.control.lock.take_delay(delay)
+        # The clock of another machine says nothing.
+        walk.control.lock.take_delay(3600.0)
+        walk.control.lock.take_delay(-40.0)
+        walk.run(DT)
+        if tick > 800:
+            rates += [abs(motor.command) for motor in walk.motors]
+    assert 0.9 < min(rates) < max(rates) < 1.2
+    assert walk.control.lock.delay == pytest.approx(delay, rel=0.01)
+    assert ('s old by its stamps' in walk.control.verdict(walk.now)[1]) == (delay > 0.2)
+
+
+@pytest.mark.parametrize(
+    ('angles', 'velocities', 'words'),
+    [
+        (180.0 / pi, 1.0, 'angles may be in degrees'),
+        (1.0, 180.0 / pi, 'velocities may be in deg/s'),
+        (1.0, 30.0 / pi, 'velocities may be in rpm'),
+        (0.5 / pi, 1.0, 'angles may be in turns'),
+        (1.0, 0.5 / pi, 'velocities may be in turns/s'),
+        (1.0, 1.0, ''),
+        (1.0, -1.4, ''),
+        # A gear is no unit.
+        (4.0, 1.0, ''),
+    ],
+)
+@pytest.mark.parametrize('noise', [0.0, 0.002])
+def test_units_of_the_feedback_are_suspected(
+    angles: float, velocities: float, words: str, noise: float
+) -> None:
+    random = Random(1)  # noqa: S311 - noise
+    crank = CrankFeedback('crank', 12.0)
+    for k in range(300):
+        now = k * DT
+        # The encoder begins again after a turn.
+        angle = (0.8 * now + random.gauss(0.0, noise)) % (2.0 * pi)
+        crank.read(angles * angle, velocities * 0.8, now)
+    assert words in crank.units.suspicion
+    assert bool(words) == bool(crank.units.suspicion)
+
+
+def test_a_driver_that_repeats_its_stamp_is_silent(steering: Steering) -> None:
+    walk = FaultyWalk(steering, [Motor(), Motor()]).run(2.0)
+    last = {crank.joint: (crank.position, 1.0) for crank in walk.control.cranks}
+    for _ in range(40):
+        walk.now += DT
+        walk.control.feedback(last, walk.now, at=2.0)
+        walk.control.command(0.15, 0.0, walk.now)
+        command = walk.control.step(walk.now)
+    assert command is not None
+    assert command.velocity == (0.0, 0.0)
+    reason = walk.control.stop_reason(walk.now)
+    assert 'no valid feedback of left_crank, right_crank' in reason
+    assert 'its stamp repeats' in reason
+    assert walk.control.latch.fault is None
+    # With measurements it goes on.
+    walk._ticks = round(walk.now / DT)
+    walk.run(1.0)
+    assert walk.control.stop_reason(walk.now) == ''
+    assert all(motor.command > 0.5 for motor in walk.motors)
+
+
+@pytest.mark.parametrize(('period', 'is_slow'), [(0.25, True), (0.1, False)])
+def test_a_clock_that_is_too_slow_is_named(
+    steering: Steering, period: float, *, is_slow: bool
+) -> None:
+    steady = [100.0]
+    control = WalkController(steering, ControllerSettings(), lambda: steady[0])
+    now = 1.0
+    for k in range(300):
+        steady[0] += DT
+        now = 1.0 + period * (k * DT // period)
+        readings = {crank.joint: (0.01 * k, 1.0) for crank in control.cranks}
+        control.feedback(readings, now)
+        control.command(0.15, 0.0, now)
+        control.step(now)
+    level, text = control.verdict(now)
+    assert ('/clock advances every 0.25 s only' in text) == is_slow
+    assert (level is DiagnosticLevel.WARN) or not is_slow
+    assert control.latch.fault is None
+
+
+def test_the_first_message_of_a_clock_is_no_pause(steering: Steering) -> None:
+    steady = [100.0]
+    control = WalkController(steering, ControllerSettings(), lambda: steady[0])
+    for now in (0.0, 0.0, 0.0, 5000.0, 5000.01, 5000.02):
+        steady[0] += 1.0 if not now else DT
+        control.feedback({crank.joint: (0.0, 0.0) for crank in control.cranks}, now)
+        control.command(0.15, 0.0, now)
+        control.step(now)
+    assert control.loop.pauses == 0
+    assert not control.events
+
+
+@pytest.mark.parametrize('rate', [1.0, -2.0])
+@pytest.mark.parametrize('ticks', [2, 4, 6])
+def test_a_late_cycle_that_stamps_itself_is_no_offset(rate: float, ticks: int) -> None:
+    """A broadcaster stamps its cycles evenly, measures late, and then makes up for the delay."""
+    crank = CrankFeedback('crank', 12.0)
+    now, stamp = 0.0, 0.0
+    for k in range(600):
+        stamp += DT
+        # One cycle is late, and the next ones follow at once.
+        late = max(0, ticks - (k - 300)) if k >= 300 else 0
+        now = max(now + 1e-4, stamp + late * DT)
+        assert crank.read(rate * now, rate, now, at=stamp) == 0.0
+    assert crank.offsets == 0

@@ -18,6 +18,7 @@ from klann_ros.nodes.endpoints import (
     create_trigger,
     diagnostic_array,
     diagnostic_status,
+    node_of,
     QOS_USAGE,
     subscribe_raw,
     TypeCheck,
@@ -173,6 +174,7 @@ class WalkerNode(ProcessNode):
         group = RawCallbackGroup()
         create_timer = self.create_timer if self._sim else partial(create_steady_timer, self)
         self._timer: Any = create_timer(self._period, lambda: self._command(self._now()), group)
+        self._reported_rivals: set[str] = set()
         self._logged = -EVENT_PERIOD
         self._logged_fault: Fault | None = None
         # Steady time of the last command [s].
@@ -247,6 +249,11 @@ class WalkerNode(ProcessNode):
         seconds, nanoseconds = divmod(self.get_clock().now().nanoseconds, 10**9)
         return seconds, nanoseconds
 
+    def _age(self, sec: int, nanosec: int) -> float:
+        """Return the age of a stamp [s]."""
+        now = self._now() if self._sim else time.time()
+        return now - sec - nanosec / 1e9
+
     # Inputs.
 
     def _on_e_stop(self, data: bytes, _: Info) -> None:
@@ -269,8 +276,7 @@ class WalkerNode(ProcessNode):
             return
         age = 0.0
         if stamp != [0, 0]:
-            sec, nanosec = self._stamp()
-            age = sec - stamp[0] + (nanosec - stamp[1]) / 1e9
+            age = self._age(*stamp)
         refusal = self._walker.controller.command(
             linear, angular, self._now(), age, _transport_age(info)
         )
@@ -306,6 +312,9 @@ class WalkerNode(ProcessNode):
         stamp = last.sec, last.nanosec
         when = stamp[0] + stamp[1] / 1e9 if stamp != (0, 0) else self._sent(info)
         now = self._now()
+        age = self._age(*stamp) if stamp != (0, 0) else _transport_age(info)
+        if age is not None:
+            self._walker.controller.lock.take_delay(age)
         self._walker.take_efforts({joint: each.effort for joint, each in joints.items()}, now)
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
         if at_feet is not None:
@@ -345,24 +354,37 @@ class WalkerNode(ProcessNode):
         values = self._walker.values(now)
         for joint, effort in self._described_efforts.items():
             values[f'{joint} described_effort'] = f'{effort:.3f}'
-        count = self._commander_count()
-        if count > 1:
-            rivals = f'crank_command has {count} publishers: only one may drive the cranks'
-            self.get_logger().warning(rivals, once=True)
+        for text in self._rivals():
+            if text not in self._reported_rivals:
+                self._reported_rivals.add(text)
+                self.get_logger().warning(text)
             level = DiagnosticLevel.WARN if level == DiagnosticLevel.OK else level
-            message = f'{message}; {rivals}'
+            message = f'{message}; {text}'
         verdict = self._types.add_to(bytes([level.value]), message)
         status = diagnostic_status(self, 'walker', *verdict, values.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
-    def _commander_count(self) -> int:
-        """Return the number of nodes that command the cranks; a watchdog only stops them."""
-        topic = self.resolve_topic_name('crank_command')
-        count = int(self.count_publishers(topic))
-        if count > 1:
-            nodes = [node.node_name for node in self.get_publishers_info_by_topic(topic)]
-            count -= nodes.count('watchdog_node')
-        return count
+    def _rivals(self) -> list[str]:
+        """Return who else commands the cranks, which a watchdog only stops, or the walker."""
+        rivals = []
+        commanders = self._publishing_nodes('crank_command', 'watchdog_node')
+        if len(commanders) > 1:
+            count = len(commanders)
+            rivals.append(f'crank_command has {count} publishers: only one may drive the cranks')
+        # sim_node gives way to others.
+        drivers = self._publishing_nodes('cmd_vel', 'sim_node')
+        if len(drivers) > 1:
+            names = ', '.join(map(printable, drivers))
+            rivals.append(f'cmd_vel has {len(drivers)} publishers: {names}')
+        return rivals
+
+    def _publishing_nodes(self, name: str, harmless: str) -> list[str]:
+        """Return the nodes that publish a topic, if there are several, but the harmless ones."""
+        topic = self.resolve_topic_name(name)
+        if self.count_publishers(topic) < 2:
+            return []
+        nodes = map(node_of, self.get_publishers_info_by_topic(topic))
+        return sorted(node for node in nodes if node.rpartition('/')[2] not in ('', harmless))
 
     def _on_watch(self) -> None:
         is_enough = self._driven * self._period >= DRIVEN_RATIO * WATCH_PERIOD

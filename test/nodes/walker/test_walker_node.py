@@ -6,6 +6,7 @@ from signal import SIGCONT, SIGSTOP
 from time import time_ns
 
 from crank_motors import CONFIG, JOINTS, Motors, TWO_MOTORS
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.walker.node import Beat
@@ -90,6 +91,12 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     motors.until_message('crank_command has 2 publishers')
     assert walker.errors.count('only one may drive the cranks') == 1
     ros.probe.node.destroy_publisher(rival)
+
+    other = ros.other_node()
+    twists = other.create_publisher(TwistStamped, 'cmd_vel', 10)
+    motors.until_message('cmd_vel has 2 publishers: /probe, /probe')
+    assert motors.status.level == DiagnosticStatus.WARN
+    other.destroy_publisher(twists)
 
     motors.factors = [1.0, 1.0]
     motors.twist = None
