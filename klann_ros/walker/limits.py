@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from math import copysign, inf, sqrt
 from typing import NamedTuple
 
@@ -75,7 +76,7 @@ class MotionLimits:
     max_curvature: float = inf
     max_crank_rate: float = 3.0
 
-    @property
+    @cached_property
     def axes(self) -> tuple[AxisLimits, AxisLimits]:
         """Return the limits of the speed and of the yaw rate."""
         linear = AxisLimits(
@@ -144,8 +145,10 @@ class MotionLimiter:
         """Return the motion after a time [s]; one that is not the last begins unaccelerated."""
         if dt <= 0.0:
             return motion
-        if motion != self._motion:
+        if motion != self._motion or motion == wanted:
             self._accelerations = (0.0, 0.0)
+        if motion == wanted:
+            return motion
         changes = [
             _AxisChange.plan(*parts, dt)
             for parts in zip(self.limits.axes, motion, wanted, self._accelerations, strict=True)

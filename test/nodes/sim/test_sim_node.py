@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
+from klann_ros.nodes.endpoints import LAST_MESSAGES
 from nav_msgs.msg import Odometry
 import pytest
 from ros_domain import Domain
@@ -140,3 +142,17 @@ def test_a_reset_puts_it_back(robot: Robot) -> None:
 def test_ctrl_c_ends_it_silently(robot: Robot) -> None:
     assert robot.process.stop() == 0
     assert 'Traceback' not in robot.process.errors
+
+
+def test_its_own_drive_ends_with_a_command_to_stand(ros: Domain) -> None:
+    words = ('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml'))
+    sim = ros.start('sim_node', *words, linear=0.1)
+    # It drives what has a publisher of crank_command.
+    ros.probe.node.create_publisher(JointState, 'crank_command', 1)
+    commands = ros.probe.listen(TwistStamped, 'cmd_vel')
+    ros.probe.until(lambda: commands)
+    assert commands[-1].twist.linear.x == 0.1
+    assert sim.stop() == 0
+    ros.probe.spin(0.3)
+    last = [command.twist.linear.x for command in commands[-LAST_MESSAGES:]]
+    assert last == [0.0] * LAST_MESSAGES

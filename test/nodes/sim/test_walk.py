@@ -26,7 +26,7 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     sim = ros.start('sim_node', *given, use_clock=True, linear=0.15)
     # Simulated time: however slow the machine is, they see the same.
     walker = ros.start('walker_node', *given, use_sim_time=True, use_imu=True)
-    ros.probe.until(lambda: bool(odometry) and truths[-1].pose.pose.position.x > 0.15)
+    ros.probe.until(lambda: bool(odometry and truths) and truths[-1].pose.pose.position.x > 0.15)
     truth_of = {
         truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths
     }
