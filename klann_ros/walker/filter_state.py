@@ -29,7 +29,7 @@ class FilterState:
         deviations = [0.0] * 6 + [noise.gyro_bias] + [noise.accelerometer_bias] * 2
         self.covariance = np.diag(np.square(deviations))
 
-    def set_pose(self, pose: Sequence[float], covariance: Sequence[Sequence[float]]) -> None:
+    def set_pose(self, pose: Sequence[float], covariance: FloatArray) -> None:
         """Go on at x, y and yaw, whose errors are independent of the others."""
         self.mean[:3] = pose
         self.covariance[:3] = self.covariance[:, :3] = 0.0

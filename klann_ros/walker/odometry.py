@@ -176,7 +176,7 @@ class Odometry:
         self._imu = ImuPreintegration(self.noise)
         self.slope.forget()
 
-    def set_pose(self, pose: Sequence[float], covariance: Sequence[Sequence[float]]) -> None:
+    def set_pose(self, pose: Sequence[float], covariance: FloatArray) -> None:
         """Go on at x, y [m] and yaw [rad]; what is known of velocity and biases stays."""
         self.state.set_pose(pose, covariance)
         self.contact_errors = ContactErrors(self.noise)

@@ -101,7 +101,7 @@ class Walker:
     ) -> None:
         """Go on at x, y [m] and yaw [rad] in odom, with their covariance."""
         x, y, yaw = pose
-        self.odometry.set_pose(pose, covariance)
+        self.odometry.set_pose(pose, self._scale.unscaled(covariance))
         self._scale.set_pose(x, y, yaw)
         if self._estimate is not None:
             # No motion is measured from the pose before to this one.

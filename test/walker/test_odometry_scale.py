@@ -73,7 +73,7 @@ def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
     one, two = Odometry(feet), Odometry(feet)
     before = walked(one, 0, 300)
     walked(two, 0, 300)
-    two.set_pose((1.0, 2.0, 0.7), ((0.0, 0.0, 0.0),) * 3)
+    two.set_pose((1.0, 2.0, 0.7), np.zeros((3, 3)))
     after, moved = walked(one, 300, 600), walked(two, 300, 600)
     step = complex(after.x - before.x, after.y - before.y) * rect(1.0, 0.7 - before.yaw)
     # What is learned later of the velocity before changes the whole walk only.
@@ -81,7 +81,7 @@ def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
     assert moved.yaw - 0.7 == pytest.approx(after.yaw - before.yaw, abs=1e-3)
     # A shorter walk is known better, and from its own covariance on.
     assert np.trace(moved.covariance) < np.trace(after.covariance)
-    two.set_pose((0.0, 0.0, 0.0), COVARIANCE)
+    two.set_pose((0.0, 0.0, 0.0), np.array(COVARIANCE))
     assert np.array(walked(two, 600, 601).covariance) == pytest.approx(
         np.array(COVARIANCE), rel=0.05
     )
@@ -105,6 +105,8 @@ def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
     assert after is not None
     assert before.x > 0.1
     assert (after.x, after.y, after.yaw) == pytest.approx((5.0, -3.0, 1.0), abs=0.01)
+    # A covariance that users give is in their scale.
+    assert np.array(after.covariance) == pytest.approx(np.array(COVARIANCE), rel=0.05, abs=1e-3)
     # No motion was measured on the way there.
     assert walker.controller.motion_feedback.lag == pytest.approx(lag, abs=0.01)
     walker.set_pose()
