@@ -113,6 +113,7 @@ setup(
                 'view_node',
                 'sim_node',
                 'watchdog_node',
+                'commission_node',
                 'review',
                 'recover',
                 'export',

@@ -138,6 +138,7 @@ def _drop_output() -> None:
 
 solver_node = partial(_node, 'solver_node')
 crank_node = partial(_node, 'crank_node')
+commission_node = partial(_node, 'commission_node', uses_terminal=True)
 walker_node = partial(_node, 'walker_node')
 recorder_node = partial(_node, 'recorder_node')
 player_node = partial(_node, 'player_node', uses_terminal=True)

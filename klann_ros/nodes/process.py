@@ -300,6 +300,7 @@ class _OtherNodes:
     def __init__(self) -> None:
         from klann_ros.robot.file import OF_CRANK  # noqa: PLC0415
 
+        from .commission import declarations as commission  # noqa: PLC0415
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
         from .recorder import interface as recorder  # noqa: PLC0415
@@ -314,6 +315,7 @@ class _OtherNodes:
             'walker_node': walker.WALKER_PARAMETERS,
             'sim_node': sim.SIM_PARAMETERS,
             'watchdog_node': watchdog.WATCHDOG_PARAMETERS,
+            'commission_node': commission.COMMISSION_PARAMETERS,
             'crank_node': (*crank.MOTION, *crank.CRANK_PARAMETERS),
             'solver_node': (
                 *solver.GEOMETRY,

@@ -6,6 +6,7 @@ and an `Odometry` (where it is, and how far that may be off). Its feet and its s
 of `klann_ros.gait`.
 """
 
+from .commissioning import Commissioning, CommissioningSettings, Rates
 from .control_laws import CrankCommand, PhaseLock
 from .controller import WalkController
 from .drives import CrankDrives
@@ -18,6 +19,8 @@ from .settings import ControllerSettings, OdometryNoise
 from .walker import Walker
 
 __all__ = [
+    'Commissioning',
+    'CommissioningSettings',
     'ControllerSettings',
     'CrankCommand',
     'CrankDrives',
@@ -32,6 +35,7 @@ __all__ = [
     'OdometryNoise',
     'OdometryScale',
     'PhaseLock',
+    'Rates',
     'RefusalKind',
     'WalkController',
     'Walker',

@@ -18,6 +18,7 @@ from .monitors import BodyMonitor
 from .odometry import Odometry, OdometryEstimate
 from .odometry_scale import OdometryScale
 from .settings import ControllerSettings, OdometryNoise
+from .zero_check import ZeroCheck
 
 # Messages that are lost while a queue is drained take no longer; and readings whose stamps advance
 # by less than the second are taken with the next, for the third at most [s].
@@ -68,6 +69,9 @@ class Walker:
         self._scale = scale or OdometryScale()
         self.drives = CrankDrives(self.feet.robot.drives)
         self._loads = {joint: LoadMonitor(joint) for joint in self.feet.joints}
+        self.zero_check = ZeroCheck(self.feet)
+        # The last measured roll and pitch [rad]; None without an orientation.
+        self._attitude: tuple[float, float] | None = None
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
         self._body = BodyMonitor()
@@ -94,6 +98,7 @@ class Walker:
         for monitor in controller.monitors:
             monitor.restart()
         self.odometry.jump()
+        self.zero_check = ZeroCheck(self.feet)
         return ''
 
     def set_pose(
@@ -125,6 +130,7 @@ class Walker:
         # The attitude of a body that lies on its side or head says nothing about its feet.
         if self._body.tilt < MAX_WALKING_TILT:
             self._imu_age.feed(now)
+            self._attitude = reading.attitude
             self.odometry.imu(reading, variance)
 
     def feedback(
@@ -147,6 +153,7 @@ class Walker:
             return None
         if self._imu_timeout < self._imu_age.age(now) < inf:
             self.odometry.forget_imu()
+            self._attitude = None
             self._imu_age.clear()
         # What comes late, or all at once, was so at its own time.
         at = now if at is None else at
@@ -163,6 +170,8 @@ class Walker:
         timeout = controller.settings.feedback_timeout
         rates = [0.0 if each.age(now) > timeout else each.velocity for each in controller.cranks]
         found = self._scale.scaled(self.odometry.update(controller.positions, rates, seconds))
+        if self._attitude is not None:
+            self.zero_check.update(controller.positions, self._attitude)
         if self._estimate is not None and seconds > 0.0:
             controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
         self._estimate = found
@@ -179,8 +188,11 @@ class Walker:
         """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
         odometry, problem = self.odometry, ''
+        offset = self.zero_check.offset
         if self.controller.is_known and odometry.support is None:
             problem = 'its centre of mass is not above its feet'
+        elif offset is not None:
+            problem = offset.text
         elif odometry.support_check.violation > odometry.noise.max_support_violation:
             share = f'{odometry.support_check.violation:.0%} of the time'
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
@@ -219,8 +231,10 @@ class Walker:
         has_imu = self._imu_age.age(now) <= self._imu_timeout
         accelerometer = odometry.accelerometer_state if has_imu else AccelerometerState.NONE
         fault = controller.latch.fault
+        offset = self.zero_check.offset
         return found | {
             'fault': fault.kind.name if fault else '',
+            'zero_offset': offset.text if offset else '',
             'supporting_feet': ' '.join(names[i] for i in rest.feet) if rest else '',
             'static_margin': f'{rest.margin if rest else nan:.4f}',
             'linear': f'{controller.motion.linear:.4f}',

@@ -15,7 +15,16 @@ from ros_domain import Domain, Process
 
 EXECUTABLES = [
     *('solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'),
-    *('sim_node', 'watchdog_node', 'review', 'recover', 'export', 'describe', 'calibrate'),
+    *(
+        'sim_node',
+        'watchdog_node',
+        'commission_node',
+        'review',
+        'recover',
+        'export',
+        'describe',
+        'calibrate',
+    ),
     *('exercise', 'design'),
 ]
 

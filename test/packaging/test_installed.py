@@ -20,7 +20,7 @@ VERSION = runpy.run_path(str(ROOT / 'klann_ros' / '__init__.py'))['__version__']
 
 NODES = {
     'solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node',
-    'sim_node', 'watchdog_node',
+    'sim_node', 'watchdog_node', 'commission_node',
 }  # fmt: skip
 EXECUTABLES = {
     *NODES, 'review', 'recover', 'export', 'describe', 'calibrate', 'exercise', 'design',

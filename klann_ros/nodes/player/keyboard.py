@@ -58,10 +58,15 @@ class Keyboard:
         # The attributes to restore; None while the terminal is unchanged.
         self._saved: list[Any] | None = None
 
+    @property
+    def is_available(self) -> bool:
+        """Return whether there is a terminal."""
+        # Without a standard input the number may be that of another file.
+        return sys.stdin is not None and os.isatty(self._terminal)
+
     def start(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
         """Read keys in a thread, if there is a terminal; call on_begin in the foreground first."""
-        # Without a standard input the number may be that of another file.
-        if sys.stdin is not None and os.isatty(self._terminal):
+        if self.is_available:
             atexit.register(self.close)
             arguments = (on_key, on_begin)
             Thread(target=self._read, args=arguments, name='keyboard', daemon=True).start()

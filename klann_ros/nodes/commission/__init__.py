@@ -1,0 +1,1 @@
+"""`commission_node`: the first turns of motors."""

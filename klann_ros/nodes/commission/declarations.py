@@ -1,0 +1,22 @@
+"""The parameters of `commission_node`, besides those of its robot."""
+
+from klann_ros.nodes.parameters import Declaration, number
+from klann_ros.nodes.walker.declarations import COMMANDS
+from klann_ros.walker import CommissioningSettings
+
+_SETTINGS = CommissioningSettings()
+COMMISSION_PARAMETERS = (
+    number('angle', round(_SETTINGS.angle, 4), 'each crank turns so far [rad]', 0.02, 0.6),
+    number('rate', _SETTINGS.rate, 'so fast [rad/s]', 0.02, 1.0),
+    number(
+        'max_angle',
+        round(_SETTINGS.max_angle, 4),
+        'a turn ends where an encoder turns by more [rad]',
+        0.02,
+        1000.0,
+    ),
+    number('feedback_timeout', _SETTINGS.timeout, 'or is silent for longer [s]', 0.05, 5.0),
+    Declaration(
+        'command_type', COMMANDS[0], 'type of crank_command, as of walker_node', choices=COMMANDS
+    ),
+)

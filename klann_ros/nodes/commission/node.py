@@ -1,0 +1,227 @@
+"""`commission_node`: turns each crank a little, and says how its motor and encoder are wired."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from klann_ros.gait import Feet, NoWalkerError
+from klann_ros.nodes.endpoints import create_steady_timer, node_of, QOS_USAGE, subscribe_raw
+from klann_ros.nodes.parameters import declare, require, StartError, usage
+from klann_ros.nodes.player.keyboard import Keyboard
+from klann_ros.nodes.process import arguments, Finish, LOG_PERIOD, ProcessNode, run
+from klann_ros.nodes.raw_executor import Info
+from klann_ros.nodes.solver.cdr import JointsReader
+from klann_ros.nodes.solver.leg_parameters import declared_robot
+from klann_ros.nodes.walker.messages import CrankOutput
+from klann_ros.robot import CrankDrive, Robot
+from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.yaml_text import parameter_file
+from klann_ros.stop_signals import StopSignals
+from klann_ros.walker import Commissioning, CommissioningSettings, CrankCommand, CrankDrives, Rates
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Bool
+
+from .declarations import COMMISSION_PARAMETERS
+
+# Period of the commands; other nodes are discovered first, and a driver is waited for [s].
+PERIOD, DISCOVERY, PATIENCE = 0.01, 2.0, 10.0
+
+
+class CommissionNode(ProcessNode):
+    """Turn each crank a little, and judge the answers; the report is printed."""
+
+    def __init__(self, options: argparse.Namespace, finish: Finish) -> None:
+        """Declare, validate and connect; a StartError names what is refused."""
+        super().__init__('commission_node')
+        values = declare(self, COMMISSION_PARAMETERS)
+        robot = declared_robot(self, described=True)
+        self._joints = robot.crank_joints
+        backwards = options.backwards
+        for joint in set(backwards or ()) - {'none'}:
+            allowed = f'of {", ".join(self._joints)}, or none'
+            require(joint in self._joints, '--backwards', joint, allowed)
+        self._options, self._finish = options, finish
+        self._settings = CommissioningSettings(
+            values['angle'],
+            values['max_angle'],
+            values['rate'],
+            timeout=values['feedback_timeout'],
+        )
+        self._commissioning = Commissioning(self._joints, self._settings, backwards)
+        self._feet = _feet(robot)
+        drives = CrankDrives(dict.fromkeys(self._joints, CrankDrive()))
+        self._commands = CrankOutput(self, drives, values['command_type'])
+        self._reader = JointsReader(self._joints)
+        subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
+        self._closed = dict.fromkeys(self._joints if options.home else (), False)
+        for joint in self._closed:
+            topic = f'{options.home}/{joint}'
+            self.create_subscription(Bool, topic, partial(self._on_switch, joint), 10)
+        self._begun = monotonic()
+        # Time of the last crank_state [s].
+        self._heard = 0.0
+        self._is_permitted, self._is_stopped = options.yes, False
+        self._has_asked = False
+        self._steps: Iterator[Rates] | None = None
+        self._keyboard = Keyboard()
+        self._keyboard.start(self._on_key, lambda: None)
+        create_steady_timer(self, PERIOD, self._on_timer)
+
+    def close(self) -> int:
+        """Stop the cranks, and restore the terminal."""
+        self._commands.end(self._command({}), 0, 0)
+        self._keyboard.close()
+        return 0
+
+    def _command(self, rates: Rates) -> CrankCommand:
+        velocities = tuple(rates.get(joint, 0.0) for joint in self._joints)
+        return CrankCommand((0.0,) * len(velocities), velocities)
+
+    # Inputs.
+
+    def _on_key(self, key: str) -> None:
+        """Begin by the space bar, and stop by it."""
+        if key == 'space':
+            self._is_stopped = self._is_permitted
+            self._is_permitted = self._is_permitted or self._has_asked
+
+    def _on_crank_state(self, data: bytes, _: Info) -> None:
+        try:
+            readings = self._reader.read(data)
+        except ValueError as error:
+            text = f'crank_state is rejected: {printable(error)}'
+            self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
+            return
+        last = next(iter(readings.values()))
+        self._heard = self._commissioning.now = monotonic()
+        encoders = {joint: (each.position, each.velocity) for joint, each in readings.items()}
+        self._commissioning.feedback(encoders, last.sec + last.nanosec / 1e9)
+
+    def _on_imu(self, message: Imu) -> None:
+        self._commissioning.now = monotonic()
+        force, rates = message.linear_acceleration, message.angular_velocity
+        self._commissioning.imu((force.x, force.y, force.z), (rates.x, rates.y, rates.z))
+
+    def _on_switch(self, joint: str, message: Bool) -> None:
+        self._closed[joint] = message.data
+
+    # The procedure.
+
+    def _on_timer(self) -> None:
+        now = self._commissioning.now = monotonic()
+        problem = self._problem(now)
+        if problem:
+            self._end(problem)
+        elif self._steps is not None:
+            rates = next(self._steps, None)
+            if rates is None:
+                self._end('')
+            else:
+                self._commands.publish(self._command(rates), 0, 0)
+        elif now - self._begun > DISCOVERY and self._heard:
+            self._ask()
+
+    def _problem(self, now: float) -> str:
+        """Return why no crank may turn, '' if it may."""
+        topic = self.resolve_topic_name('crank_command')
+        own_name = self.get_fully_qualified_name()
+        nodes = {*map(node_of, self.get_publishers_info_by_topic(topic))} - {own_name}
+        if nodes or self.count_publishers(topic) > 1:
+            names = printable_line(', '.join(sorted(nodes)) or 'another node of this name')
+            return f'{names} publishes {topic}: end it first'
+        if self._is_stopped:
+            return 'stopped by a key'
+        if not self._heard and now - self._begun > PATIENCE:
+            return f'no crank_state of {", ".join(map(printable, self._joints))}: start the driver'
+        return ''
+
+    def _ask(self) -> None:
+        """Begin if it is permitted; say once what will move."""
+        if self._is_permitted:
+            self._steps = self._procedure()
+        elif not self._has_asked:
+            self._has_asked = True
+            joints = ', '.join(map(printable, self._joints))
+            print(
+                f'{joints} will turn by {self._settings.angle:.2f} rad, one after the other, '
+                'forwards first (feet on the ground go back) and then back. Look which way.\n'
+                'Keep clear. The space bar begins, and stops.',
+                flush=True,
+            )
+
+    def _procedure(self) -> Iterator[Rates]:
+        commissioning = self._commissioning
+        yield from commissioning.turn_all()
+        commissioning.judge_imu(self._feet)
+        if self._options.zero:
+            commissioning.set_zero()
+        for joint in self._closed:
+            if joint in commissioning.drives:
+                yield from commissioning.home(joint, partial(self._closed.__getitem__, joint))
+
+    def _end(self, problem: str) -> None:
+        """Stop the cranks, report, write, and finish."""
+        self._commands.publish(self._command({}), 0, 0)
+        commissioning = self._commissioning
+        for finding in commissioning.findings:
+            print(printable_line(f'{finding.subject}: {finding.verdict.value}: {finding.text}'))
+        problem = problem or commissioning.problem
+        if problem:
+            print(f'commission_node: {problem}', flush=True)
+        elif self._options.output:
+            text = parameter_file({'/**': {'cranks': commissioning.cranks}})
+            Path(self._options.output).write_text(text, encoding='utf-8')
+            print(f'{self._options.output}: a second --params-file, after that of the robot')
+        self._finish(1 if problem else 0)
+
+
+def _feet(robot: Robot) -> Feet | None:
+    try:
+        return Feet(robot)
+    except NoWalkerError:
+        return None
+
+
+def main(argv: Sequence[str], stop: StopSignals) -> int:
+    """Run the node; return the exit code."""
+    parser = ArgumentParser(
+        'commission_node',
+        'Turn each crank of a robot by a small angle, one after the other, forwards and back '
+        '(crank_command), and say by its encoder (crank_state) and the IMU (imu) what is wired '
+        'wrongly. THE CRANKS MOVE: with --home by up to a turn. The space bar stops them, and '
+        'Ctrl-C. Exit code 0: all cranks can walk, 1: repair first.',
+        f'{usage({"": COMMISSION_PARAMETERS})}\n its legs: those of solver_node, in the same '
+        f'file\n{QOS_USAGE}',
+    )
+    parser.add_argument('--yes', action='store_true', help='begin without asking')
+    parser.add_argument(
+        '--backwards',
+        nargs='+',
+        metavar='JOINT',
+        help='joints that you saw turn backwards first, or none: an encoder cannot tell',
+    )
+    parser.add_argument('--zero', action='store_true', help='the cranks are at their zeros now')
+    parser.add_argument(
+        '--home',
+        metavar='TOPIC',
+        help='turn each crank forwards until TOPIC/JOINT (std_msgs/Bool) becomes true: its zero',
+    )
+    parser.add_argument('-o', '--output', metavar='FILE', help='write what was measured')
+    parser.add_argument('--overwrite', action='store_true', help='even if FILE exists')
+    options = arguments(parser, argv)
+    if options.output and not options.overwrite and Path(options.output).exists():
+        parser.error(f'{printable(options.output)} exists already: --overwrite replaces it')
+    return run('commission_node', partial(_make, options), argv, stop, raw=True)
+
+
+def _make(options: argparse.Namespace, finish: Finish) -> Any:
+    keyboard = Keyboard()
+    if not options.yes and not keyboard.is_available:
+        raise StartError('there is no terminal to ask: --yes turns the cranks without a question')
+    return CommissionNode(options, finish)

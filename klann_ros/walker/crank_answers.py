@@ -1,0 +1,193 @@
+"""
+What the answer of an encoder says about a crank that was commanded to turn a little, alone.
+
+The ratio k of the encoder's angle to the commanded one is the same both ways, unless the coupling
+slips. A single encoder cannot tell what turned: with k < 0 the motor or the encoder is reversed,
+which an eye can see. k > 1 is taken as an encoder before the gear, k < 1 as a slow motor.
+"""
+
+from collections.abc import Mapping
+from enum import Enum
+from math import degrees, pi
+from typing import NamedTuple
+
+from klann_ros.robot import CrankDrive
+
+# A ratio of deg or rpm to SI, within this relative error: few samples are taken of a fast one.
+DEGREES, RPM, UNIT_ERROR = degrees(1.0), 30.0 / pi, 0.25
+# A ratio of 1, and equal ratios both ways, within these relative errors.
+UNIT_RATIO_ERROR, SLIP = 0.2, 0.15
+# A velocity is no noise above this part of the commanded one.
+FROZEN_RATE = 0.25
+
+
+class Verdict(Enum):
+    """What a crank's or an IMU's answer is, in words."""
+
+    OK = 'ok'
+    MISSING = 'missing in crank_state'
+    REPEATED = 'repeated messages'
+    FROZEN = 'frozen encoder'
+    DEAD = 'does not turn'
+    SWAPPED = 'swapped'
+    REVERSED = 'wrong sign'
+    DEGREES = 'degrees'
+    RPM = 'rpm'
+    RATIO = 'gear ratio'
+    SLIPPING = 'slipping'
+    ABORTED = 'aborted'
+    FROZEN_IMU = 'frozen IMU'
+    UNITS = 'units of the IMU'
+    AXES = 'axes of the IMU'
+
+
+class Finding(NamedTuple):
+    """A verdict on a joint, or on 'imu', and a sentence about it."""
+
+    subject: str
+    verdict: Verdict
+    text: str
+
+
+class Turn(NamedTuple):
+    """The answers of all encoders to a crank that was commanded to turn."""
+
+    # Commanded angle [rad] and rate [rad/s], and changes of the encoders' angles by joint [rad].
+    commanded: float
+    rate: float
+    moved: Mapping[str, float]
+    # Mean rate by the crank's messages; None if they have none. And that by its angles [rad/s].
+    velocity: float | None
+    slope: float
+    # Whether stamps of its messages stood still.
+    is_repeated: bool
+
+
+def crank_findings(
+    joint: str, turns: tuple[Turn, Turn], least: float, *, is_backwards: bool | None
+) -> tuple[list[Finding], CrankDrive | None]:
+    """
+    Judge a crank that turned forwards and back.
+
+    Parameters
+    ----------
+    joint : str
+        The crank's.
+    turns : tuple of Turn
+        Forwards and back.
+    least : float
+        Smallest angle that is no noise [rad].
+    is_backwards : bool, optional
+        Whether it was seen to turn backwards first; None: nobody looked.
+
+    Returns
+    -------
+    tuple
+        The findings, and encoder and motor as measured; None if they cannot be told.
+
+    """
+    forwards, back = turns
+    if not forwards.commanded or not back.commanded:
+        return [], None
+    moved = forwards.moved[joint]
+    others = {name: angle for name, angle in forwards.moved.items() if name != joint}
+    answering = max(others, key=lambda name: abs(others[name]), default=joint)
+    if abs(moved) < least:
+        return [_still(joint, forwards, answering, least)], None
+    if answering != joint and abs(others[answering]) > max(least, abs(moved)):
+        return [_swapped(joint, answering)], None
+    ratio, ratio_back = moved / forwards.commanded, back.moved[joint] / back.commanded
+    if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * least / abs(back.commanded):
+        text = f'{ratio:.2f} of the command forwards, {ratio_back:.2f} back: its coupling slips'
+        return [Finding(joint, Verdict.SLIPPING, text)], None
+    ratio = (moved - back.moved[joint]) / (forwards.commanded - back.commanded)
+    of_velocity = _rate_findings(joint, forwards)
+    findings = [*of_velocity, *_ratio_findings(joint, ratio)]
+    motor = min(1.0, abs(ratio))
+    drive = CrankDrive(_rounded(abs(ratio) / motor), _rounded(1.0 / motor))
+    if ratio < 0.0:
+        findings.append(Finding(joint, Verdict.REVERSED, _reversed(is_backwards)))
+    elif is_backwards:
+        text = 'motor and encoder are reversed: both count backwards'
+        findings.append(Finding(joint, Verdict.REVERSED, text))
+    if of_velocity or (ratio < 0.0 and is_backwards is None):
+        return findings, None
+    motor_sign = -1.0 if is_backwards else 1.0
+    encoder_sign = motor_sign if ratio > 0.0 else -motor_sign
+    drive = CrankDrive(encoder_sign * drive.encoder_ratio, motor_sign * drive.motor_ratio)
+    if not findings:
+        text = f'its encoder answers {ratio:.2f} of the command'
+        findings.append(Finding(joint, Verdict.OK, text))
+    return findings, drive
+
+
+def _still(joint: str, turn: Turn, answering: str, least: float) -> Finding:
+    """Return why the angle of a crank did not change."""
+    if turn.is_repeated:
+        text = 'crank_state repeats a message: its stamp stands still'
+        return Finding(joint, Verdict.REPEATED, text)
+    if answering != joint and abs(turn.moved[answering]) > least:
+        return _swapped(joint, answering)
+    if turn.velocity is not None and abs(turn.velocity) > FROZEN_RATE * abs(turn.rate):
+        text = f'its angle stays, though its velocity is {turn.velocity:.2f} rad/s'
+        return Finding(joint, Verdict.FROZEN, text)
+    text = 'neither angle nor velocity change: no power, a broken lead, a blocked leg'
+    text += '; if you saw it turn, its encoder is frozen; commands in deg/s hardly move it'
+    return Finding(joint, Verdict.DEAD, text)
+
+
+def _swapped(joint: str, answering: str) -> Finding:
+    text = f'{answering} answers: exchange the motors, or the encoders, of the two'
+    return Finding(joint, Verdict.SWAPPED, text)
+
+
+def _rate_findings(joint: str, turn: Turn) -> list[Finding]:
+    """Return what is wrong with the velocity of an encoder beside its angle."""
+    if turn.velocity is None or not turn.slope:
+        return []
+    factor = turn.velocity / turn.slope
+    if abs(factor / RPM - 1.0) < UNIT_ERROR:
+        return [
+            Finding(joint, Verdict.RPM, 'its velocity is in rpm: the driver has to convert it')
+        ]
+    if factor < 0.5 or factor > 2.0:
+        text = f'its velocity is {factor:.3g} of the change of its angle: the driver is wrong'
+        return [Finding(joint, Verdict.RATIO, text)]
+    return []
+
+
+def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
+    size = abs(ratio)
+    if abs(size - 1.0) < UNIT_RATIO_ERROR:
+        return []
+    units = {
+        'its angle is in degrees, or its encoder before a gear': DEGREES,
+        'its driver takes commands as deg/s': 1.0 / DEGREES,
+        'its driver takes commands as rpm': 1.0 / RPM,
+    }
+    for text, unit in units.items():
+        if abs(size / unit - 1.0) < UNIT_ERROR:
+            verdict = Verdict.RPM if unit == 1.0 / RPM else Verdict.DEGREES
+            return [Finding(joint, verdict, f'{text} ({size:.3g} of the command)')]
+    if size > 1.0:
+        text = f'its encoder turns {size:.3g} times as far: it is before a gear of {size:.3g}'
+        return [Finding(joint, Verdict.RATIO, f'{text}, unless the crank itself turned so far')]
+    text = f'it turns {size:.3g} of the command: a gear, a weak motor or a slipping coupling'
+    return [Finding(joint, Verdict.RATIO, text)]
+
+
+def _reversed(is_backwards: bool | None) -> str:
+    if is_backwards is None:
+        return (
+            'motor leads or encoder are reversed: if it turned forwards first, it is the encoder. '
+            'Run again with --backwards and the joints that turned backwards first, or none'
+        )
+    return 'its motor leads are exchanged' if is_backwards else 'its encoder counts backwards'
+
+
+def _rounded(ratio: float) -> float:
+    """Return a measured ratio; one near 1, or near that of a unit, is exact."""
+    for exact, error in ((1.0, UNIT_RATIO_ERROR), (DEGREES, UNIT_ERROR), (RPM, UNIT_ERROR)):
+        if abs(ratio / exact - 1.0) < error:
+            return exact
+    return float(f'{ratio:.4g}')
