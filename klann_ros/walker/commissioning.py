@@ -180,7 +180,7 @@ class Commissioning:
             encoders.insert(0, first[name])
         yield from self._rest()
         moved = {
-            name: encoders[-1].position - first[name].position
+            name: (encoders[-1].position - first[name].position) / self._gear(name, joint)
             for name, encoders in self._encoders.items()
         }
         gyro = sum(complex(*sample.rates[:2]) for sample in self._imu[imu_count:])
@@ -196,14 +196,20 @@ class Commissioning:
             last = encoders[-1] if encoders else first[name]
             if self.now - last.at > self._settings.timeout:
                 return f'crank_state of {name} is silent'
-            angles[name] = abs(last.position - first[name].position)
+            angles[name] = abs(last.position - first[name].position) / self._gear(name, joint)
         if max(angles.values()) > self._settings.max_angle:
             limit = degrees(self._settings.max_angle)
             return f'the turn ended early: an encoder turned by more than {limit:.0f} deg'
-        del angles[joint]
-        if any(angle > self._settings.angle / 2.0 for angle in angles.values()):
+        # An encoder that exaggerates shows the play of a gear, but less than what turns.
+        least = max(self._settings.angle / 2.0, 2.0 * angles[joint])
+        if max(angles.values()) > least:
             return 'the turn ended early: another crank turns'
         return ''
+
+    def _gear(self, name: str, tested: str) -> float:
+        """Return the size of the ratio of an encoder beside the tested one, as far as known."""
+        drive = None if name == tested else self.drives.get(name)
+        return abs(drive.encoder_ratio) if drive else 1.0
 
     def _tilt(self) -> complex:
         """Return roll + j pitch by the mean specific force of the last rest [rad]."""
@@ -268,10 +274,10 @@ class Commissioning:
         for joint, (tilt, _) in self.tilts.items():
             angles = [predicted_tilt(feet, joint, sign * self._settings.angle) for sign in (1, -1)]
             predicted = min(angles, key=lambda angle: abs(abs(angle) - abs(tilt)))
-            is_shown = min(abs(tilt), abs(predicted)) > LEAST_TILT
+            is_shown = min(abs(tilt), abs(predicted)) > 2.0 * LEAST_TILT
             if is_shown and joint in self.drives:
                 along += tilt * predicted.conjugate()
-        if along and abs(phase(along)) > radians(45.0):
+        if along and abs(phase(along)) > radians(60.0):
             # Roll + j pitch of a body is turned against its IMU: within 5 deg.
             turned = -5 * round(degrees(phase(along)) / 5.0)
             text = f'it is turned about z by some {turned} deg'
@@ -298,7 +304,8 @@ def _answers(
 ) -> Turn:
     """Return the answers of a turn; `trace` is that of its encoder while it turned."""
     # A motor needs some time for its rate.
-    steady = trace[len(trace) // 2 :]
+    middle = len(trace) // 2
+    steady = trace[middle:]
     velocities = [encoder.velocity for encoder in steady if encoder.velocity is not None]
     span = steady[-1].at - steady[0].at if steady else 0.0
     slope = (steady[-1].position - steady[0].position) / span if span > 0.0 else 0.0

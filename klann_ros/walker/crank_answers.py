@@ -3,7 +3,8 @@ What the answer of an encoder says about a crank that was commanded to turn a li
 
 The ratio k of the encoder's angle to the commanded one is the same both ways, unless the coupling
 slips. A single encoder cannot tell what turned: with k < 0 the motor or the encoder is reversed,
-which an eye can see. k > 1 is taken as an encoder before the gear, k < 1 as a slow motor.
+which an eye can see. k > 1 is taken as an encoder before the gear. It is measured to some percent,
+as the weight of the robot turns a crank a little: a gear has the nearest whole ratio.
 """
 
 from collections.abc import Mapping
@@ -14,11 +15,13 @@ from typing import NamedTuple
 from klann_ros.robot import CrankDrive
 
 # A ratio of deg or rpm to SI, within this relative error: few samples are taken of a fast one.
-DEGREES, RPM, UNIT_ERROR = degrees(1.0), 30.0 / pi, 0.25
+DEGREES, RPM, UNIT_ERROR = degrees(1.0), 30.0 / pi, 0.35
 # A ratio of 1, and equal ratios both ways, within these relative errors.
 UNIT_RATIO_ERROR, SLIP = 0.2, 0.15
 # A velocity is no noise above this part of the commanded one.
 FROZEN_RATE = 0.25
+# An encoder that answers for another one turns by this part of the commanded angle.
+ANSWER = 0.3
 
 
 class Verdict(Enum):
@@ -91,10 +94,11 @@ def crank_findings(
         return [], None
     moved = forwards.moved[joint]
     others = {name: angle for name, angle in forwards.moved.items() if name != joint}
-    answering = max(others, key=lambda name: abs(others[name]), default=joint)
+    answers = [name for name in others if abs(others[name]) > ANSWER * abs(forwards.commanded)]
+    answering = max(answers, key=lambda name: abs(others[name]), default=joint)
     if abs(moved) < least:
-        return [_still(joint, forwards, answering, least)], None
-    if answering != joint and abs(others[answering]) > max(least, abs(moved)):
+        return [_still(joint, forwards, answering)], None
+    if answering != joint and abs(others[answering]) > abs(moved):
         return [_swapped(joint, answering)], None
     ratio, ratio_back = moved / forwards.commanded, back.moved[joint] / back.commanded
     if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * least / abs(back.commanded):
@@ -103,30 +107,29 @@ def crank_findings(
     ratio = (moved - back.moved[joint]) / (forwards.commanded - back.commanded)
     of_velocity = _rate_findings(joint, forwards)
     findings = [*of_velocity, *_ratio_findings(joint, ratio)]
-    motor = min(1.0, abs(ratio))
-    drive = CrankDrive(_rounded(abs(ratio) / motor), _rounded(1.0 / motor))
     if ratio < 0.0:
         findings.append(Finding(joint, Verdict.REVERSED, _reversed(is_backwards)))
     elif is_backwards:
         text = 'motor and encoder are reversed: both count backwards'
         findings.append(Finding(joint, Verdict.REVERSED, text))
-    if of_velocity or (ratio < 0.0 and is_backwards is None):
+    is_slow = abs(ratio) < 1.0 - UNIT_RATIO_ERROR
+    if of_velocity or is_slow or (ratio < 0.0 and is_backwards is None):
         return findings, None
     motor_sign = -1.0 if is_backwards else 1.0
     encoder_sign = motor_sign if ratio > 0.0 else -motor_sign
-    drive = CrankDrive(encoder_sign * drive.encoder_ratio, motor_sign * drive.motor_ratio)
+    drive = CrankDrive(encoder_sign * _whole(abs(ratio)), motor_sign)
     if not findings:
         text = f'its encoder answers {ratio:.2f} of the command'
         findings.append(Finding(joint, Verdict.OK, text))
     return findings, drive
 
 
-def _still(joint: str, turn: Turn, answering: str, least: float) -> Finding:
+def _still(joint: str, turn: Turn, answering: str) -> Finding:
     """Return why the angle of a crank did not change."""
     if turn.is_repeated:
         text = 'crank_state repeats a message: its stamp stands still'
         return Finding(joint, Verdict.REPEATED, text)
-    if answering != joint and abs(turn.moved[answering]) > least:
+    if answering != joint:
         return _swapped(joint, answering)
     if turn.velocity is not None and abs(turn.velocity) > FROZEN_RATE * abs(turn.rate):
         text = f'its angle stays, though its velocity is {turn.velocity:.2f} rad/s'
@@ -170,8 +173,11 @@ def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
             verdict = Verdict.RPM if unit == 1.0 / RPM else Verdict.DEGREES
             return [Finding(joint, verdict, f'{text} ({size:.3g} of the command)')]
     if size > 1.0:
-        text = f'its encoder turns {size:.3g} times as far: it is before a gear of {size:.3g}'
-        return [Finding(joint, Verdict.RATIO, f'{text}, unless the crank itself turned so far')]
+        text = (
+            f'its encoder turns about {size:.3g} times as far, before a gear of {_whole(size):g}'
+        )
+        remedy = 'check it by the data sheet, and whether the crank itself turned so far'
+        return [Finding(joint, Verdict.RATIO, f'{text}: {remedy}')]
     text = f'it turns {size:.3g} of the command: a gear, a weak motor or a slipping coupling'
     return [Finding(joint, Verdict.RATIO, text)]
 
@@ -185,9 +191,8 @@ def _reversed(is_backwards: bool | None) -> str:
     return 'its motor leads are exchanged' if is_backwards else 'its encoder counts backwards'
 
 
-def _rounded(ratio: float) -> float:
-    """Return a measured ratio; one near 1, or near that of a unit, is exact."""
-    for exact, error in ((1.0, UNIT_RATIO_ERROR), (DEGREES, UNIT_ERROR), (RPM, UNIT_ERROR)):
-        if abs(ratio / exact - 1.0) < error:
-            return exact
-    return float(f'{ratio:.4g}')
+def _whole(ratio: float) -> float:
+    """Return the ratio of degrees, or else the nearest whole ratio of a gear."""
+    if abs(ratio / DEGREES - 1.0) < UNIT_ERROR:
+        return DEGREES
+    return float(max(1, round(ratio)))

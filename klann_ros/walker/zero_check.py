@@ -16,11 +16,12 @@ from klann_ros.gait import Feet, stance
 OFFSETS = tuple(0.1 * k for k in range(-6, 7) if k)
 # A sample is taken where a crank has turned by this angle [rad].
 INTERVAL = 0.3
-# Samples that are remembered, and that are needed.
-MEMORY, LEAST_SAMPLES = 60, 40
-# Variance without an offset, by that with one, and that of measured attitudes [rad^2]. In MuJoCo
-# offsets of 0.3 rad have ratios of 3.3 to 17, of 0.1 rad straight on 4, and none at most 1.3.
-GATE, NOISE = 2.5, radians(0.3) ** 2
+# Samples that are remembered, that are needed, and over which the same crank is the cause.
+MEMORY, LEAST_SAMPLES, CONFIRMATIONS = 60, 30, 20
+# Variance without an offset, by that with one: 3.2 to 17 for offsets of 0.3 rad in MuJoCo, 2 to 5
+# for 0.1 rad straight on. Where the body tips otherwise than was computed, as on slopes in curves,
+# a ratio of 3 is chance; there the variance with any offset is large [rad^2].
+GATE, NOISE, LARGE = 2.5, radians(0.3) ** 2, radians(0.8) ** 2
 # Where an attitude contradicts a support by more, the feet that carry the body are others [rad].
 TOLERANCE = 0.035
 
@@ -62,6 +63,9 @@ class ZeroCheck:
         self._feet = feet
         self._sampled: Sequence[float] | None = None
         self._count = 0
+        # The last cause, and its samples without another one in between.
+        self._cause: ZeroOffset | None = None
+        self._confirmations = 0
         self._without = _Differences()
         cranks = range(len(feet.joints))
         self._with = {(k, offset): _Differences() for k in cranks for offset in OFFSETS}
@@ -78,6 +82,10 @@ class ZeroCheck:
             angles = [*cranks]
             angles[k] -= offset
             self._compare(differences, angles, attitude)
+        before, self._cause = self._cause, self._find_cause()
+        joint = self._cause and self._cause.joint
+        is_same = before is not None and before.joint == joint
+        self._confirmations = self._confirmations + 1 if is_same else 0
 
     def _compare(
         self, differences: _Differences, cranks: Sequence[float], attitude: tuple[float, float]
@@ -90,9 +98,13 @@ class ZeroCheck:
     @property
     def offset(self) -> ZeroOffset | None:
         """Return the offset that explains the tilt of the body, None without a significant one."""
+        return self._cause if self._confirmations >= CONFIRMATIONS else None
+
+    def _find_cause(self) -> ZeroOffset | None:
         variances = {key: differences.variance for key, differences in self._with.items()}
         crank, angle = min(variances, key=variances.__getitem__)
-        without = self._without.variance
-        if self._count < LEAST_SAMPLES or without < max(NOISE, GATE * variances[crank, angle]):
+        least, without = variances[crank, angle], self._without.variance
+        is_shown = least < LARGE and without > max(NOISE, GATE * least)
+        if self._count < LEAST_SAMPLES or not is_shown:
             return None
         return ZeroOffset(self._feet.joints[crank], angle)

@@ -104,7 +104,7 @@ PLAIN = CrankDrive()
         ),
         ('left_crank_degrees', None, [Verdict.DEGREES, Verdict.ABORTED], CrankDrive(DEG)),
         ('left_crank_rpm', None, [Verdict.RPM], None),
-        ('left_crank_gear_ratio=2.5', None, [Verdict.RATIO], CrankDrive(2.5)),
+        ('left_crank_gear_ratio=2.9', None, [Verdict.RATIO], CrankDrive(3.0)),
         ('left_crank_gear_ratio=4', None, [Verdict.RATIO, Verdict.ABORTED], CrankDrive(4.0)),
         (
             'left_crank_gear_ratio=-4',
@@ -112,8 +112,8 @@ PLAIN = CrankDrive()
             [Verdict.RATIO, Verdict.ABORTED, Verdict.REVERSED],
             CrankDrive(-4.0),
         ),
-        ('left_crank_motor_ratio=0.25', None, [Verdict.RATIO], CrankDrive(1.0, 4.0)),
-        ('left_crank_command_rpm', None, [Verdict.RPM], CrankDrive(1.0, 30.0 / pi)),
+        ('left_crank_motor_ratio=0.25', None, [Verdict.RATIO], None),
+        ('left_crank_command_rpm', None, [Verdict.RPM], None),
         ('left_crank_encoder_frozen', None, [Verdict.FROZEN], None),
         ('left_crank_encoder_echo', None, [Verdict.FROZEN], None),
         ('left_crank_encoder_missing', None, [Verdict.MISSING], None),
@@ -135,9 +135,7 @@ def test_a_fault_has_its_verdict_and_its_correction(
     assert ('left_crank' in drives) == (drive is not None)
     assert bool(plant.commissioning.problem) == (drive is None)
     if drive is not None:
-        measured = drives['left_crank']
-        assert measured.encoder_ratio == pytest.approx(drive.encoder_ratio, rel=0.04)
-        assert measured.motor_ratio == pytest.approx(drive.motor_ratio, rel=0.12)
+        assert drives['left_crank'] == drive
     # No crank turned further than it was said, whatever its encoder shows.
     assert plant.largest < radians(11.0)
     assert abs(plant.angles['left_crank']) < radians(1.0)
@@ -147,7 +145,7 @@ def test_commands_in_degrees_are_found_where_the_encoder_is_fine_enough() -> Non
     plant = Plant('left_crank_command_degrees', None)
     plant.run()
     assert ('left', Verdict.DEGREES) in plant.verdicts
-    assert plant.commissioning.drives['left_crank'].motor_ratio == pytest.approx(DEG)
+    assert 'left_crank' not in plant.commissioning.drives
 
 
 def test_both_swapped_cranks_are_named() -> None:

@@ -84,7 +84,7 @@ def test_a_walk_in_mujoco_shows_the_offset_of_its_zero(
     robot = robot_of(str(CONFIG / f'{name}.yaml'))
     walker = Walker(Steering(Feet(robot, foot_radius=0.004)))
     twin = Twin(robot, floor=Floor(slope=slope), sensors=SENSORS)
-    for k in range(2200):
+    for k in range(2700):
         now = 0.01 * k
         imu = twin.imu()
         x, y, z, w = imu.orientation
@@ -99,8 +99,8 @@ def test_a_walk_in_mujoco_shows_the_offset_of_its_zero(
         for joint, rate in zip(twin.joints, command.velocity if command else (), strict=True):
             twin.command(joint, rate)
         twin.step(now + 0.01)
-    _, text = walker.verdict(22.0)
-    shown = walker.values(22.0)['zero_offset']
+    _, text = walker.verdict(27.0)
+    shown = walker.values(27.0)['zero_offset']
     if not any(offsets):
         assert shown == ''
         assert 'the zero of' not in text

@@ -1,0 +1,123 @@
+"""`commission_node` as a process, with a simulated robot that is wired wrongly."""
+
+import fcntl
+import os
+from pathlib import Path
+import signal
+import termios
+from typing import Any
+
+from klann_ros.robot import CrankDrive, robot_from_parameters, solver_section
+import pytest
+from ros_domain import Domain, Process
+from sensor_msgs.msg import JointState
+import yaml
+
+WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
+FILE = ('--ros-args', '--params-file', WALKER)
+
+
+class Commands:
+    """The commands to the cranks."""
+
+    def __init__(self, ros: Domain) -> None:
+        self.probe = ros.probe
+        self._messages: list[JointState] = ros.probe.listen(JointState, 'crank_command')
+
+    def until_turning(self) -> None:
+        self.probe.until(lambda: self._messages and any(self._messages[-1].velocity))
+
+    def until_zero(self) -> None:
+        """Wait for what was under way, and then for the end."""
+        self.probe.until(lambda: list(self._messages[-1].velocity) == [0.0, 0.0])
+
+
+def robot(ros: Domain, faults: str) -> Process:
+    return ros.start('sim_node', *FILE, faults=faults, home_switches=True)
+
+
+def test_wrong_wiring_is_named_and_written(ros: Domain, tmp_path: Path) -> None:
+    robot(ros, 'left_crank_reversed, right_crank_gear_ratio=-2, left_crank_zero=0.4')
+    commands = Commands(ros)
+    options = ('--yes', '--backwards', 'left_crank', '--zero', '-o', 'cranks.yaml')
+    process = ros.start('commission_node', *options, *FILE, feedback_timeout=3.0)
+    commands.until_turning()
+    assert process.wait() == 0, process.output
+    commands.until_zero()
+    assert 'left_crank: wrong sign: its motor leads are exchanged\n' in process.output
+    assert 'right_crank: wrong sign: its encoder counts backwards\n' in process.output
+    assert 'right_crank: gear ratio: its encoder turns ' in process.output
+    text = (tmp_path / 'cranks.yaml').read_text()
+    parameters = {**solver_section(yaml.safe_load(Path(WALKER).read_text()))}
+    written = yaml.safe_load(text)['/**']['ros__parameters']
+    drives = robot_from_parameters({**parameters, **written}).drives
+    left, right = drives.values()
+    assert left == CrankDrive(1.0, -1.0, pytest.approx(0.4, abs=0.05))  # type: ignore[arg-type]
+    assert right.encoder_ratio == pytest.approx(-2.0, rel=0.15)
+    # A file is not replaced unless it is said.
+    again = ros.start('commission_node', *options, *FILE)
+    assert again.wait() == 2
+    assert 'cranks.yaml exists already: --overwrite replaces it' in again.errors
+    assert (tmp_path / 'cranks.yaml').read_text() == text
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_the_cranks(ros: Domain, number: signal.Signals) -> None:
+    robot(ros, 'imu_missing')
+    commands = Commands(ros)
+    process = ros.start('commission_node', '--yes', *FILE, angle=0.6, rate=0.05)
+    commands.until_turning()
+    assert process.stop(number) == 0
+    commands.until_zero()
+    assert 'Traceback' not in process.errors
+
+
+def test_a_key_begins_and_a_key_stops(ros: Domain) -> None:
+    robot(ros, 'imu_missing')
+    commands = Commands(ros)
+    keys, screen = os.openpty()
+    process = Process(
+        'commission_node',
+        *(*FILE, '-p', 'angle:=0.6', '-p', 'rate:=0.05'),
+        domain=ros.domain,
+        cwd=ros.folder,
+        stdin=screen,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )
+    output: Any = process.popen.stdout
+    try:
+        assert output.readline().startswith('left_crank, right_crank will turn by 0.60 rad')
+        assert not commands._messages
+        os.write(keys, b' ')
+        commands.until_turning()
+        os.write(keys, b' ')
+        assert process.wait() == 1
+        commands.until_zero()
+        assert 'commission_node: stopped by a key' in process.output
+    finally:
+        process.release()
+        os.close(keys)
+        os.close(screen)
+
+
+def test_without_a_terminal_it_turns_nothing_unasked(ros: Domain) -> None:
+    process = ros.start('commission_node', *FILE)
+    assert process.wait() == 1
+    assert '--yes turns the cranks without a question' in process.errors
+
+
+def test_it_refuses_to_drive_beside_another_node(ros: Domain) -> None:
+    robot(ros, 'imu_missing')
+    ros.probe.node.create_publisher(JointState, 'crank_command', 10)
+    process = ros.start('commission_node', '--yes', *FILE)
+    assert process.wait() == 1
+    name = ros.probe.node.get_fully_qualified_name()
+    assert f'commission_node: {name} publishes /crank_command: end it first' in process.output
+
+
+def test_an_unknown_joint_is_refused(ros: Domain) -> None:
+    process = ros.start('commission_node', '--yes', '--backwards', 'wheel', *FILE)
+    assert process.wait() == 1
+    words = "--backwards = 'wheel' is refused: it must be of left_crank, right_crank, or none"
+    assert words in process.errors
