@@ -81,16 +81,18 @@ class MotionLimits:
         """Return the limits of the speed and of the yaw rate."""
         linear = AxisLimits(
             self.max_linear,
-            _or(self.max_linear, self.max_linear_backward, 0.0),
+            _chosen(self.max_linear, self.max_linear_backward, 0.0),
             self.max_linear_acceleration,
-            _or(self.max_linear_acceleration, self.max_linear_deceleration, MIN_DECELERATION),
+            _chosen(self.max_linear_acceleration, self.max_linear_deceleration, MIN_DECELERATION),
             self.max_linear_jerk,
         )
         angular = AxisLimits(
             self.max_angular,
-            _or(self.max_angular, self.max_angular_right, 0.0),
+            _chosen(self.max_angular, self.max_angular_right, 0.0),
             self.max_angular_acceleration,
-            _or(self.max_angular_acceleration, self.max_angular_deceleration, MIN_DECELERATION),
+            _chosen(
+                self.max_angular_acceleration, self.max_angular_deceleration, MIN_DECELERATION
+            ),
             self.max_angular_jerk,
         )
         return linear, angular
@@ -123,7 +125,8 @@ class MotionLimits:
         return Twist2D(linear * share, angular * share), hit
 
 
-def _or(default: float, limit: float, lowest: float) -> float:
+def _chosen(default: float, limit: float, lowest: float) -> float:
+    """Return a limit, or where it is below the lowest one a default."""
     return limit if limit >= lowest else default
 
 
@@ -153,8 +156,10 @@ class MotionLimiter:
             _AxisChange.plan(*parts, dt)
             for parts in zip(self.limits.axes, motion, wanted, self._accelerations, strict=True)
         ]
-        shares = [min(c.share for c in changes if c.grows == own.grows) for own in changes]
-        parts = [c.after(share) for c, share in zip(changes, shares, strict=True)]
+        parts = []
+        for change in changes:
+            alike = [other for other in changes if other.grows == change.grows]
+            parts.append(change.after(min(other.share for other in alike)))
         growths = [
             abs(after - before) / dt if change.grows else 0.0
             for change, before, after in zip(changes, motion, parts, strict=True)

@@ -91,9 +91,9 @@ class _Layout(NamedTuple):
         return len(data) == self.size and all(map(data.startswith, self.fixed, self.places))
 
     def joint(self, data: bytes) -> JointReading:
-        sec, nanosec, position, *others = self.numbers.unpack_from(data)
-        velocity = others[0] if self.has_velocity else None
-        effort = others[-1] if self.has_effort else None
+        sec, nanosec, position, *optional = self.numbers.unpack_from(data)
+        velocity = optional[0] if self.has_velocity else None
+        effort = optional[-1] if self.has_effort else None
         return JointReading(position, velocity, sec, nanosec, effort)
 
 

@@ -315,7 +315,8 @@ class WalkerNode(ProcessNode):
         age = self._age(*stamp) if stamp != (0, 0) else _transport_age(info)
         if age is not None:
             self._walker.controller.lock.take_delay(age)
-        self._walker.take_efforts({joint: each.effort for joint, each in joints.items()}, now)
+        efforts = {joint: reading.effort for joint, reading in joints.items()}
+        self._walker.take_efforts(efforts, now)
         at_feet = self._walker.feedback(readings, now, when or None, _transport_age(info))
         if at_feet is not None:
             self._odom.publish(at_feet, *(stamp if stamp != (0, 0) else self._stamp()))
@@ -449,25 +450,15 @@ class ManagedWalkerNode(LifecycleNodeMixin, WalkerNode):
         self._log('activated: it commands the cranks')
         return super().on_activate(state)
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Stop the cranks, and command nothing."""
-        self._end('deactivated: it commands nothing')
-        return super().on_deactivate(state)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the cranks, and command nothing any more."""
-        self._end('shut down: it commands nothing any more')
-        return super().on_shutdown(state)
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the cranks after a transition that failed."""
-        self._end('a transition failed: it commands nothing')
-        return super().on_error(state)
-
-    def _end(self, text: str) -> None:
         self._walker.controller.interlocks.is_active = False
         self.close()
-        self._log(text)
+        self._log('not active: it commands nothing')
+        return TransitionCallbackReturn.SUCCESS
+
+    # Also after a transition that failed.
+    on_shutdown = on_error = on_deactivate
 
 
 def _steady_time() -> float:
