@@ -33,8 +33,9 @@ from .declarations import TYPE_REMEDIES, WATCHDOG_PARAMETERS
 
 # Period of the timer, in timeouts: zero is late by this part of the timeout.
 TICKS = 0.1
-# Zero is repeated with this period [s]: a command that was on its way may arrive after it.
-REPEAT_PERIOD = 0.5
+# Zero is repeated with this period [s]: it may be lost, as where walker_node was killed while it
+# held the shared memory of the middleware, and a command that was on its way may arrive after it.
+REPEAT_PERIOD = 0.1
 
 
 class WatchdogNode(ProcessNode):
@@ -51,8 +52,8 @@ class WatchdogNode(ProcessNode):
         self._publisher = create_publisher(self, Float64MultiArray, 'crank_command')
         # Arrival of the last command of another node, and time of the last zero [s].
         self._heard = self._sent = monotonic()
-        # The middleware delivers a node's messages to its subscriptions too.
-        self._expects_echo = False
+        # Zeros that the middleware has still to deliver to this node's own subscription.
+        self._expected_echoes = 0
         self._is_silent = False
         self._timeouts = 0
         subscribe_raw(self, Float64MultiArray, 'crank_command', self._on_command)
@@ -69,9 +70,11 @@ class WatchdogNode(ProcessNode):
         return 0
 
     def _on_command(self, data: bytes, _: Info) -> None:
-        if self._expects_echo and data == self._zero:
-            self._expects_echo = False
+        if self._expected_echoes and data == self._zero:
+            self._expected_echoes -= 1
             return
+        # Echoes may be lost.
+        self._expected_echoes = 0
         self._heard = monotonic()
 
     def _on_timer(self) -> None:
@@ -85,7 +88,8 @@ class WatchdogNode(ProcessNode):
             text = f'no command for {self._timeout:g} s: zero is sent'
             self.get_logger().warning(f'{self._publisher.topic_name}: {text}')
         if not was_silent or now - self._sent > REPEAT_PERIOD:
-            self._sent, self._expects_echo = now, True
+            self._sent = now
+            self._expected_echoes += 1
             self._publisher.publish(self._zero)
 
     def _report(self) -> None:
