@@ -29,6 +29,8 @@ from .settings import ControllerSettings
 
 # Greatest product of the proportional gain of the phase lock and the delay of the feedback [rad].
 MAX_DELAY_PHASE = 0.6
+# A larger delay is reported [s].
+LATE_FEEDBACK = 0.15
 # A larger delay by stamps is a difference of clocks [s]; share of a reading in the mean delay.
 MAX_DELAY, DELAY_SHARE = 2.0, 0.02
 
@@ -132,6 +134,14 @@ class PhaseLock:
         """Take the delay of a reading [s]; one of another clock says nothing."""
         if 0.0 <= delay < MAX_DELAY:
             self.delay += DELAY_SHARE * (delay - self.delay)
+
+    @property
+    def delay_warning(self) -> str:
+        """Return that the feedback is late, '' if it is not."""
+        if self.delay < LATE_FEEDBACK:
+            return ''
+        text = f'the feedback is {self.delay:.2f} s old by its stamps'
+        return f'{text}: late, or the clocks differ; the phase lock is slow'
 
     def reset(self, positions: Sequence[float]) -> None:
         """Restart the set points at measured angles [rad]; learned speed errors stay."""

@@ -15,8 +15,6 @@ from .monitors import FollowingMonitor
 from .settings import ControllerSettings
 
 STANDS = Twist2D(0.0, 0.0)
-# A larger delay of the feedback is reported [s].
-LATE_FEEDBACK = 0.15
 
 
 class WalkController:
@@ -276,17 +274,11 @@ class WalkController:
 
     def _warning(self, now: float) -> str:
         """Return what a user should know of a walker that works, '' if there is nothing."""
-        if self.loop.is_clock_slow:
-            text = f'/clock advances every {self.loop.period:.2f} s only: too rarely to walk'
-            return f'{text}, it needs {1.0 / self.settings.max_gap:.0f} Hz'
-        if event := self.events.recent(now):
-            return event
-        if self.lock.delay > LATE_FEEDBACK:
-            text = f'the feedback is {self.lock.delay:.2f} s old by its stamps'
-            return f'{text}: late, or the clocks differ; the phase lock is slow'
-        suspicions = [crank.units.suspicion for crank in self.cranks if crank.units.suspicion]
-        if suspicions:
-            return '; '.join(suspicions)
+        units = (crank.units.suspicion for crank in self.cranks)
+        clock = self.loop.clock_warning(self.settings.max_gap)
+        for warning in (clock, self.events.recent(now), self.lock.delay_warning, *units):
+            if warning:
+                return warning
         if self.lock.rate_scale < 1.0 and self.motion != STANDS:
             lags = [degrees(abs(error)) for error in self.lock.errors]
             joint = self.cranks[lags.index(max(lags))].joint

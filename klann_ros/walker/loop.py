@@ -82,7 +82,9 @@ class ControlLoop:
         """Return how long the clock has stood still [s]."""
         return self._advance.age(now) if now == self.time else 0.0
 
-    @property
-    def is_clock_slow(self) -> bool:
-        """Return whether the clock advances too rarely to walk."""
-        return self._slow_advances >= SLOW_ADVANCES
+    def clock_warning(self, max_gap: float) -> str:
+        """Return that the clock advances too rarely to walk, '' if it does not."""
+        if self._slow_advances < SLOW_ADVANCES:
+            return ''
+        text = f'/clock advances every {self.period:.2f} s only: too rarely to walk'
+        return f'{text}, it needs {1.0 / max_gap:.0f} Hz'

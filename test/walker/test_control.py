@@ -539,6 +539,44 @@ def test_only_what_was_sent_before_the_end_of_a_pause_waited() -> None:
     assert watchdog.delay(-39.9, 2.15) == 0.0
 
 
+@pytest.mark.parametrize(('seconds', 'begins_anew'), [(0.25, False), (0.35, True), (1.4, True)])
+def test_after_a_long_pause_it_starts_from_standstill(
+    steering: Steering, seconds: float, *, begins_anew: bool
+) -> None:
+    bench = Bench(steering, [1.0, 1.0]).run(3.0)
+    bench.pause(seconds)
+    bench.run(0.05)
+    # In 0.2 s at most, of which it may have walked half while the queue was drained.
+    assert (bench.control.motion.linear < 0.07) == begins_anew
+    assert bench.run(1.0).control.motion.linear == pytest.approx(0.15)
+
+
+def test_a_queue_is_drained_within_a_second() -> None:
+    watchdog = Watchdog()
+    for now, transport_age in ((1.0, -40.0), (1.5, -40.0)):
+        assert watchdog.delay(transport_age, now) == 0.0
+    watchdog.pause(2.0)
+    # A clock that was set by 2 s during the pause looks like a queue, but not for ever.
+    assert watchdog.delay(-38.0, 2.9) == pytest.approx(2.0)
+    assert watchdog.delay(-38.0, 3.1) == 0.0
+
+
+@pytest.mark.parametrize('linear', [0.3, -0.3])
+@pytest.mark.parametrize('angular', [0.0, 0.2, -0.2])
+def test_no_crank_turns_faster_than_it_may_to_either_side(
+    steering: Steering, linear: float, angular: float
+) -> None:
+    for motion in (Twist2D(linear, angular), Twist2D(0.0, angular)):
+        limits = MotionLimits(max_linear=1.0, max_angular=1.0, max_crank_rate=0.8)
+        bench = Bench(steering, [1.0, 1.0], limits=limits)
+        bench.twist = tuple(motion)
+        bench.run(8.0)
+        assert -0.8 - 1e-9 <= bench.least <= bench.most <= 0.8 + 1e-9
+        allowed, active = limits.motion(motion, steering.rates)
+        assert max(map(abs, steering.rates(allowed))) <= 0.8 + 1e-9
+        assert ('max_crank_rate' in active) == (max(map(abs, steering.rates(motion))) > 0.8)
+
+
 @pytest.mark.parametrize('error', [2.0, 0.3, -0.3, -2.0])
 @pytest.mark.parametrize('linear', [0.15, -0.15, 0.0])
 def test_an_error_is_made_up_at_no_more_than_the_commanded_rate(
