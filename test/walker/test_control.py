@@ -577,6 +577,25 @@ def test_no_crank_turns_faster_than_it_may_to_either_side(
         assert ('max_crank_rate' in active) == (max(map(abs, steering.rates(motion))) > 0.8)
 
 
+@pytest.mark.parametrize('linear', [0.3, -0.3])
+def test_set_points_turn_no_faster_than_cranks_may_to_either_side(
+    steering: Steering, linear: float
+) -> None:
+    limits = MotionLimits(max_linear=1.0, max_crank_rate=0.8)
+    bench = Bench(steering, [1.0, 1.0], limits=limits)
+    bench.twist = (linear, 0.0)
+    bench.run(3.0)
+    for _ in range(200):
+        before = bench.control.lock.targets
+        # The body stays behind, so that more than the limit is wanted.
+        bench.control.measured(STANDS, DT)
+        bench.run(DT)
+        both = zip(before, bench.control.lock.targets, strict=True)
+        moves = [abs(after - was) for was, after in both]
+        assert max(moves) <= 0.8 * DT + 1e-9
+    assert min(moves) > 0.7 * DT
+
+
 @pytest.mark.parametrize('error', [2.0, 0.3, -0.3, -2.0])
 @pytest.mark.parametrize('linear', [0.15, -0.15, 0.0])
 def test_an_error_is_made_up_at_no_more_than_the_commanded_rate(

@@ -410,3 +410,58 @@ def test_a_late_cycle_that_stamps_itself_is_no_offset(rate: float, ticks: int) -
         now = max(now + 1e-4, stamp + late * DT)
         assert crank.read(rate * now, rate, now, at=stamp) == 0.0
     assert crank.offsets == 0
+
+
+@pytest.mark.parametrize('resolution', [0.0, 2.0 * pi / 64])
+@pytest.mark.parametrize('offset', [-0.1, -0.16, -0.3, 0.3, -1.5, 2.0 * pi])
+def test_an_encoder_that_slips_or_restarts_is_no_fault(
+    steering: Steering, offset: float, resolution: float
+) -> None:
+    for begin in (0.6, 1.5, 1.53, 3.0):
+        walk = FaultyWalk(steering, [Motor(), Motor(resolution=resolution)]).run(begin)
+        walk.motors[1].position += offset
+        walk.run(4.0)
+        assert walk.control.latch.fault is None
+
+
+@pytest.mark.parametrize('turned', [-0.5, 0.5])
+def test_a_crank_that_is_turned_by_hand_at_standstill_is_no_fault(
+    steering: Steering, turned: float
+) -> None:
+    walk = FaultyWalk(steering, [Motor(), Motor()]).run(1.0)
+    walk.twist = (0.0, 0.0)
+    walk.run(1.5)
+    for _ in range(100):
+        walk.motors[1].position += turned / 100.0
+        walk.run(DT)
+    walk.twist = (0.15, 0.0)
+    walk.run(3.0)
+    assert walk.control.latch.fault is None
+
+
+def test_a_simulation_that_restarts_is_no_fault(steering: Steering) -> None:
+    walk = FaultyWalk(steering, [Motor(), Motor()])
+    for seconds in (2.0, 2.3, 1.7):
+        walk.run(seconds)
+        walk._ticks = 0
+        walk._readings.clear()
+        for motor in walk.motors:
+            motor.position = motor.rate = motor.command = 0.0
+        walk.run(3.0)
+        assert walk.control.latch.fault is None
+        assert all(motor.command > 0.5 for motor in walk.motors)
+
+
+def test_motors_that_pause_with_their_feedback_are_no_fault(steering: Steering) -> None:
+    walk = FaultyWalk(steering, [Motor(), Motor()]).run(2.0)
+    for pause in (0.15, 0.25, 0.28, 0.6):
+        # The motors hold, nobody publishes, and the walker goes on.
+        for _ in range(round(pause / DT)):
+            walk._ticks += 1
+            walk.now = walk._ticks * DT
+            walk.control.command(*walk.twist, walk.now)
+            command = walk.control.step(walk.now)
+        assert command is not None
+        walk.run(1.5)
+        assert walk.control.latch.fault is None
+        assert all(motor.command > 0.5 for motor in walk.motors)
