@@ -94,7 +94,9 @@ def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
     def walk(first: int, last: int) -> OdometryEstimate | None:
         for k in range(first, last):
             readings = {'left_crank': (0.01 * k, 1.0), 'right_crank': (0.01 * k, 1.0)}
+            walker.controller.command(0.15, 0.0, 0.01 * k)
             found = walker.feedback(readings, 0.01 * k)
+            walker.controller.step(0.01 * k)
         return found
 
     before = walk(0, 200)
