@@ -87,6 +87,19 @@ def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
     )
 
 
+def test_a_set_pose_is_independent_of_what_else_is_known(feet: Feet) -> None:
+    odometry = Odometry(feet)
+    walked(odometry, 0, 300)
+    before = odometry.state.covariance.copy()
+    assert np.abs(before[:3, 3:]).max() > 0.0
+    odometry.set_pose((1.0, 2.0, 3.0), np.array(COVARIANCE))
+    after = odometry.state.covariance
+    assert not after[:3, 3:].any()
+    assert not after[3:, :3].any()
+    assert (after[3:, 3:] == before[3:, 3:]).all()
+    assert (after[:3, :3] == COVARIANCE).all()
+
+
 @pytest.mark.parametrize('factor', [1.0, 1.1])
 def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
     walker = Walker(Steering(feet), scale=OdometryScale(factor, factor))
