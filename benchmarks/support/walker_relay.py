@@ -52,7 +52,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
     def _relay_raw(self, data: bytes, _: Any) -> None:
         *_, sec, nanosec = self._reader.read(data)[CRANKS[0]]
         odom, command = self._filled
-        self._odom.publish(odom.fill(sec, nanosec, (0.0,) * 85))
+        self._odom.publish(odom.fill(sec, nanosec, (0.0,) * 28))
         self._commands.publish(command.fill(sec, nanosec, (0.0, 0.0), (0.0, 0.0)))
 
     def _relay(self, message: JointState, _: Any) -> None:

@@ -37,9 +37,12 @@ UNIT_TOLERANCE = 1e-2
 _FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
 # No walking body turns faster [rad/s].
 MAX_ANGULAR_RATE = 100.0
-# Variance of the velocities z, roll and pitch, which only tilting causes.
-_TILTING_VARIANCE = 1e-2
-_ZEROS = (0.0, 0.0, 0.0)
+# Variances of the velocities z, roll and pitch, which only tilting causes.
+_TILTING_VARIANCES = (1e-2, 1e-2, 1e-2)
+# Places of the numbers of a pose, of an Odometry that are not always 0: pose and covariance of a
+# planar motion with variances of z, roll and pitch, its velocity, and their variances.
+_POSE = '7d'
+_ODOMETRY = f'{_POSE}2d24xd2d24xd16xd48xd48xd8x2d24xd2d24xdd48xd48xd48xd48xd48xd'
 # The places of x, y and yaw in a covariance of six, and rounding errors of its eigenvalues.
 _PLANE = [0, 1, 5]
 MAX_ROUNDING = 1e-9
@@ -48,15 +51,19 @@ _ARRAYS = {'velocities': Float64MultiArray, 'velocities_float32': Float32MultiAr
 
 
 class NumbersTemplate:
-    """A message with `_STAMP` and `_MARK`, of which only its stamp and a run of numbers change."""
+    """
+    A message with `_STAMP` and `_MARK`: only its stamp and numbers from the mark on change.
 
-    def __init__(self, message: Any, count: int) -> None:
+    Their places are in struct's notation; between them are zeros.
+    """
+
+    def __init__(self, message: Any, places: str) -> None:
         whole = bytes(serialize_message(message))
         stamp = whole.index(struct.pack('<iI', *_STAMP))
         first = whole.index(struct.pack('<d', _MARK))
         self._head, self._middle = whole[:stamp], whole[slice(stamp + 8, first)]
-        self._tail = whole[slice(first + 8 * count, None)]
-        parts = f'{len(self._head)}siI{len(self._middle)}s{count}d{len(self._tail)}s'
+        self._tail = whole[slice(first + struct.calcsize(f'<{places}'), None)]
+        parts = f'{len(self._head)}siI{len(self._middle)}s{places}{len(self._tail)}s'
         self._layout = struct.Struct(f'<{parts}')
 
     def fill(self, sec: int, nanosec: int, numbers: Sequence[float]) -> bytes:
@@ -65,12 +72,12 @@ class NumbersTemplate:
 
 
 def odometry_template(frame: str, child: str) -> NumbersTemplate:
-    """Return a nav_msgs/Odometry: pose, its covariance, twist, its covariance."""
+    """Return a nav_msgs/Odometry of the numbers at `_ODOMETRY`."""
     message = Odometry(child_frame_id=child)
     message.header.frame_id = frame
     message.header.stamp.sec, message.header.stamp.nanosec = _STAMP
     message.pose.pose.position.x = _MARK
-    return NumbersTemplate(message, 7 + 36 + 6 + 36)
+    return NumbersTemplate(message, _ODOMETRY)
 
 
 def transform_template(frame: str, child: str, kind: Any) -> NumbersTemplate:
@@ -79,7 +86,7 @@ def transform_template(frame: str, child: str, kind: Any) -> NumbersTemplate:
     transform.header.frame_id = frame
     transform.header.stamp.sec, transform.header.stamp.nanosec = _STAMP
     transform.transform.translation.x = _MARK
-    return NumbersTemplate(kind(transforms=[transform]), 7)
+    return NumbersTemplate(kind(transforms=[transform]), _POSE)
 
 
 class TwistReading(NamedTuple):
@@ -249,28 +256,14 @@ class OdomOutput:
         if not isfinite(at.z):
             return
         pose = (at.x, at.y, at.z, *_quaternion(at.roll, at.pitch, at.yaw))
-        twist = (*at.linear, 0.0, 0.0, 0.0, at.angular)
-        x, y, turn = at.rate_variances
-        rates = (x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, turn)
-        covariance = _covariance(at.covariance, self._height, self._tilt)
-        of_twist = _covariance(rates, _TILTING_VARIANCE, _TILTING_VARIANCE)
-        numbers = (*pose, *covariance, *twist, *of_twist)
+        x, y, yaw = at.covariance
+        plane = (*x, *y, self._height, self._tilt, self._tilt, *yaw)
+        variance_x, variance_y, variance_yaw = at.rate_variances
+        rates = (variance_x, variance_y, *_TILTING_VARIANCES, variance_yaw)
+        numbers = (*pose, *plane, *at.linear, at.angular, *rates)
         self._odom.publish(self._odom_template.fill(sec, nanosec, numbers))
         if self._tf is not None:
             self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
-
-
-def _covariance(plane: Sequence[Sequence[float]], height: float, tilt: float) -> tuple[float, ...]:
-    """Return that of x, y, z, roll, pitch and yaw, row by row; `plane` is that of x, y and yaw."""
-    (xx, xy, xt), (yx, yy, yt), (tx, ty, tt) = plane
-    return (
-        *(xx, xy, *_ZEROS, xt),
-        *(yx, yy, *_ZEROS, yt),
-        *(0.0, 0.0, height, *_ZEROS),
-        *(*_ZEROS, tilt, 0.0, 0.0),
-        *(*_ZEROS, 0.0, tilt, 0.0),
-        *(tx, ty, *_ZEROS, tt),
-    )
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

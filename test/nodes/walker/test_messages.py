@@ -11,6 +11,7 @@ from klann_ros.nodes.walker.messages import (
     transform_template,
 )
 from nav_msgs.msg import Odometry
+import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu
@@ -18,16 +19,23 @@ from sensor_msgs.msg import Imu
 
 @pytest.mark.parametrize('frame', ['odom', 'a', 'map/of_the_hall'])
 def test_odometry_is_filled_in_where_its_numbers_are(frame: str) -> None:
-    numbers = [float(k) for k in range(85)]
+    numbers = [float(k) for k in range(1, 29)]
     data = odometry_template(frame, 'base_link').fill(5, 7, numbers)
     read = deserialize_message(data, Odometry)
     assert (read.header.stamp.sec, read.header.stamp.nanosec) == (5, 7)
     assert (read.header.frame_id, read.child_frame_id) == (frame, 'base_link')
-    assert read.pose.pose.position.z == 2.0
-    assert read.pose.pose.orientation.w == 6.0
-    assert list(read.pose.covariance) == numbers[7:43]
-    assert read.twist.twist.angular.z == 48.0
-    assert list(read.twist.covariance) == numbers[49:]
+    place, turned = read.pose.pose.position, read.pose.pose.orientation
+    assert [place.x, place.y, place.z] == [1.0, 2.0, 3.0]
+    assert [turned.x, turned.y, turned.z, turned.w] == [4.0, 5.0, 6.0, 7.0]
+    x, y, z, roll, pitch, yaw = read.pose.covariance.reshape(6, 6).tolist()
+    assert (x, y) == ([8, 9, 0, 0, 0, 10], [11, 12, 0, 0, 0, 13])
+    assert (z, roll, pitch) == ([0, 0, 14, 0, 0, 0], [0, 0, 0, 15, 0, 0], [0, 0, 0, 0, 16, 0])
+    assert yaw == [17, 18, 0, 0, 0, 19]
+    linear, angular = read.twist.twist.linear, read.twist.twist.angular
+    assert [linear.x, linear.y, linear.z] == [20.0, 21.0, 0.0]
+    assert [angular.x, angular.y, angular.z] == [0.0, 0.0, 22.0]
+    assert np.diag(read.twist.covariance.reshape(6, 6)).tolist() == [23, 24, 25, 26, 27, 28]
+    assert np.count_nonzero(read.twist.covariance) == 6
 
 
 def test_a_transform_is_filled_in_where_its_numbers_are() -> None:
