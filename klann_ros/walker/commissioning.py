@@ -265,7 +265,8 @@ class Commissioning:
         elif abs(gain - 1.0) > 0.5:
             text = f'its gyro shows {gain:.2f} of the tilt of the body: check its axes'
             self._imu_finding(Verdict.AXES, text)
-        if feet is not None:
+        # An answer of a crank that is wired wrongly may be that of another one.
+        if feet is not None and len(self.drives) == len(self._joints):
             self._judge_heading(feet)
 
     def _judge_heading(self, feet: Feet) -> None:
@@ -274,8 +275,7 @@ class Commissioning:
         for joint, (tilt, _) in self.tilts.items():
             angles = [predicted_tilt(feet, joint, sign * self._settings.angle) for sign in (1, -1)]
             predicted = min(angles, key=lambda angle: abs(abs(angle) - abs(tilt)))
-            is_shown = min(abs(tilt), abs(predicted)) > 2.0 * LEAST_TILT
-            if is_shown and joint in self.drives:
+            if min(abs(tilt), abs(predicted)) > 2.0 * LEAST_TILT:
                 along += tilt * predicted.conjugate()
         if along and abs(phase(along)) > radians(60.0):
             # Roll + j pitch of a body is turned against its IMU: within 5 deg.

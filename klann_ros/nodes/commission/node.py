@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from functools import partial
+from math import degrees
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -148,8 +149,9 @@ class CommissionNode(ProcessNode):
         elif not self._has_asked:
             self._has_asked = True
             joints = ', '.join(map(printable, self._joints))
+            angle = degrees(self._settings.angle)
             print(
-                f'{joints} will turn by {self._settings.angle:.2f} rad, one after the other, '
+                f'{joints} will turn by {angle:.0f} deg, one after the other, '
                 'forwards first (feet on the ground go back) and then back. Look which way.\n'
                 'Keep clear. The space bar begins, and stops.',
                 flush=True,

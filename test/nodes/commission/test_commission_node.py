@@ -87,7 +87,7 @@ def test_a_key_begins_and_a_key_stops(ros: Domain) -> None:
     )
     output: Any = process.popen.stdout
     try:
-        assert output.readline().startswith('left_crank, right_crank will turn by 0.60 rad')
+        assert output.readline().startswith('left_crank, right_crank will turn by 34 deg')
         assert not commands._messages
         os.write(keys, b' ')
         commands.until_turning()
