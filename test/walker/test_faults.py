@@ -11,6 +11,7 @@ from klann_ros.walker import (
     DiagnosticLevel,
     FaultKind,
     imu_reading,
+    MotionLimits,
     WalkController,
     Walker,
 )
@@ -272,7 +273,10 @@ def test_an_imu_on_its_head_never_drives(steering: Steering, degrees: float) -> 
     assert 'check its axes' in body.walker.verdict(DT)[1]
     body.feel(2.0, radians(degrees))
     assert body.positions == [0.0, 0.0]
-    assert body.walker.values(body.ticks * DT)['fault'] == 'TILTED'
+    values = body.walker.values(body.ticks * DT)
+    assert values['fault'] == 'TILTED'
+    # The attitude of a body on its head says nothing about its feet.
+    assert values['imu'] == 'none'
 
 
 def test_a_body_that_falls_freely_stops(steering: Steering) -> None:
@@ -421,6 +425,16 @@ def test_an_encoder_that_slips_or_restarts_is_no_fault(
         walk = FaultyWalk(steering, [Motor(), Motor(resolution=resolution)]).run(begin)
         walk.motors[1].position += offset
         walk.run(4.0)
+        assert walk.control.latch.fault is None
+
+
+@pytest.mark.parametrize('delay', [0.1, 0.25])
+def test_a_motor_that_is_reversed_has_time_to_stop(steering: Steering, delay: float) -> None:
+    limits = MotionLimits(max_linear_acceleration=10.0)
+    walk = FaultyWalk(steering, [Motor(delay=delay), Motor(delay=delay)], limits=limits)
+    for linear in (0.25, -0.25, 0.25, -0.25):
+        walk.twist = (linear, 0.0)
+        walk.run(1.2)
         assert walk.control.latch.fault is None
 
 
