@@ -1,11 +1,13 @@
 """The parameters of `commission_node`, besides those of its robot."""
 
 from klann_ros.nodes.parameters import Declaration, number
+from klann_ros.nodes.solver.declarations import ENCODERS
 from klann_ros.nodes.walker.declarations import COMMANDS
 from klann_ros.walker import CommissioningSettings
 
 _SETTINGS = CommissioningSettings()
 COMMISSION_PARAMETERS = (
+    *ENCODERS,
     number('angle', round(_SETTINGS.angle, 4), 'each crank turns so far [rad]', 0.02, 0.6),
     number('rate', _SETTINGS.rate, 'so fast [rad/s]', 0.02, 1.0),
     number(

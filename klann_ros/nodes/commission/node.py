@@ -1,7 +1,7 @@
 """`commission_node`: turns each crank a little, and says how its motor and encoder are wired."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -9,12 +9,20 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.gait import Feet, NoWalkerError
-from klann_ros.nodes.endpoints import create_steady_timer, node_of, QOS_USAGE, subscribe_raw
+from klann_ros.nodes.encoders import encoder_topics, TicksReader
+from klann_ros.nodes.endpoints import (
+    create_steady_timer,
+    node_of,
+    QOS_USAGE,
+    subscribe_raw,
+    TypeCheck,
+)
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.player.keyboard import Keyboard
 from klann_ros.nodes.process import arguments, Finish, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info
-from klann_ros.nodes.solver.cdr import JointsReader
+from klann_ros.nodes.solver.cdr import JointReading, JointsReader
+from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.nodes.walker.messages import CrankOutput
 from klann_ros.robot import CrankDrive, Robot
@@ -25,7 +33,7 @@ from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import Commissioning, CommissioningSettings, CrankCommand, CrankDrives, Rates
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Int32
 
 from .declarations import COMMISSION_PARAMETERS
 
@@ -58,7 +66,13 @@ class CommissionNode(ProcessNode):
         drives = CrankDrives(dict.fromkeys(self._joints, CrankDrive()))
         self._commands = CrankOutput(self, drives, values['command_type'])
         self._reader = JointsReader(self._joints)
-        subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        self._types = TypeCheck(self, ENCODER_REMEDIES)
+        encoders = encoder_topics(self._joints, values)
+        for joint, topic in encoders.items():
+            reader = TicksReader(values['counts_per_turn'])
+            subscribe_raw(self, Int32, topic, partial(self._on_ticks, joint, reader))
+        if not encoders:
+            subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
         self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
         self._closed = dict.fromkeys(self._joints if options.home else (), False)
         for joint in self._closed:
@@ -98,11 +112,23 @@ class CommissionNode(ProcessNode):
         except ValueError as error:
             text = f'crank_state is rejected: {printable(error)}'
             self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
-            return
-        last = next(iter(readings.values()))
+        else:
+            last = next(iter(readings.values()))
+            self._feed_back(readings, last.sec + last.nanosec / 1e9)
+
+    def _on_ticks(self, joint: str, reader: TicksReader, data: bytes, info: Info) -> None:
+        try:
+            reading = JointReading(reader.read(data), None, 0, 0)
+        except ValueError as error:
+            text = f'crank_state of {printable(joint)} is rejected: {printable(error)}'
+            self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
+        else:
+            self._feed_back({joint: reading}, info['source_timestamp'] / 1e9)
+
+    def _feed_back(self, readings: Mapping[str, JointReading], stamp: float) -> None:
         self._heard = self._commissioning.now = monotonic()
         encoders = {joint: (each.position, each.velocity) for joint, each in readings.items()}
-        self._commissioning.feedback(encoders, last.sec + last.nanosec / 1e9)
+        self._commissioning.feedback(encoders, stamp)
 
     def _on_imu(self, message: Imu) -> None:
         self._commissioning.now = monotonic()
@@ -115,6 +141,7 @@ class CommissionNode(ProcessNode):
     # The procedure.
 
     def _on_timer(self) -> None:
+        self._types.check()
         now = self._commissioning.now = monotonic()
         problem = self._problem(now)
         if problem:

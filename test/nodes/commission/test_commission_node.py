@@ -32,15 +32,18 @@ class Commands:
         self.probe.until(lambda: list(self._messages[-1].velocity) == [0.0, 0.0])
 
 
-def robot(ros: Domain, faults: str) -> Process:
-    return ros.start('sim_node', *FILE, faults=faults, home_switches=True)
+def robot(ros: Domain, faults: str, **types: object) -> Process:
+    return ros.start('sim_node', *FILE, faults=faults, home_switches=True, **types)
 
 
-def test_wrong_wiring_is_named_and_written(ros: Domain, tmp_path: Path) -> None:
-    robot(ros, 'left_crank_reversed, right_crank_gear_ratio=-2, left_crank_zero=0.4')
+@pytest.mark.parametrize('types', [{}, {'crank_state_type': 'ticks', 'counts_per_turn': 4096}])
+def test_wrong_wiring_is_named_and_written(
+    ros: Domain, tmp_path: Path, types: dict[str, Any]
+) -> None:
+    robot(ros, 'left_crank_reversed, right_crank_gear_ratio=-2, left_crank_zero=0.4', **types)
     commands = Commands(ros)
     options = ('--yes', '--backwards', 'left_crank', '--zero', '-o', 'cranks.yaml')
-    process = ros.start('commission_node', *options, *FILE, feedback_timeout=3.0)
+    process = ros.start('commission_node', *options, *FILE, feedback_timeout=3.0, **types)
     commands.until_turning()
     assert process.wait() == 0, process.output
     commands.until_zero()
