@@ -1,5 +1,6 @@
-"""How far an accelerometer is believed: what friction would have to do where it is right."""
+"""How far an accelerometer is believed: by its mean at standstill, and by the feet on the way."""
 
+from enum import Enum
 from math import exp, hypot
 
 from klann_ros.dynamics import GRAVITY
@@ -8,42 +9,107 @@ from .imu import ImuIncrement
 from .settings import OdometryNoise
 
 
+class AccelerometerState(Enum):
+    """How an accelerometer is used, in the words of the diagnostics."""
+
+    NONE = 'none'
+    UNKNOWN = 'unknown until it rests'
+    USED = 'used'
+    NOT_BELIEVED = 'not believed'
+
+
 class AccelerometerMonitor:
     """
-    The friction that the measured acceleration needs, by the largest.
+    Decide how far an accelerometer is believed.
 
-    `innovation_square` is its mean square over `slope_time`.
+    Friction corrects the velocity that it measures. Where the mean correction needs more friction
+    than is usual, noise of the accelerometer is the reason: joints with play rattle, and an IMU
+    that samples instants loses impacts. So its variance grows until the correction is usual. One
+    that would have to be so noisy that it measures no more than friction does is rejected for a
+    while, each time for twice as long.
+
+    Attributes
+    ----------
+    innovation_square : float
+        Mean square of `innovation` over `slope_time`.
+    noise_factor : float
+        Of the variance of its noise.
+
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
         self._noise = noise
         self.innovation_square = 0.0
+        self.noise_factor = 1.0
         # Mean force that friction adds to the accelerometer, by the largest.
         self._force = 0j
         # Mean size of the measured horizontal acceleration [m/s^2].
         self._shaking = 0.0
+        # Time at standstill [s], and the mean specific force less gravity there [m/s^2].
+        self._rested = 0.0
+        self._mean = [0.0, 0.0, 0.0]
+        # Time for which it is rejected, and that of the next rejection [s].
+        self._wait = 0.0
+        self._next_wait = 2.0 * noise.settling_time
 
     @property
     def innovation(self) -> float:
         """Return the friction that the measured motion needs in the mean, by the largest."""
         return abs(self._force)
 
+    @property
+    def state(self) -> AccelerometerState:
+        """Return the state of an accelerometer."""
+        if self._wait > 0.0:
+            return AccelerometerState.NOT_BELIEVED
+        if self._rested < self._noise.settling_time:
+            return AccelerometerState.UNKNOWN
+        is_plausible = max(map(abs, self._mean)) < self._noise.max_accelerometer_bias
+        return AccelerometerState.USED if is_plausible else AccelerometerState.NOT_BELIEVED
+
     def stop(self) -> None:
-        """Forget the mean."""
+        """Forget the mean correction."""
         self._force = 0j
 
-    def forget(self) -> None:
-        """Begin again, after the accelerometer was rejected."""
+    def rest(self, taken: ImuIncrement) -> None:
+        """Take a measurement at standstill."""
+        if taken.delta_velocity is None or not taken.span:
+            return
+        self._rested += taken.span
+        # The mean of the last seconds.
+        share = min(1.0, taken.span / min(self._rested, 4.0 * self._noise.settling_time))
+        both = zip(self._mean, taken.delta_velocity, strict=True)
+        self._mean = [mean + share * (part / taken.span - mean) for mean, part in both]
+
+    def reject(self, *, is_at_rest: bool) -> None:
+        """Reject it for a while; at standstill until it has rested again."""
         self._force = 0j
-        self._shaking = 0.0
+        self.noise_factor = self._noise.max_noise_factor / 10.0
+        if is_at_rest:
+            # While a body settles on its feet its acceleration is mistaken for a bias.
+            self._rested = 0.0
+        else:
+            self._wait = self._next_wait
+            self._next_wait = min(2.0 * self._wait, self._noise.max_rejection)
+
+    def elapse(self, seconds: float) -> None:
+        """Let time pass: it is tried again, the sooner the longer it was right."""
+        self._wait = max(0.0, self._wait - seconds)
+        if not self._wait:
+            least = 2.0 * self._noise.settling_time
+            share = exp(-seconds / self._noise.max_rejection)
+            self._next_wait = max(least, share * self._next_wait)
 
     def is_contradicted(self, force: complex, dt: float) -> bool:
-        """Learn how hard friction corrects the accelerometer; return whether that is too much."""
+        """Learn by which friction the feet correct it; return whether that is too much."""
         n = self._noise
         self._force += (1.0 - exp(-dt / n.innovation_time)) * (force - self._force)
         square = self.innovation**2 - self.innovation_square
         self.innovation_square += min(1.0, dt / n.slope_time) * square
-        return self.innovation > n.innovation_gate
+        excess = (self.innovation / n.expected_innovation) ** 2 - 1.0
+        self.noise_factor *= exp(dt / n.innovation_time * min(excess, 3.0))
+        self.noise_factor = max(1.0, self.noise_factor)
+        return self.noise_factor > n.max_noise_factor
 
     def is_shaken(self, taken: ImuIncrement, seconds: float) -> bool:
         """Return whether it measures for a second what no feet can do."""

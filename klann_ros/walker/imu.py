@@ -6,8 +6,6 @@ reading to reading (a complementary filter), because noise of the orientation wo
 slip of the feet.
 """
 
-from collections.abc import Sequence
-from enum import Enum
 from math import atan2, cos, hypot, sin, tan
 from typing import NamedTuple
 
@@ -163,97 +161,3 @@ class ImuPreintegration:
         taken = ImuIncrement(self._turn, self._attitude, delta_velocity, self._span, body_rate)
         self._clear()
         return taken
-
-
-class AccelerometerState(Enum):
-    """How an accelerometer is used, in the words of the diagnostics."""
-
-    NONE = 'none'
-    UNKNOWN = 'unknown until it rests'
-    USED = 'used'
-    NOT_BELIEVED = 'not believed'
-
-
-class StandstillCalibration:
-    """Detect standstill, and measure the drift of the heading there."""
-
-    def __init__(self, noise: OdometryNoise) -> None:
-        self._noise = noise
-        self._rested, self._required = 0.0, noise.settling_time
-        # Mean specific force less gravity at standstill [m/s^2].
-        self._mean = [0.0, 0.0, 0.0]
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin the standstill again."""
-        self._still = self._time = self._turned = 0.0
-        self._anchor: Sequence[float] | None = None
-
-    @property
-    def is_usable(self) -> bool:
-        """Return whether the accelerometer can be used."""
-        limit = self._noise.max_accelerometer_bias
-        return self._rested >= self._required and max(map(abs, self._mean)) < limit
-
-    @property
-    def state(self) -> AccelerometerState:
-        """Return the state of an accelerometer."""
-        if self.is_usable:
-            return AccelerometerState.USED
-        wrong = self._required > self._noise.settling_time or self._rested >= self._required
-        return AccelerometerState.NOT_BELIEVED if wrong else AccelerometerState.UNKNOWN
-
-    def reject(self) -> None:
-        """Reject the accelerometer until it has rested again, for twice as long if it moved."""
-        # While a body settles on its feet its acceleration is mistaken for a bias.
-        self._rested, self._required = 0.0, self._required * (1.0 if self._still else 2.0)
-
-    def update(
-        self,
-        taken: ImuIncrement,
-        angles: Sequence[float],
-        rates: Sequence[float],
-        seconds: float,
-        heading_variance: float,
-    ) -> tuple[float, float] | None:
-        """
-        Return the drift of the heading [rad/s] and its variance from a measured interval.
-
-        They are independent of those before; the variance is 0 where nothing is measured yet. None
-        if the walker does not stand still. `heading_variance` is 0 without an orientation.
-        """
-        noise = self._noise
-        moved = max([abs(a - b) for a, b in zip(angles, self._anchor or angles, strict=True)])
-        fastest = max(*map(abs, rates), taken.body_rate)
-        if fastest > noise.stationary_rate or moved > noise.stationary_angle:
-            self.restart()
-            return None
-        self._anchor = self._anchor or list(angles)
-        self._still += seconds
-        if taken.delta_velocity is not None and taken.span:
-            self._rested += taken.span
-            # The mean of the last seconds.
-            share = min(1.0, taken.span / min(self._rested, 4.0 * noise.settling_time))
-            both = zip(self._mean, taken.delta_velocity, strict=True)
-            self._mean = [mean + share * (part / taken.span - mean) for mean, part in both]
-        if self._still < noise.settling_time:
-            return 0.0, 0.0
-        # The mean rate since the standstill began is known with this information; what the
-        # interval adds is that after it less that before it.
-        before, weighted = self._information(heading_variance)
-        self._time += seconds
-        self._turned += taken.turn
-        after, total = self._information(heading_variance)
-        return (total - weighted) / (after - before), 1.0 / (after - before)
-
-    def _information(self, heading_variance: float) -> tuple[float, float]:
-        """Return the information on the mean rate, by noise and creeping feet, and its vector."""
-        white, time = self._noise.gyro_noise**2, self._time
-        if not time:
-            return 0.0, 0.0
-        noise = white / time
-        if heading_variance:
-            filtered = white * self._noise.orientation_filter_time / 2.0
-            noise = 2.0 * (heading_variance + filtered) / time**2
-        information = 1.0 / (noise + self._noise.standstill_yaw_rate**2)
-        return information, information * self._turned / time

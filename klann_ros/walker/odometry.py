@@ -58,7 +58,7 @@ a constant which nothing else depends on.
 
 from cmath import rect
 from collections.abc import Sequence
-from math import hypot, nan
+from math import hypot, nan, sqrt
 from operator import mul
 from typing import NamedTuple
 
@@ -69,18 +69,13 @@ from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .accelerometer import AccelerometerMonitor
+from .accelerometer import AccelerometerMonitor, AccelerometerState
 from .crank_motion import CentreMotion, CrankFilter
 from .filter_state import ContactErrors, FilterState, GYRO_BIAS, GYRO_STATES
-from .imu import (
-    AccelerometerState,
-    ImuIncrement,
-    ImuPreintegration,
-    ImuReading,
-    StandstillCalibration,
-)
+from .imu import ImuIncrement, ImuPreintegration, ImuReading
 from .settings import OdometryNoise
 from .slope import SlopeEstimator, SupportCheck
+from .standstill import GyroCalibration, StandstillDetector
 
 # Variance of a yaw rate that is known [rad^2/s^2].
 KNOWN_YAW_VARIANCE = 1e-18
@@ -134,7 +129,8 @@ class Odometry:
         self.contact_errors = ContactErrors(n)
         self.slope = SlopeEstimator(n)
         self.support_check = SupportCheck(n)
-        self.calibration = StandstillCalibration(n)
+        self.standstill = StandstillDetector(n)
+        self.gyro = GyroCalibration(n)
         self.accelerometer = AccelerometerMonitor(n)
         self.cranks = CrankFilter(n)
         self.centre = CentreMotion(n)
@@ -162,12 +158,12 @@ class Odometry:
     def accelerometer_state(self) -> AccelerometerState:
         """Return the state of the accelerometer."""
         has_one = self._imu.has_accelerometer
-        return self.calibration.state if has_one else AccelerometerState.NONE
+        return self.accelerometer.state if has_one else AccelerometerState.NONE
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
         if self._imu.last is None:
-            self.calibration.restart()
+            self.standstill.restart()
         self._imu.heading_variance = variance or self.noise.heading_error**2
         self._imu.read(reading)
 
@@ -186,13 +182,19 @@ class Odometry:
         self.cranks.angles = self._pose = None
 
     def update(
-        self, cranks: Sequence[float], rates: Sequence[float], seconds: float = 0.0
+        self,
+        cranks: Sequence[float],
+        rates: Sequence[float],
+        seconds: float = 0.0,
+        *,
+        is_commanded: bool = False,
     ) -> OdometryEstimate:
         """
         Return the estimate after a reading of the cranks.
 
         `cranks` are their angles [rad], `rates` theirs [rad/s], and `seconds` is the time since
-        the last reading; if it is 0, that of the angles at these rates.
+        the last reading; if it is 0, that of the angles at these rates. While a motion is
+        commanded it does not stand, however slow its cranks are.
         """
         before, angles = self.cranks.read(cranks, rates, seconds)
         turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
@@ -204,33 +206,51 @@ class Odometry:
             seconds = along / squares if along > 0.0 else n.max_step_time * steps
         taken = self._imu.take(seconds)
         if taken is not None:
-            self._calibrate(taken, rates, seconds)
-            if self.calibration.is_usable and self.accelerometer.is_shaken(taken, seconds):
+            stands = self.standstill.update(
+                cranks, rates, taken.body_rate, seconds, is_commanded=is_commanded
+            )
+            if stands:
+                self._calibrate(taken, seconds)
+            else:
+                self.gyro.restart()
+            self.accelerometer.elapse(seconds)
+            if self.accelerometer.is_shaken(taken, seconds) and self._has_accelerometer:
                 self._reject_accelerometer()
         for k in range(1, steps + 1):
             at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
             self._follow(at, taken, seconds / steps, 1.0 / steps)
         return self._estimate()
 
-    def _calibrate(self, taken: ImuIncrement, rates: Sequence[float], seconds: float) -> None:
+    @property
+    def _has_accelerometer(self) -> bool:
+        return self.accelerometer.state is AccelerometerState.USED
+
+    def _calibrate(self, taken: ImuIncrement, seconds: float) -> None:
         """Update the biases at standstill: neither rotation nor acceleration."""
         # After the filter of heading and gyro.
         heading = 0.0
         if self._imu.last and self._imu.last.yaw is not None:
             share = self._imu.period / (2.0 * self.noise.orientation_filter_time)
             heading = self._imu.heading_variance * share
-        measured = self.calibration.update(
-            taken, self.cranks.angles or (), rates, seconds, heading
-        )
-        if measured is None:
-            return
-        rate, variance = measured
-        if variance:
-            self.state.measure(GYRO_BIAS, rate, variance)
+        self.accelerometer.rest(taken)
+        confirmed = self.standstill.is_confirmed
+        drift = self.gyro.update(taken, seconds, heading, is_confirmed=confirmed)
+        if drift is not None:
+            self._learn_gyro_bias(*drift)
         if taken.delta_velocity is not None and taken.span:
             variance = self.noise.accelerometer_noise**2 / taken.span
             for k in (0, 1):
                 self.state.measure(7 + k, taken.delta_velocity[k] / taken.span, variance)
+
+    def _learn_gyro_bias(self, rate: float, variance: float) -> None:
+        spread = float(self.state.covariance[GYRO_BIAS, GYRO_BIAS]) + variance
+        innovation = abs(rate - self.gyro_bias) / sqrt(spread)
+        self.gyro.is_steady = innovation <= self.noise.bias_gate
+        if self.gyro.is_steady:
+            self.state.measure(GYRO_BIAS, rate, variance)
+        else:
+            self.standstill.restart()
+            self.gyro.restart()
 
     def _follow(
         self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
@@ -256,7 +276,7 @@ class Odometry:
             self._stop()
         push = None
         self._yaw_rate = taken.turn * part / dt - self.gyro_bias if taken else None
-        if taken and taken.delta_velocity is not None and self.calibration.is_usable:
+        if taken and taken.delta_velocity is not None and self._has_accelerometer:
             push = part * complex(*taken.delta_velocity[:2])
         friction_share = self._predict((pose.centre - before.centre) / dt, push, dt)
         # The acceleration of the body shifts the load between the feet.
@@ -310,7 +330,9 @@ class Odometry:
         yaw = [0, 0, 0, 0, 0, 1] if self._yaw_rate is None else [0, 0, 0, 0, 0, 0, -1]
         # Without an accelerometer friction may change the velocity within the step.
         noise = n.friction * GRAVITY / n.friction_information
-        spread = noise if push is None else n.accelerometer_noise**2 * dt
+        spread = noise
+        if push is not None:
+            spread = self.accelerometer.noise_factor * n.accelerometer_noise**2 * dt
         self.state.propagate(3, row, yaw)
         p[3, 3] += spread
         p[4, 4] += spread
@@ -372,8 +394,7 @@ class Odometry:
                 self._reject_accelerometer()
 
     def _reject_accelerometer(self) -> None:
-        self.calibration.reject()
-        self.accelerometer.forget()
+        self.accelerometer.reject(is_at_rest=self.standstill.time > 0.0)
         self.state.forget_accelerometer(self.noise.accelerometer_bias)
 
     def _move(self, standing: Sequence[stance.FootMotion], dt: float) -> None:

@@ -162,10 +162,15 @@ class OdometryNoise:
     load_shift_time: float = 0.05
     slope_time: float = 10.0
     innovation_time: float = 1.0
-    # Mean innovation that rejects the accelerometer, as a part of the largest friction. Root mean
-    # squares of it, and of the normalised innovation of the tilt, where the contact model holds:
-    # beyond them errors grow with their squares. While the body tips it counts as the last only.
-    innovation_gate: float = 0.25
+    # The mean innovation of the accelerometer, as a part of the largest friction, that is usual: a
+    # larger one makes its noise larger, up to this factor of its variance, with which it measures
+    # no more than friction does; then it is rejected for a while, at most for the third [s].
+    expected_innovation: float = 0.1
+    max_noise_factor: float = 2000.0
+    max_rejection: float = 60.0
+    # Root mean squares of it, and of the normalised innovation of the tilt, where the contact
+    # model holds: beyond them errors grow with their squares. While the body tips it counts as
+    # the last only.
     usual_innovation: float = 0.025
     usual_tilt: float = 0.08
     tipping_innovation: float = 0.5
@@ -176,10 +181,15 @@ class OdometryNoise:
     dropout_ratio: float = 1.8
     max_impulse: float = 1.0
     # Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad],
-    # for this time before anything is measured [s].
+    # for this time before anything is measured [s]. Means over that time shift by less than this
+    # [rad] and this number of standard deviations. And the normalised innovation of the gyro's
+    # bias beyond which nothing is learned.
     stationary_rate: float = 0.1
     stationary_angle: float = 0.02
     settling_time: float = 0.5
+    stationary_shift: float = 0.001
+    standstill_gate: float = 4.0
+    bias_gate: float = 6.0
     # A larger mean at standstill means other units or axes, or missing gravity [m/s^2].
     max_accelerometer_bias: float = 1.0
     # Inconsistency with the centre of mass of the file that is reported: the body is on feet that

@@ -7,12 +7,13 @@ from klann_ros.gait.stance import Triple
 from klann_ros.gait.steering import Steering, Twist2D
 from klann_ros.kinematics.angles import wrap
 
+from .accelerometer import AccelerometerState
 from .control_laws import CrankCommand
 from .controller import STANDS, WalkController
 from .drives import CrankDrives
 from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
-from .imu import AccelerometerState, ImuReading
+from .imu import ImuReading
 from .load import LoadMonitor
 from .monitors import BodyMonitor
 from .odometry import Odometry, OdometryEstimate
@@ -169,7 +170,10 @@ class Walker:
         # One without valid readings stands, as all are stopped then.
         timeout = controller.settings.feedback_timeout
         rates = [0.0 if each.age(now) > timeout else each.velocity for each in controller.cranks]
-        found = self._scale.scaled(self.odometry.update(controller.positions, rates, seconds))
+        estimate = self.odometry.update(
+            controller.positions, rates, seconds, is_commanded=controller.motion != STANDS
+        )
+        found = self._scale.scaled(estimate)
         if self._attitude is not None:
             self.zero_check.update(controller.positions, self._attitude)
         if self._estimate is not None and seconds > 0.0:
@@ -202,6 +206,8 @@ class Walker:
             problem = (
                 'its accelerometer is not believed: check its units and axes, or the feet slip'
             )
+        elif not odometry.gyro.is_steady:
+            problem = 'the heading of its IMU turns while it stands: check the IMU, or gyro_bias'
         if level == DiagnosticLevel.OK and problem:
             return DiagnosticLevel.WARN, f'{text}; {problem}'
         return level, text

@@ -1,0 +1,149 @@
+"""Standstill, by what is commanded and by the cranks, and what a gyro drifts by there."""
+
+from collections.abc import Sequence
+from math import sqrt
+
+from .imu import ImuIncrement
+from .settings import OdometryNoise
+
+
+class StandstillDetector:
+    """
+    Tell whether a walker stands, by two witnesses.
+
+    It stands while no motion is commanded and, whatever moves it, while its cranks and its body
+    are slow and the cranks stay where they are: means of many angles show a creep that is far
+    below the noise of one.
+
+    Attributes
+    ----------
+    time : float
+        For which it has stood [s].
+
+    """
+
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._noise = noise
+        # Variance of an angle about the last one [rad^2].
+        self._variance = 0.0
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin the standstill again."""
+        self.time = 0.0
+        self._last: list[float] = []
+        # Mean angles of its first and of its last `settling_time` [rad].
+        self._first_means: list[float] = []
+        self._means: list[float] = []
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether the cranks have stood for long enough to show a creep."""
+        return self.time >= 2.0 * self._noise.settling_time
+
+    def update(
+        self,
+        angles: Sequence[float],
+        rates: Sequence[float],
+        body_rate: float,
+        seconds: float,
+        *,
+        is_commanded: bool = False,
+    ) -> bool:
+        """
+        Return whether it stands.
+
+        `angles` [rad] and `rates` [rad/s] are those of the cranks, `body_rate` is the largest of
+        the body [rad/s], and `is_commanded` tells whether a motion is commanded.
+        """
+        fastest = max(*map(abs, rates), body_rate)
+        if is_commanded or fastest > self._noise.stationary_rate or self._has_moved(angles):
+            self.restart()
+            return False
+        self._average(angles, seconds)
+        return True
+
+    def _has_moved(self, angles: Sequence[float]) -> bool:
+        if not self._means:
+            return False
+        away = max(abs(a - b) for a, b in zip(angles, self._means, strict=True))
+        if away > self._noise.stationary_angle:
+            return True
+        gate = self._noise.stationary_shift + self._noise.standstill_gate * sqrt(self._variance)
+        shifts = [a - b for a, b in zip(self._means, self._first_means, strict=True)]
+        return max(map(abs, shifts)) > gate
+
+    def _average(self, angles: Sequence[float], seconds: float) -> None:
+        self.time += seconds
+        settling = self._noise.settling_time
+        share = min(1.0, seconds / min(self.time, settling)) if self.time else 1.0
+        if self._last:
+            steps = [a - b for a, b in zip(angles, self._last, strict=True)]
+            # White noise is in both angles of a step, and in two means of `settling_time`.
+            square = max(step * step for step in steps) / 2.0
+            self._variance += share * (square * 2.0 * seconds / settling - self._variance)
+        self._last = list(angles)
+        before = self._means or self._last
+        self._means = [m + share * (a - m) for m, a in zip(before, angles, strict=True)]
+        if self.time <= settling or not self._first_means:
+            self._first_means = self._means
+
+
+class GyroCalibration:
+    """
+    Measure the drift of the heading at standstill.
+
+    `is_steady` is False after a drift that no bias explains.
+    """
+
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._noise = noise
+        self.is_steady = True
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin the standstill again."""
+        # What was measured [rad] in which time [s], and what waits for the cranks to confirm it.
+        self._turned = 0.0
+        self._time = 0.0
+        self._waiting_turn = 0.0
+        self._waiting_time = 0.0
+
+    def update(
+        self,
+        taken: ImuIncrement,
+        seconds: float,
+        heading_variance: float,
+        *,
+        is_confirmed: bool,
+    ) -> tuple[float, float] | None:
+        """
+        Return the drift of the heading [rad/s] and its variance from a measured interval.
+
+        They are independent of those before; None where nothing is measured yet.
+        `heading_variance` is 0 without an orientation.
+        """
+        self._waiting_turn += taken.turn
+        self._waiting_time += seconds
+        if not is_confirmed or not self._waiting_time:
+            return None
+        # The mean rate since the standstill began is known with this information; what the
+        # interval adds is that after it less that before it.
+        before, weighted = self._information(heading_variance)
+        self._time += self._waiting_time
+        self._turned += self._waiting_turn
+        self._waiting_turn = self._waiting_time = 0.0
+        after, total = self._information(heading_variance)
+        return (total - weighted) / (after - before), 1.0 / (after - before)
+
+    def _information(self, heading_variance: float) -> tuple[float, float]:
+        """Return the information on the mean rate, by noise and creeping feet, and its vector."""
+        white, time = self._noise.gyro_noise**2, self._time
+        if not time:
+            return 0.0, 0.0
+        noise = white / time
+        if heading_variance:
+            filtered = white * self._noise.orientation_filter_time / 2.0
+            noise = 2.0 * (heading_variance + filtered) / time**2
+        information = 1.0 / (noise + self._noise.standstill_yaw_rate**2)
+        return information, information * self._turned / time
