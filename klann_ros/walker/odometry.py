@@ -73,6 +73,7 @@ from .accelerometer import AccelerometerMonitor, AccelerometerState
 from .crank_motion import CentreMotion, CrankFilter
 from .filter_state import ContactErrors, FilterState, GYRO_BIAS, GYRO_STATES
 from .imu import ImuIncrement, ImuPreintegration, ImuReading
+from .imu_monitor import ImuMonitor, ImuState
 from .settings import OdometryNoise
 from .slope import SlopeEstimator, SupportCheck
 from .standstill import GyroCalibration, StandstillDetector
@@ -134,8 +135,12 @@ class Odometry:
         self.accelerometer = AccelerometerMonitor(n)
         self.cranks = CrankFilter(n)
         self.centre = CentreMotion(n)
+        self.imu_monitor = ImuMonitor(n)
         self._imu = ImuPreintegration(n)
         self._pose: stance.StancePose | None = None
+        # Turn of the feet by least squares since the last reading, and their slip by the reach
+        # [rad].
+        self._feet_turn = 0.0, 0.0
         self._stop()
 
     def _stop(self) -> None:
@@ -164,11 +169,16 @@ class Odometry:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
         if self._imu.last is None:
             self.standstill.restart()
+        self.imu_monitor.read(reading)
         self._imu.heading_variance = variance or self.noise.heading_error**2
         self._imu.read(reading)
 
     def forget_imu(self) -> None:
         """Go on without the IMU."""
+        self.imu_monitor = ImuMonitor(self.noise)
+        self._restart_imu()
+
+    def _restart_imu(self) -> None:
         self._imu = ImuPreintegration(self.noise)
         self.slope.forget()
 
@@ -204,7 +214,8 @@ class Odometry:
             along = sum(map(mul, turned, rates))
             squares = sum(map(mul, rates, rates))
             seconds = along / squares if along > 0.0 else n.max_step_time * steps
-        taken = self._imu.take(seconds)
+        is_moving = is_commanded or max(map(abs, rates)) > n.stationary_rate
+        taken = self._taken(cranks, seconds, is_moving=is_moving)
         if taken is not None:
             stands = self.standstill.update(
                 cranks, rates, taken.body_rate, seconds, is_commanded=is_commanded
@@ -220,6 +231,32 @@ class Odometry:
             at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
             self._follow(at, taken, seconds / steps, 1.0 / steps)
         return self._estimate()
+
+    def _taken(
+        self, cranks: Sequence[float], seconds: float, *, is_moving: bool
+    ) -> ImuIncrement | None:
+        """Return what the IMU measured since the last reading of the cranks, if it is used."""
+        taken = self._imu.take(seconds)
+        if taken is None:
+            return None
+        feet_turn, slip = self._feet_turn
+        self._feet_turn = 0.0, 0.0
+        if is_moving:
+            turn = taken.turn - self.gyro_bias * seconds
+            self.imu_monitor.compare(feet_turn, turn, slip, seconds)
+        was_used = self.imu_monitor.state is ImuState.USED
+        is_used = self.imu_monitor.update(cranks, seconds) is ImuState.USED
+        if was_used and is_used:
+            return taken
+        if is_used:
+            # What it did meanwhile is no turn of the body.
+            self._restart_imu()
+        elif was_used:
+            # The feet go on with a yaw rate of their own.
+            self.state.mean[5] = feet_turn / seconds if seconds else 0.0
+            self.slope.forget()
+        self.standstill.restart()
+        return None
 
     @property
     def _has_accelerometer(self) -> bool:
@@ -288,6 +325,10 @@ class Odometry:
         both = zip(before.flat, pose.flat, loads, strict=True)
         standing = [stance.foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
         self._update(standing, friction_share, dt)
+        if standing and self._imu.last is not None:
+            _, rate = stance.least_squares(standing)
+            turn, slip = self._feet_turn
+            self._feet_turn = turn + rate * dt, slip + self._slip * dt / self._feet.reach
         self._move(standing, dt)
 
     def _zero_moment_point(self, centre: Point) -> Point:
@@ -431,11 +472,12 @@ class Odometry:
         errors.move(along, motion, effects, turns, dt)
 
     def _estimate(self) -> OdometryEstimate:
-        rest, reading, n = self.support, self._imu.last, self.noise
+        rest, n = self.support, self.noise
+        reading = self._imu.last if self.imu_monitor.state is ImuState.USED else None
         px, py, yaw, vx, vy, angular = self.state.mean[:6].tolist()
         covariance = self.state.covariance
         p = (covariance[:3, :3] + self.contact_errors.covariance()).tolist()
-        p[2][2] += self._imu.heading_variance
+        p[2][2] += self._imu.heading_variance if reading else 0.0
         roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
         var_x, var_y, var_w = (float(covariance[k, k]) for k in (3, 4, 5))
         slip, reach = self.contact_errors.scale * self._slip, self._feet.reach

@@ -180,6 +180,16 @@ class OdometryNoise:
     max_reading_gap: float = 0.03
     dropout_ratio: float = 1.8
     max_impulse: float = 1.0
+    # An IMU is frozen whose readings repeat for this time, while the cranks move [s]. Over the
+    # window [s] the turn of the gyro differs from that of the feet by less than the gate [rad],
+    # this part of the slip by the reach and the turn itself; straight on by this at least [rad].
+    # An IMU that is right again for the last time is used again [s].
+    max_repetition: float = 0.2
+    yaw_window: float = 8.0
+    yaw_gate: float = 0.07
+    yaw_slip_gate: float = 0.3
+    max_straight_turn: float = 1.0
+    imu_recovery_time: float = 2.0
     # Standstill: cranks and body turn slower than this [rad/s], cranks by less than this [rad],
     # for this time before anything is measured [s]. Means over that time shift by less than this
     # [rad] and this number of standard deviations. And the normalised innovation of the gyro's

@@ -14,6 +14,7 @@ from .drives import CrankDrives
 from .faults import DiagnosticLevel
 from .feedback import SteadyClock, Watchdog
 from .imu import ImuReading
+from .imu_monitor import ImuState
 from .load import LoadMonitor
 from .monitors import BodyMonitor
 from .odometry import Odometry, OdometryEstimate
@@ -29,6 +30,13 @@ _ORIGIN = (0.0, 0.0, 0.0)
 _CERTAIN = (_ORIGIN, _ORIGIN, _ORIGIN)
 # Greatest tilt at which a body stands on its feet [rad].
 MAX_WALKING_TILT = radians(60.0)
+
+IMU_PROBLEMS = {
+    ImuState.FROZEN: 'its IMU repeats the same reading',
+    ImuState.CONTRADICTED: (
+        'its IMU and its feet measure contrary yaw rates: check the axes, signs and units (rad/s)'
+    ),
+}
 
 
 class Walker:
@@ -202,6 +210,8 @@ class Walker:
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
         elif odometry.slope.innovation > odometry.noise.max_tilt_innovation:
             problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
+        elif odometry.imu_monitor.state in IMU_PROBLEMS:
+            problem = f'{IMU_PROBLEMS[odometry.imu_monitor.state]}; odom goes on without the IMU'
         elif odometry.accelerometer_state is AccelerometerState.NOT_BELIEVED:
             problem = (
                 'its accelerometer is not believed: check its units and axes, or the feet slip'
@@ -253,7 +263,7 @@ class Walker:
             'cmd_vel_late': str(controller.late),
             'cmd_vel_refused': str(controller.refused),
             'travelled': f'{odometry.travelled:.3f}',
-            'imu': 'used' if has_imu else 'none',
+            'imu': (odometry.imu_monitor.state if has_imu else ImuState.NONE).value,
             'tilt': f'{self._body.tilt:.3f}',
             'accelerometer': accelerometer.value,
             'velocity_innovation': f'{odometry.accelerometer.innovation:.3f}',

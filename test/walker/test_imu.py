@@ -1,14 +1,23 @@
 """What an IMU measures between two readings of the cranks, and which accelerometer is rejected."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import cos, hypot, inf, nan, pi, sin
 
 from hypothesis import given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait import Feet
-from klann_ros.walker import imu_reading, ImuReading, Odometry, OdometryNoise
+from klann_ros.gait import Feet, Steering
+from klann_ros.kinematics.angles import wrap
+from klann_ros.walker import (
+    DiagnosticLevel,
+    imu_reading,
+    ImuReading,
+    Odometry,
+    OdometryNoise,
+    Walker,
+)
 from klann_ros.walker.accelerometer import AccelerometerMonitor, AccelerometerState
 from klann_ros.walker.imu import ImuIncrement, ImuPreintegration
+from klann_ros.walker.imu_monitor import ImuState
 from klann_ros.walker.standstill import GyroCalibration, StandstillDetector
 import numpy as np
 import pytest
@@ -253,7 +262,8 @@ def walked(feet: Feet, forces: Iterator[Triple]) -> tuple[Odometry, float, float
     odometry = Odometry(feet)
     for k in range(500):
         angle, rate = (0.01 * (k - 100), 1.0) if k > 100 else (0.0, 0.0)
-        odometry.imu(ImuReading(0.0, 0.0, PERIOD * k, LEVEL, force=next(forces)))
+        yaw = 1e-9 * (k % 2)
+        odometry.imu(ImuReading(yaw, 0.0, PERIOD * k, LEVEL, force=next(forces)))
         at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
     return odometry, at.x, at.y
 
@@ -296,3 +306,96 @@ def test_a_body_that_rocks_beside_its_feet_moves_as_its_accelerometer(two_motors
     assert odometry.accelerometer_state is AccelerometerState.USED
     # The feet alone went 0.15 m.
     assert hypot(at.x, at.y) < 0.08
+
+
+ImuFault = Callable[[float, float, int], tuple[float | None, float]]
+
+
+def turned(
+    feet: Feet, fault: ImuFault, *, stamp: float = 1.0, until: float = inf
+) -> tuple[set[ImuState], Odometry, float]:
+    """
+    Return the states of an IMU, its odometry, and its error of the yaw after 14 s on the spot.
+
+    `fault` makes yaw and rate of the true ones and the number of the reading, from 2 s to `until`;
+    meanwhile its stamps advance by `stamp` of the time.
+    """
+    odometry, alone, states = Odometry(feet), Odometry(feet), set()
+    yaw = at = 0.0
+    for k in range(1500):
+        time, is_faulty = PERIOD * k, 2.0 < PERIOD * k < until
+        angle, rate = (time - 1.0, 1.0) if time > 1.0 else (0.0, 0.0)
+        true = alone.update((-angle, angle), (-rate, rate), PERIOD)
+        moved = wrap(true.yaw - yaw)
+        yaw += moved
+        measured = fault(yaw, moved / PERIOD, k) if is_faulty else (yaw, moved / PERIOD)
+        at += PERIOD * (stamp if is_faulty else 1.0)
+        odometry.imu(ImuReading(*measured, at))
+        pose = odometry.update((-angle, angle), (-rate, rate), PERIOD)
+        states.add(odometry.imu_monitor.state)
+    return states, odometry, abs(wrap(pose.yaw - yaw))
+
+
+@pytest.mark.parametrize(
+    ('fault', 'stamp', 'state'),
+    [
+        (lambda _yaw, _rate, _k: (0.1, 0.02), 1.0, ImuState.FROZEN),
+        # A driver that repeats its last message, and one that stamps no more.
+        (lambda _yaw, _rate, _k: (0.1, 0.02), 0.0, ImuState.FROZEN),
+        (lambda yaw, rate, _k: (yaw, rate), 0.0, ImuState.FROZEN),
+        (lambda yaw, rate, _k: (-yaw, -rate), 1.0, ImuState.CONTRADICTED),
+        (lambda _yaw, rate, _k: (None, -rate), 1.0, ImuState.CONTRADICTED),
+        (lambda _yaw, rate, _k: (None, 57.3 * rate), 1.0, ImuState.CONTRADICTED),
+    ],
+)
+def test_an_imu_that_is_wrong_about_a_turn_is_named_and_not_used(
+    two_motors: Feet, fault: ImuFault, stamp: float, state: ImuState
+) -> None:
+    states, odometry, error = turned(two_motors, fault, stamp=stamp)
+    assert states == {ImuState.USED, state}
+    assert odometry.imu_monitor.state is state
+    # The feet are wrong by 10 %, in units of degrees the gyro is by half a turn in a second.
+    assert error < 0.8
+    states, odometry, _ = turned(two_motors, fault, stamp=stamp, until=4.0)
+    assert state in states
+    assert odometry.imu_monitor.state is ImuState.USED
+
+
+def test_an_imu_that_is_right_is_used_all_the_time(two_motors: Feet) -> None:
+    states, _, error = turned(two_motors, lambda yaw, rate, _: (yaw, rate))
+    assert states == {ImuState.USED}
+    assert error < 0.01
+    # One of few bits repeats some readings.
+    states, _, _ = turned(two_motors, lambda yaw, rate, _: (yaw - yaw % 1e-3, rate - rate % 0.02))
+    assert states == {ImuState.USED}
+
+
+def test_readings_without_noise_repeat_at_standstill(steering: Steering) -> None:
+    walker = Walker(steering)
+    for k in range(300):
+        now = PERIOD * k
+        walker.imu(ImuReading(0.0, 0.0, now, LEVEL, force=AT_REST), now)
+        walker.feedback(dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.0)), now)
+    assert walker.values(now)['imu'] == 'used'
+    for k in range(300, 400):
+        now = PERIOD * k
+        walker.imu(ImuReading(0.0, 0.0, now, LEVEL, force=AT_REST), now)
+        turning = {'left_crank': (3.0 - now, -1.0), 'right_crank': (now - 3.0, 1.0)}
+        walker.feedback(turning, now)
+    assert walker.values(now)['imu'] == 'frozen'
+    level, text = walker.verdict(now)
+    assert level == DiagnosticLevel.WARN
+    assert 'its IMU repeats the same reading; odom goes on without the IMU' in text
+
+
+def test_a_body_that_is_turned_by_hand_turns_as_its_gyro(two_motors: Feet) -> None:
+    """Its feet tell nothing while it is lifted, nor of an obstacle that turns it a little."""
+    odometry = Odometry(two_motors)
+    for k in range(1600):
+        time = PERIOD * k
+        yaw, rate = (0.3 * time, 0.3) if time < 8.0 else (2.4 + 0.1 * (time - 8.0), 0.1)
+        odometry.imu(ImuReading(yaw, rate + 1e-9 * (k % 2), time))
+        angle, speed = (time - 8.0, 1.0) if time > 8.0 else (0.0, 0.0)
+        pose = odometry.update((angle, angle), (speed, speed), PERIOD)
+        assert odometry.imu_monitor.state is ImuState.USED
+    assert wrap(pose.yaw - yaw) == pytest.approx(0.0, abs=0.01)

@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
+# No reading of a sensor is the last one: yaws that differ by this [rad].
+TREMBLE = (0.0, 1e-9)
 # Two feet in the middle, and one at each end that is higher.
 SEESAW = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
 
@@ -184,7 +186,7 @@ def test_yaw_is_the_imus_where_there_is_one(
     odometry = Odometry(two_motors)
     for k in range(1000):
         angle = None if start is None else start + drift * k
-        odometry.imu(ImuReading(angle, rate, 0.01 * k))
+        odometry.imu(ImuReading(angle, rate + TREMBLE[k % 2], 0.01 * k))
         at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
     assert at.yaw == pytest.approx(yaw, abs=0.002)
     assert at.angular == pytest.approx(rate, abs=1e-4)
@@ -233,7 +235,7 @@ def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering)
     for k in range(300):
         now = 0.01 * k
         if k < 100:
-            walker.imu(ImuReading(1.0, 0.0, now), now)
+            walker.imu(ImuReading(1.0 + TREMBLE[k % 2], 0.0, now), now)
         at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now)
         if k == 100:
             assert at is not None
@@ -287,7 +289,7 @@ def test_a_gyro_bias_learned_at_standstill_turns_no_walk(two_motors: Feet) -> No
     odometry, bias = Odometry(two_motors), 0.004
     for k in range(800):
         angle = max(0.0, 0.01 * (k - 300))
-        odometry.imu(ImuReading(None, bias, 0.01 * k))
+        odometry.imu(ImuReading(None, bias + TREMBLE[k % 2], 0.01 * k))
         at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
     assert odometry.gyro_bias == pytest.approx(bias, rel=0.1)
     assert abs(at.yaw) < 0.2 * bias * 5.0
@@ -366,7 +368,7 @@ def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
         feet, _, centre = two_motors.at((angle, angle + pi)).tolist()
         rest = support(feet, centre, None, (0.0, pitch))
         assert rest is not None
-        odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (rest.roll, rest.pitch)))
+        odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (rest.roll, rest.pitch)))
         odometry.update((angle, angle + pi), (0.0, 0.0), 0.01)
     assert rest.pitch == pytest.approx(pitch, abs=0.04)
     assert odometry.support is not None
@@ -378,7 +380,7 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
     odometry = Odometry(eight)
     for k in range(600):
         angle = max(0.0, 0.01 * (k - 200))
-        still = ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=(0.0, 0.0, GRAVITY))
+        still = ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (0.0, 0.0), force=(0.0, 0.0, GRAVITY))
         odometry.imu(still)
         at = odometry.update((-angle, angle), (-1.0, 1.0) if angle else (0.0, 0.0), 0.01)
     assert odometry.accelerometer_state is AccelerometerState.USED
@@ -401,7 +403,7 @@ def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
         square = getattr(odometry.noise, usual) ** 2
         for k in range(330):
             angle = max(0.0, 0.01 * (k - 300))
-            odometry.imu(ImuReading(0.0, 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
+            odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
             if k >= 300:
                 setattr(getattr(odometry, part), contradicted, times * square)
             at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
@@ -444,7 +446,9 @@ def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float, he
         for k in range(400):
             at, late = 0.01 * k, is_set * (k > 200)
             now = at + here * late
-            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), now)
+            walker.imu(
+                ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), now
+            )
             readings = dict.fromkeys(('left_crank', 'right_crank'), (0.3 * at, 0.3))
             pose = walker.feedback(readings, now, at + set_by * late)
         assert pose
@@ -466,7 +470,7 @@ def test_readings_in_bunches_are_no_leaps(
     for k in range(400):
         at = 0.01 * k
         if has_imu:
-            walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
+            walker.imu(ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
         reading = max(0.0, at - 1.0), float(at > 1.0)
         readings = dict.fromkeys(('left_crank', 'right_crank'), reading)
         pose = walker.feedback(readings, at + late[k % len(late)] + 1e-5 * k)
@@ -492,7 +496,7 @@ def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> 
     for k in range(300):
         at = 0.01 * k + 1800.0 * (k > 150)
         pitch = 0.05 * (k % 2)
-        odometry.imu(ImuReading(0.0, 0.0, at, (0.0, pitch), force=(0.0, 0.0, 9.81)))
+        odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, pitch), force=(0.0, 0.0, 9.81)))
         pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), at - last)
         last = at
         assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
@@ -505,7 +509,7 @@ def test_a_gyro_in_degrees_leaves_a_covariance(two_motors: Feet) -> None:
     odometry = Odometry(two_motors)
     for k in range(400):
         at, rate = 0.01 * k, 99.0 if 100 < k < 300 else 0.0
-        odometry.imu(ImuReading(0.0, rate, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)))
+        odometry.imu(ImuReading(TREMBLE[k % 2], rate, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)))
         pose = odometry.update((at, at), (1.0, 1.0), 0.01)
     assert np.linalg.eigvalsh(pose.covariance)[0] > 0.0
     assert np.trace(pose.covariance) < 1.0
