@@ -51,7 +51,8 @@ normalised square of that innovation.
 With a gyro the yaw and its bias are consider parameters of the slip's update: errors of the
 contact model last, so they would be learned as drift.
 
-At standstill the rotation and the acceleration are zero, which measures the biases. The slope
+At standstill the rotation and the acceleration are zero, which measures the biases. The variance
+of the accelerometer's noise is that with which friction has to correct it as usual. The slope
 is a running mean of the measured attitude less that of the body on its feet: the Kalman filter of
 a constant which nothing else depends on.
 """
