@@ -197,7 +197,7 @@ class OdometryNoise:
     stationary_rate: float = 0.1
     stationary_angle: float = 0.02
     settling_time: float = 0.5
-    stationary_shift: float = 0.001
+    stationary_shift: float = 0.004
     standstill_gate: float = 4.0
     bias_gate: float = 6.0
     # A larger mean at standstill means other units or axes, or missing gravity [m/s^2].

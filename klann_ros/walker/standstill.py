@@ -32,7 +32,7 @@ class StandstillDetector:
         """Begin the standstill again."""
         self.time = 0.0
         self._last: list[float] = []
-        # Mean angles of its first and of its last `settling_time` [rad].
+        # Mean angles of its first `settling_time`, later of that before, and of the last [rad].
         self._first_means: list[float] = []
         self._means: list[float] = []
 
@@ -87,6 +87,10 @@ class StandstillDetector:
         self._means = [m + share * (a - m) for m, a in zip(before, angles, strict=True)]
         if self.time <= settling or not self._first_means:
             self._first_means = self._means
+        elif self.is_confirmed:
+            # Motors that are not held give way under the weight: the means may move, but slowly.
+            pairs = zip(self._first_means, self._means, strict=True)
+            self._first_means = [first + share * (mean - first) for first, mean in pairs]
 
 
 class GyroCalibration:

@@ -232,7 +232,11 @@ def test_cranks_that_stand_do_so_with_any_noise_of_their_encoders(noise: float) 
     assert stood(0.0, noise, seconds=30.0) > 20.0
 
 
-@pytest.mark.parametrize('rate', [0.01, 0.02, -0.03, 0.05])
+def test_cranks_that_give_way_under_the_weight_stand() -> None:
+    assert stood(0.006, 0.001, seconds=30.0) > 20.0
+
+
+@pytest.mark.parametrize('rate', [0.025, -0.03, 0.05])
 @pytest.mark.parametrize('noise', [0.0, 0.002])
 def test_cranks_that_creep_are_never_confirmed_to_stand(rate: float, noise: float) -> None:
     assert stood(rate, noise) < 2.0 * NOISE.settling_time

@@ -307,9 +307,9 @@ def test_a_slow_turn_is_no_bias_of_the_gyro(two_motors: Feet, *, is_commanded: b
         left, right = 0.001 * rng.standard_normal(2)
         cranks = left - angle, right + angle
         pose = odometry.update(cranks, (0.0, 0.0), 0.01, is_commanded=is_commanded and time > 0.0)
-    # By the cranks it takes a tenth of a second.
-    assert abs(odometry.gyro_bias) < (2e-4 if is_commanded else 1e-3)
-    assert pose.yaw == pytest.approx(0.0094 * time, abs=0.01 if is_commanded else 0.03)
+    # By the cranks it takes a fifth of a second.
+    assert abs(odometry.gyro_bias) < (2e-4 if is_commanded else 2e-3)
+    assert pose.yaw == pytest.approx(0.0094 * time, abs=0.01 if is_commanded else 0.06)
 
 
 def test_a_walker_tells_its_odometry_what_is_commanded(steering: Steering) -> None:
