@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
-from importlib import resources
+from functools import partial
 import json
 from math import inf
 from pathlib import Path
@@ -129,7 +128,7 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
         It is refused; the text says why.
 
     """
-    wrong = schema_error(content, _schema())
+    wrong = schema_error(content, 'klann_ros.design')
     if wrong:
         raise RequirementsError(wrong)
     units = Units(**content.get('units', {}))
@@ -217,13 +216,6 @@ def _target(
     if not all(leg.description for leg in legs):
         raise RequirementsError('path needs a linkage with pivots of its own, such as klann')
     return target
-
-
-@cache
-def _schema() -> dict[str, Any]:
-    text = (resources.files('klann_ros.design') / 'schema.json').read_text(encoding='utf-8')
-    content: dict[str, Any] = json.loads(text)
-    return content
 
 
 def _beside(name: str, folder: Path) -> str:

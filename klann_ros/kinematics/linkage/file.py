@@ -363,20 +363,21 @@ TYPES = {
 }
 
 
-def schema_error(content: Any, schema: Mapping[str, Any] | None = None) -> str:
+def schema_error(content: Any, package: str = __package__) -> str:
     """
     Return the first error of a file's content, with its place; empty if there is none.
 
-    The schema is that of a linkage by default.
+    The schema is that of the package, of a linkage by default.
     """
+    schema = _schema(package)
     if content is None:
-        required = schema['required'] if schema else [*_schema()['required'], 'start']
+        required = [*schema['required'], *['start'] * (package == __package__)]
         return f'it is empty: it must have {", ".join(required)}'
     # jsonschema takes longer to load than everything else of the kinematics.
     from jsonschema import Draft202012Validator  # noqa: PLC0415
     from jsonschema.exceptions import best_match  # noqa: PLC0415
 
-    error = best_match(Draft202012Validator(schema or _schema()).iter_errors(content))
+    error = best_match(Draft202012Validator(schema).iter_errors(content))
     if error is None:
         return ''
     place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
@@ -388,10 +389,10 @@ def schema_error(content: Any, schema: Mapping[str, Any] | None = None) -> str:
 
 
 @cache
-def _schema() -> dict[str, Any]:
-    schema = resources.files('klann_ros.kinematics.linkage') / 'schema.json'
-    content: dict[str, Any] = json.loads(schema.read_text(encoding='utf-8'))
-    return content
+def _schema(package: str) -> dict[str, Any]:
+    text = (resources.files(package) / 'schema.json').read_text(encoding='utf-8')
+    schema: dict[str, Any] = json.loads(text)
+    return schema
 
 
 def _shown(instance: Any) -> str:
