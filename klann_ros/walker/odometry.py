@@ -271,10 +271,12 @@ class Odometry:
             share = self._imu.period / (2.0 * self.noise.orientation_filter_time)
             heading = self._imu.heading_variance * share
         self.accelerometer.rest(taken)
-        confirmed = self.standstill.is_confirmed
-        drift = self.gyro.update(taken, seconds, heading, is_confirmed=confirmed)
-        if drift is not None:
-            self._learn_gyro_bias(*drift)
+        # The filter of heading and gyro settles first.
+        if self.standstill.time >= self.noise.settling_time:
+            confirmed = self.standstill.is_confirmed
+            drift = self.gyro.update(taken, seconds, heading, is_confirmed=confirmed)
+            if drift is not None:
+                self._learn_gyro_bias(*drift)
         if taken.delta_velocity is not None and taken.span:
             variance = self.noise.accelerometer_noise**2 / taken.span
             for k in (0, 1):

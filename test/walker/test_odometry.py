@@ -295,6 +295,18 @@ def test_a_gyro_bias_learned_at_standstill_turns_no_walk(two_motors: Feet) -> No
     assert abs(at.yaw) < 0.2 * bias * 5.0
 
 
+def test_the_noise_of_the_first_heading_is_no_bias(two_motors: Feet) -> None:
+    biases = []
+    for seed in range(10):
+        odometry, rng = Odometry(two_motors), np.random.default_rng(seed)
+        for k in range(200):
+            yaw, rate = 0.002 * rng.standard_normal(), 0.005 * rng.standard_normal()
+            odometry.imu(ImuReading(yaw, rate, 0.01 * k), 4e-6)
+            odometry.update((0.0, 0.0), (0.0, 0.0), 0.01)
+        biases.append(odometry.gyro_bias)
+    assert np.std(biases) < 5e-4
+
+
 @pytest.mark.parametrize('is_commanded', [True, False])
 def test_a_slow_turn_is_no_bias_of_the_gyro(two_motors: Feet, *, is_commanded: bool) -> None:
     """By the command, and by the cranks where others command them."""
