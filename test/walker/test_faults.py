@@ -428,17 +428,17 @@ def test_an_encoder_that_slips_or_restarts_is_no_fault(
         assert walk.control.latch.fault is None
 
 
-@pytest.mark.parametrize('linear', [0.02, -0.05])
+@pytest.mark.parametrize('linear', [0.005, -0.05])
 def test_an_encoder_of_few_counts_shows_a_slow_motor(steering: Steering, linear: float) -> None:
     """At 64 counts a turn a creeping crank stands still for a second, by its encoder."""
     walk = FaultyWalk(steering, [Motor(), Motor(factor=0.5, resolution=2.0 * pi / 64)])
     walk.twist = (linear, 0.0)
-    walk.run(20.0)
+    walk.run(60.0)
     assert walk.control.latch.fault is None
-    assert abs(walk.motors[1].position) > 1.0
+    assert abs(walk.motors[1].position) > 0.5
 
 
-@pytest.mark.parametrize('delay', [0.1, 0.25])
+@pytest.mark.parametrize('delay', [0.1, 0.29])
 def test_a_motor_that_is_reversed_has_time_to_stop(steering: Steering, delay: float) -> None:
     limits = MotionLimits(max_linear_acceleration=10.0)
     walk = FaultyWalk(steering, [Motor(delay=delay), Motor(delay=delay)], limits=limits)
