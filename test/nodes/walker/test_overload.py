@@ -19,7 +19,7 @@ def test_an_overload_stops_it_until_it_is_reset(ros: Domain) -> None:
     motors.until_message('right_crank has an effort of -13 N m, beyond max_effort (12 N m)')
     motors.until_stopped()
     assert motors.value('fault') == 'OVERLOAD'
-    assert 'fault: right_crank has an effort' in node.errors
+    ros.probe.until(lambda: 'fault: right_crank has an effort' in node.errors)
     ros.probe.spin(0.5)
     assert not any(motors.commands[-1].velocity)
     assert node.stop() == 0
