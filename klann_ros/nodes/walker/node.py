@@ -174,7 +174,7 @@ class WalkerNode(ProcessNode):
         group = RawCallbackGroup()
         create_timer = self.create_timer if self._sim else partial(create_steady_timer, self)
         self._timer: Any = create_timer(self._period, lambda: self._command(self._now()), group)
-        self._reported_rivals: set[str] = set()
+        self._reported: set[str] = set()
         self._logged = -EVENT_PERIOD
         self._logged_fault: Fault | None = None
         # Steady time of the last command [s].
@@ -347,6 +347,12 @@ class WalkerNode(ProcessNode):
     def _warn(self, text: str) -> None:
         self.get_logger().warning(printable(text), throttle_duration_sec=LOG_PERIOD)
 
+    def _warn_once(self, text: str) -> None:
+        """Log a warning, unless it is empty or was logged before."""
+        if text and text not in self._reported:
+            self._reported.add(text)
+            self.get_logger().warning(printable_line(text))
+
     # Outputs.
 
     def _report(self) -> None:
@@ -356,11 +362,11 @@ class WalkerNode(ProcessNode):
         for joint, effort in self._described_efforts.items():
             values[f'{joint} described_effort'] = f'{effort:.3f}'
         for text in self._rivals():
-            if text not in self._reported_rivals:
-                self._reported_rivals.add(text)
-                self.get_logger().warning(text)
+            self._warn_once(text)
             level = DiagnosticLevel.WARN if level == DiagnosticLevel.OK else level
             message = f'{message}; {text}'
+        for crank in self._walker.controller.cranks:
+            self._warn_once(crank.units.suspicion)
         verdict = self._types.add_to(bytes([level.value]), message)
         status = diagnostic_status(self, 'walker', *verdict, values.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))

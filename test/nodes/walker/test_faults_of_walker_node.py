@@ -213,6 +213,15 @@ def test_a_body_that_has_fallen_is_not_driven(two_motors: Plant, name: str) -> N
     two_motors.break_down(name, fault, words)
 
 
+def test_velocities_in_rpm_are_named(two_motors: Plant) -> None:
+    two_motors.until_walking()
+    two_motors.wirings['left_crank'] = Wiring(velocity=lambda true, _: true * 30.0 / pi)
+    words = 'its velocities may be in rpm'
+    two_motors.probe.until(lambda: words in two_motors.process.errors)
+    two_motors.probe.until(lambda: words in two_motors.status.message)
+    assert two_motors.status.level == DiagnosticStatus.WARN
+
+
 def test_a_body_that_falls_is_not_driven(two_motors: Plant) -> None:
     two_motors.until_walking()
     two_motors.gravity = 0.2
