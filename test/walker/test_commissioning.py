@@ -229,10 +229,20 @@ def test_the_tilt_of_a_crank_at_zero_is_that_of_its_feet(two_motors: Feet) -> No
     assert degrees(tilt.real) == pytest.approx(2.08, abs=0.1)
 
 
-@pytest.mark.parametrize('faults', ['left_crank_zero=0.4', 'left_crank_gear_ratio=-4'])
+@pytest.mark.parametrize(
+    ('faults', 'backwards'),
+    [
+        ('left_crank_zero=0.4', ['none']),
+        ('left_crank_gear_ratio=-4', ['none']),
+        # Its motor has to be commanded backwards.
+        ('left_crank_reversed', ['left_crank']),
+    ],
+)
 @pytest.mark.parametrize('start', [-0.5, 0.1])
-def test_homing_finds_the_edge_of_the_switch(faults: str, start: float) -> None:
-    plant = Plant(faults, None, ['none'])
+def test_homing_finds_the_edge_of_the_switch(
+    faults: str, backwards: list[str], start: float
+) -> None:
+    plant = Plant(faults, None, backwards)
     plant.angles['left_crank'] = start
     plant.run()
     home = plant.commissioning.home(

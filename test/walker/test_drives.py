@@ -58,8 +58,9 @@ def test_zero_is_set_of_all_cranks_or_of_one(steering: Steering) -> None:
     )
     # The robot has moved by 7 mm in the estimate, as it stands otherwise than was thought.
     assert walker.odometry.travelled < 0.01
-    # No encoder has jumped.
+    # No encoder has jumped, and the set points are the new angles.
     assert not walker.controller.events
+    assert walker.controller.lock.targets == pytest.approx(standing.angles)
     command = walker.drives.commanded(walker.controller.standstill)
     assert command.position == pytest.approx((0.7, 8.0))
 
@@ -73,3 +74,11 @@ def test_zero_is_not_set_while_it_moves(steering: Steering) -> None:
     standing.read()
     assert standing.walker.set_zero() == 'it moves'
     assert standing.walker.drives.drives['left_crank'].zero == 0.0
+
+
+def test_a_new_zero_is_a_new_question_of_the_tilt(steering: Steering) -> None:
+    standing = Standing(steering, {'left_crank': 0.7, 'right_crank': 0.0})
+    standing.read()
+    before = standing.walker.zero_check
+    assert standing.walker.set_zero() == ''
+    assert standing.walker.zero_check is not before
