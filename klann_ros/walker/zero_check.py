@@ -17,7 +17,7 @@ OFFSETS = tuple(0.1 * k for k in range(-6, 7) if k)
 # A sample is taken where a crank has turned by this angle [rad].
 INTERVAL = 0.3
 # Samples that are remembered, that are needed, and over which the same crank is the cause.
-MEMORY, LEAST_SAMPLES, CONFIRMATIONS = 60, 30, 20
+MEMORY, LEAST_SAMPLES, CONFIRMATIONS = 60, 30, 32
 # Variance without an offset, by that with one: 3.2 to 17 for offsets of 0.3 rad in MuJoCo, 2 to 5
 # for 0.1 rad straight on. Where the body tips otherwise than was computed, as on slopes in curves,
 # a ratio of 3 is chance; there the variance with any offset is large [rad^2].

@@ -22,7 +22,7 @@ def checked(
     *,
     slope: complex = 0j,
     noise: float = 0.002,
-    count: int = 400,
+    count: int = 600,
 ) -> ZeroOffset | None:
     """Return the offset after a walk whose body rests on its feet on a slope."""
     check, random = ZeroCheck(feet), np.random.default_rng(1)
@@ -68,9 +68,9 @@ def test_noise_alone_shows_no_offset(two_motors: Feet) -> None:
 
 
 def test_a_single_cause_is_confirmed_before_it_is_reported(two_motors: Feet) -> None:
-    assert checked(two_motors, (0.3, 0.0), count=340).joint == 'left_crank'  # type: ignore[union-attr]
-    # Thirty samples show it, and twenty more have to.
-    assert checked(two_motors, (0.3, 0.0), count=35 * 6) is None
+    assert checked(two_motors, (0.3, 0.0), count=600).joint == 'left_crank'  # type: ignore[union-attr]
+    # Thirty samples show it, and 32 more have to.
+    assert checked(two_motors, (0.3, 0.0), count=50 * 6) is None
 
 
 def test_cranks_that_stand_are_no_evidence(two_motors: Feet) -> None:
@@ -96,7 +96,7 @@ def test_a_walk_in_mujoco_shows_the_offset_of_its_zero(
     robot = robot_of(str(CONFIG / f'{name}.yaml'))
     walker = Walker(Steering(Feet(robot, foot_radius=0.004)))
     twin = Twin(robot, floor=Floor(slope=slope), sensors=SENSORS)
-    for k in range(2700):
+    for k in range(3300):
         now = 0.01 * k
         imu = twin.imu()
         x, y, z, w = imu.orientation
@@ -111,8 +111,8 @@ def test_a_walk_in_mujoco_shows_the_offset_of_its_zero(
         for joint, rate in zip(twin.joints, command.velocity if command else (), strict=True):
             twin.command(joint, rate)
         twin.step(now + 0.01)
-    _, text = walker.verdict(27.0)
-    shown = walker.values(27.0)['zero_offset']
+    _, text = walker.verdict(33.0)
+    shown = walker.values(33.0)['zero_offset']
     if not any(offsets):
         assert shown == ''
         assert 'the zero of' not in text
