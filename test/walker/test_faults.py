@@ -206,6 +206,7 @@ class Body:
     def __init__(self, steering: Steering, *, has_orientation: bool = True) -> None:
         self.walker = Walker(steering)
         self.has_orientation = has_orientation
+        self.random = Random(1)  # noqa: S311 - noise
         self.ticks = 0
         self.rates = [0.0, 0.0]
         self.positions = [0.0, 0.0]
@@ -217,9 +218,9 @@ class Body:
             # The specific force of a body that is pitched.
             force = -gravity * sin(pitch), 0.0, gravity * cos(pitch)
             orientation = (0.0, sin(pitch / 2.0), 0.0, cos(pitch / 2.0))
-            reading = imu_reading(
-                orientation if self.has_orientation else None, (0.0, 0.0, 0.0), now, force
-            )
+            # A gyro without noise is a frozen one.
+            rates = self.random.gauss(0.0, 1e-3), self.random.gauss(0.0, 1e-3), 0.0
+            reading = imu_reading(orientation if self.has_orientation else None, rates, now, force)
             self.walker.imu(reading, now)
             joints = [crank.joint for crank in self.walker.controller.cranks]
             self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]

@@ -103,6 +103,8 @@ class Plant:
         imu.header.stamp = stamp
         imu.orientation.y, imu.orientation.w = sin(self.pitch / 2.0), cos(self.pitch / 2.0)
         imu.orientation_covariance[0] = 1e-6
+        # A gyro without noise is a frozen one.
+        imu.angular_velocity.x = _random.gauss(0.0, 1e-3)
         imu.linear_acceleration.x = -self.gravity * sin(self.pitch)
         imu.linear_acceleration.z = self.gravity * cos(self.pitch)
         self.imu.publish(imu)
