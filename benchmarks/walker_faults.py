@@ -133,7 +133,8 @@ class Observer:
     def margins(self) -> Margins:
         """Return what came out."""
         fault = self.latch.fault
-        return Margins(fault.text if fault else '', *self.ratios, self.tilt, self.force)
+        ratio, turn_ratio = self.ratios
+        return Margins(fault.text if fault else '', ratio, turn_ratio, self.tilt, self.force)
 
 
 def ratio(monitor: FollowingMonitor, window: PathWindow) -> float:
@@ -180,7 +181,8 @@ def replayed(walk: Walk, seed: int, factor: float, counts: int) -> Margins:
             if fault := monitor.update(rate if abs(rate) > STANDING else 0.0, PERIOD, now):
                 observer.latch.trip(fault)
         observer.judge()
-        observer.feel(*(row[k].tolist() for row in (walk.orientation, walk.gyro, walk.force)), now)
+        orientation, gyro, force = walk.orientation[k], walk.gyro[k], walk.force[k]
+        observer.feel(orientation.tolist(), gyro.tolist(), force.tolist(), now)
     return observer.margins
 
 

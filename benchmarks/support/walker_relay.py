@@ -50,10 +50,11 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
         pass
 
     def _relay_raw(self, data: bytes, _: Any) -> None:
-        *_, sec, nanosec = self._reader.read(data)[CRANKS[0]]
+        reading = self._reader.read(data)[CRANKS[0]]
         odom, command = self._filled
-        self._odom.publish(odom.fill(sec, nanosec, (0.0,) * 28))
-        self._commands.publish(command.fill(sec, nanosec, (0.0, 0.0), (0.0, 0.0)))
+        stamp = reading.sec, reading.nanosec
+        self._odom.publish(odom.fill(*stamp, (0.0,) * 28))
+        self._commands.publish(command.fill(*stamp, (0.0, 0.0), (0.0, 0.0)))
 
     def _relay(self, message: JointState, _: Any) -> None:
         odom, command = self._typed
