@@ -41,6 +41,7 @@ from rclpy.qos import (
 )
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from .commands import standstill
 from .controls import add_options, declarations, DESCRIPTION, EPILOG, KEYS_IN_WORDS, PlayerControls
 from .keyboard import Keyboard
 
@@ -120,11 +121,12 @@ class PlayerNode(ProcessNode):
             )
 
     def close(self) -> int:
-        """Stop playing, and wait until the last messages have arrived."""
-        self._keyboard.close()
+        """Stop playing and what it commands, and wait until the last messages have arrived."""
         self._stopped.set()
         self._playback.transport.stop()
         self._thread.join(_SHUTDOWN_TIMEOUT)
+        self._topics.stop_robots()
+        self._keyboard.close()
         self._topics.flush()
         return 0
 
@@ -215,6 +217,8 @@ class PlayedTopics:
         self._node = node
         self._renamed = renamed
         self._publishers: dict[Topic, Publisher] = {}
+        # The last message of each that has published any.
+        self._last: dict[Publisher, bytes] = {}
         # The number of messages that each latched topic keeps for late subscribers.
         self.latched: dict[str, int] = {}
         self._qos = QosTexts()
@@ -255,11 +259,19 @@ class PlayedTopics:
             return
         try:
             publisher.publish(message.data)
+            self._last[publisher] = message.data
         except RCLError as error:
             self._node.get_logger().error(
                 f'a message of {printable(message.topic.name)} is left out: {ros_error(error)}',
                 throttle_duration_sec=LOG_PERIOD,
             )
+
+    def stop_robots(self) -> None:
+        """Publish zero wherever a robot was commanded."""
+        for publisher, data in self._last.items():
+            command = standstill(publisher.topic_name, publisher.msg_type, data)
+            if command is not None:
+                endpoints.publish_last(publisher, command)
 
     def flush(self) -> None:
         """Wait until the last messages have arrived, up to a timeout."""
