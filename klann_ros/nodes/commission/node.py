@@ -84,15 +84,18 @@ class CommissionNode(ProcessNode):
         self._is_permitted, self._is_stopped = options.yes, False
         self._has_asked = False
         self._steps: Iterator[Rates] | None = None
+        self._is_complete = False
+        # The crank whose turn was announced last.
+        self._announced = ''
         self._keyboard = Keyboard()
         self._keyboard.start(self._on_key, lambda: None)
         create_steady_timer(self, PERIOD, self._on_timer)
 
     def close(self) -> int:
-        """Stop the cranks, and restore the terminal."""
+        """Stop the cranks, and restore the terminal; 1 if a signal came before the report."""
         self._commands.end(self._command({}), 0, 0)
         self._keyboard.close()
-        return 0
+        return 0 if self._is_complete else 1
 
     def _command(self, rates: Rates) -> CrankCommand:
         velocities = tuple(rates.get(joint, 0.0) for joint in self._joints)
@@ -151,6 +154,7 @@ class CommissionNode(ProcessNode):
             if rates is None:
                 self._end('')
             else:
+                self._announce(rates)
                 self._commands.publish(self._command(rates), 0, 0)
         elif now - self._begun > DISCOVERY and self._heard:
             self._ask()
@@ -184,6 +188,13 @@ class CommissionNode(ProcessNode):
                 flush=True,
             )
 
+    def _announce(self, rates: Rates) -> None:
+        """Print which crank begins to turn."""
+        for joint in rates:
+            if joint != self._announced:
+                print(f'{printable(joint)} turns', flush=True)
+            self._announced = joint
+
     def _procedure(self) -> Iterator[Rates]:
         commissioning = self._commissioning
         yield from commissioning.turn_all()
@@ -207,6 +218,7 @@ class CommissionNode(ProcessNode):
             text = parameter_file({'/**': {'cranks': commissioning.cranks}})
             Path(self._options.output).write_text(text, encoding='utf-8')
             print(f'{self._options.output}: a second --params-file, after that of the robot')
+        self._is_complete = True
         self._finish(1 if problem else 0)
 
 

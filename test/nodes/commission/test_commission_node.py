@@ -70,8 +70,10 @@ def test_a_signal_stops_the_cranks(ros: Domain, number: signal.Signals) -> None:
     commands = Commands(ros)
     process = ros.start('commission_node', '--yes', *FILE, angle=0.6, rate=0.05)
     commands.until_turning()
-    assert process.stop(number) == 0
+    # Nothing was measured, so a script must not walk on.
+    assert process.stop(number) == 1
     commands.until_zero()
+    assert process.output == 'left_crank turns\n'
     assert 'Traceback' not in process.errors
 
 
