@@ -68,8 +68,7 @@ class WalkController:
         for crank in self.cranks:
             crank.max_rate = 4.0 * settings.limits.max_crank_rate
         for monitor in self.monitors:
-            monitor.max_error = settings.max_following_error
-            monitor.reaction_time = settings.feedback_timeout
+            monitor.configure(settings.max_following_error, settings.feedback_timeout)
 
     # Inputs.
 
@@ -194,6 +193,8 @@ class WalkController:
         for monitor, rate in zip(self.monitors, command.velocity, strict=True):
             if fault := monitor.update(rate, gap, now):
                 self.latch.trip(fault)
+        if all(monitor.has_followed for monitor in self.monitors):
+            self.latch.note_walk()
         return self._hold_position() if self.latch.fault else command
 
     def _reset_clock(self, now: float) -> None:

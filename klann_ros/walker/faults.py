@@ -48,12 +48,17 @@ class Fault(NamedTuple):
     text: str
 
 
+# Automatic resets in a row: a joystick that wobbles about 0 would drive a motor that turns the
+# wrong way again and again.
+MAX_AUTO_RESETS = 3
+
+
 class FaultLatch:
     """
     The first fault of a walker, until it is reset.
 
-    With `auto_reset` a motion that is commanded after a command of 0 resets it; without, only
-    `reset` does.
+    With `auto_reset` a motion that is commanded after a command of 0 resets it, some times in a
+    row; without, only `reset` does.
     """
 
     def __init__(self, *, auto_reset: bool = False) -> None:
@@ -61,6 +66,8 @@ class FaultLatch:
         self.fault: Fault | None = None
         # Whether a motion of 0 was commanded since the fault.
         self._is_released = False
+        # Since a reset by `reset`, or a walk.
+        self._auto_resets = 0
 
     def trip(self, fault: Fault) -> None:
         """Latch a fault; a later one changes nothing."""
@@ -69,19 +76,34 @@ class FaultLatch:
             self._is_released = False
 
     def reset(self) -> None:
-        """Forget the fault."""
+        """Forget the fault, and those before it."""
         self.fault = None
+        self._auto_resets = 0
+
+    def note_walk(self) -> None:
+        """Take note that all cranks have followed for some time: the fault before is over."""
+        self._auto_resets = 0
 
     def command(self, *, is_motion: bool) -> None:
         """Take note of a commanded motion, or of a command to stand."""
-        if self.auto_reset and is_motion and self._is_released:
-            self.reset()
+        if self.fault and self._resets_itself and is_motion and self._is_released:
+            # One that is still pressed trips again before anything moves.
+            self._auto_resets += self.fault.kind is not FaultKind.E_STOP
+            self.fault = None
         self._is_released = not is_motion
+
+    @property
+    def _resets_itself(self) -> bool:
+        return self.auto_reset and self._auto_resets < MAX_AUTO_RESETS
 
     @property
     def reason(self) -> str:
         """Return the fault and what resets it, in words; '' without a fault."""
         if self.fault is None:
             return ''
-        way = 'a cmd_vel of 0 and then a new one resets it, or' if self.auto_reset else 'call'
+        way = 'call'
+        if self._resets_itself:
+            way = 'a cmd_vel of 0 and then a new one resets it, or'
+        elif self.auto_reset:
+            way = f'it has come back after {MAX_AUTO_RESETS} resets: repair it and call'
         return f'{self.fault.text}; {way} ~/reset_fault'

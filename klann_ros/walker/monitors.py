@@ -24,6 +24,8 @@ STEPS, COARSE_STEP = 3.5, 0.1
 MARK_DISTANCE = 0.002
 # Readings that confirm a fault: more than those that confirm a position offset.
 CONFIRMATIONS = 8
+# A motor that reacts later, with a longer feedback_timeout, has a fault as well [s].
+MAX_REACTION_TIME = 0.5
 # An older reading shows nothing: its publisher may be paused, as a simulated motor is [s].
 MAX_READING_AGE = 0.1
 ADVICE = {
@@ -75,13 +77,17 @@ class PathWindow:
         while len(marks) > 1 and mark.commanded - marks[1].commanded >= self.length:
             marks.popleft()
 
+    @property
+    def commanded(self) -> float:
+        """Return the commanded path that it contains [rad]."""
+        return self.marks[-1].commanded - self.marks[0].commanded if self.marks else 0.0
+
     def is_followed(self, path: PathMark) -> bool:
         """Return whether a crank that is there has followed; yes while the path is too short."""
-        if not self.marks:
+        commanded = self.commanded
+        if commanded < self.length:
             return True
-        commanded = self.marks[-1].commanded - self.marks[0].commanded
-        measured = path.measured - self.marks[0].measured
-        return commanded < self.length or measured >= self.min_ratio * commanded
+        return path.measured - self.marks[0].measured >= self.min_ratio * commanded
 
 
 class EncoderSteps:
@@ -142,11 +148,22 @@ class FollowingMonitor:
     """
 
     def __init__(self, crank: CrankFeedback, max_error: float, reaction_time: float) -> None:
-        self.crank, self.max_error, self.reaction_time = crank, max_error, reaction_time
+        self.crank = crank
+        self.configure(max_error, reaction_time)
         self._steps = EncoderSteps()
         self._window = PathWindow(max_error, MIN_RATIO)
         self._turn_window = PathWindow(SLIP_PATH, MIN_SLIP_RATIO)
         self.restart()
+
+    def configure(self, max_error: float, reaction_time: float) -> None:
+        """Replace the commanded path [rad], and the greatest delay [s]."""
+        self.max_error = max_error
+        self.reaction_time = min(reaction_time, MAX_REACTION_TIME)
+
+    @property
+    def has_followed(self) -> bool:
+        """Return whether the crank has just followed over half a turn."""
+        return not self._errors and self._turn_window.commanded >= SLIP_PATH
 
     def restart(self, begin: float = -inf) -> None:
         """Forget the path; the next one begins at a time [s]."""

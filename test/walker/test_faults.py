@@ -490,3 +490,43 @@ def test_motors_that_pause_with_their_feedback_are_no_fault(steering: Steering) 
         walk.run(1.5)
         assert walk.control.latch.fault is None
         assert all(motor.command > 0.5 for motor in walk.motors)
+
+
+def test_a_joystick_that_wobbles_does_not_reset_a_fault_for_ever(steering: Steering) -> None:
+    walk = FaultyWalk(steering, [Motor(factor=-1.0), Motor()], auto_reset=True)
+    latch = walk.control.latch
+
+    def wobble(seconds: float) -> float:
+        """Command 0 and motion in turn; return the path of the first motor since [rad]."""
+        first = walk.motors[0].position
+        for _ in range(round(seconds / 0.2)):
+            walk.twist = (0.0, 0.0)
+            walk.run(0.1)
+            walk.twist = (0.15, 0.0)
+            walk.run(0.1)
+        return abs(walk.motors[0].position - first)
+
+    assert wobble(15.0) > 0.1
+    assert wobble(10.0) == 0.0
+    assert latch.fault is not None
+    assert 'after 3 resets: repair it and call ~/reset_fault' in latch.reason
+    # A user who has repaired it says so, and then walks.
+    walk.motors[0].factor = 1.0
+    latch.reset()
+    walk.run(8.0)
+    for _ in range(5):
+        walk.motors[0].factor = -1.0
+        walk.run(3.0)
+        assert latch.fault is not None
+        walk.motors[0].factor = 1.0
+        walk.twist = (0.0, 0.0)
+        walk.run(0.1)
+        walk.twist = (0.15, 0.0)
+        walk.run(8.0)
+        assert latch.fault is None
+
+
+def test_a_long_feedback_timeout_delays_no_fault(steering: Steering) -> None:
+    walk = FaultyWalk(steering, [Motor(factor=-1.0), Motor()], feedback_timeout=10.0).run(3.0)
+    assert walk.control.latch.fault is not None
+    assert abs(walk.motors[0].position) < 1.0
