@@ -165,9 +165,14 @@ def _init(for_ros: Sequence[str]) -> None:
         raise StartError(f'{ros_error(error)}; {_LOG_FOLDER_REMEDY}') from error
 
 
+def parameter_files(arguments: Sequence[str]) -> list[str]:
+    """Return the parameter files that are named in a command line."""
+    return list(_behind(arguments, '--params-file'))
+
+
 def _check_params_files(arguments: Sequence[str]) -> None:
     """Refuse special files: for a pipe without a writer ROS blocks and ignores every signal."""
-    for file in _behind(arguments, '--params-file'):
+    for file in parameter_files(arguments):
         # A shell's process substitution, as in `--params-file <(...)`, has a writer.
         if file.startswith(('/dev/fd/', '/proc/self/fd/')):
             continue
@@ -221,7 +226,7 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
     of another node of this package is no mistake in a file; behind `-p` it is one.
     """
     rules = list(_behind(arguments, '-p', '--param'))
-    files = list(_behind(arguments, '--params-file'))
+    files = parameter_files(arguments)
     lines = [
         *islice(_unknown(node, executable, rules), MAX_LINES + 1),
         *islice(_for_others(node, rules), MAX_LINES + 1),

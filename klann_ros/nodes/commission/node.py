@@ -19,7 +19,14 @@ from klann_ros.nodes.endpoints import (
 )
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.player.keyboard import Keyboard
-from klann_ros.nodes.process import arguments, Finish, LOG_PERIOD, ProcessNode, run
+from klann_ros.nodes.process import (
+    arguments,
+    Finish,
+    LOG_PERIOD,
+    parameter_files,
+    ProcessNode,
+    run,
+)
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.solver.cdr import JointReading, JointsReader
 from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES
@@ -27,6 +34,7 @@ from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.nodes.walker.messages import CrankOutput
 from klann_ros.robot import CrankDrive, Robot
 from klann_ros.sanitize.arguments import ArgumentParser
+from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import parameter_file
 from klann_ros.stop_signals import StopSignals
@@ -215,11 +223,20 @@ class CommissionNode(ProcessNode):
         if problem:
             print(f'commission_node: {problem}', flush=True)
         elif self._options.output:
-            text = parameter_file({'/**': {'cranks': commissioning.cranks}})
-            Path(self._options.output).write_text(text, encoding='utf-8')
-            print(f'{self._options.output}: a second --params-file, after that of the robot')
+            problem = self._write(self._options.output)
         self._is_complete = True
         self._finish(1 if problem else 0)
+
+    def _write(self, path: str) -> str:
+        """Write what was measured; return the reason why it is not written, '' if it is."""
+        text = parameter_file({'/**': {'cranks': self._commissioning.cranks}})
+        try:
+            Output('-o', path).write(text.encode())
+        except OutputError as error:
+            print(f'commission_node: {error}; it would be\n{text}', flush=True)
+            return str(error)
+        print(f'{printable(path)}: a second --params-file, after that of the robot')
+        return ''
 
 
 def _feet(robot: Robot) -> Feet | None:
@@ -258,6 +275,12 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
     options = arguments(parser, argv)
     if options.output and not options.overwrite and Path(options.output).exists():
         parser.error(f'{printable(options.output)} exists already: --overwrite replaces it')
+    if options.output is not None:
+        try:
+            # Before a crank turns; the robot's file, which may be named here, is only read.
+            Output('-o', options.output).check(parameter_files(argv))
+        except OutputError as error:
+            parser.error(str(error))
     return run('commission_node', partial(_make, options), argv, stop, raw=True)
 
 

@@ -126,3 +126,37 @@ def test_an_unknown_joint_is_refused(ros: Domain) -> None:
     assert process.wait() == 1
     words = "--backwards = 'wheel' is refused: it must be of left_crank, right_crank, or none"
     assert words in process.errors
+
+
+@pytest.mark.parametrize(
+    ('output', 'reason'),
+    [
+        ('there/is/none.yaml', 'there is no folder '),
+        ('.', 'it is a folder'),
+        (WALKER, f'it is {WALKER}, which is only read'),
+    ],
+)
+def test_a_file_that_cannot_be_written_turns_nothing(
+    ros: Domain, output: str, reason: str
+) -> None:
+    process = ros.start('commission_node', '--yes', '--overwrite', '-o', output, *FILE)
+    assert process.wait() == 2
+    assert f'error: -o {output} cannot be written: {reason}' in process.errors
+
+
+def test_a_folder_that_disappears_meanwhile_ends_it(ros: Domain, tmp_path: Path) -> None:
+    folder = tmp_path / 'notes'
+    folder.mkdir()
+    robot(ros, 'imu_missing')
+    commands = Commands(ros)
+    options = ('--yes', '-o', 'notes/cranks.yaml')
+    process = ros.start('commission_node', *options, *FILE, feedback_timeout=3.0)
+    commands.until_turning()
+    folder.rmdir()
+    assert process.wait() == 1
+    commands.until_zero()
+    assert process.output.count('left_crank: ok') == 1
+    reason = '-o notes/cranks.yaml cannot be written: there is no folder'
+    assert f'commission_node: {reason}' in process.output
+    assert 'encoder_ratio: 1.0' in process.output
+    assert 'callback failed' not in process.errors
