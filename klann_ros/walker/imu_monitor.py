@@ -36,9 +36,12 @@ class ImuMonitor:
         self._noise = noise
         self.state = ImuState.NONE
         self._last: ImuReading | None = None
-        # Time for which stamps, and readings but for their stamps, have repeated [s].
+        # Time for which stamps, and readings but for their stamps, have repeated [s]; and whether
+        # there was a repetition: while a queue is drained many cranks' readings follow on one.
         self._stamp_time = 0.0
         self._content_time = 0.0
+        self._has_old_stamp = False
+        self._has_old_content = False
         # The cranks when the readings began to repeat [rad].
         self._cranks: Sequence[float] = ()
         # Turn of the feet, of the gyro less that of the feet, and slip at the reach [rad].
@@ -53,9 +56,11 @@ class ImuMonitor:
         last, self._last = self._last, reading
         if self.state is ImuState.NONE:
             self.state = ImuState.USED
-        if last is None or reading.at != last.at:
+        self._has_old_stamp = last is not None and reading.at == last.at
+        if not self._has_old_stamp:
             self._stamp_time = 0.0
-        if last is None or reading._replace(at=0.0) != last._replace(at=0.0):
+        self._has_old_content = last is not None and reading._replace(at=last.at) == last
+        if not self._has_old_content:
             self._content_time = 0.0
             self._cranks = ()
 
@@ -91,8 +96,9 @@ class ImuMonitor:
     def _problem(self, cranks: Sequence[float]) -> ImuState | None:
         n = self._noise
         moved = max(abs(a - b) for a, b in zip(cranks, self._cranks, strict=True))
-        content_repeats = self._content_time > n.max_repetition and moved > n.stationary_angle
-        if self._stamp_time > n.max_repetition or content_repeats:
+        stamp_repeats = self._has_old_stamp and self._stamp_time > n.max_repetition
+        content_repeats = self._has_old_content and self._content_time > n.max_repetition
+        if stamp_repeats or (content_repeats and moved > n.stationary_angle):
             return ImuState.FROZEN
         gate = n.yaw_gate + n.yaw_slip_gate * self._slip + abs(self._feet_turn)
         if abs(self._feet_turn) < n.yaw_gate:

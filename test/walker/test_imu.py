@@ -392,6 +392,19 @@ def test_readings_without_noise_repeat_at_standstill(steering: Steering) -> None
     assert 'its IMU repeats the same reading; odom goes on without the IMU' in text
 
 
+def test_queues_that_are_drained_one_after_the_other_repeat_no_reading(steering: Steering) -> None:
+    walker = Walker(steering)
+    for first in range(0, 400, 40):
+        times = [PERIOD * k for k in range(first, first + 40)]
+        for at in times:
+            reading = ImuReading(0.0, 0.001 * (at % 0.03), at, LEVEL, force=AT_REST)
+            walker.imu(reading, times[-1])
+        for at in times:
+            turning = {'left_crank': (-at, -1.0), 'right_crank': (-at, -1.0)}
+            walker.feedback(turning, times[-1], at=at)
+            assert walker.values(times[-1])['imu'] == 'used'
+
+
 def test_a_body_that_is_turned_by_hand_turns_as_its_gyro(two_motors: Feet) -> None:
     """Its feet tell nothing while it is lifted, nor of an obstacle that turns it a little."""
     odometry = Odometry(two_motors)
