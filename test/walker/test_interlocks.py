@@ -1,7 +1,10 @@
 """An emergency stop latches, its silence too; what is disabled stands until it is enabled."""
 
+from klann_ros.gait import Steering
+from klann_ros.walker.controller import WalkController
 from klann_ros.walker.faults import FaultKind, FaultLatch
 from klann_ros.walker.interlocks import Interlocks
+from klann_ros.walker.settings import ControllerSettings
 import pytest
 
 
@@ -72,6 +75,19 @@ def test_a_pause_of_the_process_is_no_silence(latch: FaultLatch, interlocks: Int
     assert latch.fault is None
     interlocks.check(61.5, 1.0)
     assert latch.fault is not None
+
+
+def test_a_controller_that_was_paused_excuses_the_silence_of_the_pause_alone(
+    steering: Steering,
+) -> None:
+    controller = WalkController(steering, ControllerSettings(e_stop_timeout=1.0))
+    controller.keep_alive(10.0)
+    controller.interlocks.hear_e_stop(is_pressed=False, now=10.0)
+    controller.keep_alive(15.0)
+    assert controller.latch.fault is None
+    for k in range(1, 12):
+        controller.keep_alive(15.0 + 0.1 * k)
+        assert (controller.latch.fault is not None) == (k > 10)
 
 
 def test_what_is_disabled_is_enabled_on_request(interlocks: Interlocks) -> None:

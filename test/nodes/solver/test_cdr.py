@@ -27,8 +27,10 @@ def joint_states(draw: Callable[[Any], Any], names: Any = name_lists) -> JointSt
     message = JointState(name=draw(names))
     count = len(message.name)
     message.position = draw(st.lists(doubles, min_size=count, max_size=count))
-    message.velocity = draw(st.lists(doubles, max_size=count))
-    message.effort = draw(st.lists(doubles, max_size=3))
+    for numbers in ('velocity', 'effort'):
+        # As many as names, or any fewer or more.
+        size = draw(st.sampled_from([count, count, 0, count - 1, count + 1]))
+        setattr(message, numbers, draw(st.lists(doubles, min_size=size, max_size=size)))
     message.header.frame_id = draw(texts)
     message.header.stamp.sec = draw(secs)
     message.header.stamp.nanosec = draw(nanosecs)

@@ -9,7 +9,7 @@ from klann_ros.nodes.endpoints import LAST_MESSAGES
 import pytest
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float32MultiArray, Float64MultiArray, String
 
 FAILING = str(Path(__file__).with_name('failing_walker.py'))
 FILE = ['--ros-args', '--params-file', TWO_MOTORS, '-p', 'diagnostics_period:=0.1']
@@ -88,16 +88,21 @@ def test_errors_of_the_executor_leave_no_command_standing(
     assert not any(motors.commands[-1].velocity)
 
 
-def test_rates_alone_end_with_zero(ros: Domain) -> None:
-    process = ros.start('walker_node', *FILE, command_type='velocities')
-    rates = ros.probe.listen(Float64MultiArray, 'crank_command')
+@pytest.mark.parametrize(
+    ('command_type', 'kind'),
+    [('velocities', Float64MultiArray), ('velocities_float32', Float32MultiArray)],
+)
+def test_rates_alone_end_with_zero(ros: Domain, command_type: str, kind: type) -> None:
+    process = ros.start('walker_node', *FILE, command_type=command_type)
+    rates = ros.probe.listen(kind, 'crank_command')
     state = ros.probe.publisher(JointState, 'crank_state')
     cmd_vel = ros.probe.publisher(TwistStamped, 'cmd_vel')
     twist = TwistStamped()
     twist.twist.linear.x = 0.1
 
     def is_turning() -> bool:
-        state.publish(JointState(name=JOINTS, position=[0.5, 0.5], velocity=[0.4, 0.4]))
+        # Cranks that stay there: positive numbers are rates.
+        state.publish(JointState(name=JOINTS, position=[-2.0, -2.0], velocity=[0.4, 0.4]))
         cmd_vel.publish(twist)
         return bool(rates and min(rates[-1].data) > 0.5)
 
