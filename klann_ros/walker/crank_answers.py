@@ -140,7 +140,10 @@ def _still(joint: str, turn: Turn, answering: str) -> Finding:
 
 
 def _swapped(joint: str, answering: str) -> Finding:
-    text = f'{answering} answers: exchange the motors, or the encoders, of the two'
+    text = (
+        f'{answering} answers: exchange the motors, or the encoders, of the two; if only {joint} '
+    )
+    text += f'turned, first correct the encoder of {answering} (degrees, a gear)'
     return Finding(joint, Verdict.SWAPPED, text)
 
 

@@ -198,11 +198,12 @@ class WalkerNode(ProcessNode):
 
     def _on_reset_fault(self) -> tuple[bool, str]:
         latch = self._walker.controller.latch
-        text = latch.fault.text if latch.fault else 'there is no fault'
+        text = f'forgotten: {latch.fault.text}' if latch.fault else 'there is no fault'
         latch.reset()
         # A pressed emergency stop trips it again.
         self._walker.controller.keep_alive(self._now())
-        return latch.fault is None, printable_line(text)
+        refusal = latch.fault.text if latch.fault else ''
+        return not refusal, printable_line(refusal or text)
 
     def _on_reset_odometry(self) -> tuple[bool, str]:
         self._walker.set_pose()
@@ -503,9 +504,10 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
         'keep their phases; estimate its pose (odom) from the angles of its cranks (crank_state).',
         f'{usage(groups)}\n its legs: those of solver_node, in the same file or by its '
         f'leg_description\n{QOS_USAGE}\n\n'
-        'Services (std_srvs/srv/Trigger): ~/reset_fault forgets the fault that stopped it,\n'
-        '~/disable commands the cranks to stand, and ~/enable permits motion again;\n'
-        '~/set_zero and ~/JOINT/set_zero: all cranks, or that of a joint, are at zero now.',
+        'Services (std_srvs/srv/Trigger): ~/reset_fault forgets the fault that stopped\n'
+        'it; ~/disable commands the cranks to stand, ~/enable permits motion again;\n'
+        '~/set_zero and ~/JOINT/set_zero: all cranks, or that of a joint, are at zero\n'
+        'now; ~/reset_odometry: odom begins again at 0.',
     )
     parser.add_argument('--lifecycle', action='store_true', help=LIFECYCLE_HELP)
     kind = ManagedWalkerNode if arguments(parser, argv).lifecycle else WalkerNode

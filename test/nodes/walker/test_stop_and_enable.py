@@ -78,7 +78,7 @@ def test_an_emergency_stop_of_any_quality_of_service_latches(
     e_stop.publish(Bool(data=False))
     stands(ros, motors)
     assert call(ros, 'enable') == (False, 'e_stop is pressed; call ~/reset_fault')
-    assert call(ros, 'reset_fault') == (True, 'e_stop is pressed')
+    assert call(ros, 'reset_fault') == (True, 'forgotten: e_stop is pressed')
     walks(ros, motors)
     ros.probe.node.destroy_publisher(e_stop)
 
