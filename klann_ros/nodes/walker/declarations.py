@@ -62,7 +62,7 @@ CONTROL = (
     Declaration('open_loop', False, 'whether commands are taken as obeyed, without crank_state'),
     Declaration('stamped_cmd_vel', True, 'whether cmd_vel is a TwistStamped; false: a Twist'),
     *(
-        _tunable(name, getattr(_SETTINGS, name), text, least, most)
+        _tunable(name, round(getattr(_SETTINGS, name), 4), text, least, most)
         for name, text, least, most in (
             ('cmd_vel_timeout', 'command timeout: older commands stop it [s]', 0.01, 60.0),
             ('feedback_timeout', 'a crank that is silent for longer stops all [s]', 0.01, 60.0),
@@ -113,7 +113,12 @@ ODOMETRY = (
             ('heading_error', 'standard deviation of a yaw without covariance [rad]', 0.0, 3.2),
             ('advance_error', 'relative error of the advance', 0.0, 10.0),
             ('slip_error', 'error relative to the slip of the feet', 0.0, 10.0),
-            ('slip_yaw_error', 'of the yaw at the reach of the feet, likewise', 0.0, 10.0),
+            (
+                'slip_yaw_error',
+                'of the yaw at the reach of the feet, relative to the slip',
+                0.0,
+                10.0,
+            ),
             ('contact_error', 'relative to least squares minus friction law', 0.0, 10.0),
             ('height_error', 'standard deviation of the height [m]', 0.0, 10.0),
             ('tilt_error', 'standard deviation of roll and pitch [rad]', 1e-6, 3.2),
