@@ -373,7 +373,7 @@ class WalkerNode(ProcessNode):
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _rivals(self) -> list[str]:
-        """Return who else commands the cranks, which a watchdog only stops, or the walker."""
+        """Return who else commands the cranks or the walker, or its stop."""
         rivals = []
         commanders = self._publishing_nodes('crank_command', 'watchdog_node')
         if len(commanders) > 1:
@@ -384,9 +384,14 @@ class WalkerNode(ProcessNode):
         if len(drivers) > 1:
             names = ', '.join(map(printable, drivers))
             rivals.append(f'cmd_vel has {len(drivers)} publishers: {names}')
+        switches = self._publishing_nodes('e_stop')
+        if len(switches) > 1:
+            names = ', '.join(map(printable, switches))
+            text = f'e_stop has {len(switches)} publishers, whose silence hides: {names}'
+            rivals.append(text)
         return rivals
 
-    def _publishing_nodes(self, name: str, harmless: str) -> list[str]:
+    def _publishing_nodes(self, name: str, harmless: str = '') -> list[str]:
         """Return the nodes that publish a topic, if there are several, but the harmless ones."""
         topic = self.resolve_topic_name(name)
         if self.count_publishers(topic) < 2:

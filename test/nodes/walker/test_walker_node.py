@@ -14,7 +14,7 @@ import pytest
 from ros_domain import Domain, Process
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Bool, Float64MultiArray, String
 
 
 @pytest.fixture(scope='module')
@@ -97,6 +97,12 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     motors.until_message('cmd_vel has 2 publishers: /probe, /probe')
     assert motors.status.level == DiagnosticStatus.WARN
     other.destroy_publisher(twists)
+    for number in (1, 2):
+        ros.other_node().create_publisher(Bool, 'e_stop', 10)
+        motors.until_message(
+            'walking' if number == 1 else 'e_stop has 2 publishers, whose silence'
+        )
+    assert motors.status.level == DiagnosticStatus.WARN
 
     motors.factors = [1.0, 1.0]
     motors.twist = None
