@@ -5,7 +5,8 @@ An Int32 names no joint, so each of several cranks has a topic of its own: `cran
 `counts_per_turn` has no sign: direction and zero of a crank are set as those of a JointState.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from klann_ros.kinematics.angles import TURN
@@ -14,9 +15,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from .endpoints import create_publisher, name_refusal
+from .endpoints import create_publisher, name_refusal, subscribe_raw
 from .parameters import require, StartError
-from .solver.cdr import NumberReader
+from .process import LOG_PERIOD
+from .raw_executor import Info
+from .solver.cdr import JointReading, JointsReader, NumberReader
 
 _TICKS = 'std_msgs/msg/Int32'
 _OVERFLOW = 2**32
@@ -83,3 +86,35 @@ class TicksReader:
         change = (count - self._count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
         self._count += change
         return (self._count / self._counts_per_turn - self._turns) * TURN
+
+
+def subscribe_cranks(
+    node: Node,
+    joints: Sequence[str],
+    values: Mapping[str, Any],
+    take: Callable[[Mapping[str, JointReading], Info], None],
+) -> None:
+    """Subscribe to the JointStates or ticks of cranks; what is refused is logged."""
+
+    def on_message(
+        name: str, read: Callable[[bytes], Mapping[str, JointReading]], data: bytes, info: Info
+    ) -> None:
+        try:
+            readings = read(data)
+        except ValueError as error:
+            text = printable(f'{name} is rejected: {error}')
+            node.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
+        else:
+            take(readings, info)
+
+    topics = encoder_topics(joints, values)
+    for joint, topic in topics.items():
+        read = partial(_read_ticks, joint, TicksReader(values['counts_per_turn']))
+        subscribe_raw(node, Int32, topic, partial(on_message, f'crank_state of {joint}', read))
+    if not topics:
+        read_joints = partial(on_message, 'crank_state', JointsReader(joints).read)
+        subscribe_raw(node, JointState, 'crank_state', read_joints)
+
+
+def _read_ticks(joint: str, reader: TicksReader, data: bytes) -> dict[str, JointReading]:
+    return {joint: JointReading(reader.read(data), None, 0, 0)}

@@ -9,12 +9,11 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.gait import Feet, NoWalkerError
-from klann_ros.nodes.encoders import encoder_topics, TicksReader
+from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (
     create_steady_timer,
     node_of,
     QOS_USAGE,
-    subscribe_raw,
     TypeCheck,
 )
 from klann_ros.nodes.parameters import declare, require, StartError, usage
@@ -22,13 +21,12 @@ from klann_ros.nodes.player.keyboard import Keyboard
 from klann_ros.nodes.process import (
     arguments,
     Finish,
-    LOG_PERIOD,
     parameter_files,
     ProcessNode,
     run,
 )
 from klann_ros.nodes.raw_executor import Info
-from klann_ros.nodes.solver.cdr import JointReading, JointsReader
+from klann_ros.nodes.solver.cdr import JointReading
 from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.nodes.walker.messages import CrankOutput
@@ -40,8 +38,8 @@ from klann_ros.sanitize.yaml_text import parameter_file
 from klann_ros.stop_signals import StopSignals
 from klann_ros.walker import Commissioning, CommissioningSettings, CrankCommand, CrankDrives, Rates
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Bool, Int32
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Bool
 
 from .declarations import COMMISSION_PARAMETERS
 
@@ -73,14 +71,8 @@ class CommissionNode(ProcessNode):
         self._feet = _feet(robot)
         drives = CrankDrives(dict.fromkeys(self._joints, CrankDrive()))
         self._commands = CrankOutput(self, drives, values['command_type'])
-        self._reader = JointsReader(self._joints)
         self._types = TypeCheck(self, ENCODER_REMEDIES)
-        encoders = encoder_topics(self._joints, values)
-        for joint, topic in encoders.items():
-            reader = TicksReader(values['counts_per_turn'])
-            subscribe_raw(self, Int32, topic, partial(self._on_ticks, joint, reader))
-        if not encoders:
-            subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        subscribe_cranks(self, self._joints, values, self._feed_back)
         self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
         self._closed = dict.fromkeys(self._joints if options.home else (), False)
         for joint in self._closed:
@@ -117,26 +109,9 @@ class CommissionNode(ProcessNode):
             self._is_stopped = self._is_permitted
             self._is_permitted = self._is_permitted or self._has_asked
 
-    def _on_crank_state(self, data: bytes, _: Info) -> None:
-        try:
-            readings = self._reader.read(data)
-        except ValueError as error:
-            text = f'crank_state is rejected: {printable(error)}'
-            self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
-        else:
-            last = next(iter(readings.values()))
-            self._feed_back(readings, last.sec + last.nanosec / 1e9)
-
-    def _on_ticks(self, joint: str, reader: TicksReader, data: bytes, info: Info) -> None:
-        try:
-            reading = JointReading(reader.read(data), None, 0, 0)
-        except ValueError as error:
-            text = f'crank_state of {printable(joint)} is rejected: {printable(error)}'
-            self.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
-        else:
-            self._feed_back({joint: reading}, info['source_timestamp'] / 1e9)
-
-    def _feed_back(self, readings: Mapping[str, JointReading], stamp: float) -> None:
+    def _feed_back(self, readings: Mapping[str, JointReading], info: Info) -> None:
+        last = next(iter(readings.values()))
+        stamp = last.sec + last.nanosec / 1e9 or info['source_timestamp'] / 1e9
         self._heard = self._commissioning.now = monotonic()
         encoders = {joint: (each.position, each.velocity) for joint, each in readings.items()}
         self._commissioning.feedback(encoders, stamp)
@@ -172,7 +147,9 @@ class CommissionNode(ProcessNode):
         topic = self.resolve_topic_name('crank_command')
         own_name = self.get_fully_qualified_name()
         nodes = {*map(node_of, self.get_publishers_info_by_topic(topic))} - {own_name}
-        if nodes or self.count_publishers(topic) > 1:
+        # Discovery knows a publisher before its node; no crank turns before its end.
+        is_discovered = '' not in nodes or now - self._begun > DISCOVERY
+        if is_discovered and (nodes or self.count_publishers(topic) > 1):
             names = printable_line(', '.join(sorted(nodes)) or 'another node of this name')
             return f'{names} publishes {topic}: end it first'
         if self._is_stopped:

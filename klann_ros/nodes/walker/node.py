@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from klann_ros.datasheet import peak_efforts
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
-from klann_ros.nodes.encoders import encoder_topics, TicksReader
+from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -26,7 +26,7 @@ from klann_ros.nodes.endpoints import (
 from klann_ros.nodes.parameters import declare, on_change, StartError, usage
 from klann_ros.nodes.process import arguments, LIFECYCLE_HELP, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointReading, JointsReader
+from klann_ros.nodes.solver.cdr import JointReading
 from klann_ros.nodes.solver.leg_parameters import declared_robot
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, printable_line
@@ -41,8 +41,8 @@ from klann_ros.walker import (
 )
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Imu, JointState
-from std_msgs.msg import Bool, Int32
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Bool
 
 from .declarations import (
     CONTROL,
@@ -126,7 +126,6 @@ class WalkerNode(ProcessNode):
 
     def _connect(self, values: dict[str, Any]) -> None:
         joints = self._walker.feet.joints
-        self._reader = JointsReader(joints)
         self._imu, self._has_imu = ImuReader(), False
         self._commands = CrankOutput(self, self._walker.drives, values['command_type'])
         self._limited: Any = None
@@ -155,14 +154,10 @@ class WalkerNode(ProcessNode):
         # An IMU is needed only then, so its messages wake nobody.
         if values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu, wakes=False)
-        encoders = {} if values['open_loop'] else encoder_topics(joints, values)
-        for joint, topic in encoders.items():
-            reader = TicksReader(values['counts_per_turn'])
-            subscribe_raw(self, Int32, topic, partial(self._on_ticks, joint, reader))
         if values['open_loop']:
             self.get_logger().warning(OPEN_LOOP)
-        elif not encoders:
-            subscribe_raw(self, JointState, 'crank_state', self._on_crank_state)
+        else:
+            subscribe_cranks(self, joints, values, self._feed_back)
         cmd_vel = TwistStamped if self._stamped else Twist
         subscribe_raw(self, cmd_vel, 'cmd_vel', self._on_cmd_vel)
         self._period = 1.0 / values['rate']
@@ -288,22 +283,6 @@ class WalkerNode(ProcessNode):
             self.get_logger().warning(f'angular.z is refused: {refusal.text}', once=True)
         else:
             self._warn(refusal.text)
-
-    def _on_crank_state(self, data: bytes, info: Info) -> None:
-        try:
-            readings = self._reader.read(data)
-        except ValueError as error:
-            self._warn(f'crank_state is rejected: {error}')
-        else:
-            self._feed_back(readings, info)
-
-    def _on_ticks(self, joint: str, reader: TicksReader, data: bytes, info: Info) -> None:
-        try:
-            angle = reader.read(data)
-        except ValueError as error:
-            self._warn(f'crank_state of {joint} is rejected: {error}')
-        else:
-            self._feed_back({joint: JointReading(angle, None, 0, 0)}, info)
 
     def _feed_back(self, joints: Mapping[str, JointReading], info: Info) -> None:
         """Take the readings of cranks of one message; publish odom, and the command if due."""
