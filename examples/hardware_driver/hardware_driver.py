@@ -16,6 +16,7 @@ from typing import Any
 from motors import Motors, SimulatedMotors
 import rclpy
 from rclpy.duration import Duration
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
@@ -35,6 +36,12 @@ class HardwareDriver(Node):
         # Angle of the crank where the encoder reads 0 [rad].
         self._zeros = self._parameter('zeros', [0.0] * count)
         self._timeout = self._parameter('command_timeout', 0.5)
+        rate = self._parameter('rate', 100.0)
+        numbers = (*self._ratios, *self._zeros, self._timeout, rate)
+        has_sizes = len(self._ratios) == len(self._zeros) == count
+        if not (has_sizes and all(self._ratios) and all(map(isfinite, numbers)) and rate > 0.0):
+            needed = 'a gear ratio other than 0 and a zero, and a rate above 0'
+            raise ValueError(f'{self._joints} need each {needed}; all are finite')
         self._motors = motors_of(self._parameter('port', ''), count)
         self._motors.connect()
         # Commanded rates of the cranks [rad/s], and the arrival of the command [s].
@@ -42,7 +49,7 @@ class HardwareDriver(Node):
         self._states = self.create_publisher(JointState, 'crank_state', 10)
         # A queue of one: after a pause only the last command counts.
         self.create_subscription(JointState, 'crank_command', self._on_command, 1)
-        self.create_timer(1.0 / self._parameter('rate', 100.0), self._on_timer)
+        self.create_timer(1.0 / rate, self._on_timer)
 
     def _parameter(self, name: str, default: Any) -> Any:
         return self.declare_parameter(name, default).value
@@ -110,7 +117,7 @@ def main() -> None:
         driver = HardwareDriver()
         while not signals:
             rclpy.spin_once(driver, timeout_sec=0.1)
-    except OSError as error:
+    except (OSError, ValueError, ImportError, ParameterException) as error:
         sys.exit(f'hardware_driver: {error}')
     finally:
         if driver is not None:

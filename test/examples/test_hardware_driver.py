@@ -263,3 +263,21 @@ def test_a_port_that_is_not_there_is_one_line(ros: Domain) -> None:
     assert driver.wait() == 1
     (line,) = driver.errors.splitlines()
     assert line.startswith('hardware_driver: ')
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'rate': 100}, "parameter 'rate' to '100' of type 'INTEGER', expecting type 'DOUBLE'"),
+        ({'rate': 0.0}, 'a rate above 0'),
+        ({'gear_ratios': [1.0]}, 'a gear ratio other than 0 and a zero'),
+        ({'gear_ratios': [0.0, 1.0]}, 'a gear ratio other than 0 and a zero'),
+    ],
+)
+def test_a_wrong_parameter_is_one_line(
+    ros: Domain, parameters: dict[str, object], words: str
+) -> None:
+    driver = start_driver(ros, **parameters)
+    assert driver.wait() == 1
+    assert words in driver.errors
+    assert len(driver.errors.splitlines()) == 1
