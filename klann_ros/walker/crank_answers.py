@@ -18,6 +18,8 @@ from klann_ros.robot import CrankDrive
 DEGREES, RPM, UNIT_ERROR = degrees(1.0), 30.0 / pi, 0.35
 # A ratio of 1, and equal ratios both ways, within these relative errors.
 UNIT_RATIO_ERROR, SLIP = 0.2, 0.15
+# The nearest whole ratio is that of the gear up to this one: errors are some percent.
+MAX_CERTAIN_RATIO = 8.0
 # A velocity is no noise above this part of the commanded one.
 FROZEN_RATE = 0.25
 # An encoder that answers for another one turns by this part of the commanded angle.
@@ -112,12 +114,12 @@ def crank_findings(
     elif is_backwards:
         text = 'motor and encoder are reversed: both count backwards'
         findings.append(Finding(joint, Verdict.REVERSED, text))
-    is_slow = abs(ratio) < 1.0 - UNIT_RATIO_ERROR
-    if of_velocity or is_slow or (ratio < 0.0 and is_backwards is None):
+    is_uncertain = not 1.0 - UNIT_RATIO_ERROR <= abs(ratio) <= MAX_CERTAIN_RATIO
+    if of_velocity or is_uncertain or (ratio < 0.0 and is_backwards is None):
         return findings, None
     motor_sign = -1.0 if is_backwards else 1.0
     encoder_sign = motor_sign if ratio > 0.0 else -motor_sign
-    drive = CrankDrive(encoder_sign * _whole(abs(ratio)), motor_sign)
+    drive = CrankDrive(encoder_sign * _gear_ratio(ratio), motor_sign)
     if not findings:
         text = f'its encoder answers {ratio:.2f} of the command'
         findings.append(Finding(joint, Verdict.OK, text))
@@ -176,10 +178,12 @@ def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
             verdict = Verdict.RPM if unit == 1.0 / RPM else Verdict.DEGREES
             return [Finding(joint, verdict, f'{text} ({size:.3g} of the command)')]
     if size > 1.0:
-        text = (
-            f'its encoder turns about {size:.3g} times as far, before a gear of {_whole(size):g}'
-        )
+        text = f'its encoder turns about {size:.3g} times as far, before a gear'
         remedy = 'check it by the data sheet, and whether the crank itself turned so far'
+        if size > MAX_CERTAIN_RATIO:
+            remedy = 'too far to measure its ratio: set encoder_ratio by the data sheet'
+        else:
+            text += f' of {_gear_ratio(size):g}'
         return [Finding(joint, Verdict.RATIO, f'{text}: {remedy}')]
     text = f'it turns {size:.3g} of the command: a gear, a weak motor or a slipping coupling'
     return [Finding(joint, Verdict.RATIO, text)]
@@ -194,8 +198,6 @@ def _reversed(is_backwards: bool | None) -> str:
     return 'its motor leads are exchanged' if is_backwards else 'its encoder counts backwards'
 
 
-def _whole(ratio: float) -> float:
-    """Return the ratio of degrees, or else the nearest whole ratio of a gear."""
-    if abs(ratio / DEGREES - 1.0) < UNIT_ERROR:
-        return DEGREES
-    return float(max(1, round(ratio)))
+def _gear_ratio(ratio: float) -> float:
+    """Return the nearest whole ratio of a gear."""
+    return float(max(1, round(abs(ratio))))

@@ -13,7 +13,6 @@ import pytest
 
 JOINTS = ('left_crank', 'right_crank')
 DT = 0.01
-DEG = degrees(1.0)
 
 
 class Plant:
@@ -102,7 +101,8 @@ PLAIN = CrankDrive()
             [Verdict.REVERSED],
             CrankDrive(-1.0, -1.0),
         ),
-        ('left_crank_degrees', None, [Verdict.DEGREES, Verdict.ABORTED], CrankDrive(DEG)),
+        ('left_crank_degrees', None, [Verdict.DEGREES, Verdict.ABORTED], None),
+        ('left_crank_gear_ratio=30', None, [Verdict.RATIO, Verdict.ABORTED], None),
         ('left_crank_rpm', None, [Verdict.RPM], None),
         ('left_crank_gear_ratio=2.9', None, [Verdict.RATIO], CrankDrive(3.0)),
         ('left_crank_gear_ratio=4', None, [Verdict.RATIO, Verdict.ABORTED], CrankDrive(4.0)),
