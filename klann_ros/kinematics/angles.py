@@ -1,6 +1,6 @@
-"""Angles modulo a turn."""
+"""Angles: modulo a turn, in other units, and the yaw of an orientation."""
 
-from math import nan, pi, remainder
+from math import atan2, degrees, nan, pi, remainder
 from typing import Any, SupportsFloat
 
 from .errors import CrankAngleError
@@ -8,6 +8,8 @@ from .errors import CrankAngleError
 # Start and end of an arc of crank angles [rad].
 Arc = tuple[float, float]
 TURN = 2.0 * pi
+# A radian in degrees, and a rad/s in rpm.
+DEGREES, RPM = degrees(1.0), 60.0 / TURN
 # The tangent of a nearly singular pose may lead many turns away, where angles lose digits.
 MAX_UNWRAPPED = 2.0 * TURN
 # Beyond this the last digit of a crank angle is worth more than 1e-10 rad.
@@ -20,6 +22,11 @@ def wrap(angle: float) -> float:
         return angle
     wrapped = remainder(angle, TURN)
     return pi if wrapped == -pi else wrapped
+
+
+def yaw_of(x: float, y: float, z: float, w: float) -> float:
+    """Return the yaw of a unit quaternion [rad]."""
+    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def crank_angle(alpha: SupportsFloat) -> float:

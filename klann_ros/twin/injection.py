@@ -7,11 +7,12 @@ a crank names its joint; without a joint all cranks have it. `=` gives its size,
 
 from collections.abc import Mapping, Sequence
 from enum import Enum
-from math import atan2, cos, degrees, isfinite, nan, pi, radians, sin
+from math import cos, degrees, isfinite, nan, radians, sin
 import re
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import GRAVITY
+from klann_ros.kinematics.angles import DEGREES, RPM, yaw_of
 from klann_ros.robot import CrankDrive
 from klann_ros.sanitize.text import did_you_mean, printable, refusal
 
@@ -19,7 +20,6 @@ from .twin import Imu, SimulatedCrank, TwinError
 
 # Period of the jumps of the heading [s].
 JUMP_PERIOD = 2.0
-_DEGREES, _RPM = degrees(1.0), 30.0 / pi
 _TERM = re.compile(r'(\w+)(?:=([^@]*))?(?:@(.*))?')
 
 
@@ -31,13 +31,13 @@ class Injection(Enum):
     DEAD = 'dead', 0.0, 'the motor does not turn'
     SLIPPING = 'slipping', 0.2, 'only this part of the commanded rate arrives at the crank'
     MOTOR_RATIO = 'motor_ratio', 0.25, 'turns of the crank by commanded turn'
-    COMMAND_DEGREES = 'command_degrees', 1.0 / _DEGREES, 'the driver takes commands as deg/s'
-    COMMAND_RPM = 'command_rpm', 1.0 / _RPM, 'the driver takes commands as rpm'
+    COMMAND_DEGREES = 'command_degrees', 1.0 / DEGREES, 'the driver takes commands as deg/s'
+    COMMAND_RPM = 'command_rpm', 1.0 / RPM, 'the driver takes commands as rpm'
     # Factors of the measured angle and velocity.
     ENCODER_REVERSED = 'encoder_reversed', -1.0, 'the encoder counts backwards'
     GEAR_RATIO = 'gear_ratio', 4.0, 'turns of the encoder by turn of the crank'
-    DEGREES = 'degrees', _DEGREES, 'angle in degrees, velocity in deg/s'
-    RPM = 'rpm', _RPM, 'velocity in rpm'
+    DEGREES = 'degrees', DEGREES, 'angle in degrees, velocity in deg/s'
+    RPM = 'rpm', RPM, 'velocity in rpm'
     SWAPPED = 'swapped', 0.0, 'the motor is exchanged with that of the next crank'
     ENCODER_SWAPPED = 'encoder_swapped', 0.0, 'the encoder is exchanged with the next one'
     ENCODER_FROZEN = 'encoder_frozen', 0.0, 'the angle stays, the velocity is true'
@@ -201,9 +201,7 @@ class FaultInjector:
                 case Injection.IMU_G:
                     imu = imu._replace(linear_acceleration=tuple(a / GRAVITY for a in force))
                 case Injection.IMU_YAW_REVERSED:
-                    x, y, z, w = orientation
-                    yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-                    mirrored = _product(_about(2, -2.0 * yaw), orientation)
+                    mirrored = _product(_about(2, -2.0 * yaw_of(*orientation)), orientation)
                     imu = Imu(mirrored, (*rates[:2], -rates[2]), force)
                 case Injection.IMU_TURNED | Injection.IMU_TILTED:
                     mount = _about(2 if kind is Injection.IMU_TURNED else 0, radians(size))

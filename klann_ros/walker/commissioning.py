@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, stance
-from klann_ros.kinematics.angles import TURN, wrap
+from klann_ros.kinematics.angles import DEGREES, TURN, wrap
 from klann_ros.robot import CrankDrive
 
 from .crank_answers import crank_findings, Finding, Turn, Verdict
@@ -259,7 +259,7 @@ class Commissioning:
         if not square:
             return
         gain = sum((tilt.conjugate() * gyro).real for tilt, gyro in tilts) / square
-        if abs(gain / degrees(1.0) - 1.0) < 0.5:
+        if abs(gain / DEGREES - 1.0) < 0.5:
             text = f'its gyro is in deg/s: it shows {gain:.3g} of the tilt of the body'
             self._imu_finding(Verdict.UNITS, text)
         elif abs(gain - 1.0) > 0.5:

@@ -9,13 +9,13 @@ as the weight of the robot turns a crank a little: a gear has the nearest whole 
 
 from collections.abc import Mapping
 from enum import Enum
-from math import degrees, pi
 from typing import NamedTuple
 
+from klann_ros.kinematics.angles import DEGREES, RPM
 from klann_ros.robot import CrankDrive
 
 # A ratio of deg or rpm to SI, within this relative error: few samples are taken of a fast one.
-DEGREES, RPM, UNIT_ERROR = degrees(1.0), 30.0 / pi, 0.35
+UNIT_ERROR = 0.35
 # A ratio of 1, and equal ratios both ways, within these relative errors.
 UNIT_RATIO_ERROR, SLIP = 0.2, 0.15
 # The nearest whole ratio is that of the gear up to this one: errors are some percent.

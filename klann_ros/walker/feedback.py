@@ -2,11 +2,11 @@
 
 from collections import deque
 from collections.abc import Callable
-from math import degrees, inf, isfinite, nan, radians, sqrt
+from math import inf, isfinite, nan, sqrt
 from statistics import median
 from typing import ClassVar
 
-from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.angles import DEGREES, RPM, TURN
 
 # Rates from angles are means over this time at least [s]: over less, noise of the encoders is
 # motion at standstill, and readings in a bunch, stamped on arrival, are leaps.
@@ -159,9 +159,9 @@ class UnitCheck:
 
     # Angle by integral of velocity, of common mistakes.
     mistakes: ClassVar = {
-        degrees(1.0): 'its angles may be in degrees',
-        radians(1.0): 'its velocities may be in deg/s',
-        TURN / 60.0: 'its velocities may be in rpm',
+        DEGREES: 'its angles may be in degrees',
+        1.0 / DEGREES: 'its velocities may be in deg/s',
+        1.0 / RPM: 'its velocities may be in rpm',
         1.0 / TURN: 'its angles may be in turns',
         TURN: 'its velocities may be in turns/s',
     }

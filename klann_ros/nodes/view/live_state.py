@@ -5,10 +5,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 import json
-from math import atan2, isfinite
+from math import isfinite
 from time import monotonic
 from typing import Any
 
+from klann_ros.kinematics.angles import yaw_of
 from klann_ros.live import legs
 from klann_ros.live.clients import PageState, recorded, status_text
 from klann_ros.live.drive import crank_at
@@ -357,7 +358,7 @@ def _place(topic: SubscribedTopic) -> list[float] | None:
     """Return x, y [m], heading [rad], and forward [m/s] and turning [rad/s] velocity."""
     for _, message in topic.newest()[-1:]:
         at, q = message.pose.pose.position, message.pose.pose.orientation
-        yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        yaw = yaw_of(q.x, q.y, q.z, q.w)
         twist = message.twist.twist
         place = [at.x, at.y, yaw, twist.linear.x, twist.angular.z]
         if all(map(isfinite, place)):

@@ -5,13 +5,14 @@ As in solver/cdr.py: conversion between bytes and Python messages costs more tha
 """
 
 from collections.abc import Mapping, Sequence
-from math import atan2, cos, hypot, isfinite, pi, sin
+from math import cos, hypot, isfinite, pi, sin
 import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from klann_ros.gait import Twist2D
 from klann_ros.gait.stance import Triple
+from klann_ros.kinematics.angles import yaw_of
 from klann_ros.nodes.endpoints import (
     create_publisher,
     message_class,
@@ -131,8 +132,7 @@ def read_pose(data: bytes, frame: str) -> tuple[Triple, tuple[Triple, Triple, Tr
     rows = message.pose.covariance.reshape(6, 6)[_PLANE][:, _PLANE]
     if not (np.isfinite(rows).all() and np.linalg.eigvalsh(rows).min() >= -MAX_ROUNDING):
         raise ValueError('its covariance is not finite, or not positive')
-    sine = 2.0 * (turned.w * turned.z + turned.x * turned.y)
-    yaw = atan2(sine, 1.0 - 2.0 * (turned.y**2 + turned.z**2))
+    yaw = yaw_of(turned.x, turned.y, turned.z, turned.w)
     x_row, y_row, yaw_row = rows.tolist()
     return (position.x, position.y, yaw), (tuple(x_row), tuple(y_row), tuple(yaw_row))
 

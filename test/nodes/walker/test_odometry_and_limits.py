@@ -72,7 +72,7 @@ def test_odom_goes_on_at_a_set_pose_and_begins_again(
 ) -> None:
     set_pose = ros.probe.publisher(PoseWithCovarianceStamped, 'set_pose')
     set_pose.publish(pose(3.0, -2.0, 0.5))
-    ros.probe.until(lambda: motors.odom[-1].pose.pose.position.x > 2.9)
+    ros.probe.until(lambda: motors.odom and motors.odom[-1].pose.pose.position.x > 2.9)
     assert planar(motors.odom[-1]) == pytest.approx((3.0, -2.0, sin(0.5)), abs=0.01)
     covariance = motors.odom[-1].pose.covariance
     assert (covariance[0], covariance[7], covariance[35]) == pytest.approx(
