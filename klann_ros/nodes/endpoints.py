@@ -16,7 +16,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from klann_ros.log.definitions import is_installed, split_type
-from klann_ros.sanitize.text import listed, printable, verb
+from klann_ros.sanitize.text import listed, printable, printable_line, verb
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -198,12 +198,13 @@ def diagnostic_array(node: Node, statuses: Iterable[DiagnosticStatus]) -> Diagno
 def diagnostic_status(
     node: Node, part: str, level: bytes, message: str, values: Iterable[tuple[str, object]]
 ) -> DiagnosticStatus:
-    """Return the status of a part of a node."""
+    """Return the status of a part of a node; its texts, which users print, are printable."""
     name = f'{node.get_name()}: {part}'
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
-    return DiagnosticStatus(
-        level=level, name=name, message=message, hardware_id=name, values=pairs
-    )
+    pairs = [
+        KeyValue(key=printable_line(key), value=printable_line(value)) for key, value in values
+    ]
+    line = printable_line(message)
+    return DiagnosticStatus(level=level, name=name, message=line, hardware_id=name, values=pairs)
 
 
 class TypeCheck:

@@ -6,8 +6,14 @@ import sys
 
 from hypothesis import example, given, strategies as st
 from klann_ros.log.definitions import default_prefixes, INDEX
-from klann_ros.nodes.endpoints import message_class, name_refusal, UnknownMessageTypeError
+from klann_ros.nodes.endpoints import (
+    diagnostic_status,
+    message_class,
+    name_refusal,
+    UnknownMessageTypeError,
+)
 import pytest
+from ros_domain import Domain
 from std_msgs.msg import Float64
 from yaml_tables import read_table
 
@@ -109,3 +115,12 @@ def test_just_the_full_names_of_ros_are_taken(name: str) -> None:
     assert (reason == '') == good
     assert reason.isprintable()
     assert len(reason) < 120
+
+
+def test_diagnostics_contain_no_control_of_a_terminal(ros: Domain) -> None:
+    joint = 'left\x1b[31m\ncrank\u202e'
+    values = [(f'{joint} silent', joint)]
+    status = diagnostic_status(ros.probe.node, 'walker', b'\0', f'{joint} lags', values)
+    assert status.message == 'left\\x1b[31m crank\\u202e lags'
+    (pair,) = status.values
+    assert (pair.key + pair.value).isprintable()
