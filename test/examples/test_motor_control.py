@@ -123,6 +123,8 @@ def test_the_two_ends_of_the_line_understand_one_another(board: Board) -> None:
         assert board.rates(head + tail, 2) is None
         assert board.rates(changed, 2) is None
         assert motors.words_of(changed) == []
+    # Noise whose sum is right by chance is no text.
+    assert motors.words_of(b'S \xc3\x28*%02X' % (0x53 ^ 0x20 ^ 0xC3 ^ 0x28))[0] == 'S'
     for count in (1, 3):
         assert board.rates(line, count) is None
 
