@@ -41,8 +41,8 @@ e [m/s], e_w [rad/s] between the motion of least squares of the slip and the est
 large where much depends on the friction law and the loads. In circles they turn the heading by
 more than a radian, where the pose is not linear in them any more: so the pose is followed for
 sigma points of each (S. J. Julier, J. K. Uhlmann, Unscented filtering and nonlinear estimation,
-2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.025 with an accelerometer as well),
-and c_4 is not used.
+2004). With a gyro c_2, c_3 and c_5 are scaled by 0.5 (by 0.025 with an accelerometer as well,
+but feet that stick may creep alike for long), and c_4 is not used.
 
 A body that may rest on several facets of its feet rests on the one that a measured attitude shows.
 Where it still contradicts them (a body that rocks, jumps or stands on others), K is divided by the
@@ -454,7 +454,7 @@ class Odometry:
         # The acceleration of the centre of mass shifts the load.
         self.centre.accelerate(motion, w, dt)
         self.slope.turn(rect(1.0, -w * dt))
-        scale, doubt, has_gyro = 1.0, 1.0, self._yaw_rate is not None
+        scale, doubt, creep, has_gyro = 1.0, 1.0, 0.0, self._yaw_rate is not None
         if self._push is not None:
             # Adaptive errors (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic
             # Control 17, 1972): by the square of what attitude and accelerometer contradict.
@@ -462,6 +462,7 @@ class Odometry:
             shaken = self.accelerometer.innovation_square / n.usual_innovation**2
             doubt = max(1.0, rough, shaken)
             scale = n.slip_scale_with_accelerometer * doubt
+            creep = n.creep_error * min(self._slip, n.stiction_speed) / n.slip_error
         elif has_gyro:
             scale = n.slip_scale_with_gyro
         errors.scale = scale
@@ -470,7 +471,7 @@ class Odometry:
         self.state.propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
         # The pose by the errors of the contact model.
         slip, contact = scale * self._slip, scale * (least - motion)
-        effects = doubt * motion, slip, 1j * slip, 0.0, contact
+        effects = doubt * motion, slip + creep, 1j * (slip + creep), 0.0, contact
         turns = () if has_gyro else (0.0, 0.0, 0.0, slip / self._feet.reach, turn - w)
         errors.move(along, motion, effects, turns, dt)
 

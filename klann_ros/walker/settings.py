@@ -144,6 +144,8 @@ class OdometryNoise:
     # Slip errors with a gyro, and with an accelerometer as well, as parts of those without.
     slip_scale_with_gyro: float = 0.5
     slip_scale_with_accelerometer: float = 0.025
+    # With an accelerometer: mean creep of feet that stick, as a part of the stiction speed.
+    creep_error: float = 0.5
     # Without an accelerometer the body's rocking is unknown: error of the velocity at an instant
     # as a part of it, scaled as slip errors are with one. The pose averages it.
     rocking_error: float = 0.4
@@ -165,7 +167,7 @@ class OdometryNoise:
     # The mean innovation of the accelerometer, as a part of the largest friction, that is usual: a
     # larger one makes its noise larger, up to this factor of its variance, with which it measures
     # no more than friction does; then it is rejected for a while, at most for the third [s].
-    expected_innovation: float = 0.1
+    expected_innovation: float = 0.15
     max_noise_factor: float = 2000.0
     max_rejection: float = 60.0
     # Root mean squares of it, and of the normalised innovation of the tilt, where the contact
