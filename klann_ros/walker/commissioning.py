@@ -18,8 +18,9 @@ from .crank_answers import crank_findings, Finding, Turn, Verdict
 Rates = Mapping[str, float]
 # A motion smaller than this, or than so many standard deviations of the noise, is none [rad].
 LEAST_ANGLE, NOISE_GATE = radians(0.1), 6.0
-# A busy machine may disturb a turn: what slips has to slip so often.
+# A busy machine may disturb a turn: what slips, or turns too little, has to do so this often.
 ATTEMPTS = 3
+REPEATED_VERDICTS = {Verdict.SLIPPING, Verdict.RATIO}
 # The mean of an IMU at rest is that of so many readings.
 REST_SAMPLES = 20
 # A tilt of a body that stands on its feet, below which an IMU shows nothing [rad].
@@ -112,7 +113,8 @@ class Commissioning:
                 forwards = yield from self._turn(joint, self._settings.rate, self._settings.angle)
                 back = yield from self._turn(joint, -self._settings.rate, forwards.commanded)
                 findings, drive = crank_findings(joint, (forwards, back), least, is_backwards=seen)
-                if all(finding.verdict is not Verdict.SLIPPING for finding in findings):
+                verdicts = {finding.verdict for finding in findings}
+                if drive is not None or not verdicts & REPEATED_VERDICTS:
                     break
             self.findings += findings
             if self.aborted:
