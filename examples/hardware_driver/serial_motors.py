@@ -82,4 +82,5 @@ def line_of(words: Sequence[str]) -> bytes:
 def words_of(line: bytes) -> list[str]:
     """Return the words of a line; none if its sum is wrong."""
     text, _, total = line.strip().partition(b'*')
-    return text.decode('ascii', 'replace').split() if total == b'%02X' % reduce(xor, text, 0) else []
+    is_whole = total == b'%02X' % reduce(xor, text, 0)
+    return text.decode('ascii', 'replace').split() if is_whole else []
