@@ -96,9 +96,9 @@ class AccelerometerMonitor:
         """Let time pass: it is tried again, the sooner the longer it was right."""
         self._wait = max(0.0, self._wait - seconds)
         if not self._wait:
-            least = 2.0 * self._noise.settling_time
+            min_wait = 2.0 * self._noise.settling_time
             share = exp(-seconds / self._noise.max_rejection)
-            self._next_wait = max(least, share * self._next_wait)
+            self._next_wait = max(min_wait, share * self._next_wait)
 
     def is_contradicted(self, force: complex, dt: float) -> bool:
         """Learn by which friction the feet correct it; return whether that is too much."""

@@ -17,14 +17,14 @@ from .crank_answers import crank_findings, Finding, Turn, Verdict
 # The rates of cranks by their joints, 0 for those without one [rad/s].
 Rates = Mapping[str, float]
 # A motion smaller than this, or than so many standard deviations of the noise, is none [rad].
-LEAST_ANGLE, NOISE_GATE = radians(0.1), 6.0
+MIN_ANGLE, NOISE_GATE = radians(0.1), 6.0
 # A busy machine may disturb a turn: what slips, or turns too little, has to do so this often.
 ATTEMPTS = 3
 REPEATED_VERDICTS = {Verdict.SLIPPING, Verdict.RATIO}
 # The mean of an IMU at rest is that of so many readings.
 REST_SAMPLES = 20
 # A tilt of a body that stands on its feet, below which an IMU shows nothing [rad].
-LEAST_TILT = radians(0.3)
+MIN_TILT = radians(0.3)
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,20 @@ class Commissioning:
         yield from self._rest()
         for joint in self._joints:
             if joint not in self._encoders:
-                heard = ', '.join(self._encoders) or 'no joint'
-                text = f'crank_state has {heard}: it is not turned'
+                answering = ', '.join(self._encoders) or 'no joint'
+                text = f'crank_state has {answering}: it is not turned'
                 self.findings.append(Finding(joint, Verdict.MISSING, text))
                 continue
             noise = pstdev(encoder.position for encoder in self._encoders[joint])
-            least = max(LEAST_ANGLE, NOISE_GATE * noise)
+            min_angle = max(MIN_ANGLE, NOISE_GATE * noise)
             self.aborted = ''
             seen = None if self._backwards is None else joint in self._backwards
             for _ in range(ATTEMPTS):
                 forwards = yield from self._turn(joint, self._settings.rate, self._settings.angle)
                 back = yield from self._turn(joint, -self._settings.rate, forwards.commanded)
-                findings, drive = crank_findings(joint, (forwards, back), least, is_backwards=seen)
+                findings, drive = crank_findings(
+                    joint, (forwards, back), min_angle, is_backwards=seen
+                )
                 verdicts = {finding.verdict for finding in findings}
                 if drive is not None or not verdicts & REPEATED_VERDICTS:
                     break
@@ -203,8 +205,8 @@ class Commissioning:
             limit = degrees(self._settings.max_angle)
             return f'the turn ended early: an encoder turned by more than {limit:.0f} deg'
         # An encoder that exaggerates shows the play of a gear, but less than what turns.
-        least = max(self._settings.angle / 2.0, 2.0 * angles[joint])
-        if max(angles.values()) > least:
+        max_angle = max(self._settings.angle / 2.0, 2.0 * angles[joint])
+        if max(angles.values()) > max_angle:
             return 'the turn ended early: another crank turns'
         return ''
 
@@ -256,7 +258,7 @@ class Commissioning:
             text = f'gravity is along its {"-" * (force[axis] < 0.0)}{"xyz"[axis]}, not z'
             self._imu_finding(Verdict.AXES, text)
             return
-        tilts = [pair for pair in self.tilts.values() if abs(pair[0]) > LEAST_TILT]
+        tilts = [pair for pair in self.tilts.values() if abs(pair[0]) > MIN_TILT]
         square = sum(abs(tilt) ** 2 for tilt, _ in tilts)
         if not square:
             return
@@ -277,7 +279,7 @@ class Commissioning:
         for joint, (tilt, _) in self.tilts.items():
             angles = [predicted_tilt(feet, joint, sign * self._settings.angle) for sign in (1, -1)]
             predicted = min(angles, key=lambda angle: abs(abs(angle) - abs(tilt)))
-            if min(abs(tilt), abs(predicted)) > 2.0 * LEAST_TILT:
+            if min(abs(tilt), abs(predicted)) > 2.0 * MIN_TILT:
                 along += tilt * predicted.conjugate()
         if along and abs(phase(along)) > radians(60.0):
             # Roll + j pitch of a body is turned against its IMU: within 5 deg.

@@ -69,7 +69,7 @@ class Turn(NamedTuple):
 
 
 def crank_findings(
-    joint: str, turns: tuple[Turn, Turn], least: float, *, is_backwards: bool | None
+    joint: str, turns: tuple[Turn, Turn], min_angle: float, *, is_backwards: bool | None
 ) -> tuple[list[Finding], CrankDrive | None]:
     """
     Judge a crank that turned forwards and back.
@@ -80,7 +80,7 @@ def crank_findings(
         The crank's.
     turns : tuple of Turn
         Forwards and back.
-    least : float
+    min_angle : float
         Smallest angle that is no noise [rad].
     is_backwards : bool, optional
         Whether it was seen to turn backwards first; None: nobody looked.
@@ -98,12 +98,12 @@ def crank_findings(
     others = {name: angle for name, angle in forwards.moved.items() if name != joint}
     answers = [name for name in others if abs(others[name]) > ANSWER * abs(forwards.commanded)]
     answering = max(answers, key=lambda name: abs(others[name]), default=joint)
-    if abs(moved) < least:
+    if abs(moved) < min_angle:
         return [_still(joint, forwards, answering)], None
     if answering != joint and abs(others[answering]) > abs(moved):
         return [_swapped(joint, answering)], None
     ratio, ratio_back = moved / forwards.commanded, back.moved[joint] / back.commanded
-    if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * least / abs(back.commanded):
+    if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * min_angle / abs(back.commanded):
         text = f'{ratio:.2f} of the command forwards, {ratio_back:.2f} back: its coupling slips'
         return [Finding(joint, Verdict.SLIPPING, text)], None
     ratio = (moved - back.moved[joint]) / (forwards.commanded - back.commanded)

@@ -66,13 +66,13 @@ class ImuMonitor:
 
     def compare(self, feet_turn: float, gyro_turn: float, slip: float, seconds: float) -> None:
         """Take turns of a time [rad], and the slip of the feet by their reach [rad]."""
-        kept = exp(-seconds / self._noise.yaw_window)
-        self._feet_turn = kept * self._feet_turn + feet_turn
-        excess = kept * self._excess + gyro_turn - feet_turn
+        decay = exp(-seconds / self._noise.yaw_window)
+        self._feet_turn = decay * self._feet_turn + feet_turn
+        excess = decay * self._excess + gyro_turn - feet_turn
         # A gyro in other units is right again some time.
         most = 2.0 * self._noise.max_straight_turn
         self._excess = max(-most, min(most, excess))
-        self._slip = kept * self._slip + slip
+        self._slip = decay * self._slip + slip
 
     def update(self, cranks: Sequence[float], seconds: float) -> ImuState:
         """Return the state after a time [s] at angles of the cranks [rad]."""

@@ -113,7 +113,9 @@ class CommissionNode(ProcessNode):
         last = next(iter(readings.values()))
         stamp = last.sec + last.nanosec / 1e9 or info['source_timestamp'] / 1e9
         self._heard = self._commissioning.now = monotonic()
-        encoders = {joint: (each.position, each.velocity) for joint, each in readings.items()}
+        encoders = {
+            joint: (reading.position, reading.velocity) for joint, reading in readings.items()
+        }
         self._commissioning.feedback(encoders, stamp)
 
     def _on_imu(self, message: Imu) -> None:
