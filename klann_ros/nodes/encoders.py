@@ -42,7 +42,11 @@ def encoder_topics(joints: Sequence[str], values: Mapping[str, Any]) -> dict[str
 
 def encoder_count(angle: float, counts_per_turn: float) -> int:
     """Return the count that an encoder of 32 bits shows at an angle [rad]."""
-    count = round(angle / TURN * counts_per_turn)
+    return _overflowed(round(angle / TURN * counts_per_turn))
+
+
+def _overflowed(count: int) -> int:
+    """Return what an integer of 32 bits shows of a count."""
     return (count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
 
 
@@ -83,8 +87,7 @@ class TicksReader:
         if self._count is None:
             self._count = count
             self._turns = round(count / self._counts_per_turn)
-        change = (count - self._count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
-        self._count += change
+        self._count += _overflowed(count - self._count)
         return (self._count / self._counts_per_turn - self._turns) * TURN
 
 
