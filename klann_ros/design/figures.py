@@ -1,23 +1,19 @@
 """The figures of a leg: names, units and bounds; in bulk, and as `describe` reports them."""
 
 from math import inf, pi
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from klann_ros.datasheet import DataSheet
 from klann_ros.kinematics import Linkage, linkage_poses, Variants
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray
 from klann_ros.kinematics.batch.turn_clearance import driven_clearances
 from klann_ros.kinematics.batch.turns import whole_turns
-from klann_ros.kinematics.foot.path import GROUND_BAND
-from klann_ros.kinematics.searches import parabola_peak
+from klann_ros.kinematics.foot.figures import path_figures, SampledPaths
 import numpy as np
 
 # Crank angles of a candidate's turn; between them the path is a cubic.
 CANDIDATE_ANGLES = 96
-# Points of a stance, an odd number.
-STANCE_POINTS = 65
-BISECTIONS = 24
 
 
 class FigureKind(NamedTuple):
@@ -101,14 +97,18 @@ def judge(variants: Variants, names: frozenset[str], load: float = 0.0) -> Judge
         jam += np.where(np.isfinite(lacking), np.minimum(lacking, 1.0), 0.0)
     turning = np.flatnonzero(jam == 0.0)
     h, h_1 = (each.take(turning, axis=1) for each in (turns.h, turns.h_1))
-    found = _path_figures(h, h_1, load)
+    paths = SampledPaths(h, h_1)
+    stance = paths.stance
+    found = path_figures(paths, stance, paths.heights(stance.mid_swing) - paths.lowest)
+    found['torque_peak'] = load * np.maximum(paths.rise_speed, paths.fall_speed)
+    found['torque_range'] = load * (paths.rise_speed + paths.fall_speed)
     found['transmission_angle'] = turns.transmission_angle[turning]
     numbers, dimensions = variants.numbers[:, turning], variants.base.structure.dimensions
     lengths = numbers[[k for k, d in enumerate(dimensions) if d.kind == 'length']]
     found['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
     pivots = [k for k, d in enumerate(dimensions) if d.kind == 'y']
     base = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
-    found['ground_clearance'] = base - found.pop('lowest')
+    found['ground_clearance'] = base - paths.lowest
     if turns.box is not None:
         found['width'], found['height'] = turns.box[:, turning]
     figures = {}
@@ -129,16 +129,10 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
         own = linkage.dimensions
         pivots = [own[d.name] for d in linkage.structure.dimensions if d.kind == 'y']
         found['ground_clearance'] = min(pivots, default=0.0) - leg.path.y_range[0]
-    stance = leg.stance
-    if stance is not None and leg.path is not None:
-        found |= {
-            name: getattr(stance, name)
-            for name in ('duty_factor', 'ground_covered', 'deviation', 'straightness', 'ripple')
-        }
-        found['advance'] = stance.speed_mean
-        middle = (stance.start + stance.end + TURN) / 2.0
-        at: Any = linkage_poses(linkage, [middle]).h[0, 1]
-        found['step_height'] = float(at) - leg.path.y_range[0]
+    if leg.stance is not None and leg.path is not None:
+        poses: Any = linkage_poses(linkage, [leg.stance.mid_swing])
+        step_height = float(poses.h[0, 1]) - leg.path.y_range[0]
+        found |= path_figures(leg.path, leg.stance, step_height)
     worst = [each.from_in_line.value for each in leg.transmission]
     found['transmission_angle'] = min(worst, default=0.0)
     found['width'], found['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
@@ -157,140 +151,3 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
     if crank.motor is not None:
         found['motor_margin'] = crank.motor.margin
     return found
-
-
-# Paths in bulk: cubics between the samples, as of `foot_path`.
-
-
-def _path_figures(h: FloatArray, h_1: FloatArray, load: float) -> dict[str, FloatArray]:
-    """Return the figures of closed paths and their derivatives, shape (2, n, k)."""
-    curves, count = _Curves(h, h_1), h.shape[2]
-    step = TURN / count
-    (_, _, left), (_, _, right) = curves.extreme(0, least=True), curves.extreme(0, least=False)
-    (lowest, at, low), (_, _, high) = curves.extreme(1, least=True), curves.extreme(1, least=False)
-    lift, stride = high - low, right - left
-    along, _ = curves.cubics(lowest)
-    sign = np.sign(_slope(along, at))
-    level = low + GROUND_BAND * lift
-    inside = (h[1] <= level[:, None]) & (np.sign(h_1[0]) == sign[:, None])
-
-    ends = []
-    for forward in (True, False):
-        steps = np.arange(count)
-        order = lowest[:, None] + (1 + steps if forward else -steps)
-        run = np.argmin(np.take_along_axis(inside, order % count, axis=1), axis=1)
-        interval = lowest + (run if forward else -run)
-        known = np.where(run == 0, at, 0.0 if forward else 1.0)
-        away = np.full(len(lift), 1.0 if forward else 0.0)
-        along, up = curves.cubics(interval)
-        for _ in range(BISECTIONS):
-            middle = (known + away) / 2.0
-            holds = (_value(up, middle) <= level) & (_slope(along, middle) * sign > 0.0)
-            known, away = np.where(holds, middle, known), np.where(holds, away, middle)
-        ends.append(step * (interval + known))
-    end, start = ends
-    t = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, STANCE_POINTS)
-    (s_x, v_x), (s_y, v_y) = curves.at(t)
-    speed = np.abs(v_x)
-    covered = np.abs(s_x[:, -1] - s_x[:, 0])
-    duration = end - start
-    with np.errstate(all='ignore'):
-        mean = covered / duration
-        deviation = _deviation(s_x, s_y, np.hypot(v_x, v_y))
-        _, (swing, _) = curves.at((start + end + TURN)[:, None] / 2.0)
-        found = {
-            'stride': stride,
-            'lift': lift,
-            'lowest': low,
-            'path_length': TURN * np.hypot(*h_1).mean(axis=1),
-            'duty_factor': duration / TURN,
-            'ground_covered': covered,
-            'deviation': deviation,
-            'straightness': deviation / covered,
-            'ripple': (_peak(speed) + _peak(-speed)) / mean,
-            'advance': mean,
-            'step_height': swing[:, 0] - low,
-        }
-        top, bottom = np.maximum(0.0, _peak(v_y)), np.maximum(0.0, _peak(-v_y))
-        found['torque_peak'] = load * np.maximum(top, bottom)
-        found['torque_range'] = load * (top + bottom)
-    return found
-
-
-# Coefficients of t^0 ... t^3.
-_Cubics: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-
-
-class _Curves:
-    """Closed plane curves as cubics between samples, shape (2, n, k), with their derivatives."""
-
-    def __init__(self, values: FloatArray, slopes: FloatArray) -> None:
-        self._values, self._slopes = values, slopes
-        self._count = values.shape[2]
-
-    def cubics(self, intervals: IndexArray) -> list[_Cubics]:
-        """Return the cubics of x and y in intervals, shape (n,) or (n, j), by the part of them."""
-        starts = self._count * np.arange(len(intervals))
-        starts = starts[:, None] if intervals.ndim > 1 else starts
-        at, after = (starts + (intervals + k) % self._count for k in (0, 1))
-        step, found = TURN / self._count, []
-        for values, slopes in zip(self._values, self._slopes, strict=True):
-            p, q = values.ravel()[at], values.ravel()[after]
-            m, n = step * slopes.ravel()[at], step * slopes.ravel()[after]
-            found.append((p, m, 3.0 * (q - p) - 2.0 * m - n, 2.0 * (p - q) + m + n))
-        return found
-
-    def at(self, angles: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Return x and y at angles, shape (n, j), and the derivatives by the angle of each."""
-        step = TURN / self._count
-        places = np.floor(angles / step)
-        t = angles / step - places
-        each = self.cubics(places.astype(np.intp))
-        return [(_value(cubics, t), _slope(cubics, t) / step) for cubics in each]
-
-    def extreme(self, axis: int, *, least: bool) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Return interval, part of it and value of the least or greatest x or y, shape (n,)."""
-        sign = 1.0 if least else -1.0
-        k = (sign * self._values[axis]).argmin(axis=1)
-        # A minimum lies behind a sample with a falling slope.
-        falls = sign * self._slopes[axis][np.arange(len(k)), k] < 0.0
-        interval = np.where(falls, k, k - 1)
-        cubics = self.cubics(interval)[axis]
-        _, m, b, a = cubics
-        with np.errstate(all='ignore'):
-            root = np.sqrt(np.maximum(0.0, b * b - 3.0 * a * m))
-            t = m / -(b + sign * root)
-        t = np.clip(np.where(np.isfinite(t), t, 0.0), 0.0, 1.0)
-        return interval, t, _value(cubics, t)
-
-
-def _value(cubics: _Cubics, t: FloatArray) -> FloatArray:
-    p, m, b, a = cubics
-    return np.asarray(p + t * (m + t * (b + t * a)))
-
-
-def _slope(cubics: _Cubics, t: FloatArray) -> FloatArray:
-    """Return the derivative by the part of the interval."""
-    _, m, b, a = cubics
-    return np.asarray(m + t * (2.0 * b + t * 3.0 * a))
-
-
-def _deviation(x: FloatArray, y: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return the greatest distance from the line of best fit, weighted by path length."""
-    simpson = np.ones(STANCE_POINTS)
-    simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
-    weight = speed * simpson
-    weight /= weight.sum(axis=1, keepdims=True)
-    x, y = (v - (weight * v).sum(axis=1, keepdims=True) for v in (x, y))
-    xx, yy, xy = ((weight * a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y)))
-    angle = np.arctan2(2.0 * xy, xx - yy) / 2.0
-    offset = y * np.cos(angle)[:, None] - x * np.sin(angle)[:, None]
-    return np.asarray(np.maximum(_peak(offset), _peak(-offset)))
-
-
-def _peak(values: FloatArray) -> Any:
-    """Return the greatest value of each row, by a parabola through three points."""
-    k = np.clip(values.argmax(axis=1), 1, values.shape[1] - 2)
-    rows = np.arange(len(values))
-    before, own, after = (values[rows, k + d] for d in (-1, 0, 1))
-    return np.maximum(values.max(axis=1), parabola_peak(before, own, after))

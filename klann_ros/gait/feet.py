@@ -8,6 +8,7 @@ from klann_ros.dynamics.motion import body_motion
 from klann_ros.kinematics import turns_fully
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.periodic_cubics import periodic_cubics
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 from numpy.typing import ArrayLike
@@ -160,8 +161,7 @@ def _leg_cubics(leg: RobotLeg, radius: float) -> FloatArray:
     # The derivatives of periodic functions.
     orders = np.fft.rfftfreq(CUBIC_SAMPLES, 1.0 / CUBIC_SAMPLES)[:, None]
     v = np.fft.irfft(1j * orders * np.fft.rfft(p, axis=0), CUBIC_SAMPLES, axis=0) * step
-    q, w = (np.roll(each, -1, axis=0) for each in (p, v))
-    return np.stack([p, v, 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w], axis=-1)
+    return np.stack(periodic_cubics(p, v, axis=0), axis=-1)
 
 
 def _columns(leg: RobotLeg, radius: float) -> FloatArray:

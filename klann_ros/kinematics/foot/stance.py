@@ -9,14 +9,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, pi
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
 from .track import Coordinate, nodes, Track, X, Y
+
+# A figure of one stance, or of many.
+Number = TypeVar('Number', float, FloatArray)
 
 # Panels of the quadrature over a stance, 8 nodes each.
 PANELS = 24
@@ -37,7 +41,48 @@ class NoStanceError(KinematicsError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stance:
+class StanceFigures(Generic[Number]):
+    """The figures of a stance, or arrays of those of many stances; the fields are `Stance`'s."""
+
+    start: Number
+    end: Number
+    ground_covered: Number
+    deviation: Number
+    speed_mean: Number
+    speed_least: Number
+    speed_greatest: Number
+
+    @property
+    def duty_factor(self) -> Number:
+        """Return the fraction of a turn in contact with the ground."""
+        return (self.end - self.start) / TURN
+
+    @property
+    def mid_swing(self) -> Number:
+        """Return the crank angle halfway between the end and the next start [rad]."""
+        return (self.start + self.end + TURN) / 2.0
+
+    @property
+    def straightness(self) -> Number:
+        """Return the deviation relative to the ground covered; 0 is straight."""
+        return _ratio(self.deviation, self.ground_covered)
+
+    @property
+    def ripple(self) -> Number:
+        """Return (greatest - least) / mean of the speed; 0 is even."""
+        return _ratio(self.speed_greatest - self.speed_least, self.speed_mean)
+
+
+def _ratio(numerator: Number, denominator: Number) -> Number:
+    """Return a ratio; infinite, and NaN in an array for 0 / 0, where the denominator is 0."""
+    if isinstance(denominator, float):
+        return numerator / denominator if denominator else inf
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return numerator / denominator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stance(StanceFigures[float]):
     """
     One arc of the crank over which the foot is on the ground.
 
@@ -57,34 +102,19 @@ class Stance:
     speed_mean, speed_least, speed_greatest : float
         `|dx/dalpha|` [m/rad]. The least is 0 if the foot reverses at an end of the stance, the
         greatest infinite at an end of the crank's arc.
+    duty_factor : float
+        The fraction of a turn in contact with the ground.
+    mid_swing : float
+        The crank angle halfway between the end and the next start [rad].
+    straightness : float
+        The deviation relative to the ground covered; 0 is straight.
+    ripple : float
+        (greatest - least) / mean of the speed; 0 is even.
 
     """
 
-    start: float
-    end: float
     direction: int
     ground: float
-    ground_covered: float
-    deviation: float
-    speed_mean: float
-    speed_least: float
-    speed_greatest: float
-
-    @property
-    def duty_factor(self) -> float:
-        """Return the fraction of a turn in contact with the ground."""
-        return (self.end - self.start) / TURN
-
-    @property
-    def straightness(self) -> float:
-        """Return the deviation relative to the ground covered; 0 is straight."""
-        return self.deviation / self.ground_covered if self.ground_covered else inf
-
-    @property
-    def ripple(self) -> float:
-        """Return (greatest - least) / mean of the speed; 0 is even."""
-        spread = self.speed_greatest - self.speed_least
-        return spread / self.speed_mean if self.speed_mean else inf
 
     def speed(self, alpha_rate: float) -> float:
         """
