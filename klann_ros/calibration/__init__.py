@@ -19,11 +19,13 @@ The leg as it was built: its dimensions by measured points, with honest standard
 """
 
 from .fit import calibrate, Calibration, SeriesFit
+from .load import point_topics
 from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
-from .model import MeasurementModel
+from .model import MeasurementModel, SCALES
 from .observability import Combination, Observability
 
 __all__ = [
+    'SCALES',
     'Calibration',
     'Combination',
     'CrankSamples',
@@ -34,5 +36,6 @@ __all__ = [
     'SeriesFit',
     'calibrate',
     'kind_of',
+    'point_topics',
     'series_of',
 ]

@@ -7,11 +7,9 @@ import json
 from math import inf
 from typing import Any
 
-from klann_ros.kinematics.klann import NUMBERS, PRESETS
-from klann_ros.kinematics.linkage.file import content_with_numbers, is_linkage, NUMBER_DIGITS
+from klann_ros.kinematics import content_with_numbers, is_linkage, NUMBER_DIGITS, NUMBERS, PRESETS
 from klann_ros.log import NotALogError
-from klann_ros.robot import Robot, robot_of, RobotFileError, RobotLeg
-from klann_ros.robot.file import of_leg, solver_section
+from klann_ros.robot import of_leg, Robot, robot_of, RobotFileError, RobotLeg, solver_section
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.outputs import outputs, save_all, save_text

@@ -16,9 +16,8 @@ from functools import cached_property
 from math import cos, degrees, radians, sin
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics import Linkage, linkage_poses, wrapped
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.batch.poses import wrapped
 import numpy as np
 
 from .measurements import MeasuredSeries

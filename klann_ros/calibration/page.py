@@ -3,14 +3,11 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from klann_ros.datasheet.chart import Chart, ChartLine, grid
-from klann_ros.datasheet.page import PAGE_PARTS
-from klann_ros.kinematics import linkage_poses, LinkageLeg
+from klann_ros.datasheet import Chart, ChartLine, grid, PAGE_PARTS
+from klann_ros.kinematics import linkage_poses, LinkageLeg, pose_svg
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.svg import pose_svg
-from klann_ros.web.markup import element, joined, Markup, scrolling_table
-from klann_ros.web.parts import Parts
+from klann_ros.web import element, joined, Markup, Parts, scrolling_table
 import numpy as np
 
 from .fit import Calibration

@@ -14,33 +14,36 @@ All values are in SI units. `klann_ros.datasheet.text`, `.json_report` and `.pag
 `DataSheet`.
 """
 
-from .computing import data_sheet, peak_efforts
-from .motor import Motor, motor_from, motor_from_file, MotorFileError, MotorVerdict
-from .sheet import (
-    BarFigures,
-    CrankSheet,
-    DataSheet,
-    JointForce,
-    LegForces,
-    LegSheet,
-    SheetError,
-    Transmission,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    'BarFigures',
-    'CrankSheet',
-    'DataSheet',
-    'JointForce',
-    'LegForces',
-    'LegSheet',
-    'Motor',
-    'MotorFileError',
-    'MotorVerdict',
-    'SheetError',
-    'Transmission',
-    'data_sheet',
-    'motor_from',
-    'motor_from_file',
-    'peak_efforts',
-]
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .chart import Chart, ChartLine, grid
+    from .computing import data_sheet, peak_efforts
+    from .motor import Motor, motor_from, motor_from_file, MotorFileError, MotorVerdict
+    from .page import PAGE_PARTS
+    from .sheet import (
+        BarFigures,
+        CrankSheet,
+        DataSheet,
+        JointForce,
+        LegForces,
+        LegSheet,
+        SheetError,
+        Transmission,
+    )
+else:
+    __getattr__, __dir__, __all__ = lazy_face(
+        __name__,
+        {
+            'chart': 'Chart ChartLine grid',
+            'computing': 'data_sheet peak_efforts',
+            'motor': 'Motor MotorFileError MotorVerdict motor_from motor_from_file',
+            'page': 'PAGE_PARTS',
+            'sheet': (
+                'BarFigures CrankSheet DataSheet JointForce LegForces LegSheet SheetError '
+                'Transmission'
+            ),
+        },
+    )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil, degrees as to_degrees, floor, inf, isfinite, log10
 
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.web.markup import element, joined, Markup
+from klann_ros.web import element, joined, Markup
 import numpy as np
 
 WIDTH, HEIGHT = 420.0, 210.0

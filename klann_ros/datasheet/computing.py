@@ -6,8 +6,7 @@ from itertools import chain
 from math import pi
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics import BodyMass, Dynamics, Masses, Reactions
-from klann_ros.dynamics.forces import GRAVITY
+from klann_ros.dynamics import BodyMass, Dynamics, GRAVITY, Masses, Reactions
 from klann_ros.gait import GaitFigures, NoWalkerError, walk_figures
 from klann_ros.kinematics import (
     foot_path,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from math import degrees, inf
 from typing import Any
 
-from klann_ros.dynamics.forces import turn_mean
+from klann_ros.dynamics import turn_mean
 from klann_ros.sanitize.text import did_you_mean, printable, refusal
 from klann_ros.sanitize.yaml_text import content_of_file
 import numpy as np

@@ -7,9 +7,7 @@ from typing import Any
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import printable
-from klann_ros.web.markup import element, Markup, scrolling_table
-from klann_ros.web.parts import FRAME, Parts, SHARED
-from klann_ros.web.shape import leg_shape
+from klann_ros.web import element, FRAME, leg_shape, Markup, Parts, scrolling_table, SHARED
 import numpy as np
 
 from . import figures

@@ -4,12 +4,17 @@ from math import inf, pi
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import DataSheet
-from klann_ros.kinematics import Linkage, linkage_poses, Variants
+from klann_ros.kinematics import (
+    driven_clearances,
+    Linkage,
+    linkage_poses,
+    path_figures,
+    SampledPaths,
+    Variants,
+    whole_turns,
+)
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray, FloatArray
-from klann_ros.kinematics.batch.turn_clearance import driven_clearances
-from klann_ros.kinematics.batch.turns import whole_turns
-from klann_ros.kinematics.foot.figures import path_figures, SampledPaths
 import numpy as np
 
 # Crank angles of a candidate's turn; between them the path is a cubic.

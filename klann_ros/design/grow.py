@@ -13,10 +13,8 @@ from itertools import combinations, permutations, product
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage
+from klann_ros.kinematics import FIXED, Linkage, structure_of
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.file import structure_of
-from klann_ros.kinematics.linkage.structure import FIXED
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump
 import numpy as np

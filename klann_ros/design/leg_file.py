@@ -4,9 +4,17 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-from klann_ros.kinematics import foot_path, Linkage, linkage_from_text, linkage_poses, LinkageLeg
-from klann_ros.kinematics.klann import NUMBERS
-from klann_ros.kinematics.linkage import file
+from klann_ros.kinematics import (
+    content_with_numbers,
+    foot_path,
+    LENGTH_UNITS,
+    Linkage,
+    linkage_from_text,
+    linkage_poses,
+    LinkageLeg,
+    NUMBER_DIGITS,
+    NUMBERS,
+)
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump, parameter_file
 import numpy as np
@@ -28,11 +36,11 @@ DEFAULT_LEGS, DEFAULT_MOTORS = 6, 2
 def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
     """Return a leg with other dimensions, as its file has them: rounded."""
     if not leg.description:
-        numbers = {name: round(linkage.dimensions[name], file.NUMBER_DIGITS) for name in NUMBERS}
+        numbers = {name: round(linkage.dimensions[name], NUMBER_DIGITS) for name in NUMBERS}
         return RobotLeg('', linkage.varied(numbers), masses=leg.masses)
-    content = file.content_with_numbers(leg.description, linkage)
+    content = content_with_numbers(leg.description, linkage)
     units = content.get('units', {})
-    metre = file.LENGTH_UNITS[units.get('length', 'm')]
+    metre = LENGTH_UNITS[units.get('length', 'm')]
     radian = pi / 180.0 if units.get('angle', 'rad') == 'deg' else 1.0
     if linkage.is_dyadic:
         # Its start need not close with the new numbers.
@@ -41,7 +49,7 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
     else:
         bodies = zip(linkage.structure.bodies, linkage.start, strict=True)
         content['start'] = {
-            body.angle: round(at / (metre if body.slides else radian), file.NUMBER_DIGITS)
+            body.angle: round(at / (metre if body.slides else radian), NUMBER_DIGITS)
             for body, at in bodies
         }
     content.setdefault('density', DEFAULT_BAR_DENSITY)

@@ -6,11 +6,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.datasheet import data_sheet, SheetError
 from klann_ros.gait import NoWalkerError, walk_figures
-from klann_ros.kinematics import KinematicsError, Linkage, tolerance_study
-from klann_ros.kinematics.foot.path import foot_path
-from klann_ros.kinematics.linkage.leg import LinkageLeg
-from klann_ros.robot import Robot, RobotLeg
-from klann_ros.robot.file import robot_from_parameters
+from klann_ros.kinematics import foot_path, KinematicsError, Linkage, LinkageLeg, tolerance_study
+from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 import numpy as np
 
 from .figures import sheet_figures

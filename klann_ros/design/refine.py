@@ -4,10 +4,9 @@ from cmath import phase
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import GeometryError, Linkage, linkage_poses
+from klann_ros.kinematics import GeometryError, GROUND, Linkage, linkage_poses
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.linkage.structure import GROUND
 import numpy as np
 
 from .figures import crank_angles

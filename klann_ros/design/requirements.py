@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from klann_ros.datasheet import Motor, motor_from_file, MotorFileError
-from klann_ros.kinematics.linkage.file import schema_error
-from klann_ros.robot import robot_of, RobotFileError, RobotLeg
-from klann_ros.robot.file import preset_names
+from klann_ros.kinematics import schema_error
+from klann_ros.robot import preset_names, robot_of, RobotFileError, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.units import warn_of_lengths
 from klann_ros.sanitize.yaml_text import content_of_file

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from math import radians
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage, Variants
+from klann_ros.kinematics import LENGTH_UNITS, Linkage, Variants
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.file import LENGTH_UNITS
 from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np

@@ -15,8 +15,9 @@ angles at once (inverse dynamics); `simulate` integrates the motion by a torque 
 """
 
 from .balance import Reactions
-from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, TurnOfForces
+from .forces import Dynamics, GRAVITY, NoScipyError, simulate, Simulation, turn_mean, TurnOfForces
 from .masses import BodyMass, MassError, Masses, masses_from_text, rods, Spring
+from .motion import body_motion
 
 __all__ = [
     'GRAVITY',
@@ -29,7 +30,9 @@ __all__ = [
     'Simulation',
     'Spring',
     'TurnOfForces',
+    'body_motion',
     'masses_from_text',
     'rods',
     'simulate',
+    'turn_mean',
 ]

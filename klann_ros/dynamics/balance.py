@@ -9,9 +9,8 @@ equations.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics import cross, FIXED, GROUND
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.linkage.dyads import cross
-from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 import numpy as np
 
 from .masses import BodyMass

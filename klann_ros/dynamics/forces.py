@@ -18,15 +18,15 @@ from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
+    as_linkage,
     KinematicsError,
     Linkage,
     LinkageLeg,
     PartialTurnError,
+    rate as checked_rate,
     reachable_arcs,
 )
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.linkage import as_linkage
-from klann_ros.kinematics.validation import rate as checked_rate
 from klann_ros.sanitize.text import refusal
 import numpy as np
 from numpy.typing import ArrayLike

@@ -5,10 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage
-from klann_ros.kinematics.linkage.equations import body_points
-from klann_ros.kinematics.linkage.file import LENGTH_UNITS
-from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.kinematics import as_linkage, body_points, LENGTH_UNITS, Linkage
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.yaml_text import parse
 

@@ -2,9 +2,14 @@
 
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics import (
+    body_vectors,
+    Linkage,
+    linkage_poses,
+    solve_rates,
+    velocity_product,
+)
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.linkage import joints
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -59,11 +64,11 @@ def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:
 def body_motion_at(linkage: Linkage, angles: FloatArray, x: FloatArray) -> BodyMotion:
     """Return the motion through poses, by all coordinates, shapes (k,) and (n - 1, k)."""
     structure = linkage.structure
-    u = np.array(joints.body_vectors(structure, [angles, *x]))
+    u = np.array(body_vectors(structure, [angles, *x]))
     blocks = [block.closing(u) for block in linkage.blocks]
-    x_1, u_1 = joints.solve_rates(structure, u, blocks, 1.0)
-    bent = joints.velocity_product(structure, u, x_1)
-    x_2, u_2 = joints.solve_rates(structure, u, blocks, 0.0, bent=bent)
+    x_1, u_1 = solve_rates(structure, u, blocks, 1.0)
+    bent = velocity_product(structure, u, x_1)
+    x_2, u_2 = solve_rates(structure, u, blocks, 0.0, bent=bent)
     senses = np.array(structure.senses)[:, None]
     frames = np.array(structure.frames)
     # The ground does not rotate.

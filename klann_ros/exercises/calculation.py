@@ -14,8 +14,8 @@ import re
 from types import CodeType
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics import peak
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.searches import peak
 from klann_ros.sanitize.yaml_text import parse_file
 import numpy as np
 

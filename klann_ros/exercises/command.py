@@ -9,7 +9,7 @@ from typing import Any
 from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path
 from klann_ros.sanitize.outputs import Output, outputs, reported, save_all
 from klann_ros.sanitize.text import counted, printable
-from klann_ros.web.browser import print_page, PrintError
+from klann_ros.web import print_page, PrintError
 
 from .kinds import KINDS
 from .marking import statistics

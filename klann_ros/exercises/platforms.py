@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from uuid import NAMESPACE_URL, uuid5
 
 from klann_ros.sanitize.yaml_text import parse_file
-from klann_ros.web.markup import element, joined, Markup, table_row
+from klann_ros.web import element, joined, Markup, table_row
 
 from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS

@@ -5,9 +5,8 @@ from math import floor, log10
 from pathlib import Path
 import re
 
-from klann_ros.kinematics.svg import pose_svg
-from klann_ros.web.markup import element, joined, Markup, table_row
-from klann_ros.web.parts import Parts
+from klann_ros.kinematics import pose_svg
+from klann_ros.web import element, joined, Markup, Parts, table_row
 import numpy as np
 
 from .calculation import Answer, data, figure_of

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 import sys
 
-from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.robot.robot import SEPARATORS
+from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
 from klann_ros.sanitize.arguments import (
     ArgumentParser,
     NOT_READ,

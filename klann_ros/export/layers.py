@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from itertools import combinations, count
 from typing import Any
 
-from klann_ros.kinematics import Linkage, linkage_poses
+from klann_ros.kinematics import FIXED, Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.linkage.structure import FIXED
 import numpy as np
 
 from .plates import COINCIDENCE, ExportError, Plate

@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import isfinite
 
-from klann_ros.kinematics import Linkage
-from klann_ros.kinematics.linkage.equations import body_points
-from klann_ros.kinematics.linkage.structure import FIXED
+from klann_ros.kinematics import body_points, FIXED, Linkage
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import counted, did_you_mean
 

@@ -16,8 +16,7 @@ from xml.sax.saxutils import escape
 from klann_ros.robot import Robot, solver_section
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file, with_values
-from klann_ros.twin import robot_mjcf
-from klann_ros.twin.mjcf import start_angle
+from klann_ros.twin import robot_mjcf, start_angle
 
 from .nav2 import nav2_parameters
 from .urdf import urdf

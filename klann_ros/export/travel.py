@@ -4,11 +4,9 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from klann_ros.kinematics import Linkage, linkage_poses, reachable_arcs
+from klann_ros.kinematics import body_points, FIXED, Linkage, linkage_poses, reachable_arcs
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.equations import body_points
-from klann_ros.kinematics.linkage.structure import FIXED
 import numpy as np
 
 # The end of a stroke is then missed by less than 2e-6 of the stroke.

@@ -13,13 +13,10 @@ from cmath import phase
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
-from klann_ros.kinematics.drawing import colour_of
-from klann_ros.kinematics.linkage.equations import body_points
-from klann_ros.kinematics.linkage.structure import Bar, FIXED
-from klann_ros.robot import Robot, RobotLeg
-from klann_ros.robot.robot import Triple
+from klann_ros.kinematics import Bar, body_points, colour_of, FIXED
+from klann_ros.robot import Robot, RobotLeg, Triple
 from klann_ros.sanitize.text import printable
-from klann_ros.twin.tree import spanning_tree
+from klann_ros.twin import spanning_tree
 
 from .travel import travel
 

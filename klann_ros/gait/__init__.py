@@ -9,14 +9,20 @@ rates of the cranks and back. The estimator and the controller of `klann_ros.wal
 
 from .feet import Feet, NoWalkerError
 from .figures import GaitFigures, walk_figures
+from .stance import Facet, gravity_aligned, Point, Support, Triple
 from .steering import Rates, Steering, Twist2D
 
 __all__ = [
+    'Facet',
     'Feet',
     'GaitFigures',
     'NoWalkerError',
+    'Point',
     'Rates',
     'Steering',
+    'Support',
+    'Triple',
     'Twist2D',
+    'gravity_aligned',
     'walk_figures',
 ]

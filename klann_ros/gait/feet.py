@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from math import floor
 from typing import Any, NamedTuple
 
-from klann_ros.dynamics.motion import body_motion
-from klann_ros.kinematics import turns_fully
+from klann_ros.dynamics import body_motion
+from klann_ros.kinematics import periodic_cubics, turns_fully
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
-from klann_ros.kinematics.periodic_cubics import periodic_cubics
 from klann_ros.robot import Robot, RobotLeg, WalkerBody
 import numpy as np
 from numpy.typing import ArrayLike

@@ -38,9 +38,21 @@ Errors                 `KinematicsError`: `GeometryError`, `LinkageFileError`,
 """
 
 from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
-from .batch.poses import klann_poses, linkage_poses
+from .batch.poses import (
+    differences,
+    feet,
+    klann_poses,
+    linkage_poses,
+    loop_errors,
+    transmission_angles,
+    vectors,
+    wrapped,
+)
 from .batch.results import LinkagePoses, Reason
 from .batch.tolerance_study import tolerance_study, ToleranceStudy
+from .batch.turn_clearance import driven_clearances
+from .batch.turns import whole_turns
+from .drawing import colour_of, COLOURS, PoseDrawing
 from .errors import (
     CrankAngleError,
     GeometryError,
@@ -52,8 +64,9 @@ from .errors import (
     SingularPoseError,
     UnreachableError,
 )
+from .foot.figures import path_figures, SampledPaths
 from .foot.inverse import Nearest
-from .foot.path import foot_path, FootPath, NoFootPathError
+from .foot.path import foot_path, FootPath, GROUND_BAND, NoFootPathError
 from .foot.stance import NoStanceError, Stance
 from .four_bar.geometry import FourBarGeometry
 from .four_bar.linkage import (
@@ -64,24 +77,63 @@ from .four_bar.linkage import (
     TransmissionExtremes,
 )
 from .four_bar.mobility import DeadPoint, Grashof, RockerLimits
-from .klann import KlannGeometry, KlannLeg, KlannMotion, KlannPose
+from .klann import (
+    BENDS,
+    JOINTS,
+    KlannGeometry,
+    KlannLeg,
+    KlannMotion,
+    KlannPose,
+    LENGTHS,
+    NUMBERS,
+    PRESETS,
+)
 from .linkage.assemblies import assemblies, assembly_poses
+from .linkage.dyads import cross
+from .linkage.equations import body_points
 from .linkage.file import (
+    content_with_numbers,
+    is_linkage,
+    LENGTH_UNITS,
     linkage_from_file,
     linkage_from_text,
+    linkage_text,
     LinkageFileError,
+    NUMBER_DIGITS,
+    schema_error,
+    SHIPPED,
     shipped_linkage,
     shipped_linkages,
+    structure_of,
 )
+from .linkage.joints import body_vectors, solve_rates, velocity_product
 from .linkage.leg import AnyLeg, Leg, LinkageLeg
-from .linkage.linkage import Linkage
+from .linkage.linkage import as_linkage, Linkage
 from .linkage.pose import LinkageMotion, LinkagePose
-from .linkage.reach import reachable_arcs
+from .linkage.reach import crank_limits, reachable_arcs
+from .linkage.structure import Bar, FIXED, GROUND, Structure
 from .linkage.variants import Variants
 from .newton import Iterations
+from .periodic_cubics import periodic_cubics
+from .searches import parabola_peak, peak
+from .svg import pose_svg
+from .validation import rate
 
 __all__ = [
+    'BENDS',
+    'COLOURS',
+    'FIXED',
+    'GROUND',
+    'GROUND_BAND',
+    'JOINTS',
+    'LENGTHS',
+    'LENGTH_UNITS',
+    'NUMBERS',
+    'NUMBER_DIGITS',
+    'PRESETS',
+    'SHIPPED',
     'AnyLeg',
+    'Bar',
     'CrankAngleError',
     'DeadPoint',
     'FootPath',
@@ -114,25 +166,55 @@ __all__ = [
     'NotAssembledError',
     'NotConvergedError',
     'PartialTurnError',
+    'PoseDrawing',
     'Reason',
     'RockerLimits',
+    'SampledPaths',
     'SingularPoseError',
     'Stance',
+    'Structure',
     'ToleranceStudy',
     'TransmissionExtremes',
     'UnreachableError',
     'Variants',
+    'as_linkage',
     'assemblies',
     'assembly_poses',
+    'body_points',
+    'body_vectors',
+    'colour_of',
+    'content_with_numbers',
+    'crank_limits',
+    'cross',
+    'differences',
+    'driven_clearances',
+    'feet',
     'foot_path',
+    'is_linkage',
     'klann_poses',
     'length_margins',
     'linkage_from_file',
     'linkage_from_text',
     'linkage_poses',
+    'linkage_text',
+    'loop_errors',
+    'parabola_peak',
+    'path_figures',
+    'peak',
+    'periodic_cubics',
+    'pose_svg',
+    'rate',
     'reachable_arcs',
+    'schema_error',
     'shipped_linkage',
     'shipped_linkages',
+    'solve_rates',
+    'structure_of',
     'tolerance_study',
+    'transmission_angles',
     'turns_fully',
+    'vectors',
+    'velocity_product',
+    'whole_turns',
+    'wrapped',
 ]

@@ -5,14 +5,21 @@ from dataclasses import dataclass, field
 from math import isfinite, pi
 from typing import Any
 
-from klann_ros.kinematics import AnyLeg, KlannGeometry, KlannLeg, Linkage, linkage_poses
-from klann_ros.kinematics.klann import BENDS, JOINTS, NUMBERS
-from klann_ros.log.run_parameters import LINKAGE_PARAMETER, SolverParameters
-from klann_ros.review.load.geometry import leg_solvers, parent, published_legs
-from klann_ros.review.model.recording import LegSolver
-from klann_ros.robot.file import of_leg
+from klann_ros.kinematics import (
+    AnyLeg,
+    BENDS,
+    JOINTS,
+    KlannGeometry,
+    KlannLeg,
+    Linkage,
+    linkage_poses,
+    NUMBERS,
+)
+from klann_ros.log import LINKAGE_PARAMETER, SolverParameters
+from klann_ros.review import leg_solvers, LegSolver, parent, published_legs
+from klann_ros.robot import of_leg
 from klann_ros.sanitize.text import printable
-from klann_ros.web.shape import leg_shape
+from klann_ros.web import leg_shape
 import numpy as np
 
 # The page shows at most this many legs.

@@ -6,8 +6,7 @@ from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from klann_ros.web.markup import element, joined, Markup
-from klann_ros.web.parts import FRAME, html_page, SHARED, text
+from klann_ros.web import element, FRAME, html_page, joined, Markup, SHARED, text
 
 from .runs import ListedRun
 

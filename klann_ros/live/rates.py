@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from time import monotonic
 
-from klann_ros.log.loss import LossCounter
+from klann_ros.log import LossCounter
 
 # Averaging time of a rate [s].
 WINDOW = 2.0

@@ -38,10 +38,17 @@ walk_0.mcap at byte ...: it was not closed: there is no footer at its end
 Errors are `LogError` and its subclasses, one line each; an OSError is an error of the disk.
 """
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
+    from .bag_metadata import FILE_NAME
+    from .definitions import (
+        definition,
+        is_installed,
+        split_type,
+    )
     from .errors import (
         LogError,
         MalformedQosError,
@@ -52,48 +59,117 @@ if TYPE_CHECKING:
         UnknownTypeError,
         UnwritableError,
     )
+    from .extension import extend, TopicMessages
+    from .loss import LossCounter
+    from .mcap.growing import GrowingFile, NamedRecord
+    from .play.playback import length, Playback, Selection
+    from .play.transport import (
+        PlaybackError,
+        RATES,
+        Transport,
+    )
+    from .qos import (
+        latched_count,
+        Qos,
+        qos_to_yaml,
+        QosTexts,
+    )
+    from .read.block import (
+        block_of_messages,
+        HEAD,
+        MessageBlock,
+    )
+    from .read.run_files import (
+        is_log_name,
+        LOG_HELP,
+        natural,
+        run_files,
+        run_name,
+    )
     from .reader import Log, open_log
-    from .records import Attachment, Message, Topic
+    from .records import (
+        ANNOTATION,
+        Attachment,
+        Message,
+        Topic,
+    )
     from .recovery import recover, Recovery
+    from .run_parameters import (
+        described_solver,
+        DESCRIPTION_TOPIC,
+        FAULT_RECORD,
+        FINDING_RECORD,
+        leg_description,
+        LINKAGE_PARAMETER,
+        LOSS_RECORD,
+        Pause,
+        PAUSE_RECORD,
+        recorded_finding,
+        recorded_pause,
+        RecordedFinding,
+        RECORDER_RECORD,
+        REPLAYED_PARAMETER,
+        replayed_solvers_json,
+        SolverParameters,
+        STRING_TYPE,
+        topic_counts,
+        TopicCount,
+    )
+    from .write.background_writer import (
+        BackgroundWriter,
+        QUEUE_CAPACITY,
+        SplitLimits,
+    )
+    from .write.durable_file import (
+        check_free_space,
+        is_being_written,
+        RunFaults,
+    )
+    from .write.event_session import (
+        EventSession,
+        EventSettings,
+        Recording,
+    )
+    from .write.mcap_file import COMPRESSIONS
+    from .write.recording import (
+        RecordingSession,
+        RecordingState,
+    )
+    from .write.run_folder import unfinished_runs
     from .write.writer import RunWriter
-
-__all__ = [
-    'Attachment',
-    'Log',
-    'LogError',
-    'MalformedQosError',
-    'Message',
-    'NotALogError',
-    'Recovery',
-    'RunClosedError',
-    'RunExistsError',
-    'RunIncompleteError',
-    'RunWriter',
-    'Topic',
-    'UnknownTypeError',
-    'UnwritableError',
-    'open_log',
-    'recover',
-]
-
-_PLACES = {
-    'Attachment': 'records',
-    'Log': 'reader',
-    'Message': 'records',
-    'Recovery': 'recovery',
-    'RunWriter': 'write.writer',
-    'Topic': 'records',
-    'open_log': 'reader',
-    'recover': 'recovery',
-}
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
-
-
-def __getattr__(name: str) -> Any:
-    """Import on demand: a solver counts losses with this package, and needs no MCAP."""
-    if name not in __all__:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'.{_PLACES.get(name, "errors")}', __name__), name)
+else:
+    __getattr__, __dir__, __all__ = lazy_face(
+        __name__,
+        {
+            'bag_metadata': 'FILE_NAME',
+            'definitions': 'definition is_installed split_type',
+            'errors': (
+                'LogError MalformedQosError NotALogError RunClosedError RunExistsError '
+                'RunIncompleteError UnknownTypeError UnwritableError'
+            ),
+            'extension': 'TopicMessages extend',
+            'loss': 'LossCounter',
+            'mcap.growing': 'GrowingFile NamedRecord',
+            'play.playback': 'Playback Selection length',
+            'play.transport': 'PlaybackError RATES Transport',
+            'qos': 'Qos QosTexts latched_count qos_to_yaml',
+            'read.block': 'HEAD MessageBlock block_of_messages',
+            'read.run_files': 'LOG_HELP is_log_name natural run_files run_name',
+            'reader': 'Log open_log',
+            'records': 'ANNOTATION Attachment Message Topic',
+            'recovery': 'Recovery recover',
+            'run_parameters': (
+                'DESCRIPTION_TOPIC FAULT_RECORD FINDING_RECORD LINKAGE_PARAMETER LOSS_RECORD '
+                'PAUSE_RECORD Pause RECORDER_RECORD REPLAYED_PARAMETER RecordedFinding '
+                'STRING_TYPE SolverParameters TopicCount described_solver leg_description '
+                'recorded_finding recorded_pause replayed_solvers_json topic_counts'
+            ),
+            'write.background_writer': 'BackgroundWriter QUEUE_CAPACITY SplitLimits',
+            'write.durable_file': 'RunFaults check_free_space is_being_written',
+            'write.event_session': 'EventSession EventSettings Recording',
+            'write.mcap_file': 'COMPRESSIONS',
+            'write.recording': 'RecordingSession RecordingState',
+            'write.run_folder': 'unfinished_runs',
+            'write.writer': 'RunWriter',
+        },
+    )

@@ -15,7 +15,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from klann_ros.log.definitions import is_installed, split_type
+from klann_ros.log import is_installed, split_type
 from klann_ros.sanitize.text import listed, printable, printable_line, verb
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType

@@ -303,7 +303,7 @@ class _OtherNodes:
     """The parameters of all nodes of this package, imported only after a mistake."""
 
     def __init__(self) -> None:
-        from klann_ros.robot.file import OF_CRANK  # noqa: PLC0415
+        from klann_ros.robot import OF_CRANK  # noqa: PLC0415
 
         from .commission import declarations as commission  # noqa: PLC0415
         from .crank import motion as crank  # noqa: PLC0415

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 
-from klann_ros.live.protocol import Answer
+from klann_ros.live import Answer
 from klann_ros.sanitize.text import printable
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client

@@ -4,11 +4,16 @@ from collections.abc import Callable, Sequence
 from math import radians
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from klann_ros.kinematics import AnyLeg, LinkagePose, NoFootPathError
+from klann_ros.kinematics import (
+    AnyLeg,
+    colour_of,
+    COLOURS,
+    Iterations,
+    LinkagePose,
+    NoFootPathError,
+)
 from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.drawing import colour_of, COLOURS
-from klann_ros.kinematics.newton import Iterations
 import numpy as np
 
 from .plane import axes_of, grid, leg_of, symbol

@@ -6,18 +6,18 @@ from typing import Any, TYPE_CHECKING
 
 from klann_ros.kinematics import (
     AnyLeg,
+    as_linkage,
     foot_path,
     FootPath,
     Leg,
     LinkageLeg,
     LinkagePose,
     NoFootPathError,
+    PoseDrawing,
     validation,
 )
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.drawing import PoseDrawing
-from klann_ros.kinematics.linkage.linkage import as_linkage
 import numpy as np
 
 from .drawing import BAR_WIDTH, PoseArtists

@@ -29,58 +29,55 @@ Errors                  `klann_ros.log.errors.LogError`: `NotALogError`,
 ======================  ===============================================================
 """
 
-from importlib import import_module
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
+
+from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from klann_ros.log.errors import NotALogError
-
-    from .model.compare import compare, Comparison, Difference
-    from .model.limits import Limits, limits_from_file, LimitsFileError
-    from .model.review import Finding, Review, ReviewedLeg, Severity
+    from .live.judge import LiveFinding, LiveJudge, STEP
+    from .load.geometry import (
+        leg_solvers,
+        parent,
+        published_legs,
+    )
+    from .load.window import MAX_MESSAGES
+    from .model.compare import (
+        compare,
+        Comparison,
+        Difference,
+    )
+    from .model.limits import (
+        Limits,
+        limits_from_file,
+        LimitsFileError,
+    )
+    from .model.recording import LegSolver
+    from .model.review import (
+        Finding,
+        Review,
+        ReviewedLeg,
+        Severity,
+    )
     from .model.topics import TopicFigures
-    from .report.data import NoPandasError, pose_arrays, pose_frame
+    from .report.data import (
+        NoPandasError,
+        pose_arrays,
+        pose_frame,
+    )
     from .reviewing import review_run
-
-__all__ = [
-    'Comparison',
-    'Difference',
-    'Finding',
-    'Limits',
-    'LimitsFileError',
-    'NoPandasError',
-    'NotALogError',
-    'Review',
-    'ReviewedLeg',
-    'Severity',
-    'TopicFigures',
-    'compare',
-    'limits_from_file',
-    'pose_arrays',
-    'pose_frame',
-    'review_run',
-]
-
-_MODULES = (
-    '.model.compare',
-    '.model.limits',
-    '.model.review',
-    '.model.topics',
-    '.report.data',
-    '.reviewing',
-    'klann_ros.log.errors',
-)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use: the live page needs `load.geometry` only."""
-    if name in __all__:
-        for module in _MODULES:
-            found = getattr(import_module(module, __name__), name, None)
-            if found is not None:
-                return found
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+else:
+    __getattr__, __dir__, __all__ = lazy_face(
+        __name__,
+        {
+            'live.judge': 'LiveFinding LiveJudge STEP',
+            'load.geometry': 'leg_solvers parent published_legs',
+            'load.window': 'MAX_MESSAGES',
+            'model.compare': 'Comparison Difference compare',
+            'model.limits': 'Limits LimitsFileError limits_from_file',
+            'model.recording': 'LegSolver',
+            'model.review': 'Finding Review ReviewedLeg Severity',
+            'model.topics': 'TopicFigures',
+            'report.data': 'NoPandasError pose_arrays pose_frame',
+            'reviewing': 'review_run',
+        },
+    )

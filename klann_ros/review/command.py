@@ -9,17 +9,16 @@ from pathlib import Path
 import sys
 import tempfile
 
+from klann_ros.log import LOG_HELP
 from klann_ros.log.errors import LogError
-from klann_ros.log.read.run_files import LOG_HELP
 from klann_ros.review.live.follow import follow
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
-from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.robot.file import preset_names
+from klann_ros.robot import preset_names, robot_of, RobotFileError
 from klann_ros.sanitize.arguments import ArgumentParser, command_words, NOT_READ, path, UsageError
 from klann_ros.sanitize.outputs import check_new_folder, outputs, save_all
 from klann_ros.sanitize.text import printable
-from klann_ros.web.browser import is_opened
+from klann_ros.web import is_opened
 from tqdm import tqdm
 
 from .fleet import command as each

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+from klann_ros.log import open_log
 from klann_ros.log.errors import AnyPath
-from klann_ros.log.reader import open_log
 from klann_ros.review.load.load import load
 from klann_ros.review.model.answers import match_answers, unanswered
 from klann_ros.review.model.limits import Limits

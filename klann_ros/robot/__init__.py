@@ -10,16 +10,32 @@ simulation and control all read robots by this package; it is without ROS.
 ('H', 'crank')
 """
 
-from .file import robot_from_file, robot_from_parameters, robot_of, RobotFileError, solver_section
-from .robot import CrankDrive, Mount, Robot, RobotLeg, WalkerBody
+from .file import (
+    LEG_PARAMETERS,
+    OF_CRANK,
+    of_leg,
+    preset_names,
+    robot_from_file,
+    robot_from_parameters,
+    robot_of,
+    RobotFileError,
+    solver_section,
+)
+from .robot import CrankDrive, Mount, Robot, RobotLeg, SEPARATORS, Triple, WalkerBody
 
 __all__ = [
+    'LEG_PARAMETERS',
+    'OF_CRANK',
+    'SEPARATORS',
     'CrankDrive',
     'Mount',
     'Robot',
     'RobotFileError',
     'RobotLeg',
+    'Triple',
     'WalkerBody',
+    'of_leg',
+    'preset_names',
     'robot_from_file',
     'robot_from_parameters',
     'robot_of',

@@ -10,15 +10,18 @@ from typing import Any
 from klann_ros.dynamics import MassError, Masses, masses_from_text, rods
 from klann_ros.kinematics import (
     GeometryError,
+    is_linkage,
     KlannGeometry,
     Linkage,
     linkage_from_text,
+    linkage_text,
     LinkageFileError,
+    NUMBERS,
+    PRESETS,
+    SHIPPED,
     shipped_linkages,
 )
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.klann import NUMBERS, PRESETS
-from klann_ros.kinematics.linkage.file import is_linkage, linkage_text, SHIPPED
 from klann_ros.sanitize.files import is_regular_file, read_regular
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line, refusal
 from klann_ros.sanitize.units import warn_of_angle, warn_of_lengths

@@ -7,9 +7,8 @@ from itertools import pairwise
 from math import inf, pi
 from typing import NamedTuple
 
-from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError, Grashof
+from klann_ros.kinematics import crank_limits, FourBar, FourBarGeometry, GeometryError, Grashof
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.linkage.reach import crank_limits
 import numpy as np
 
 # A position belongs to a linkage if its bars fit within this part of their size.

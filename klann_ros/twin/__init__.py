@@ -16,13 +16,16 @@ readings as faults of the hardware do.
 
 from .agreement import Agreement, agreement
 from .injection import described_faults, FaultInjector, injected_faults, Injection
-from .mjcf import Floor, robot_mjcf
+from .mjcf import Floor, robot_mjcf, start_angle
+from .tree import spanning_tree
 from .twin import (
     DivergedError,
     Imu,
     ImuSampling,
     Motors,
     NoMujocoError,
+    Pace,
+    RealTimeFactor,
     Sensors,
     SimulatedCrank,
     Truth,
@@ -40,6 +43,8 @@ __all__ = [
     'Injection',
     'Motors',
     'NoMujocoError',
+    'Pace',
+    'RealTimeFactor',
     'Sensors',
     'SimulatedCrank',
     'Truth',
@@ -49,4 +54,6 @@ __all__ = [
     'described_faults',
     'injected_faults',
     'robot_mjcf',
+    'spanning_tree',
+    'start_angle',
 ]

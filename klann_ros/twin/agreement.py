@@ -5,9 +5,8 @@ from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.dynamics import Reactions
-from klann_ros.kinematics import linkage_poses, LinkageLeg
+from klann_ros.kinematics import FIXED, GROUND, linkage_poses, LinkageLeg
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.linkage.structure import FIXED, GROUND
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Comment, Element, indent, SubElement, tostring
 
 from klann_ros.dynamics import GRAVITY, MassError, Spring
-from klann_ros.kinematics import KinematicsError, LinkageLeg
-from klann_ros.kinematics.linkage.structure import FIXED
+from klann_ros.kinematics import FIXED, KinematicsError, LinkageLeg
 from klann_ros.robot import Robot, RobotLeg
 from klann_ros.sanitize.text import printable, refusal
 import numpy as np

@@ -8,9 +8,8 @@ bodies lead to the same point otherwise, a loop closes.
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from klann_ros.dynamics.motion import body_motion
-from klann_ros.kinematics import Linkage, LinkageLeg
-from klann_ros.kinematics.linkage.structure import FIXED, Structure
+from klann_ros.dynamics import body_motion
+from klann_ros.kinematics import FIXED, Linkage, LinkageLeg, Structure
 
 
 class TreeBody(NamedTuple):

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from math import atan2, copysign, cos, pi, sin
 from typing import NamedTuple
 
-from klann_ros.gait.steering import Twist2D
+from klann_ros.gait import Twist2D
 from klann_ros.kinematics.angles import wrap
 
 from .settings import ControllerSettings

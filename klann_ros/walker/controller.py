@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from math import degrees, inf, isfinite
 
-from klann_ros.gait.steering import Rates, Steering, Twist2D
+from klann_ros.gait import Rates, Steering, Twist2D
 
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
 from .faults import DiagnosticLevel, FaultLatch, Refusal, RefusalKind

@@ -10,7 +10,7 @@ from math import atan2, cos, hypot, sin, tan
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait.stance import gravity_aligned, Triple
+from klann_ros.gait import gravity_aligned, Triple
 from klann_ros.kinematics.angles import wrap
 
 from .settings import OdometryNoise

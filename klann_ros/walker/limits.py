@@ -6,7 +6,7 @@ from functools import cached_property
 from math import copysign, inf, sqrt
 from typing import NamedTuple
 
-from klann_ros.gait.steering import Rates, Twist2D
+from klann_ros.gait import Rates, Twist2D
 
 # With a smaller deceleration a walker would never stop [m/s^2, rad/s^2].
 MIN_DECELERATION = 1e-3

@@ -5,7 +5,7 @@ from math import acos, atan2, copysign, cos, degrees, exp, hypot, inf, isfinite,
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait.stance import Triple
+from klann_ros.gait import Triple
 
 from .faults import Fault, FaultKind
 from .feedback import CrankFeedback

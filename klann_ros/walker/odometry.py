@@ -64,8 +64,7 @@ from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait import Feet, stance
-from klann_ros.gait.stance import Point, Support, Triple
+from klann_ros.gait import Feet, Point, stance, Support, Triple
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np

@@ -3,7 +3,7 @@
 from cmath import rect
 from math import cos, sin
 
-from klann_ros.gait.stance import Triple
+from klann_ros.gait import Triple
 from klann_ros.kinematics.angles import wrap
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from math import exp, sin, sqrt
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait import stance
-from klann_ros.gait.stance import Facet, Point, Support
+from klann_ros.gait import Facet, Point, stance, Support
 
 from .settings import OdometryNoise
 

@@ -3,8 +3,7 @@
 from collections.abc import Collection, Mapping
 from math import cos, inf, isfinite, nan, radians, sin
 
-from klann_ros.gait.stance import Triple
-from klann_ros.gait.steering import Steering, Twist2D
+from klann_ros.gait import Steering, Triple, Twist2D
 from klann_ros.kinematics.angles import wrap
 
 from .accelerometer import AccelerometerState

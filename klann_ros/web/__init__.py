@@ -1,1 +1,34 @@
 """What all pages share: one renderer of legs, its styles, and how a page is put into one file."""
+
+from typing import TYPE_CHECKING
+
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .browser import is_opened, print_page, PrintError
+    from .markup import (
+        element,
+        joined,
+        Markup,
+        number,
+        scrolling_table,
+        table_row,
+    )
+    from .parts import (
+        FRAME,
+        html_page,
+        Parts,
+        SHARED,
+        text,
+    )
+    from .shape import leg_shape
+else:
+    __getattr__, __dir__, __all__ = lazy_face(
+        __name__,
+        {
+            'browser': 'PrintError is_opened print_page',
+            'markup': 'Markup element joined number scrolling_table table_row',
+            'parts': 'FRAME Parts SHARED html_page text',
+            'shape': 'leg_shape',
+        },
+    )

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from klann_ros.kinematics.linkage.linkage import as_linkage
+from klann_ros.kinematics import as_linkage
 
 
 def leg_shape(leg: Any) -> dict[str, Any]:

@@ -15,27 +15,30 @@ PACKAGE = Path(__file__).resolve().parents[2] / 'klann_ros'
 # What each part may import of the others. executables.py holds the entry points.
 ALLOWED = {
     '__init__': set(),
+    'lazy_face': set(),
     'sanitize': set(),
     'engines': set(),
     'kinematics': {'sanitize'},
     'synthesis': {'kinematics'},
-    'log': {'sanitize'},
+    'log': {'lazy_face', 'sanitize'},
     'dynamics': {'sanitize', 'kinematics'},
     'robot': {'sanitize', 'kinematics', 'dynamics'},
     'gait': {'kinematics', 'dynamics', 'robot'},
     'walker': {'kinematics', 'dynamics', 'robot', 'gait'},
     'twin': {'sanitize', 'kinematics', 'dynamics', 'robot'},
     'plotting': {'kinematics'},
-    'web': {'sanitize', 'kinematics'},
+    'web': {'lazy_face', 'sanitize', 'kinematics'},
     'review': {
         *('sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log', 'web'),
-        'calibration',
+        *('calibration', 'lazy_face'),
     },
     'export': {
         *('sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'gait', 'walker', 'twin'),
     },
-    'live': {'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
-    'datasheet': {'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'},
+    'live': {'lazy_face', 'sanitize', 'kinematics', 'log', 'robot', 'review', 'web'},
+    'datasheet': {
+        *('lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
+    },
     'calibration': {'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},
     'exercises': {'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'},
     'design': {
@@ -48,6 +51,9 @@ ALLOWED = {
     },
     'executables': {'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }
+
+# Modules of a package that others may import past its face.
+PUBLIC_MODULES = {'angles', 'arrays', 'errors'}
 
 # Imports each module named on the command line, in a Python that has no ROS.
 WITHOUT_ROS = """
@@ -80,6 +86,27 @@ def test_everything_but_the_nodes_imports_without_ros() -> None:
 
 def test_imports_go_downward() -> None:
     assert list(upward_imports(PACKAGE)) == []
+
+
+def test_packages_import_each_other_by_their_faces() -> None:
+    assert list(imports_past_a_face(PACKAGE)) == []
+
+
+@pytest.mark.parametrize(
+    ('line', 'count'),
+    [
+        ('from example.kinematics.linkage.file import shipped_linkage', 1),
+        ('from example.kinematics.linkage import file', 1),
+        ('from ..kinematics.linkage import file', 1),
+        ('import example.kinematics.linkage', 1),
+        ('from example.kinematics import Linkage', 0),
+        ('from example.kinematics.angles import wrapped', 0),
+        ('from .load import points', 0),
+    ],
+)
+def test_an_import_past_a_face_is_counted(line: str, count: int, tmp_path: Path) -> None:
+    package = make_package(tmp_path, 'review', line)
+    assert len([*imports_past_a_face(package)]) == count
 
 
 @pytest.mark.parametrize(
@@ -195,6 +222,31 @@ def upward_imports(package: Path) -> Iterator[str]:
         own = {name[1] for name in split if name[0] == package.name and len(name) > 1}
         for other in sorted((own & parts) - ALLOWED[part] - {part}):
             yield f'{relative} imports {other}'
+
+
+def imports_past_a_face(package: Path) -> Iterator[str]:
+    """Yield the imports of a module inside another package."""
+    parts = {path.relative_to(package).parts[0] for path in package.glob('*/__init__.py')}
+    for path in modules(package).values():
+        relative = path.relative_to(package)
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            for module in imported_modules(package, path, node):
+                names = module.split('.')[1:]
+                is_deep = len(names) > 1 and names[-1] not in PUBLIC_MODULES
+                if is_deep and names[0] in parts - {relative.parts[0], 'sanitize'}:
+                    yield f'{relative} imports {module}'
+
+
+def imported_modules(package: Path, path: Path, node: ast.AST) -> list[str]:
+    """Return the full names of the modules that a statement imports, or imports from."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names if alias.name.startswith(f'{package.name}.')]
+    if isinstance(node, ast.ImportFrom):
+        here = [package.name, *path.relative_to(package).parts[:-1]]
+        base = here[: len(here) + 1 - node.level] if node.level else []
+        module = '.'.join([*base, *filter(None, [node.module])])
+        return [module] if module.startswith(f'{package.name}.') else []
+    return []
 
 
 def imported_names(package: Path, path: Path) -> Iterator[str]:

@@ -7,8 +7,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from klann_ros.log.play.transport import PlaybackError, RATES, Transport
-from klann_ros.log.read.run_files import LOG_HELP
+from klann_ros.log import LOG_HELP, PlaybackError, RATES, Transport
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import Declaration, number, on_change
 from klann_ros.sanitize.arguments import number_type, path

@@ -8,12 +8,21 @@ import sys
 from threading import Event, Thread
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.log import (
+    latched_count,
+    length,
+    Log,
+    Message,
+    open_log,
+    Playback,
+    Qos,
+    QosTexts,
+    REPLAYED_PARAMETER,
+    replayed_solvers_json,
+    Selection,
+    Topic,
+)
 from klann_ros.log.errors import LogError, MalformedQosError
-from klann_ros.log.play.playback import length, Playback, Selection
-from klann_ros.log.qos import latched_count, Qos, QosTexts
-from klann_ros.log.reader import Log, open_log
-from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import REPLAYED_PARAMETER, replayed_solvers_json
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant

@@ -4,8 +4,7 @@ from collections import deque
 from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from klann_ros.log.write.mcap_file import COMPRESSIONS
-from klann_ros.log.write.recording import RecordingState
+from klann_ros.log import COMPRESSIONS, RecordingState
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.sanitize.text import counted, verb

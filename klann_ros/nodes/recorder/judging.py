@@ -7,16 +7,20 @@ from threading import Event, Thread
 from time import thread_time, time_ns
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from klann_ros.log import Message, Pause, RecordedFinding, SolverParameters
 from klann_ros.log.errors import LogError
-from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameters
 from klann_ros.nodes.endpoints import create_steady_timer, diagnostic_status
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import error_and_place
-from klann_ros.review.live.judge import LiveFinding, LiveJudge, STEP
-from klann_ros.review.load.window import MAX_MESSAGES
-from klann_ros.review.model.limits import Limits, limits_from_file
-from klann_ros.review.model.review import Severity
+from klann_ros.review import (
+    Limits,
+    limits_from_file,
+    LiveFinding,
+    LiveJudge,
+    MAX_MESSAGES,
+    Severity,
+    STEP,
+)
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 

@@ -10,15 +10,25 @@ from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
 from klann_ros import __version__
+from klann_ros.log import (
+    BackgroundWriter,
+    check_free_space,
+    EventSession,
+    EventSettings,
+    Message,
+    Pause,
+    QUEUE_CAPACITY,
+    RecordedFinding,
+    RECORDER_RECORD,
+    Recording,
+    RecordingSession,
+    RunFaults,
+    RunWriter,
+    SolverParameters,
+    SplitLimits,
+    unfinished_runs,
+)
 from klann_ros.log.errors import LogError
-from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, RecordedFinding, RECORDER_RECORD, SolverParameters
-from klann_ros.log.write.background_writer import BackgroundWriter, QUEUE_CAPACITY, SplitLimits
-from klann_ros.log.write.durable_file import check_free_space, RunFaults
-from klann_ros.log.write.event_session import EventSession, EventSettings, Recording
-from klann_ros.log.write.recording import RecordingSession
-from klann_ros.log.write.run_folder import unfinished_runs
-from klann_ros.log.write.writer import RunWriter
 from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on

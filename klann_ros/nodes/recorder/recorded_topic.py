@@ -5,10 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
-from klann_ros.log.definitions import definition
-from klann_ros.log.qos import Qos, qos_to_yaml
-from klann_ros.log.records import Message, Topic
-from klann_ros.log.write.event_session import Recording
+from klann_ros.log import definition, Message, Qos, qos_to_yaml, Recording, Topic
 from klann_ros.nodes.endpoints import DEPTH, message_class
 from klann_ros.nodes.raw_executor import Info
 from rclpy.callback_groups import CallbackGroup

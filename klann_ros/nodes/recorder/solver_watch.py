@@ -6,7 +6,7 @@ from functools import partial
 from time import time_ns
 from typing import Any
 
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log import SolverParameters
 from klann_ros.nodes.endpoints import name_refusal, node_of
 from klann_ros.nodes.process import ros_error
 from klann_ros.nodes.service_calls import ServiceCalls

@@ -8,10 +8,8 @@ from threading import Event, Thread
 import time
 from time import monotonic, time_ns
 
+from klann_ros.log import Message, Pause, Recording
 from klann_ros.log.errors import LogError
-from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause
-from klann_ros.log.write.event_session import Recording
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
 from klann_ros.nodes.raw_executor import RawCallbackGroup

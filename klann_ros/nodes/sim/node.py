@@ -43,10 +43,11 @@ from klann_ros.twin import (
     injected_faults,
     Injection,
     NoMujocoError,
+    Pace,
+    RealTimeFactor,
     Twin,
     TwinError,
 )
-from klann_ros.twin.twin import Pace, RealTimeFactor
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.time import Time

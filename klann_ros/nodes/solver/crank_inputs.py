@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
-from klann_ros.log.loss import LossCounter
+from klann_ros.log import LossCounter
 from klann_ros.nodes.encoders import encoder_topics, TicksReader
 from klann_ros.nodes.endpoints import INPUT, overridden, type_name
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup

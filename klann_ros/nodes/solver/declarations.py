@@ -5,12 +5,10 @@ from dataclasses import replace
 from math import pi
 from typing import Any
 
-from klann_ros.kinematics import KlannGeometry
-from klann_ros.kinematics.klann import BENDS, LENGTHS, NUMBERS
-from klann_ros.log.run_parameters import LINKAGE_PARAMETER
+from klann_ros.kinematics import BENDS, KlannGeometry, LENGTHS, NUMBERS
+from klann_ros.log import LINKAGE_PARAMETER
 from klann_ros.nodes.parameters import Declaration, number
-from klann_ros.robot.file import OF_CRANK
-from klann_ros.robot.robot import SEPARATORS
+from klann_ros.robot import OF_CRANK, SEPARATORS
 
 _DESCRIPTIONS = {
     'l_ab': 'length of the crank AB',

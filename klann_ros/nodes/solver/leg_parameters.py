@@ -3,9 +3,15 @@
 from collections.abc import Sequence
 from typing import Any
 
-from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
-from klann_ros.kinematics.klann import PRESETS
-from klann_ros.log.run_parameters import described_solver, DESCRIPTION_TOPIC, LINKAGE_PARAMETER
+from klann_ros.kinematics import (
+    AnyLeg,
+    GeometryError,
+    KlannGeometry,
+    KlannLeg,
+    LinkageLeg,
+    PRESETS,
+)
+from klann_ros.log import described_solver, DESCRIPTION_TOPIC, LINKAGE_PARAMETER
 from klann_ros.nodes.endpoints import LATCHED
 from klann_ros.nodes.parameters import (
     declare,

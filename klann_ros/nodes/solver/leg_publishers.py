@@ -6,9 +6,14 @@ from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
-from klann_ros.kinematics import foot_path, KinematicsError, LinkageMotion, LinkagePose
-from klann_ros.kinematics.drawing import PoseDrawing
-from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, leg_description, SolverParameters
+from klann_ros.kinematics import (
+    foot_path,
+    KinematicsError,
+    LinkageMotion,
+    LinkagePose,
+    PoseDrawing,
+)
+from klann_ros.log import DESCRIPTION_TOPIC, leg_description, SolverParameters
 from klann_ros.nodes.endpoints import create_publisher, LATCHED
 from klann_ros.nodes.parameters import plain
 from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate

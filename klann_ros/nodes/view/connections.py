@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 
-from klann_ros.live.rates import TopicRate
-from klann_ros.log.run_parameters import DESCRIPTION_TOPIC, STRING_TYPE
+from klann_ros.live import TopicRate
+from klann_ros.log import DESCRIPTION_TOPIC, STRING_TYPE
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.process import ROS_ERRORS
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup

@@ -12,9 +12,7 @@ from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from klann_ros.live.drive import CrankDrive, DriveError, WalkDrive
-from klann_ros.live.protocol import Answer, Command
-from klann_ros.live.rates import TopicRate
+from klann_ros.live import Answer, Command, CrankDrive, DriveError, TopicRate, WalkDrive
 from klann_ros.nodes.endpoints import OUTPUT, publish_last
 from klann_ros.nodes.lease import DELIVERY_TIME, Lease
 from klann_ros.nodes.process import error_and_place, LOG_PERIOD

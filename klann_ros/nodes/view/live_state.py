@@ -10,16 +10,13 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.kinematics.angles import yaw_of
-from klann_ros.live import legs
-from klann_ros.live.clients import PageState, recorded, status_text
-from klann_ros.live.drive import crank_at
-from klann_ros.live.protocol import Answer, Command
+from klann_ros.live import Answer, Command, crank_at, legs, PageState, recorded, status_text
 from klann_ros.log import run_parameters
 from klann_ros.nodes.endpoints import create_steady_timer, TypeCheck
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.nodes.service_calls import BUSY, ServiceCalls
-from klann_ros.review.load.geometry import parent
+from klann_ros.review import parent
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import sys
 from threading import Thread
 
-from klann_ros.live.guard import Guard, new_token
+from klann_ros.live import Guard, new_token
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.sanitize.arguments import ArgumentParser, path
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.web.browser import is_opened
+from klann_ros.web import is_opened
 
 DESCRIPTION = """\
 Show the legs that publish in a browser, live: the pose, the foot, charts, diagnostics, rates.
@@ -59,7 +59,7 @@ class ViewNode(ProcessNode):
 
     def __init__(self, options: argparse.Namespace, _: Finish) -> None:
         """Start the server; a StartError if the address cannot be used."""
-        from klann_ros.live.server import LiveServer, ServerError  # noqa: PLC0415 - an extra
+        from klann_ros.live import LiveServer, ServerError  # noqa: PLC0415 - an extra
 
         from .live_state import LiveState  # noqa: PLC0415 - an extra
 

@@ -10,8 +10,7 @@ import struct
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
-from klann_ros.gait import Twist2D
-from klann_ros.gait.stance import Triple
+from klann_ros.gait import Triple, Twist2D
 from klann_ros.kinematics.angles import yaw_of
 from klann_ros.nodes.endpoints import (
     create_publisher,

@@ -3,9 +3,15 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from klann_ros.calibration import calibrate, Calibration, CrankSamples, MeasurementError, series_of
-from klann_ros.calibration.load import point_topics
-from klann_ros.calibration.model import SCALES
+from klann_ros.calibration import (
+    calibrate,
+    Calibration,
+    CrankSamples,
+    MeasurementError,
+    point_topics,
+    SCALES,
+    series_of,
+)
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.review.model.recording import Drive, LegRecording

@@ -10,7 +10,7 @@ from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import CLOCK, Interval, merge_intervals, pauses
 from klann_ros.review.model.topics import exclude_intervals, Gap, TopicRecording
-from klann_ros.robot.file import preset_names
+from klann_ros.robot import preset_names
 from klann_ros.sanitize.text import counted, listed, printable, printable_line, verb
 
 _MAX_PROBLEMS = 3

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from klann_ros.kinematics import differences, wrapped
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IntArray
-from klann_ros.kinematics.batch.poses import differences, wrapped
 from klann_ros.review.model.answers import (
     Cause,
     Duplicates,

@@ -9,8 +9,8 @@ import signal
 import sys
 
 from klann_ros.engines import EngineError, ENGINES
+from klann_ros.log import open_log
 from klann_ros.log.errors import LogError
-from klann_ros.log.reader import open_log
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.arguments import (

@@ -13,9 +13,8 @@ from typing import Any
 
 from klann_ros import __version__
 from klann_ros.engines import parallel_map, TaskError
-from klann_ros.log.bag_metadata import FILE_NAME
+from klann_ros.log import FILE_NAME, is_log_name, natural, run_files, run_name
 from klann_ros.log.errors import LogError
-from klann_ros.log.read.run_files import is_log_name, natural, run_files, run_name
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Finding, Review, Severity

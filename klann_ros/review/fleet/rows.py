@@ -19,8 +19,7 @@ from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.tables import harmless, write_table
 from klann_ros.sanitize.text import counted, printable, printable_line
-from klann_ros.web.markup import element, Markup, number, scrolling_table
-from klann_ros.web.parts import FRAME, Parts, SHARED
+from klann_ros.web import element, FRAME, Markup, number, Parts, scrolling_table, SHARED
 
 OK, FINDINGS, UNREADABLE = 'ok', 'findings', 'unreadable'
 EXIT_CODES = {OK: 0, FINDINGS: 1, UNREADABLE: 2}

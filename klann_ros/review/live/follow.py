@@ -7,12 +7,15 @@ from pathlib import Path
 import re
 from time import monotonic, sleep
 
-from klann_ros.log import run_parameters
+from klann_ros.log import (
+    GrowingFile,
+    is_being_written,
+    Message,
+    NamedRecord,
+    natural,
+    run_parameters,
+)
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.mcap.growing import GrowingFile, NamedRecord
-from klann_ros.log.read.run_files import natural
-from klann_ros.log.records import Message
-from klann_ros.log.write.durable_file import is_being_written
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import located
 from klann_ros.sanitize.files import open_regular

@@ -5,8 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from klann_ros.log.records import Message
-from klann_ros.log.run_parameters import Pause, SolverParameters
+from klann_ros.log import Message, Pause, SolverParameters
 from klann_ros.review.checks import CHECKS
 from klann_ros.review.checks.clocks import check_clocks
 from klann_ros.review.checks.completeness import answer_topics, check_losses

@@ -5,8 +5,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
+from klann_ros.log import MessageBlock, Topic
 from klann_ros.review.model.recording import Undecoded
 from klann_ros.review.model.times import nanoseconds
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, read_joint_state, STAMP_SIZE

@@ -14,14 +14,10 @@ from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
 from klann_ros.kinematics.arrays import IndexArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import SolverParameters, STRING_TYPE
+from klann_ros.log import MessageBlock, SolverParameters, STRING_TYPE, Topic
 from klann_ros.review.model.recording import LegRecording, LegSolver
 from klann_ros.review.model.times import nanoseconds, Series
-from klann_ros.robot import Robot, robot_from_parameters
-from klann_ros.robot.file import LEG_PARAMETERS, of_leg
-from klann_ros.robot.robot import SEPARATORS
+from klann_ros.robot import LEG_PARAMETERS, of_leg, Robot, robot_from_parameters, SEPARATORS
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import printable
 import numpy as np

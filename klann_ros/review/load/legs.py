@@ -6,9 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from klann_ros.kinematics.arrays import IndexArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log import MessageBlock, SolverParameters, Topic
 from klann_ros.review.model.recording import LegSolver, Undecoded
 from klann_ros.review.model.times import nanoseconds
 from klann_ros.robot import Robot

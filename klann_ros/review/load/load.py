@@ -6,14 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from klann_ros.kinematics.arrays import IndexArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import ANNOTATION, Topic
-from klann_ros.log.run_parameters import (
+from klann_ros.log import (
+    ANNOTATION,
     FAULT_RECORD,
     FINDING_RECORD,
+    MessageBlock,
     PAUSE_RECORD,
     recorded_finding,
     recorded_pause,
+    Topic,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
@@ -42,7 +43,7 @@ from .series import (
 from .topics import recorded_losses, TopicCollector
 
 if TYPE_CHECKING:
-    from klann_ros.log.reader import Log
+    from klann_ros.log import Log
 
     from .window import Window
 

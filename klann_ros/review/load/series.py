@@ -9,8 +9,7 @@ from typing import Any
 
 from klann_ros.calibration import load
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
+from klann_ros.log import MessageBlock, Topic
 from klann_ros.review.model.recording import WalkRecording
 from klann_ros.review.model.times import CLOCK, nanoseconds, no_series, Series
 from klann_ros.sanitize.cdr import CdrCursor

@@ -8,9 +8,7 @@ import re
 from typing import Any
 
 from klann_ros.kinematics.arrays import BoolArray, IndexArray, IntArray
-from klann_ros.log.read.block import MessageBlock
-from klann_ros.log.records import Topic
-from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts, TopicCount
+from klann_ros.log import LOSS_RECORD, MessageBlock, Topic, topic_counts, TopicCount
 from klann_ros.review.model.times import Interval, LAST_TIME, nanoseconds, overlaps
 from klann_ros.review.model.topics import TopicRecording
 import numpy as np

@@ -5,9 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import SolverParameters
+from klann_ros.log import block_of_messages, HEAD, Message, MessageBlock, SolverParameters, Topic
 import numpy as np
 
 from .legs import is_leg_topic

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import NamedTuple
 
-from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics import AnyLeg, feet
 from klann_ros.kinematics.arrays import FloatArray
-from klann_ros.kinematics.batch.poses import feet
 from klann_ros.sanitize.text import printable
 import numpy as np
 

@@ -8,22 +8,20 @@ from typing import NamedTuple
 
 from klann_ros.kinematics import (
     AnyLeg,
+    differences,
+    feet,
     foot_path,
+    FootPath,
     KinematicsError,
     Linkage,
     linkage_poses,
     LinkageLeg,
-)
-from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.kinematics.batch.poses import (
-    differences,
-    feet,
     loop_errors,
+    Stance,
     transmission_angles,
     vectors,
 )
-from klann_ros.kinematics.foot.path import FootPath
-from klann_ros.kinematics.foot.stance import Stance
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
 from .recording import LegRecording

@@ -4,10 +4,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from klann_ros.dynamics import Dynamics
-from klann_ros.kinematics import AnyLeg
+from klann_ros.kinematics import AnyLeg, JOINTS
 from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.kinematics.klann import JOINTS
-from klann_ros.log.run_parameters import Pause, RecordedFinding
+from klann_ros.log import Pause, RecordedFinding
 import numpy as np
 
 from .times import Interval, no_series, pairs, Series

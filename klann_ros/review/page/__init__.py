@@ -14,8 +14,17 @@ from klann_ros.review.model.review import Finding, located, Review, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
 from klann_ros.sanitize.outputs import finite
 from klann_ros.sanitize.text import counted, printable
-from klann_ros.web.markup import element, joined, Markup, number, scrolling_table
-from klann_ros.web.parts import FRAME, Parts, SHARED, text
+from klann_ros.web import (
+    element,
+    FRAME,
+    joined,
+    Markup,
+    number,
+    Parts,
+    scrolling_table,
+    SHARED,
+    text,
+)
 
 from .data import run_data
 

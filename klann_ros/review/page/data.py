@@ -15,7 +15,7 @@ from klann_ros.review.model.times import Series, time_steps
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.review.model.walks import body_paths, WalkFigures
 from klann_ros.sanitize.text import printable, verb
-from klann_ros.web.shape import leg_shape
+from klann_ros.web import leg_shape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -7,9 +7,8 @@ from hashlib import sha256
 import struct
 
 from klann_ros.kinematics.arrays import FloatArray, IntArray
+from klann_ros.log import ANNOTATION, extend, Topic, TopicMessages
 from klann_ros.log.errors import LogError
-from klann_ros.log.extension import extend, TopicMessages
-from klann_ros.log.records import ANNOTATION, Topic
 from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review

@@ -7,7 +7,7 @@ import re
 from string import Template
 import zlib
 
-from klann_ros.kinematics.linkage.file import SHIPPED, shipped_linkages
+from klann_ros.kinematics import SHIPPED, shipped_linkages
 from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web.markup import element, Markup
 from klann_ros.web.parts import as_script, compact, FRAME, Parts, SHARED, text
