@@ -11,10 +11,10 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
+from klann_ros.nodes.cdr_readers import JointsReader
 from klann_ros.nodes.endpoints import INPUT, OUTPUT
 from klann_ros.nodes.process import run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
-from klann_ros.nodes.solver.cdr import JointsReader
 from klann_ros.nodes.walker.messages import odometry_template
 from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.stop_signals import StopSignals

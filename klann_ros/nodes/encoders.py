@@ -15,11 +15,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
+from .cdr_readers import JointReading, JointsReader, NumberReader
 from .endpoints import create_publisher, name_refusal, subscribe_raw
 from .parameters import require, StartError
 from .process import LOG_PERIOD
 from .raw_executor import Info
-from .solver.cdr import JointReading, JointsReader, NumberReader
 
 _TICKS = 'std_msgs/msg/Int32'
 _OVERFLOW = 2**32

@@ -305,6 +305,7 @@ class _OtherNodes:
     def __init__(self) -> None:
         from klann_ros.robot import OF_CRANK  # noqa: PLC0415
 
+        from . import leg_declarations as leg  # noqa: PLC0415
         from .commission import declarations as commission  # noqa: PLC0415
         from .crank import motion as crank  # noqa: PLC0415
         from .player import controls as player  # noqa: PLC0415
@@ -323,16 +324,16 @@ class _OtherNodes:
             'commission_node': commission.COMMISSION_PARAMETERS,
             'crank_node': (*crank.MOTION, *crank.CRANK_PARAMETERS),
             'solver_node': (
-                *solver.GEOMETRY,
-                *solver.LEGS,
+                *leg.GEOMETRY,
+                *leg.LEGS,
                 *solver.SETTINGS,
-                *solver.drive(),
+                *leg.drive(),
                 *solver.INPUTS,
                 *solver.PUBLISHED,
             ),
         }
         self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
-        self._of_legs, self._for_others = solver.OF_LEG, {*solver.FOR_OTHERS, *OF_CRANK}
+        self._of_legs, self._for_others = leg.OF_LEG, {*leg.FOR_OTHERS, *OF_CRANK}
         self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
 
     def has(self, name: str, known: Collection[str]) -> bool:

@@ -13,7 +13,8 @@ from klann_ros.export.command import main as export
 from klann_ros.kinematics import KlannGeometry, Linkage, shipped_linkage
 from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes.parameters import StartError
-from klann_ros.nodes.solver.leg_parameters import declared_robot, LegParameters
+from klann_ros.nodes.robot_parameters import declared_robot
+from klann_ros.nodes.solver.leg_parameters import LegParameters
 from klann_ros.review.load.geometry import klann_legs_in_urdf, published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError

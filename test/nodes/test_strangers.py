@@ -7,7 +7,7 @@ from klann_ros.log.definitions import definition
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
-from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
+from klann_ros.nodes.leg_declarations import GEOMETRY_NAMES
 from mcap.writer import Writer
 import pytest
 from rcl_interfaces.msg import ParameterType, ParameterValue

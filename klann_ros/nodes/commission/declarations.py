@@ -1,7 +1,7 @@
 """The parameters of `commission_node`, besides those of its robot."""
 
+from klann_ros.nodes.leg_declarations import ENCODERS
 from klann_ros.nodes.parameters import Declaration, number
-from klann_ros.nodes.solver.declarations import ENCODERS
 from klann_ros.nodes.walker.declarations import COMMANDS
 from klann_ros.walker import CommissioningSettings
 

@@ -9,6 +9,7 @@ from time import monotonic
 from typing import Any
 
 from klann_ros.gait import Feet, NoWalkerError
+from klann_ros.nodes.cdr_readers import JointReading
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (
     create_steady_timer,
@@ -16,8 +17,9 @@ from klann_ros.nodes.endpoints import (
     QOS_USAGE,
     TypeCheck,
 )
+from klann_ros.nodes.keyboard import Keyboard
+from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES
 from klann_ros.nodes.parameters import declare, require, StartError, usage
-from klann_ros.nodes.player.keyboard import Keyboard
 from klann_ros.nodes.process import (
     arguments,
     Finish,
@@ -26,9 +28,7 @@ from klann_ros.nodes.process import (
     run,
 )
 from klann_ros.nodes.raw_executor import Info
-from klann_ros.nodes.solver.cdr import JointReading
-from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES
-from klann_ros.nodes.solver.leg_parameters import declared_robot
+from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.walker.messages import CrankOutput
 from klann_ros.robot import CrankDrive, Robot
 from klann_ros.sanitize.arguments import ArgumentParser

@@ -24,6 +24,7 @@ from klann_ros.log import (
 )
 from klann_ros.log.errors import LogError, MalformedQosError
 from klann_ros.nodes import endpoints
+from klann_ros.nodes.keyboard import Keyboard
 from klann_ros.nodes.lease import leased_topic, LeaseListener
 from klann_ros.nodes.parameters import declare, declare_constant
 from klann_ros.nodes.process import (
@@ -52,7 +53,6 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from .commands import standstill
 from .controls import add_options, declarations, DESCRIPTION, EPILOG, KEYS_IN_WORDS, PlayerControls
-from .keyboard import Keyboard
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher

@@ -32,6 +32,7 @@ from klann_ros.log.errors import LogError
 from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
+from klann_ros.nodes.solver_watch import SolverWatch
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
@@ -40,7 +41,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from .interface import RECORDER_PARAMETERS, RecordingDiagnostics, SERVICES
-from .solver_watch import SolverWatch
 from .topic_watch import TopicWatch
 
 if TYPE_CHECKING:

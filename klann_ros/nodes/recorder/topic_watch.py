@@ -13,13 +13,13 @@ from klann_ros.log.errors import LogError
 from klann_ros.nodes.endpoints import name_refusal, UnknownMessageTypeError
 from klann_ros.nodes.process import ros_error, ROS_ERRORS
 from klann_ros.nodes.raw_executor import RawCallbackGroup
+from klann_ros.nodes.solver_watch import SolverWatch
 from klann_ros.sanitize.text import printable, printable_line
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from .interface import RecordingDiagnostics
 from .recorded_topic import RecordedTopic
-from .solver_watch import SolverWatch
 
 # Period of discovery, and that of pending requests without changes [s].
 _PERIOD, _REQUEST_PERIOD = 0.1, 1.0

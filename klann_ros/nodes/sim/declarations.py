@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from klann_ros.nodes.leg_declarations import ENCODERS
 from klann_ros.nodes.parameters import Declaration, number, require
-from klann_ros.nodes.solver.declarations import ENCODERS
 from klann_ros.twin import Floor, ImuSampling, Motors, Sensors
 
 _FLOOR, _MOTORS = Floor(), Motors()

@@ -30,7 +30,7 @@ from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.nodes.solver.leg_parameters import declared_robot
+from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.robot import robot_of
 from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.cdr import CdrCursor

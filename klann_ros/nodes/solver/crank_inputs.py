@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log import LossCounter
+from klann_ros.nodes.cdr_readers import JointsReader, NumberReader
 from klann_ros.nodes.encoders import encoder_topics, TicksReader
 from klann_ros.nodes.endpoints import INPUT, overridden, type_name
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
@@ -15,8 +16,6 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32, Float64, Int32
-
-from .cdr import JointsReader, NumberReader
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription

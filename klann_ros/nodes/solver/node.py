@@ -17,6 +17,7 @@ from klann_ros.nodes.endpoints import (
     QOS_USAGE,
     TypeCheck,
 )
+from klann_ros.nodes.leg_declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place
 from klann_ros.nodes.parameters import declare, usage
 from klann_ros.nodes.process import arguments, LIFECYCLE_HELP, LOG_PERIOD, run
 from klann_ros.sanitize.arguments import ArgumentParser
@@ -28,17 +29,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from .crank_inputs import CrankInput, CrankInputs, Stamp
-from .declarations import (
-    drive,
-    GEOMETRY,
-    GEOMETRY_NAMES,
-    INPUTS,
-    LEGS,
-    place,
-    PUBLISHED,
-    SETTINGS,
-    TYPE_REMEDIES,
-)
+from .declarations import INPUT_TYPE_REMEDIES, INPUTS, PUBLISHED, SETTINGS
 from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
 from .leg_publishers import LegDescription, LegMarkers, LegMessages
@@ -200,7 +191,7 @@ class SolverDiagnostics:
         self._last_report = monotonic()
         self._last_inputs = [self._last_report] * len(legs)
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
-        self._types = TypeCheck(node, TYPE_REMEDIES)
+        self._types = TypeCheck(node, INPUT_TYPE_REMEDIES)
         self.legs_changed()
         create_steady_timer(node, period, self._report)
 

@@ -14,8 +14,8 @@ from klann_ros.live import Answer, Command, crank_at, legs, PageState, recorded,
 from klann_ros.log import run_parameters
 from klann_ros.nodes.endpoints import create_steady_timer, TypeCheck
 from klann_ros.nodes.lease import CRANK_STATE
-from klann_ros.nodes.recorder.solver_watch import SolverWatch
 from klann_ros.nodes.service_calls import BUSY, ServiceCalls
+from klann_ros.nodes.solver_watch import SolverWatch
 from klann_ros.review import parent
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node

@@ -6,8 +6,8 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES, ENCODERS
 from klann_ros.nodes.parameters import Declaration, number
-from klann_ros.nodes.solver.declarations import ENCODER_REMEDIES, ENCODERS
 from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
 
 # A gap in the loop lasts at least this number of command periods.

@@ -1,7 +1,7 @@
 """
 The messages of `walker_node`, read and written as bytes, and their publishers.
 
-As in solver/cdr.py: conversion between bytes and Python messages costs more than the computation.
+As in cdr_readers.py: conversion between bytes and Python messages costs more than the computation.
 """
 
 from collections.abc import Mapping, Sequence

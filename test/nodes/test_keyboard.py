@@ -14,7 +14,7 @@ from typing import Any
 from bags import COUNT, write_bag
 from fork_server import PACKAGE
 from hypothesis import given, strategies
-from klann_ros.nodes.player.keyboard import MAX_SEQUENCE_LENGTH, split_keys
+from klann_ros.nodes.keyboard import MAX_SEQUENCE_LENGTH, split_keys
 import pytest
 from ros_domain import Domain, Process
 from std_msgs.msg import Float64
@@ -245,7 +245,7 @@ def test_the_terminal_is_as_it_was_after_the_end_of(terminal: Open, key: str, co
 def test_the_terminal_is_as_it_was_after_any_end_of_python(job: Open, end: str) -> None:
     code = f"""
 import contextlib, os, sys, threading
-from klann_ros.nodes.player.keyboard import Keyboard
+from klann_ros.nodes.keyboard import Keyboard
 keyboard, pressed = Keyboard(), threading.Event()
 keyboard.start(lambda key: pressed.set(), lambda: None)
 def close():

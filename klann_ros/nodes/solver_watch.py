@@ -7,16 +7,17 @@ from time import time_ns
 from typing import Any
 
 from klann_ros.log import SolverParameters
-from klann_ros.nodes.endpoints import name_refusal, node_of
-from klann_ros.nodes.process import ros_error
-from klann_ros.nodes.service_calls import ServiceCalls
-from klann_ros.nodes.solver.declarations import GEOMETRY_NAMES
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from .endpoints import name_refusal, node_of
+from .leg_declarations import GEOMETRY_NAMES
+from .process import ros_error
+from .service_calls import ServiceCalls
 
 _SERVICES = ((ListParameters, 'list_parameters'), (GetParameters, 'get_parameters'))
 # A response is lost if the server has not discovered the client yet. The timeout [s] doubles with

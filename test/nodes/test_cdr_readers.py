@@ -6,8 +6,8 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
+from klann_ros.nodes import cdr_readers
 from klann_ros.nodes.endpoints import type_name
-from klann_ros.nodes.solver import cdr
 from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -65,9 +65,9 @@ class Reader:
     """A reader of one joint."""
 
     def __init__(self, joint: str) -> None:
-        self._joint, self._reader = joint, cdr.JointsReader([joint])
+        self._joint, self._reader = joint, cdr_readers.JointsReader([joint])
 
-    def read(self, data: bytes) -> cdr.JointReading:
+    def read(self, data: bytes) -> cdr_readers.JointReading:
         return self._reader.read(data)[self._joint]
 
 
@@ -76,12 +76,14 @@ def same(a: object, b: object) -> bool:
     return repr(a) == repr(b)
 
 
-def expected(message: JointState, index: int) -> cdr.JointReading:
+def expected(message: JointState, index: int) -> cdr_readers.JointReading:
     names, velocities, stamp = message.name, message.velocity, message.header.stamp
     index = list(names).index(names[index])
     velocity = velocities[index] if len(velocities) == len(names) else None
     effort = message.effort[index] if len(message.effort) == len(names) else None
-    return cdr.JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec, effort)
+    return cdr_readers.JointReading(
+        message.position[index], velocity, stamp.sec, stamp.nanosec, effort
+    )
 
 
 @given(doubles, st.floats(width=32), st.integers(-(2**31), 2**31 - 1))
@@ -91,7 +93,10 @@ def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count:
         (Float32(data=single), 'f'),
         (Int32(data=count), 'i'),
     ):
-        reader, data = cdr.NumberReader(type_name(type(message))), serialize_message(message)
+        reader, data = (
+            cdr_readers.NumberReader(type_name(type(message))),
+            serialize_message(message),
+        )
         number = float(deserialize_message(data, type(message)).data)
         assert same(reader.read(data), number)
         assert same(reader.read(b'\0\0\0\0' + struct.pack(f'>{code}', message.data)), number)
@@ -102,7 +107,7 @@ def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count:
 )
 def test_invalid_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match='bytes are no std_msgs/msg/Float64'):
-        cdr.NumberReader('std_msgs/msg/Float64').read(data)
+        cdr_readers.NumberReader('std_msgs/msg/Float64').read(data)
 
 
 @given(st.lists(joint_states(), min_size=1, max_size=3), st.data())
