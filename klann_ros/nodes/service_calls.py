@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 
-from klann_ros.live import Answer
 from klann_ros.sanitize.text import printable
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.client import Client
@@ -20,6 +19,8 @@ CALL_TIMEOUT = 3.0
 # Calls and other work that wait at once, and clients that are kept.
 _MAX_PENDING, _MAX_CLIENTS = 64, 512
 BUSY = 'too much is under way already'
+# Takes the success of a call and a message.
+Reply = Callable[[bool, str], None]
 
 
 @dataclass(eq=False)
@@ -28,7 +29,7 @@ class _Call:
 
     client: Client
     future: Future
-    answer: Answer
+    answer: Reply
     timeout: float
     end: float
 
@@ -69,7 +70,7 @@ class ServiceCalls:
         service: str,
         request: Any,
         on_response: Callable[[Any], object],
-        on_failure: Answer,
+        on_failure: Reply,
         *,
         timeout: float = CALL_TIMEOUT,
     ) -> None:
@@ -93,7 +94,7 @@ class ServiceCalls:
 
         call.future.add_done_callback(on_done)
 
-    def trigger(self, service: str, answer: Answer) -> None:
+    def trigger(self, service: str, answer: Reply) -> None:
         """Call a service without arguments."""
 
         def on_response(response: Any) -> None:
@@ -101,7 +102,7 @@ class ServiceCalls:
 
         self.call(Trigger, service, Trigger.Request(), on_response, answer)
 
-    def set_parameters(self, node: str, values: Mapping[str, Any], answer: Answer) -> None:
+    def set_parameters(self, node: str, values: Mapping[str, Any], answer: Reply) -> None:
         """Set parameters of a node, all or none."""
 
         def on_response(response: Any) -> None:
