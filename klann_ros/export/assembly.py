@@ -6,11 +6,12 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from klann_ros.sanitize.text import counted, printable
+import numpy as np
 
 from .drawing import MM, path_data, svg_file
 from .layers import Layers, Shaft
 from .outline import Outline, outlines, Segment
-from .plates import Hole, Plate
+from .plates import Hole, Plate, Slot
 
 # Lengths of screws up to 60 mm, then every 10 mm (ISO 4762) [mm].
 SCREWS = (5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60)
@@ -43,40 +44,41 @@ class Pin(NamedTuple):
     ends: str
 
 
-def pins(of: Layers, thickness: float, washer: float) -> Iterator[Pin]:
+def pins(stack: Layers, thickness: float, washer: float) -> Iterator[Pin]:
     """Yield the pins of a leg for plates and washers of a thickness [m], in its order."""
-    stubs = {shaft.name: between for shaft, between in of.stubs}
-    for shaft in of.shafts:
-        low, high = of.span(shaft)
-        diameter, gaps = MM * shaft.diameter, high - low
+    stub_plates = {stub.shaft.name: stub.crossing for stub in stack.stubs}
+    for shaft in stack.shafts:
+        low, high = stack.span(shaft)
+        diameter = MM * shaft.diameter
+        gaps = high - low
         grip = MM * ((gaps + 1) * thickness + gaps * washer)
         ends = []
-        if shaft.name in stubs:
-            names = ', '.join(printable(of.plates[p].name, 24) for p in stubs[shaft.name])
+        if shaft.name in stub_plates:
+            names = ', '.join(
+                printable(stack.plates[plate].name, 24) for plate in stub_plates[shaft.name]
+            )
             ends.append(f'a stub: {names} passes')
-        for end, side in (('lower', -1), ('upper', 1)):
-            if any(one.name == shaft.name and at == side for one, at in of.flush):
-                ends.append(f'{end} flush')
+        ends += [f'{end.side.value} flush' for end in stack.flush if end.shaft.name == shaft.name]
         screw = _screw(grip + NUT * diameter)
         text = '; '.join(ends) or 'head and nut'
-        yield Pin(shaft.name, diameter, low, high, of.spacers(shaft), gaps, grip, screw, text)
+        yield Pin(shaft.name, diameter, low, high, stack.spacers(shaft), gaps, grip, screw, text)
 
 
-def _screw(least: float) -> int:
+def _screw(min_length: float) -> int:
     """Return the shortest standard length of a screw [mm]."""
-    longer = (length for length in SCREWS if length >= least)
-    return next(longer, 10 * ceil(least / 10.0))
+    lengths = (length for length in SCREWS if length >= min_length)
+    return next(lengths, 10 * ceil(min_length / 10.0))
 
 
-def spacers(of: Layers) -> Iterator[Plate]:
+def spacers(stack: Layers) -> Iterator[Plate]:
     """Yield the spacers of a leg's pins, rings of the plates' material."""
-    plate = of.plates[0]
-    for shaft in of.shafts:
-        if of.spacers(shaft):
+    plate = stack.plates[0]
+    for shaft in stack.shafts:
+        if stack.spacers(shaft):
             yield Plate(
                 f'spacer {shaft.name}',
                 (Hole('', 0j, shaft.diameter),),
-                count=of.spacers(shaft) * plate.count,
+                count=stack.spacers(shaft) * plate.count,
                 legs=plate.legs,
                 links=((0j, 0j),),
                 width=2.0 * shaft.radius(plate.width),
@@ -95,132 +97,142 @@ def assembly(legs: Sequence[Layers], *, thickness: float, washer: float) -> str:
         Of the plates, and of the washers between layers; 0 for none [m].
 
     """
-    wide = COLUMNS * PANEL + 2.0 * MARGIN
+    width = COLUMNS * PANEL + 2.0 * MARGIN
     root = Element('svg', xmlns='http://www.w3.org/2000/svg')
     SubElement(root, 'rect', width='100%', height='100%', fill='#ffffff')
     y = MARGIN
     for leg in legs:
         y = _leg(root, leg, y, thickness, washer)
-    high = y + MARGIN
-    root.attrib.update(width=f'{wide:g}mm', height=f'{high:g}mm', viewBox=f'0 0 {wide:g} {high:g}')
+    height = y + MARGIN
+    root.attrib.update(
+        width=f'{width:g}mm', height=f'{height:g}mm', viewBox=f'0 0 {width:g} {height:g}'
+    )
     return svg_file(root)
 
 
-def _leg(root: Element, of: Layers, y: float, thickness: float, washer: float) -> float:
+def _leg(root: Element, stack: Layers, y: float, thickness: float, washer: float) -> float:
     """Draw a leg below a height of the sheet; return its lower end [mm]."""
-    view, (plate, *_) = _LayerView(of), of.plates
+    view = _LayerView(stack)
+    plate = stack.plates[0]
     name = f'Leg {printable(plate.legs, 40)}' if plate.legs else 'Leg'
-    each = f', {plate.count} times' if plate.count > 1 else ''
-    _text(root, f'{name}{each}: {counted(of.count, "layer")}, from the bottom', y + TITLE, TITLE)
+    times = f', {plate.count} times' if plate.count > 1 else ''
+    _text(
+        root, f'{name}{times}: {counted(stack.count, "layer")}, from the bottom', y + TITLE, TITLE
+    )
     y += 2.0 * TITLE
-    for layer in range(of.count):
+    for layer in range(stack.count):
         left = MARGIN + layer % COLUMNS * PANEL
         top = y + layer // COLUMNS * (PANEL + 2.0 * TEXT)
-        names = ', '.join(
-            printable(plate.name, 24)
-            for plate, own in zip(of.plates, of.layer, strict=True)
-            if own == layer
-        )
-        title = f'Layer {layer}: {names}'
+        names = [printable(stack.plates[p].name, 24) for p in stack.plates_in(layer)]
+        title = f'Layer {layer}: {", ".join(names)}'
         size = min(TEXT, (PANEL - TEXT) / (LETTER_WIDTH * len(title)))
         _text(root, title, top + TEXT, size, left)
         panel = SubElement(root, 'g', transform=f'translate({left:g} {top + 1.5 * TEXT:g})')
         view.draw(panel, layer)
-    y += ceil(of.count / COLUMNS) * (PANEL + 2.0 * TEXT)
-    for row in (HEADS, *map(_row, pins(of, thickness, washer))):
+    y += ceil(stack.count / COLUMNS) * (PANEL + 2.0 * TEXT)
+    for cells in (HEADS, *map(_pin_cells, pins(stack, thickness, washer))):
         y += LINE * TEXT
         x = MARGIN
-        for cell, width in zip(row, WIDTHS, strict=True):
-            _text(root, cell, y, TEXT, x, is_bold=row is HEADS)
+        for cell, width in zip(cells, WIDTHS, strict=True):
+            _text(root, cell, y, TEXT, x, is_bold=cells is HEADS)
             x += width
-    for note in _notes(of, view.scale, thickness, washer):
+    for note in _notes(stack, view.scale, thickness, washer):
         y += LINE * TEXT
         _text(root, note, y, TEXT)
     return y + 2.0 * TITLE
 
 
-def _row(pin: Pin) -> tuple[str, ...]:
-    hole, span = f'{pin.diameter:g} mm', f'{pin.low} to {pin.high}'
-    counts, lengths = (
-        map(str, (pin.spacers, pin.washers)),
-        (f'{pin.grip:.4g} mm', f'{pin.screw} mm'),
+def _pin_cells(pin: Pin) -> tuple[str, ...]:
+    return (
+        printable(pin.name, 24),
+        f'{pin.diameter:g} mm',
+        f'{pin.low} to {pin.high}',
+        str(pin.spacers),
+        str(pin.washers),
+        f'{pin.grip:.4g} mm',
+        f'{pin.screw} mm',
+        pin.ends,
     )
-    return printable(pin.name, 24), hole, span, *counts, *lengths, pin.ends
 
 
-def _notes(of: Layers, scale: float, thickness: float, washer: float) -> Iterator[str]:
-    between = f'a washer of {MM * washer:g} mm between layers' if washer else 'no washers'
-    yield f'Plates of {MM * thickness:g} mm, {between}. Drawn 1 : {1.0 / scale:.3g}.'
+def _notes(stack: Layers, scale: float, thickness: float, washer: float) -> Iterator[str]:
+    gaps = f'a washer of {MM * washer:g} mm between layers' if washer else 'no washers'
+    yield f'Plates of {MM * thickness:g} mm, {gaps}. Drawn 1 : {1.0 / scale:.3g}.'
     yield 'A ring is a spacer, as thick as a plate: the pin passes a layer without its plates.'
     yield (
         'Screw: the grip, a nut and two threads. A flush end is countersunk, or tapped into its '
         'plate: another plate passes over it.'
     )
-    crank = of.motion.crank
+    crank = stack.motion.crank
     yield f'Fix pin {printable(crank, 24)} to the crank and drive it; it turns in the ground.'
     yield (
         f'Checked at each crank angle for plates and foreign pins; the sampling error of '
-        f'{MM * of.motion.bound:.2g} mm is allowed for.'
+        f'{MM * stack.motion.bound:.2g} mm is allowed for.'
     )
 
 
 class _LayerView:
     """A leg at a crank angle, in millimetres of a panel."""
 
-    def __init__(self, of: Layers) -> None:
-        self._of = of
-        places = [
-            self._at(plate, end) for plate in of.plates for link in plate.links for end in link
-        ]
-        edge = max(plate.width for plate in of.plates) / 2.0 * (1 + 1j)
-        self._low = complex(min(p.real for p in places), min(p.imag for p in places)) - edge
-        high = complex(max(p.real for p in places), max(p.imag for p in places)) + edge
-        size = high - self._low
+    def __init__(self, stack: Layers) -> None:
+        self._stack = stack
+        motion = stack.motion
+        ends = np.array([
+            motion.place(plate, end)[motion.shown]
+            for plate in stack.plates
+            for link in plate.links
+            for end in link
+        ])  # fmt: skip
+        edge = max(plate.width for plate in stack.plates) / 2.0 * (1 + 1j)
+        self._low = complex(ends.real.min(), ends.imag.min()) - edge
+        size = complex(ends.real.max(), ends.imag.max()) + edge - self._low
         self.scale = (PANEL - 2.0 * TEXT) / (MM * max(size.real, size.imag))
 
     def draw(self, panel: Element, layer: int) -> None:
         """Draw a layer, and the layers below it in grey; its labels lie clear of each other."""
-        of, taken = self._of, list[_Box]()
-        own = [p for p in range(len(of.plates)) if of.layer[p] == layer]
-        for p in sorted(range(len(of.plates)), key=lambda p: of.layer[p]):
-            if of.layer[p] <= layer:
-                self._plate(panel, p, is_new=p in own)
-        spans = [(shaft, *of.span(shaft)) for shaft in of.shafts]
-        shafts = [shaft for shaft, low, high in spans if low <= layer <= high]
+        stack = self._stack
+        labels: list[_Box] = []
+        for lower_layer in range(layer + 1):
+            for p in stack.plates_in(lower_layer):
+                self._plate(panel, p, is_new=lower_layer == layer)
+        shafts = []
+        for shaft in stack.shafts:
+            low, high = stack.span(shaft)
+            if low <= layer <= high:
+                shafts.append(shaft)
+                self._pin(panel, shaft, layer)
         for shaft in shafts:
-            self._pin(panel, shaft, layer)
-        for shaft in shafts:
-            at = self._mm(of.plates[shaft.carrier], shaft.at)
-            _label(panel, shaft.name, [], (at, self._length(shaft.diameter / 2.0)), taken)
-        for p in own:
-            plate = of.plates[p]
+            centre = self._mm(stack.plates[shaft.carrier], shaft.at)
+            _label(panel, shaft.name, [], (centre, self._length(shaft.diameter / 2.0)), labels)
+        for p in stack.plates_in(layer):
+            plate = stack.plates[p]
             start, end = max(self._links(plate), key=lambda link: abs(link[1] - link[0]))
             holes = [self._mm(plate, hole.at) for hole in plate.holes]
-            places = [start + part * (end - start) for part in (0.5, 0.4, 0.6, 0.3, 0.7)]
-            places.sort(key=lambda at: -min((abs(at - hole) for hole in holes), default=0.0))
+            places = [start + share * (end - start) for share in (0.5, 0.4, 0.6, 0.3, 0.7)]
+            places.sort(key=lambda place: -min((abs(place - hole) for hole in holes), default=0.0))
             around = places[0], self._length(plate.width / 2.0)
-            _label(panel, plate.name, places if start != end else [], around, taken)
+            _label(panel, plate.name, places if start != end else [], around, labels)
 
     def _plate(self, panel: Element, p: int, *, is_new: bool) -> None:
-        plate = self._of.plates[p]
+        plate = self._stack.plates[p]
         colour = LAYER_COLOURS[p % len(LAYER_COLOURS)] if is_new else '#b8b8b8'
         style = {'fill': colour, 'fill-opacity': '0.35' if is_new else '0.15', 'stroke': colour}
         cuts: list[Outline] = [*outlines(self._links(plate), self._length(plate.width / 2.0))]
-        round_cuts = [(slot.start, slot.end, slot.diameter) for slot in plate.slots]
-        round_cuts += [(hole.at, hole.at, hole.diameter) for hole in plate.holes]
-        for start, end, diameter in round_cuts:
-            line = self._mm(plate, start), self._mm(plate, end)
-            cuts += outlines([line], self._length(diameter / 2.0))
-        data = ' '.join(path_data(cut, PANEL) for cut in cuts)
-        shape = {'d': data, 'fill-rule': 'evenodd', 'stroke-width': '0.25'}
+        round_cuts: list[Slot | Hole] = [*plate.slots, *plate.holes]
+        for round_cut in round_cuts:
+            start, end = (self._mm(plate, centre) for centre in round_cut.line)
+            cuts += outlines([(start, end)], self._length(round_cut.diameter / 2.0))
+        curves = ' '.join(path_data(cut, PANEL) for cut in cuts)
+        shape = {'d': curves, 'fill-rule': 'evenodd', 'stroke-width': '0.25'}
         SubElement(panel, 'path', {**shape, **style})
 
     def _pin(self, panel: Element, shaft: Shaft, layer: int) -> None:
-        of = self._of
-        plate = of.plates[shaft.carrier]
-        at, radius = self._mm(plate, shaft.at), self._length(shaft.diameter / 2.0)
-        place = {'cx': f'{at.real:.3f}', 'cy': f'{PANEL - at.imag:.3f}'}
-        if all(of.layer[p] != layer for p in shaft.plates):
+        stack = self._stack
+        plate = stack.plates[shaft.carrier]
+        centre = self._mm(plate, shaft.at)
+        radius = self._length(shaft.diameter / 2.0)
+        place = {'cx': f'{centre.real:.3f}', 'cy': f'{PANEL - centre.imag:.3f}'}
+        if all(stack.layer[p] != layer for p in shaft.plates):
             ring = f'{self._length(shaft.radius(plate.width)):.3f}'
             style = {'fill': '#ffffff', 'stroke': '#000000', 'stroke-width': '0.3'}
             SubElement(panel, 'circle', {**place, 'r': ring, **style})
@@ -229,11 +241,9 @@ class _LayerView:
     def _links(self, plate: Plate) -> list[Segment]:
         return [(self._mm(plate, a), self._mm(plate, b)) for a, b in plate.links]
 
-    def _at(self, plate: Plate, place: complex) -> complex:
-        return complex(self._of.motion.place(plate, place)[self._of.motion.shown])
-
-    def _mm(self, plate: Plate, place: complex) -> complex:
-        return (self._at(plate, place) - self._low) * MM * self.scale
+    def _mm(self, plate: Plate, point: complex) -> complex:
+        motion = self._stack.motion
+        return (complex(motion.place(plate, point)[motion.shown]) - self._low) * MM * self.scale
 
     def _length(self, metres: float) -> float:
         return metres * MM * self.scale
@@ -248,32 +258,41 @@ def _label(
     text: str,
     places: Sequence[complex],
     around: tuple[complex, float],
-    taken: list[_Box],
+    labels: list[_Box],
 ) -> None:
-    """Write a label at the first place, or else around a disc, that no other label has taken."""
-    shown, (centre, radius) = printable(text, 24), around
-    size = complex(LETTER_WIDTH * len(shown), 1.0) * TEXT
-    far = 1.2 * radius + 0.5
-    rows = [y for n in range(LABEL_ROWS) for y in (far + n * TEXT, -far - (n + 1) * TEXT)]
-    beside = [centre + complex(x, y) for y in rows for x in (far, -far - size.real)]
-    boxes = [(at, at + size) for at in (*places, *beside)]
-    box = next((box for box in boxes if not any(_overlap(box, one) for one in taken)), boxes[0])
-    taken.append(box)
-    at = box[0]
-    place = {'x': f'{at.real:.3f}', 'y': f'{PANEL - at.imag:.3f}', 'font-size': f'{TEXT:g}'}
+    """Write a label at the first place, or else around a disc, that no other label overlaps."""
+    label = printable(text, 24)
+    centre, radius = around
+    size = complex(LETTER_WIDTH * len(label), 1.0) * TEXT
+    offset = 1.2 * radius + 0.5
+    corners = [*places]
+    for row in range(LABEL_ROWS):
+        for y in (offset + row * TEXT, -offset - (row + 1) * TEXT):
+            corners += [centre + complex(x, y) for x in (offset, -offset - size.real)]
+    boxes = [(corner, corner + size) for corner in corners]
+    free_boxes = (box for box in boxes if not any(_overlap(box, taken) for taken in labels))
+    box = next(free_boxes, boxes[0])
+    labels.append(box)
+    corner = box[0]
+    place = {
+        'x': f'{corner.real:.3f}',
+        'y': f'{PANEL - corner.imag:.3f}',
+        'font-size': f'{TEXT:g}',
+    }
     style = {'fill': '#000000', 'font-family': 'sans-serif', 'paint-order': 'stroke'}
     halo = {'stroke': '#ffffff', 'stroke-width': '0.6'}
-    SubElement(panel, 'text', {**place, **style, **halo}).text = shown
+    SubElement(panel, 'text', {**place, **style, **halo}).text = label
 
 
-def _overlap(one: _Box, other: _Box) -> bool:
-    wide = one[0].real < other[1].real and other[0].real < one[1].real
-    return wide and one[0].imag < other[1].imag and other[0].imag < one[1].imag
+def _overlap(box_a: _Box, box_b: _Box) -> bool:
+    (low_a, high_a), (low_b, high_b) = box_a, box_b
+    is_beside = high_a.real <= low_b.real or high_b.real <= low_a.real
+    return not (is_beside or high_a.imag <= low_b.imag or high_b.imag <= low_a.imag)
 
 
 def _text(
-    root: Element, content: str, y: float, size: float, x: float = MARGIN, *, is_bold: bool = False
+    root: Element, text: str, y: float, size: float, x: float = MARGIN, *, is_bold: bool = False
 ) -> None:
     weight = {'font-weight': 'bold'} if is_bold else {}
     place = {'x': f'{x:g}', 'y': f'{y:g}', 'font-size': f'{size:g}', 'font-family': 'sans-serif'}
-    SubElement(root, 'text', {**place, **weight}).text = content
+    SubElement(root, 'text', {**place, **weight}).text = text

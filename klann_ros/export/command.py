@@ -21,10 +21,11 @@ from klann_ros.twin import robot_mjcf
 from .assembly import assembly, spacers
 from .drawing import drawing, dxf, NoEzdxfError, svg
 from .layers import layers
-from .plates import plates, slot_conflict
+from .plates import Plate, plates, slot_conflict
 from .ros2_control import ros2_control_files
 from .urdf import urdf
 
+# Defaults [mm].
 HOLE, THICKNESS, WASHER = 3.2, 3.0, 0.5
 # Default width of links: a multiple of the hole, but at least a part of the linkage's size.
 WIDTH_BY_HOLE, WIDTH_BY_SIZE = 3.0, 0.04
@@ -74,63 +75,63 @@ def _export(options: argparse.Namespace) -> int:
 
 def _contents(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     """Return the content of each file, by its option."""
-    made: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     if options.mjcf is not None:
-        heavy, density = robot, options.bar_density
-        if density is not None:
-            heavy = robot.with_rods(density, slider_length=SLIDER_LENGTH)
-        made['--mjcf'] = robot_mjcf(heavy).encode()
+        heavy_robot = robot
+        if options.bar_density is not None:
+            heavy_robot = robot.with_rods(options.bar_density, slider_length=SLIDER_LENGTH)
+        contents['--mjcf'] = robot_mjcf(heavy_robot).encode()
     if options.urdf is not None:
-        mark = options.joint_separator
-        made['--urdf'] = urdf(robot, joint_separator=mark).encode()
-        if robot.is_walker and mark != SEPARATORS[0]:
-            what = f'for {robot.joint_names(mark)[0]} ... of the URDF'
-            print(f'solver_node needs joint_separator: {mark} {what}')
+        separator = options.joint_separator
+        contents['--urdf'] = urdf(robot, joint_separator=separator).encode()
+        if robot.is_walker and separator != SEPARATORS[0]:
+            joints = f'{robot.joint_names(separator)[0]} ... of the URDF'
+            print(f'solver_node needs joint_separator: {separator} for {joints}')
     if any(getattr(options, name) is not None for name in PLATES):
-        made |= _plates(robot, options)
-    return made
+        contents |= _plates(robot, options)
+    return contents
 
 
 def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
+    """Return the content of each file of plates, by its option; print their numbers."""
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
     hole = holes.pop('', HOLE / 1e3)
-    width = options.width
     linkages = list(dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs))
+    width = options.width
     if width is None:
         widest = 1e3 * max(hole, *holes.values(), 0.0)
         longest = 1e3 * max(linkage.size for linkage in linkages)
         width = max(WIDTH_BY_HOLE * widest, WIDTH_BY_SIZE * longest)
-    cut = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
-    for plate in cut:
-        warning = slot_conflict(plate)
-        if warning:
+    robot_plates = plates(robot, hole=hole, width=width / 1e3, scale=options.scale, holes=holes)
+    plates_of: dict[str, list[Plate]] = {}
+    for plate in robot_plates:
+        plates_of.setdefault(plate.legs, []).append(plate)
+        if warning := slot_conflict(plate):
             print(f'export: {warning}: they need a plate each', file=sys.stderr)
-    names = dict.fromkeys(plate.legs for plate in cut)
-    stacked = [
-        layers(linkage, [plate for plate in cut if plate.legs == name])
-        for linkage, name in zip(linkages, names, strict=True)
-    ]
-    rings = [ring for of in stacked for ring in spacers(of)]
-    made: dict[str, bytes] = {}
-    drawn = drawing([*cut, *rings], kerf=options.kerf / 1e3)
+    stacks = list(map(layers, linkages, plates_of.values()))
+    rings = [ring for stack in stacks for ring in spacers(stack)]
+    sheet = drawing([*robot_plates, *rings], kerf=options.kerf / 1e3)
+    contents: dict[str, bytes] = {}
     if options.svg is not None:
-        made['--svg'] = svg(drawn).encode()
+        contents['--svg'] = svg(sheet).encode()
     if options.dxf is not None:
-        made['--dxf'] = dxf(drawn)
-    thickness, washer = options.thickness / 1e3, options.washer / 1e3
+        contents['--dxf'] = dxf(sheet)
     if options.assembly is not None:
-        made['--assembly'] = assembly(stacked, thickness=thickness, washer=washer).encode()
-    count = counted(sum(plate.count for plate in cut), 'plate')
-    sheet = f'{drawn.size.real:.0f} x {drawn.size.imag:.0f} mm'
+        thickness, washer = options.thickness / 1e3, options.washer / 1e3
+        page = assembly(stacks, thickness=thickness, washer=washer)
+        contents['--assembly'] = page.encode()
+    plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
+    layer_count = counted(max(stack.count for stack in stacks), 'layer')
     widths = f'bars {width:.4g} mm wide, holes {1e3 * hole:g} mm'
-    highest = counted(max(of.count for of in stacked), 'layer')
-    print(f'{count}, {widths}, in {highest}, drawn on {sheet}')
-    for of in stacked:
-        for shaft, crossing in of.stubs:
-            crossed = printable_line(', '.join(of.plates[p].name for p in crossing))
-            stub = f'the pin {printable(shaft.name)} must be a stub: {crossed} passes through it'
-            print(f'export: no arrangement leaves all pins whole; {stub}', file=sys.stderr)
-    return made
+    size = f'{sheet.size.real:.0f} x {sheet.size.imag:.0f} mm'
+    print(f'{plate_count}, {widths}, in {layer_count}, drawn on {size}')
+    for stack in stacks:
+        for stub in stack.stubs:
+            crossing = printable_line(', '.join(stack.plates[p].name for p in stub.crossing))
+            name = printable(stub.shaft.name)
+            problem = f'the pin {name} must be a stub: {crossing} passes through it'
+            print(f'export: no arrangement leaves all pins whole; {problem}', file=sys.stderr)
+    return contents
 
 
 _positive = number_type(lambda n: 0.0 < n < 1e6, 'a number > 0 (and < 1e6)')
@@ -152,8 +153,8 @@ def _parser() -> ArgumentParser:
     add('--urdf', metavar='OUT.urdf', help='for robot_state_publisher')
     control = 'a new folder: the walker in MuJoCo or on hardware, by ros2_control'
     add(ROS2_CONTROL, metavar='FOLDER', type=path, help=control)
-    mark = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
-    add('--joint-separator', choices=SEPARATORS, default='_', help=mark)
+    separator = "between a leg's name and its joint's in the URDF (_), as solver_node's parameter"
+    add('--joint-separator', choices=SEPARATORS, default='_', help=separator)
     add('--svg', metavar='OUT.svg', help='the plates, in mm')
     add('--dxf', metavar='OUT.dxf', help="the plates, in mm (extra 'dxf')")
     add('--assembly', metavar='OUT.svg', help='the leg layer by layer, with screws and spacers')

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
 
 from klann_ros.sanitize.text import printable
+import numpy as np
 
 from .outline import distance_to, Outline, outlines, Segment
 from .plates import ExportError, Plate
@@ -92,53 +93,65 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         The kerf is negative, or a hole is not wider.
 
     """
-    least = min((hole.diameter for plate in plates for hole in plate.holes), default=1.0)
-    if not 0.0 <= kerf < least:
+    diameters = [hole.diameter for plate in plates for hole in plate.holes]
+    min_diameter = min(diameters, default=1.0)
+    if not 0.0 <= kerf < min_diameter:
         raise ExportError(
             f'kerf = {kerf * 1e3:g} mm is refused: >= 0, and narrower than the smallest hole, '
-            f'{least * 1e3:g} mm'
+            f'{min_diameter * 1e3:g} mm'
         )
-    placed = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
-    area = sum((one.size.real + PLATE_GAP) * (one.size.imag + PLATE_GAP) for one in placed)
-    widest = max(*(one.size.real for one in placed), 1.2 * sqrt(area))
-    x = y = PLATE_GAP
-    row = right = 0.0
-    for one in placed:
-        if x > PLATE_GAP and x + one.size.real > widest + PLATE_GAP:
-            x, y, row = PLATE_GAP, y + row + PLATE_GAP, 0.0
-        one.corner = complex(x, y)
-        x, row = x + one.size.real + PLATE_GAP, max(row, one.size.imag)
-        right = max(right, x)
-    cuts = [one.outlines() for one in placed]
-    return Drawing(
-        complex(right, y + row + PLATE_GAP),
-        tuple(outer for outer, *_ in cuts),
-        tuple(window for _, *windows in cuts for window in windows),
-        tuple(circle for one in placed for circle in one.circles()),
-        tuple(slot for one in placed for slot in one.slots()),
-        tuple(text for one in placed for text in one.texts()),
+    placed_plates = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
+    widths = [plate.size.real for plate in placed_plates]
+    area = sum(
+        (plate.size.real + PLATE_GAP) * (plate.size.imag + PLATE_GAP) for plate in placed_plates
     )
+    sheet_width = max(*widths, 1.2 * sqrt(area))
+    x = y = PLATE_GAP
+    row_height = right = 0.0
+    cuts: list[Outline] = []
+    windows: list[Outline] = []
+    circles: list[Circle] = []
+    slots: list[Outline] = []
+    texts: list[Text] = []
+    for plate in placed_plates:
+        if x > PLATE_GAP and x + plate.size.real > sheet_width + PLATE_GAP:
+            x = PLATE_GAP
+            y += row_height + PLATE_GAP
+            row_height = 0.0
+        plate.corner = complex(x, y)
+        x += plate.size.real + PLATE_GAP
+        row_height = max(row_height, plate.size.imag)
+        right = max(right, x)
+        outer, *inner = plate.outlines()
+        cuts.append(outer)
+        windows += inner
+        circles += plate.circles()
+        slots += plate.slots()
+        texts += plate.texts()
+    size = complex(right, y + row_height + PLATE_GAP)
+    return Drawing(size, tuple(cuts), tuple(windows), tuple(circles), tuple(slots), tuple(texts))
 
 
 class _PlacedPlate:
     """A plate on the sheet: its longest side lies along x, its title below it."""
 
     def __init__(self, plate: Plate, offset: float) -> None:
-        self._plate, self._offset = plate, offset
+        self._plate = plate
+        self._offset = offset  # half of the kerf [mm]
         self._title = printable(plate.title, MAX_TITLE)
         self._radius = MM * plate.width / 2.0
         corners = [end for link in plate.links for end in link]
-        far = max(combinations(corners, 2), key=lambda pair: abs(pair[1] - pair[0]))
-        along = far[1] - far[0]
+        diagonals = [end - start for start, end in combinations(corners, 2)]
+        along = max(diagonals, key=abs)
         self._rotation = MM * (along.conjugate() / abs(along) if along else 1.0)
-        turned = [corner * self._rotation for corner in corners]
-        low = complex(min(at.real for at in turned), min(at.imag for at in turned))
-        high = complex(max(at.real for at in turned), max(at.imag for at in turned))
+        rotated = np.array([corner * self._rotation for corner in corners])
+        low = complex(rotated.real.min(), rotated.imag.min())
+        high = complex(rotated.real.max(), rotated.imag.max())
         edge = complex(1.0, 1.0) * (self._radius + offset)
-        bare = high - low + 2.0 * edge
+        extent = high - low + 2.0 * edge
         self._origin = low - edge - 1.5j * TITLE
-        letters = LETTER * TITLE * len(self._title)
-        self.size = complex(max(bare.real, letters), bare.imag + 1.5 * TITLE)
+        title_width = LETTER * TITLE * len(self._title)
+        self.size = complex(max(extent.real, title_width), extent.imag + 1.5 * TITLE)
         self.corner = 0j
 
     def outlines(self) -> tuple[Outline, ...]:
@@ -146,7 +159,7 @@ class _PlacedPlate:
 
     def circles(self) -> list[Circle]:
         return [
-            Circle(self._placed(hole.at), MM * hole.diameter / 2.0 - self._offset)
+            Circle(self._to_sheet(hole.at), MM * hole.diameter / 2.0 - self._offset)
             for hole in self._plate.holes
         ]
 
@@ -156,86 +169,90 @@ class _PlacedPlate:
     def texts(self) -> Iterator[Text]:
         """Yield the title, and the names of holes with space beside them, clear of every cut."""
         yield Text(self._title, self.corner + 0.25j * TITLE, TITLE)
-        taken = [(circle.at, circle.radius) for circle in self.circles()]
-        for hole in (hole for hole in self._plate.holes if hole.name):
-            name, at = printable(hole.name, MAX_TITLE), self._placed(hole.at)
+        discs = self.circles()
+        for hole in self._plate.holes:
+            if not hole.name:
+                continue
+            name = printable(hole.name, MAX_TITLE)
             # The diagonal of the text's box for a height of 1.
             diagonal = hypot(1.0, CAPITAL * len(name))
-            places = self._free_places(at, MM * hole.diameter, taken)
-            best, radius = max(places, key=lambda pair: pair[1])
-            height = min(TITLE, 2.0 * radius / diagonal)
+            free_discs = self._free_discs(self._to_sheet(hole.at), MM * hole.diameter, discs)
+            best = max(free_discs, key=lambda disc: disc.radius)
+            height = min(TITLE, 2.0 * best.radius / diagonal)
             if height >= MIN_LETTER:
                 corner = complex(-CAPITAL * len(name), -1.0) * height / 2.0
-                taken.append((best, diagonal * height / 2.0))
-                yield Text(name, best + corner, height)
+                discs.append(Circle(best.at, diagonal * height / 2.0))
+                yield Text(name, best.at + corner, height)
 
-    def _free_places(
-        self, at: complex, hole: float, taken: Sequence[tuple[complex, float]]
-    ) -> Iterator[tuple[complex, float]]:
-        """Yield places around a hole with the radius that is clear of cuts and labels [mm]."""
-        slots, links, circles = [*self._slot_lines()], self._links(), self.circles()
+    def _free_discs(
+        self, centre: complex, hole: float, discs: Sequence[Circle]
+    ) -> Iterator[Circle]:
+        """Yield discs around a hole that are clear of cuts and labels [mm]."""
+        slots = [*self._slot_lines()]
+        links = self._links()
+        circles = self.circles()
         reach = hole / 2.0 + 2.0 * self._radius
         for k in range(DIRECTIONS * DISTANCES):
-            far = hole / 2.0 + (reach - hole / 2.0) * (1 + k // DIRECTIONS) / DISTANCES
-            place = at + rect(far, tau * (k % DIRECTIONS) / DIRECTIONS)
-            if any(abs(place - circle.at) < far * (1.0 - 1e-9) for circle in circles):
+            distance = hole / 2.0 + (reach - hole / 2.0) * (1 + k // DIRECTIONS) / DISTANCES
+            place = centre + rect(distance, tau * (k % DIRECTIONS) / DIRECTIONS)
+            if any(abs(place - circle.at) < distance * (1.0 - 1e-9) for circle in circles):
                 # Another hole is nearer.
                 continue
-            inside = self._radius - min(distance_to(link, place) for link in links)
-            clear = [abs(place - centre) - radius for centre, radius in taken]
-            clear += [distance_to(slot, place) - radius for slot, radius in slots]
+            clearances = [self._radius - min(distance_to(link, place) for link in links)]
+            clearances += [abs(place - disc.at) - disc.radius for disc in discs]
+            clearances += [distance_to(slot, place) - radius for slot, radius in slots]
             # Among equal ones the nearest wins.
-            yield place, min(inside, *clear) - LABEL_CLEARANCE - 1e-3 * far
+            yield Circle(place, min(clearances) - LABEL_CLEARANCE - 1e-3 * distance)
 
     def _links(self) -> list[Segment]:
-        return [(self._placed(start), self._placed(end)) for start, end in self._plate.links]
+        return [(self._to_sheet(start), self._to_sheet(end)) for start, end in self._plate.links]
 
     def _slot_lines(self) -> Iterator[tuple[Segment, float]]:
         for slot in self._plate.slots:
-            line = self._placed(slot.start), self._placed(slot.end)
+            line = self._to_sheet(slot.start), self._to_sheet(slot.end)
             yield line, MM * slot.diameter / 2.0
 
-    def _placed(self, at: complex) -> complex:
-        return at * self._rotation - self._origin + self.corner
+    def _to_sheet(self, point: complex) -> complex:
+        return point * self._rotation - self._origin + self.corner
 
 
-def svg(given: Drawing) -> str:
+def svg(plan: Drawing) -> str:
     """Return a drawing as SVG in millimetres: groups of cuts, holes and labels."""
-    wide, high = given.size.real, given.size.imag
+    width, height = plan.size.real, plan.size.imag
     root = Element(
         'svg',
         xmlns='http://www.w3.org/2000/svg',
-        width=f'{wide:.6f}mm',
-        height=f'{high:.6f}mm',
-        viewBox=f'0 0 {wide:.6f} {high:.6f}',
+        width=f'{width:.6f}mm',
+        height=f'{height:.6f}mm',
+        viewBox=f'0 0 {width:.6f} {height:.6f}',
     )
     cuts, holes, labels = (
         SubElement(root, 'g', {'id': name, **style}) for name, style in SVG_STYLES.items()
     )
 
-    def x_y(at: complex) -> tuple[str, str]:
+    def x_y(point: complex) -> tuple[str, str]:
         # y is down.
-        return f'{at.real:.6f}', f'{high - at.imag:.6f}'
+        return f'{point.real:.6f}', f'{height - point.imag:.6f}'
 
-    for outline in (*given.outlines, *given.windows):
-        SubElement(cuts, 'path', d=path_data(outline, high))
-    for circle in given.circles:
+    for outline in (*plan.outlines, *plan.windows):
+        SubElement(cuts, 'path', d=path_data(outline, height))
+    for circle in plan.circles:
         cx, cy = x_y(circle.at)
         SubElement(holes, 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
-    for slot in given.slots:
-        SubElement(holes, 'path', d=path_data(slot, high))
-    for text in given.texts:
+    for slot in plan.slots:
+        SubElement(holes, 'path', d=path_data(slot, height))
+    for text in plan.texts:
         x, y = x_y(text.at)
         size = f'{text.height / FONT_CAPITAL:.6f}'
         SubElement(labels, 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
     return svg_file(root)
 
 
-def path_data(outline: Outline, high: float) -> str:
+def path_data(outline: Outline, height: float) -> str:
     """Return an outline as the data of an SVG path, with y down from a height [mm]."""
 
-    def x_y(at: complex) -> str:
-        return f'{at.real:.6f} {high - at.imag:.6f}'
+    def x_y(point: complex) -> str:
+        return f'{point.real:.6f} {height - point.imag:.6f}'
 
     commands = [f'M {x_y(outline[0].at)}']
     for corner, following in zip(outline, [*outline[1:], outline[0]], strict=True):
@@ -255,7 +272,7 @@ def svg_file(root: Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
-def dxf(given: Drawing) -> bytes:
+def dxf(plan: Drawing) -> bytes:
     """
     Return a drawing as DXF in millimetres: closed LWPOLYLINEs with arcs, CIRCLEs and TEXTs.
 
@@ -267,7 +284,7 @@ def dxf(given: Drawing) -> bytes:
     """
     try:
         from ezdxf.filemanagement import new  # noqa: PLC0415 - an extra
-        from ezdxf.units import MM as DXF_MM  # noqa: PLC0415 - as above
+        from ezdxf.units import MM as DXF_MM  # noqa: PLC0415 - an extra
     except ModuleNotFoundError as error:
         raise NoEzdxfError from error
 
@@ -280,14 +297,14 @@ def dxf(given: Drawing) -> bytes:
         corners = [(corner.at.real, corner.at.imag, corner.bulge) for corner in outline]
         space.add_lwpolyline(corners, format='xyb', close=True, dxfattribs={'layer': layer})
 
-    for outline in (*given.outlines, *given.windows):
+    for outline in (*plan.outlines, *plan.windows):
         closed(outline, 'CUT')
-    for circle in given.circles:
-        at = circle.at.real, circle.at.imag
-        space.add_circle(at, circle.radius, dxfattribs={'layer': 'HOLES'})
-    for slot in given.slots:
+    for circle in plan.circles:
+        centre = circle.at.real, circle.at.imag
+        space.add_circle(centre, circle.radius, dxfattribs={'layer': 'HOLES'})
+    for slot in plan.slots:
         closed(slot, 'HOLES')
-    for text in given.texts:
+    for text in plan.texts:
         label = space.add_text(text.text, height=text.height, dxfattribs={'layer': 'LABELS'})
         label.set_placement((text.at.real, text.at.imag))
     stream = StringIO()

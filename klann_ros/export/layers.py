@@ -9,14 +9,15 @@ number of layers is exact: depth first, with all plates and shafts of a layer ch
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, count
-from typing import Any
+from enum import Enum
+from itertools import combinations, count, product
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics import FIXED, Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
 
-from .plates import COINCIDENCE, ExportError, Plate
+from .plates import COINCIDENCE, ExportError, Hole, Plate
 from .travel import crank_angles
 
 # Search steps for the first arrangement, and for a better one.
@@ -26,10 +27,27 @@ CLEARANCE = 0.5e-3
 # Crank angles of a turn, or of an arc.
 SWEEP_SAMPLES = 3601
 
-# The centre lines of a part at all crank angles, shape (k,) for both ends, and its half width.
-SweptPart = tuple[list[tuple[ComplexArray, ComplexArray]], float]
-# Of each shaft: its plates, and the foreign plates that it would cross.
-Pins = Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
+# A centre line at all crank angles: both ends, shape (k,).
+SweptLine = tuple[ComplexArray, ComplexArray]
+
+
+class SweptPart(NamedTuple):
+    """A part at all crank angles."""
+
+    lines: list[SweptLine]
+    radius: float  # half of its width [m]
+
+
+class PinPlates(NamedTuple):
+    """The plates that a shaft joins, and the foreign plates that it would cross."""
+
+    joined: tuple[int, ...]
+    crossing: tuple[int, ...]
+
+    def span(self, layer: Sequence[int]) -> tuple[int, int]:
+        """Return the lowest and the highest layer of the joined plates."""
+        joined_layers = [layer[p] for p in self.joined]
+        return min(joined_layers), max(joined_layers)
 
 
 @dataclass(frozen=True)
@@ -47,21 +65,36 @@ class Shaft:
         return min(self.diameter, width / 2.0)
 
 
+class Stub(NamedTuple):
+    """A pin that every arrangement interrupts, and the plates that pass between its own."""
+
+    shaft: Shaft
+    crossing: tuple[int, ...]
+
+
+class Side(Enum):
+    """The lower or the upper end of a pin."""
+
+    LOWER = 'lower'
+    UPPER = 'upper'
+
+
+class FlushEnd(NamedTuple):
+    """An end of a pin that a plate passes over: no head or nut may stand out there."""
+
+    shaft: Shaft
+    side: Side
+
+
 @dataclass(frozen=True)
 class Layers:
-    """
-    The layers of a leg's plates, and its pins.
-
-    `layer` is that of each plate, from 0 at the bottom. `stubs` are the pins that every
-    arrangement interrupts, with the plates between their own; `flush` a pin, and -1 for its lower
-    or 1 for its upper end, that a plate passes over: no head or nut may stand out there.
-    """
+    """The layers of a leg's plates, and its pins."""
 
     plates: tuple[Plate, ...]
-    layer: tuple[int, ...]
+    layer: tuple[int, ...]  # the layer of each plate, from 0 at the bottom
     shafts: tuple[Shaft, ...]
-    stubs: tuple[tuple[Shaft, tuple[int, ...]], ...]
-    flush: tuple[tuple[Shaft, int], ...]
+    stubs: tuple[Stub, ...]
+    flush: tuple[FlushEnd, ...]
     motion: 'PlateMotion'
 
     @property
@@ -69,10 +102,13 @@ class Layers:
         """Return the number of layers."""
         return max(self.layer) + 1
 
+    def plates_in(self, layer: int) -> list[int]:
+        """Return the plates of a layer."""
+        return [p for p, plate_layer in enumerate(self.layer) if plate_layer == layer]
+
     def span(self, shaft: Shaft) -> tuple[int, int]:
         """Return the lowest and the highest layer of a shaft."""
-        own = [self.layer[p] for p in shaft.plates]
-        return min(own), max(own)
+        return PinPlates(shaft.plates, ()).span(self.layer)
 
     def spacers(self, shaft: Shaft) -> int:
         """Return the number of layers between a shaft's plates without one of them."""
@@ -99,7 +135,8 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
         The crank reaches no angle, or the plates are too many for the search.
 
     """
-    shafts, motion = _shafts(plates), PlateMotion(linkage)
+    shafts = _shafts(plates)
+    motion = PlateMotion(linkage)
     swept = [motion.swept(plate) for plate in plates]
     clashes: list[set[int]] = [set() for _ in plates]
     for i, j in combinations(range(len(plates)), 2):
@@ -110,16 +147,19 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     for shaft in shafts:
         pin = motion.pin(plates[shaft.carrier], shaft.at, shaft.radius(plates[0].width))
         foreign = (p for p in range(len(plates)) if p not in shaft.plates)
-        pins.append((shaft.plates, tuple(p for p in foreign if motion.collide(swept[p], pin))))
+        crossing = tuple(p for p in foreign if motion.collide(swept[p], pin))
+        pins.append(PinPlates(shaft.plates, crossing))
     ground = next((p for p, plate in enumerate(plates) if plate.body == FIXED), None)
-    for number in range(len(shafts) + 1):
-        for cut in combinations(range(len(shafts)), number):
-            remaining = [(own, () if k in cut else each) for k, (own, each) in enumerate(pins)]
-            found = _fewest(clashes, remaining, ground)
-            if found is not None:
-                flush = tuple((shafts[k], side) for k, side in _flush(found, pins))
-                stubs = tuple((shafts[k], _between(found, *pins[k])) for k in cut)
-                return Layers(tuple(plates), found, tuple(shafts), stubs, flush, motion)
+    for stub_count in range(len(shafts) + 1):
+        for cut in combinations(range(len(shafts)), stub_count):
+            whole_pins = [*pins]
+            for k in cut:
+                whole_pins[k] = PinPlates(pins[k].joined, ())
+            layer = _fewest(clashes, whole_pins, ground)
+            if layer is not None:
+                stubs = tuple(Stub(shafts[k], _between(layer, pins[k])) for k in cut)
+                flush = tuple(FlushEnd(shafts[k], side) for k, side in _flush(layer, pins))
+                return Layers(tuple(plates), layer, tuple(shafts), stubs, flush, motion)
     raise AssertionError('without shafts, a layer for each plate is enough')
 
 
@@ -129,84 +169,85 @@ class PlateMotion:
     def __init__(self, linkage: Linkage) -> None:
         structure = linkage.structure
         alphas = crank_angles(linkage, SWEEP_SAMPLES)
-        found: Any = linkage_poses(linkage, alphas, points=True)
-        points = found.points[..., 0] + 1j * found.points[..., 1]
-        is_known = np.asarray(np.isfinite(points).all(axis=1))
-        if not is_known.any():
+        poses: Any = linkage_poses(linkage, alphas, points=True)
+        points = poses.points[..., 0] + 1j * poses.points[..., 1]
+        is_solved = np.asarray(np.isfinite(points).all(axis=1))
+        if not is_solved.any():
             raise ExportError('the crank reaches no angle: nothing moves')
-        self._steps = is_known[1:] & is_known[:-1]
+        self._steps = is_solved[1:] & is_solved[:-1]
         # Nothing moves across the gap between two arcs.
         last = SWEEP_SAMPLES - 1
         self._steps[last::SWEEP_SAMPLES] = False
         # The sample that is drawn.
-        self.shown = int(np.flatnonzero(is_known)[is_known.sum() // 6])
-        at = {name: points[:, k] for k, name in enumerate(structure.points)}
+        self.shown = int(np.flatnonzero(is_solved)[is_solved.sum() // 6])
+        paths = {name: points[:, k] for k, name in enumerate(structure.points)}
         zero = np.zeros(alphas.size, np.complex128)
         rotations = {FIXED: zero + 1.0}
         for j, body in enumerate(structure.bodies):
             if not body.slides:
-                along = at[body.bars[0].end] - at[body.bars[0].start]
+                along = paths[body.bars[0].end] - paths[body.bars[0].start]
                 rotations[j] = along / np.abs(along)
-        self._frames = {FIXED: (zero, rotations[FIXED])} | {
-            j: (at[body.points[0]], rotations[structure.frames[j]])
-            for j, body in enumerate(structure.bodies)
-        }
+        # Origin and rotation of each body's coordinates.
+        self._frames = {FIXED: (zero, rotations[FIXED])}
+        for j, body in enumerate(structure.bodies):
+            self._frames[j] = paths[body.points[0]], rotations[structure.frames[j]]
         # Upper bound of the change of a computed distance between two samples [m].
         self.bound = 0.0
         # The first point of the crank.
         self.crank = structure.crank.points[0]
 
-    def place(self, plate: Plate, at: complex) -> ComplexArray:
+    def place(self, plate: Plate, point: complex) -> ComplexArray:
         """Return the path of a point of a plate, shape (k,) [m]."""
         origin, rotation = self._frames[plate.body]
-        return np.asarray(origin + at * rotation)
+        return np.asarray(origin + point * rotation)
 
     def swept(self, plate: Plate) -> SweptPart:
         """Return the links of a plate over all crank angles."""
-        links = [(self.place(plate, a), self.place(plate, b)) for a, b in plate.links]
-        return links, plate.width / 2.0
+        links = [(self.place(plate, start), self.place(plate, end)) for start, end in plate.links]
+        return SweptPart(links, plate.width / 2.0)
 
-    def pin(self, plate: Plate, at: complex, radius: float) -> SweptPart:
+    def pin(self, plate: Plate, centre: complex, radius: float) -> SweptPart:
         """Return a shaft over all crank angles."""
-        place = self.place(plate, at)
-        return [(place, place)], radius
+        path = self.place(plate, centre)
+        return SweptPart([(path, path)], radius)
 
-    def collide(self, one: SweptPart, other: SweptPart) -> bool:
+    def collide(self, part_a: SweptPart, part_b: SweptPart) -> bool:
         """Return whether two parts may come nearer than the clearance, between samples too."""
-        least = one[1] + other[1] + CLEARANCE
-        return any(self._least(a, b) < least for a in one[0] for b in other[0])
+        clear_distance = part_a.radius + part_b.radius + CLEARANCE
+        pairs = product(part_a.lines, part_b.lines)
+        return any(self._min_distance(a, b) < clear_distance for a, b in pairs)
 
-    def _least(
-        self, one: tuple[ComplexArray, ComplexArray], other: tuple[ComplexArray, ComplexArray]
-    ) -> float:
+    def _min_distance(self, line_a: SweptLine, line_b: SweptLine) -> float:
         """Return a lower bound of the distance of two segments over all crank angles [m]."""
-        moved = sum(
-            np.max([np.abs(np.diff(end)) for end in segment], axis=0) for segment in (one, other)
-        )
-        far = distances(one, other)
-        least = (far[1:] + far[:-1] - moved) / 2.0
-        self.bound = max(self.bound, float(np.max(moved[self._steps])) / 2.0)
-        return float(least[self._steps].min())
+        end_motion = np.abs(np.diff((*line_a, *line_b)))
+        motion = end_motion[:2].max(axis=0) + end_motion[2:].max(axis=0)
+        samples = distances(line_a, line_b)
+        lower_bounds = (samples[1:] + samples[:-1] - motion) / 2.0
+        self.bound = max(self.bound, float(np.max(motion[self._steps])) / 2.0)
+        return float(lower_bounds[self._steps].min())
 
 
-def distances(
-    one: tuple[ComplexArray, ComplexArray], other: tuple[ComplexArray, ComplexArray]
-) -> FloatArray:
+def distances(line_a: SweptLine, line_b: SweptLine) -> FloatArray:
     """Return the distances of two segments in many poses, shape (k,)."""
-    a, b, apart = one[1] - one[0], other[1] - other[0], other[0] - one[0]
-    across = _cross(a, b)
+    along_a = line_a[1] - line_a[0]
+    along_b = line_b[1] - line_b[0]
+    offset = line_b[0] - line_a[0]
+    determinant = _cross(along_a, along_b)
     with np.errstate(divide='ignore', invalid='ignore'):
-        s, t = _cross(apart, b) / across, _cross(apart, a) / across
-    crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    ends = [_from_segment(end, other) for end in one] + [_from_segment(end, one) for end in other]
-    return np.where(crossing, 0.0, np.min(ends, axis=0))
+        s = _cross(offset, along_b) / determinant
+        t = _cross(offset, along_a) / determinant
+    is_crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
+    end_distances = [_from_segment(end, line_b) for end in line_a]
+    end_distances += [_from_segment(end, line_a) for end in line_b]
+    return np.where(is_crossing, 0.0, np.min(end_distances, axis=0))
 
 
-def _from_segment(at: ComplexArray, segment: tuple[ComplexArray, ComplexArray]) -> FloatArray:
-    along = segment[1] - segment[0]
+def _from_segment(point: ComplexArray, line: SweptLine) -> FloatArray:
+    start, end = line
+    along = end - start
     size = np.abs(along) ** 2
-    part = ((at - segment[0]) * along.conj()).real / np.where(size > 0.0, size, 1.0)
-    return np.asarray(np.abs(at - segment[0] - np.clip(part, 0.0, 1.0) * along))
+    share = ((point - start) * along.conj()).real / np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.abs(point - start - np.clip(share, 0.0, 1.0) * along))
 
 
 def _cross(a: ComplexArray, b: ComplexArray) -> FloatArray:
@@ -215,50 +256,52 @@ def _cross(a: ComplexArray, b: ComplexArray) -> FloatArray:
 
 def _shafts(plates: Sequence[Plate]) -> list[Shaft]:
     """Return the pins of the plates; holes that share a point have one."""
-    groups: list[list[tuple[int, int]]] = []
+    groups: list[list[tuple[int, Hole]]] = []
     for p, plate in enumerate(plates):
-        for h, hole in enumerate(plate.holes):
-            names = set(hole.name.split(',')) - {''}
-            same = [
-                group
-                for group in groups
-                if any(names & set(plates[q].holes[k].name.split(',')) for q, k in group)
-            ]
-            groups = [group for group in groups if group not in same]
-            groups.append([*(key for group in same for key in group), (p, h)])
-    found = []
-    for group in groups:
-        (carrier, h), *_ = group
-        holes = [(plates[p].body, plates[p].holes[k]) for p, k in group]
-        points = dict.fromkeys(n for _, hole in holes for n in hole.name.split(',') if n)
-        guiding = {
-            p: slot.name
-            for p, plate in enumerate(plates)
-            for slot in plate.slots
-            for body, hole in holes
-            if body == slot.body and min(abs(hole.at - x) for x in slot.pins) < COINCIDENCE
-        }
-        through = tuple(dict.fromkeys([*(p for p, _ in group), *guiding]))
-        if len(through) > 1:
-            name = ','.join(points) or f'guide of {[*guiding.values()][-1]}'
-            widest = max(hole.diameter for _, hole in holes)
-            found.append(Shaft(name, through, carrier, plates[carrier].holes[h].at, widest))
-    return found
+        for hole in plate.holes:
+            merged_group = [(p, hole)]
+            separate = []
+            for group in groups:
+                if any(hole.points & member.points for _, member in group):
+                    merged_group[:-1] += group
+                else:
+                    separate.append(group)
+            groups = [*separate, merged_group]
+    shafts = [_shaft(plates, group) for group in groups]
+    return [shaft for shaft in shafts if len(shaft.plates) > 1]
 
 
-def _between(layer: Sequence[int], own: Sequence[int], crossing: Sequence[int]) -> tuple[int, ...]:
-    """Return the plates among `crossing` between the lowest and the highest of a shaft's own."""
-    span = [layer[p] for p in own]
-    return tuple(p for p in crossing if min(span) <= layer[p] <= max(span))
+def _shaft(plates: Sequence[Plate], group: Sequence[tuple[int, Hole]]) -> Shaft:
+    """Return the pin of holes, each with its plate."""
+    carrier, first_hole = group[0]
+    points = dict.fromkeys(name for _, hole in group for name in hole.name.split(',') if name)
+    through = dict.fromkeys(p for p, _ in group)
+    name = ','.join(points)
+    for p, plate in enumerate(plates):
+        for slot in plate.slots:
+            pins = [hole.at for q, hole in group if plates[q].body == slot.body]
+            if any(abs(a - b) < COINCIDENCE for a, b in product(pins, slot.pins)):
+                through[p] = None
+                name = name if points else f'guide of {slot.name}'
+    widest = max(hole.diameter for _, hole in group)
+    return Shaft(name, tuple(through), carrier, first_hole.at, widest)
 
 
-def _fewest(clashes: Sequence[set[int]], pins: Pins, ground: int | None) -> tuple[int, ...] | None:
+def _between(layer: Sequence[int], pin: PinPlates) -> tuple[int, ...]:
+    """Return the crossing plates between the lowest and the highest joined one."""
+    low, high = pin.span(layer)
+    return tuple(p for p in pin.crossing if low <= layer[p] <= high)
+
+
+def _fewest(
+    clashes: Sequence[set[int]], pins: Sequence[PinPlates], ground: int | None
+) -> tuple[int, ...] | None:
     """Return the layer of each plate, as few as possible; None if no number is enough."""
-    for number in range(1, len(clashes) + 1):
-        for first in (ground, None) if ground is not None else (None,):
-            found = [*_Search(clashes, pins, number, first).arrangements(0)]
-            if found:
-                return found[-1]
+    for layer_count in range(1, len(clashes) + 1):
+        for lowest in (ground, None) if ground is not None else (None,):
+            arrangements = [*_Search(clashes, pins, layer_count, lowest).arrangements(0)]
+            if arrangements:
+                return arrangements[-1]
     return None
 
 
@@ -266,9 +309,15 @@ class _Search:
     """Depth-first search of the plates' layers, for a given number of layers."""
 
     def __init__(
-        self, clashes: Sequence[set[int]], pins: Pins, number: int, lowest: int | None
+        self,
+        clashes: Sequence[set[int]],
+        pins: Sequence[PinPlates],
+        layer_count: int,
+        lowest: int | None,
     ) -> None:
-        self._clashes, self._pins, self._number = clashes, pins, number
+        self._clashes = clashes
+        self._pins = pins
+        self._layer_count = layer_count
         self._lowest = lowest
         order = sorted(range(len(clashes)), key=lambda p: -len(clashes[p]))
         self._order = order if lowest is None else [lowest, *(p for p in order if p != lowest)]
@@ -284,14 +333,14 @@ class _Search:
         if step > MAX_BETTER and self._best is not None:
             return
         if depth == len(self._order):
-            whole = tuple(self._layer[p] for p in range(len(self._order)))
-            cost = len(_flush(whole, self._pins)), self._length()
+            arrangement = tuple(self._layer[p] for p in range(len(self._order)))
+            cost = len(_flush(arrangement, self._pins)), self._length()
             if self._best is None or cost < self._best:
                 self._best = cost
-                yield whole
+                yield arrangement
             return
         plate = self._order[depth]
-        for layer in (0,) if plate == self._lowest else range(self._number):
+        for layer in (0,) if plate == self._lowest else range(self._layer_count):
             self._layer[plate] = layer
             if self._is_free(plate):
                 yield from self.arrangements(depth + 1)
@@ -303,26 +352,32 @@ class _Search:
             return False
         if self._best is not None and self._best[0] == 0 and self._length() >= self._best[1]:
             return False
-        for own, crossing in self._pins:
-            placed = [layer[p] for p in own if p in layer]
-            if len(placed) > 1 and any(
-                min(placed) <= layer[p] <= max(placed) for p in crossing if p in layer
+        for pin in self._pins:
+            joined = [layer[p] for p in pin.joined if p in layer]
+            crossing = [layer[p] for p in pin.crossing if p in layer]
+            if len(joined) > 1 and any(
+                min(joined) <= crossed <= max(joined) for crossed in crossing
             ):
                 return False
         return True
 
     def _length(self) -> int:
         """Return the total length of all shafts so far [layers]."""
-        placed = [[self._layer[p] for p in own if p in self._layer] for own, _ in self._pins]
-        return sum(max(each) - min(each) for each in placed if each)
+        length = 0
+        for pin in self._pins:
+            joined = [self._layer[p] for p in pin.joined if p in self._layer]
+            length += max(joined) - min(joined) if joined else 0
+        return length
 
 
-def _flush(layer: Sequence[int], pins: Pins) -> list[tuple[int, int]]:
-    """Return the ends of shafts, -1 lower and 1 upper, that a plate of the next layer passes."""
-    found = []
-    for k, (own, crossing) in enumerate(pins):
-        crossed = {layer[p] for p in crossing}
-        spanned = [layer[p] for p in own]
-        found += [(k, -1)] if min(spanned) - 1 in crossed else []
-        found += [(k, 1)] if max(spanned) + 1 in crossed else []
-    return found
+def _flush(layer: Sequence[int], pins: Sequence[PinPlates]) -> list[tuple[int, Side]]:
+    """Return the ends of shafts, by their number, that a plate of the next layer passes."""
+    ends = []
+    for k, pin in enumerate(pins):
+        low, high = pin.span(layer)
+        crossed_layers = {layer[p] for p in pin.crossing}
+        if low - 1 in crossed_layers:
+            ends.append((k, Side.LOWER))
+        if high + 1 in crossed_layers:
+            ends.append((k, Side.UPPER))
+    return ends

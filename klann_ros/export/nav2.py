@@ -48,8 +48,9 @@ def nav2_parameters(robot: Robot) -> str:
     radius = _up(linear / angular)
     corners, reach = _footprint(robot, steering.feet)
     ahead = _up(max(reach / 2.0, radius / 2.0))
-    acceleration, spin_up = limits.max_linear_acceleration, limits.max_angular_acceleration
-    values = {
+    acceleration = limits.max_linear_acceleration
+    angular_acceleration = limits.max_angular_acceleration
+    replacements = {
         '$linear': linear,
         '$linear_back': -linear,
         '$slow': _down(linear / 2.0),
@@ -59,8 +60,8 @@ def nav2_parameters(robot: Robot) -> str:
         '$angular': angular,
         '$angular_back': -angular,
         '$angular_slow': _down(angular / 2.0),
-        '$angular_acceleration': spin_up,
-        '$angular_deceleration': -spin_up,
+        '$angular_acceleration': angular_acceleration,
+        '$angular_deceleration': -angular_acceleration,
         '$progress': _down(linear * PROGRESS_TIME / 2.0),
         '$angular_progress': _down(angular * PROGRESS_TIME / 2.0),
         '$progress_time': PROGRESS_TIME,
@@ -72,7 +73,7 @@ def nav2_parameters(robot: Robot) -> str:
         '$reach': _up(reach),
         '$width': ceil(2.0 * (reach + ahead)),
     }
-    content = with_values(parse_file(PARAMETERS), values)
+    content = with_values(parse_file(PARAMETERS), replacements)
     return f'{_HEAD.format(name=printable(robot.name))}{dump(content)}\n'
 
 
@@ -80,21 +81,25 @@ def _footprint(robot: Robot, feet: Feet) -> tuple[str, float]:
     """Return the rectangle around body and feet over a turn, as text, and its radius [m]."""
     turn = np.linspace(0.0, 2.0 * pi, GAIT_SAMPLES)
     places = np.asarray(feet.at(turn[:, None] * feet.senses).feet)[..., :2].reshape(-1, 2)
-    low, high = places.min(axis=0) - FOOT_RADIUS, places.max(axis=0) + FOOT_RADIUS
+    low = places.min(axis=0) - FOOT_RADIUS
+    high = places.max(axis=0) + FOOT_RADIUS
     if robot.body is not None:
-        centre, half = np.array(robot.body.centre[:2]), np.array(robot.body.size[:2]) / 2.0
-        low, high = np.minimum(low, centre - half), np.maximum(high, centre + half)
-    x, y = (_up(each + FOOTPRINT_MARGIN) for each in high)
-    u, v = (-_up(FOOTPRINT_MARGIN - each) for each in low)
-    corners = [[x, y], [x, v], [u, v], [u, y]]
+        centre = np.array(robot.body.centre[:2])
+        half_size = np.array(robot.body.size[:2]) / 2.0
+        low = np.minimum(low, centre - half_size)
+        high = np.maximum(high, centre + half_size)
+    front, left = (_up(edge + FOOTPRINT_MARGIN) for edge in high)
+    back, right = (-_up(FOOTPRINT_MARGIN - edge) for edge in low)
+    corners = [[front, left], [front, right], [back, right], [back, left]]
     return str(corners), max(hypot(*corner) for corner in corners)
 
 
-def _up(value: float) -> float:
-    return ceil(100.0 * value - 1e-9) / 100.0
+def _up(number: float) -> float:
+    """Return a number with two decimals, rounded up."""
+    return ceil(100.0 * number - 1e-9) / 100.0
 
 
-def _down(value: float) -> float:
-    """Return a value with two leading digits, rounded down."""
-    digits = 10.0 ** (1 - int(np.floor(np.log10(value))))
-    return float(int(digits * value + 1e-9) / digits)
+def _down(number: float) -> float:
+    """Return a number with two leading digits, rounded down."""
+    digits = 10.0 ** (1 - int(np.floor(np.log10(number))))
+    return float(int(digits * number + 1e-9) / digits)

@@ -36,28 +36,31 @@ class _Piece(NamedTuple):
     bulge: float = 0.0
 
 
-def nearest_on(segment: Segment, at: complex) -> complex:
-    """Return the point of a segment nearest to a place."""
+def nearest_on(segment: Segment, point: complex) -> complex:
+    """Return the point of a segment nearest to a point."""
     start, end = segment
     along = end - start
     if not along:
         return start
-    part = ((at - start) * along.conjugate()).real / abs(along) ** 2
-    return start + min(max(part, 0.0), 1.0) * along
+    share = ((point - start) * along.conjugate()).real / abs(along) ** 2
+    return start + min(max(share, 0.0), 1.0) * along
 
 
-def distance_to(segment: Segment, at: complex) -> float:
-    """Return the distance of a place from a segment."""
-    return abs(at - nearest_on(segment, at))
+def distance_to(segment: Segment, point: complex) -> float:
+    """Return the distance of a point from a segment."""
+    return abs(point - nearest_on(segment, point))
 
 
-def crosses(one: Segment, other: Segment) -> bool:
+def crosses(segment_a: Segment, segment_b: Segment) -> bool:
     """Return whether two segments cross within both."""
-    a, b, apart = one[1] - one[0], other[1] - other[0], other[0] - one[0]
-    across = (a.conjugate() * b).imag
-    if not across:
+    along_a = segment_a[1] - segment_a[0]
+    along_b = segment_b[1] - segment_b[0]
+    offset = segment_b[0] - segment_a[0]
+    determinant = (along_a.conjugate() * along_b).imag
+    if not determinant:
         return False
-    s, t = (apart.conjugate() * b).imag / across, (apart.conjugate() * a).imag / across
+    s = (offset.conjugate() * along_b).imag / determinant
+    t = (offset.conjugate() * along_a).imag / determinant
     return 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0
 
 
@@ -68,20 +71,21 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
     An outer curve is counter-clockwise, one around a window clockwise. A segment of length 0 is a
     disc.
     """
-    gap, pieces, found = MAX_PIECE_GAP * radius, _edges(segments, radius), []
+    pieces = _edges(segments, radius)
+    curves = []
     while pieces:
         chain = [pieces.pop()]
         while pieces:
-            at = chain[-1].end
-            following = min(pieces, key=lambda piece: abs(piece.start - at))
-            if abs(following.start - at) > gap:
+            end = chain[-1].end
+            following = min(pieces, key=lambda piece: abs(piece.start - end))
+            if abs(following.start - end) > MAX_PIECE_GAP * radius:
                 break
             pieces.remove(following)
             chain.append(following)
         # Where pieces only touch, one of no size is left over.
         if max(abs(piece.start - chain[0].start) for piece in chain) > MIN_EXTENT * radius:
-            found.append(tuple(Corner(piece.start, piece.bulge) for piece in chain))
-    return tuple(sorted(found, key=lambda outline: min(corner.at.real for corner in outline)))
+            curves.append(tuple(Corner(piece.start, piece.bulge) for piece in chain))
+    return tuple(sorted(curves, key=lambda curve: min(corner.at.real for corner in curve)))
 
 
 def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:
@@ -89,64 +93,79 @@ def _edges(segments: Sequence[Segment], radius: float) -> list[_Piece]:
     gap = MAX_PIECE_GAP * radius
     boundary: list[_Piece] = []
     for piece in (*_lines(segments, radius), *_arcs(segments, radius)):
-        inside = any(distance_to(s, piece.middle) < radius * (1.0 - ZERO) for s in segments)
-        is_known = any(
-            abs(piece.start - one.start) + abs(piece.end - one.end) < gap
-            and abs(piece.middle - one.middle) < gap
-            for one in boundary
-        )
-        if not inside and not is_known:
+        clearance = min(distance_to(segment, piece.middle) for segment in segments)
+        is_outside = clearance >= radius * (1.0 - ZERO)
+        if is_outside and not any(_coincide(piece, earlier, gap) for earlier in boundary):
             boundary.append(piece)
     return boundary
 
 
+def _coincide(piece: _Piece, earlier: _Piece, gap: float) -> bool:
+    ends = abs(piece.start - earlier.start) + abs(piece.end - earlier.end)
+    return ends < gap and abs(piece.middle - earlier.middle) < gap
+
+
 def _sides(segments: Sequence[Segment], radius: float) -> list[Segment]:
     """Return the lines beside segments, the segment to the left."""
-    directed = [(a, b) for s in segments if s[0] != s[1] for a, b in (s, s[::-1])]
-    return [(a + side, b + side) for a, b in directed for side in [-1j * radius * _unit(b - a)]]
+    sides = []
+    for segment in segments:
+        if segment[0] != segment[1]:
+            for start, end in (segment, segment[::-1]):
+                offset = -1j * radius * _unit(end - start)
+                sides.append((start + offset, end + offset))
+    return sides
 
 
 def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
-    sides, centres = _sides(segments, radius), {end for segment in segments for end in segment}
+    sides = _sides(segments, radius)
+    centres = {end for segment in segments for end in segment}
     for start, end in sides:
-        along, size = _unit(end - start), abs(end - start)
-        cuts = [0.0, size]
-        for other in sides:
-            across = (along.conjugate() * (other[1] - other[0])).imag
-            if abs(across) > ZERO * abs(other[1] - other[0]):
-                to = (other[0] - start) * (other[1] - other[0]).conjugate()
-                cuts.append(-to.imag / across)
+        along = _unit(end - start)
+        length = abs(end - start)
+        cuts = [0.0, length]
+        for side_start, side_end in sides:
+            side = side_end - side_start
+            across = (along.conjugate() * side).imag
+            if abs(across) > ZERO * abs(side):
+                cuts.append(-((side_start - start) * side.conjugate()).imag / across)
         for centre in centres:
-            at = (centre - start) * along.conjugate()
-            half = sqrt(max(radius**2 - at.imag**2, 0.0))
-            cuts += [at.real - half, at.real, at.real + half]
-        cuts = sorted(cut for cut in cuts if 0.0 <= cut <= size)
-        for a, b in pairwise(cuts):
-            if b - a > MIN_PIECE * radius:
-                p, q, middle = (start + cut * along for cut in (a, b, (a + b) / 2.0))
-                yield _Piece(p, q, middle)
+            position = (centre - start) * along.conjugate()
+            half_chord = sqrt(max(radius**2 - position.imag**2, 0.0))
+            cuts += [position.real - half_chord, position.real, position.real + half_chord]
+        inner_cuts = sorted(cut for cut in cuts if 0.0 <= cut <= length)
+        for low, high in pairwise(inner_cuts):
+            if high - low > MIN_PIECE * radius:
+                middle = start + (low + high) / 2.0 * along
+                yield _Piece(start + low * along, start + high * along, middle)
 
 
 def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
     sides = _sides(segments, radius)
-    for centre in dict.fromkeys(end for segment in segments for end in segment):
+    centres = dict.fromkeys(end for segment in segments for end in segment)
+    for centre in centres:
         cuts = [0.0, pi]
         for start, end in sides:
             along = _unit(end - start)
-            at = (start - centre) * along.conjugate()
-            if abs(at.imag) <= radius * (1.0 + ZERO):
-                half = sqrt(max(radius**2 - at.imag**2, 0.0))
-                cuts += [phase((x + 1j * at.imag) * along) for x in (-half, half)]
-        for other in {end for segment in segments for end in segment}:
-            apart = other - centre
-            if 0.0 < abs(apart) <= 2.0 * radius:
-                half = sqrt(max(radius**2 - abs(apart) ** 2 / 4.0, 0.0))
-                cuts += [phase((abs(apart) / 2.0 + 1j * h) * _unit(apart)) for h in (-half, half)]
+            height = ((start - centre) * along.conjugate()).imag
+            if abs(height) <= radius * (1.0 + ZERO):
+                half_chord = sqrt(max(radius**2 - height**2, 0.0))
+                cuts += [phase((x + 1j * height) * along) for x in (-half_chord, half_chord)]
+        for neighbour in centres:
+            offset = neighbour - centre
+            distance = abs(offset)
+            if 0.0 < distance <= 2.0 * radius:
+                half_chord = sqrt(max(radius**2 - distance**2 / 4.0, 0.0))
+                half_distance = distance / 2.0
+                heights = (-half_chord, half_chord)
+                cuts += [
+                    phase((half_distance + 1j * height) * _unit(offset)) for height in heights
+                ]
         cuts = sorted(cut % tau for cut in cuts)
-        for a, b in zip(cuts, [*cuts[1:], cuts[0] + tau], strict=True):
-            if b - a > MIN_PIECE:
-                p, q, middle = (centre + rect(radius, cut) for cut in (a, b, (a + b) / 2.0))
-                yield _Piece(p, q, middle, tan((b - a) / 4.0))
+        for low, high in pairwise([*cuts, cuts[0] + tau]):
+            if high - low > MIN_PIECE:
+                angles = (low, high, (low + high) / 2.0)
+                first, last, middle = (centre + rect(radius, angle) for angle in angles)
+                yield _Piece(first, last, middle, tan((high - low) / 4.0))
 
 
 def _unit(vector: complex) -> complex:

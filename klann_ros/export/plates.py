@@ -37,9 +37,19 @@ class Hole:
     diameter: float  # [m]
 
     @property
-    def shown(self) -> str:
+    def label(self) -> str:
         """Return its name for messages."""
         return f'hole {self.name}' if self.name else 'a guide'
+
+    @property
+    def points(self) -> frozenset[str]:
+        """Return the points that it joins."""
+        return frozenset(self.name.split(',')) - {''}
+
+    @property
+    def line(self) -> Segment:
+        """Return its centre as a line of length 0 [m]."""
+        return self.at, self.at
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,7 @@ class Slot:
     pins: tuple[complex, ...]  # in its coordinates [m]
 
     @property
-    def shown(self) -> str:
+    def label(self) -> str:
         """Return its name for messages."""
         return f'the slot of {self.name}'
 
@@ -123,105 +133,103 @@ def plates(
 
     """
     sizes = {'': hole, **(holes or {})}
-    greatest = max(sizes.values())
-    if not (isfinite(width) and min(sizes.values()) > 0.0 and greatest < width):
+    widest = max(sizes.values())
+    if not (isfinite(width) and min(sizes.values()) > 0.0 and widest < width):
         raise ExportError(
-            f'hole = {greatest * 1e3:g} mm, width = {width * 1e3:g} mm are refused: a hole must '
+            f'hole = {widest * 1e3:g} mm, width = {width * 1e3:g} mm are refused: a hole must '
             f'be > 0, and a bar wider than its hole'
         )
-    least = (1.0 + 2.0 * MIN_WALL) * greatest
-    if width < least * (1.0 - COINCIDENCE):
+    min_width = (1.0 + 2.0 * MIN_WALL) * widest
+    if width < min_width * (1.0 - COINCIDENCE):
         raise ExportError(
-            f'width = {width * 1e3:g} mm leaves {(width - greatest) * 500:.3g} mm beside a hole '
-            f'of {greatest * 1e3:g} mm: at least {least * 1e3:.4g} mm are needed'
+            f'width = {width * 1e3:g} mm leaves {(width - widest) * 500:.3g} mm beside a hole '
+            f'of {widest * 1e3:g} mm: at least {min_width * 1e3:.4g} mm are needed'
         )
-    alike: dict[Linkage, list[str]] = {}
+    legs_of: dict[Linkage, list[str]] = {}
     for leg in robot.legs:
-        alike.setdefault(leg.linkage.scaled(scale), []).append(leg.name)
-    made: list[Plate] = []
-    for linkage, names in alike.items():
-        legs = '' if len(alike) == 1 else names[0]
-        made += [
-            replace(plate, count=len(names), legs=legs)
-            for plate in _of_linkage(linkage, sizes, width)
-        ]
-    known = {name for plate in made for one in plate.holes for name in one.name.split(',')}
-    for name in sizes.keys() - known - {''}:
-        there = ', '.join(sorted(known - {''}))
+        legs_of.setdefault(leg.linkage.scaled(scale), []).append(leg.name)
+    robot_plates: list[Plate] = []
+    for linkage, names in legs_of.items():
+        legs = '' if len(legs_of) == 1 else names[0]
+        leg_plates = _linkage_plates(linkage, sizes, width)
+        robot_plates += [replace(plate, count=len(names), legs=legs) for plate in leg_plates]
+    joints = {name for plate in robot_plates for drilled in plate.holes for name in drilled.points}
+    for name in sizes.keys() - joints - {''}:
+        listing = ', '.join(sorted(joints))
         raise ExportError(
-            f'hole of {name}: no such joint; there are {there}{did_you_mean(name, known)}'
+            f'hole of {name}: no such joint; there are {listing}{did_you_mean(name, joints)}'
         )
-    for plate in made:
+    for plate in robot_plates:
         _check_holes(plate)
-    return tuple(made)
+    return tuple(robot_plates)
 
 
 def _check_holes(plate: Plate) -> None:
     """Refuse holes that leave too little material between them."""
-    for one, other in combinations(plate.holes, 2):
-        diameters = one.diameter, other.diameter
-        least = sum(diameters) / 2.0 + MIN_WALL * max(diameters)
-        if abs(one.at - other.at) < least:
+    for hole_a, hole_b in combinations(plate.holes, 2):
+        diameters = hole_a.diameter, hole_b.diameter
+        distance = abs(hole_a.at - hole_b.at)
+        min_distance = sum(diameters) / 2.0 + MIN_WALL * max(diameters)
+        if distance < min_distance:
             raise ExportError(
-                f'{plate.name}: {one.shown} and {other.shown} are '
-                f'{abs(one.at - other.at) * 1e3:.3g} mm apart, at least {least * 1e3:.3g} mm are '
-                f'needed: use smaller holes (--hole) or a larger --scale'
+                f'{plate.name}: {hole_a.label} and {hole_b.label} are {distance * 1e3:.3g} mm '
+                f'apart, at least {min_distance * 1e3:.3g} mm are needed: use smaller holes '
+                f'(--hole) or a larger --scale'
             )
 
 
 def slot_conflict(plate: Plate) -> str:
     """Return a message about slots of a plate that overlap a hole or a slot, '' without any."""
-    cuts: list[tuple[Hole | Slot, Segment]] = [(slot, slot.line) for slot in plate.slots]
-    cuts += [(hole, (hole.at, hole.at)) for hole in plate.holes]
-    met = [
-        f'{one.shown} and {other.shown}'
-        for (one, line), (other, place) in combinations(cuts, 2)
-        if isinstance(one, Slot) and _gap(line, place)[0] < (one.diameter + other.diameter) / 2.0
-    ]
-    if not met:
+    conflicts = []
+    cuts: list[Slot | Hole] = [*plate.slots, *plate.holes]
+    for slot, cut in combinations(cuts, 2):
+        distance = _connection(slot.line, cut.line)[0]
+        if isinstance(slot, Slot) and distance < (slot.diameter + cut.diameter) / 2.0:
+            conflicts.append(f'{slot.label} and {cut.label}')
+    if not conflicts:
         return ''
-    more = f', and {counted(len(met) - 1, "more pair")}' if len(met) > 1 else ''
-    return f'{plate.name}: {met[0]} run into each other{more}'
+    more = f', and {counted(len(conflicts) - 1, "more pair")}' if len(conflicts) > 1 else ''
+    return f'{plate.name}: {conflicts[0]} run into each other{more}'
 
 
-def _of_linkage(linkage: Linkage, sizes: Mapping[str, float], width: float) -> Iterator[Plate]:
+def _linkage_plates(linkage: Linkage, sizes: Mapping[str, float], width: float) -> Iterator[Plate]:
     """Yield the plates of a leg, the ground's first."""
-    structure, lines = linkage.structure, list(slide_lines(linkage))
-    places, hole = body_points(linkage.structure, linkage.bars), sizes['']
-    drilled = {
-        j: [Hole(point, places[j, point], sizes.get(point, hole)) for point in body.points]
-        for j, body in enumerate(structure.bodies)
-    }
-    drilled[FIXED] = [
-        Hole(name, complex(at), sizes.get(name, hole))
-        for name, at in zip(structure.pivots, linkage.pivots, strict=True)
-        if len(structure.owners[name]) > 1
-    ]
+    structure = linkage.structure
+    lines = list(slide_lines(linkage))
+    places = body_points(structure, linkage.bars)
+    hole = sizes['']
+    holes: dict[int, list[Hole]] = {FIXED: []}
+    for name, place in zip(structure.pivots, linkage.pivots, strict=True):
+        if len(structure.owners[name]) > 1:
+            holes[FIXED].append(Hole(name, complex(place), sizes.get(name, hole)))
+    for j, body in enumerate(structure.bodies):
+        holes[j] = [Hole(name, places[j, name], sizes.get(name, hole)) for name in body.points]
     # A sliding body's pins keep clear of the slots in it, first taken as short as with one pin.
-    short: dict[int, list[Segment]] = {j: [] for j in drilled}
+    short_slots: dict[int, list[Segment]] = {j: [] for j in holes}
     for line in lines:
-        short[line.on].append(line.ends([0.0]))
-    slots: dict[int, list[Slot]] = {j: [] for j in drilled}
+        short_slots[line.on].append(line.ends([0.0]))
+    slots: dict[int, list[Slot]] = {j: [] for j in holes}
     for line in lines:
-        j, pins, widest = line.body, [0.0], drilled[line.body][0].diameter
+        j = line.body
+        pins = [0.0]
+        diameter = holes[j][0].diameter
         if structure.bodies[j].rigid:
             is_joint = len(structure.owners[structure.bodies[j].points[0]]) > 1
-            joints = drilled[j] if is_joint else drilled[j][1:]
-            pins = _pins(line, joints, short[j], hole, width, is_joint=is_joint)
+            joints = holes[j] if is_joint else holes[j][1:]
+            pins = _pins(line, joints, short_slots[j], hole, width, is_joint=is_joint)
             guides = [Hole('', x * line.direction, hole) for x in pins if x or not is_joint]
-            drilled[j] = [*joints, *guides]
-            widest = max(hole, widest) if is_joint else hole
-        places_on_line = tuple(x * line.direction for x in pins)
-        slots[line.on].append(Slot(line.name, *line.ends(pins), widest, j, places_on_line))
+            holes[j] = [*joints, *guides]
+            diameter = max(hole, diameter) if is_joint else hole
+        pins_on_line = tuple(x * line.direction for x in pins)
+        slots[line.on].append(Slot(line.name, *line.ends(pins), diameter, j, pins_on_line))
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
-    for j in (FIXED, *range(len(structure.bodies))):
-        if drilled[j] or slots[j]:
-            holes = tuple(_merged(drilled[j]))
+    for j, name in names.items():
+        if holes[j] or slots[j]:
+            merged_holes = tuple(_merged(holes[j]))
             bars = [] if j == FIXED else [*_bars(linkage, j, places)]
-            cuts: list[Segment] = [(one.at, one.at) for one in holes]
-            cuts += [slot.line for slot in slots[j]]
+            cuts = [hole.line for hole in merged_holes] + [slot.line for slot in slots[j]]
             links = tuple(_joined(bars, cuts))
-            yield Plate(names[j], holes, tuple(slots[j]), links=links, width=width, body=j)
+            yield Plate(name, merged_holes, tuple(slots[j]), links=links, width=width, body=j)
 
 
 def _bars(
@@ -237,29 +245,31 @@ def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segmen
     """Yield bars, links around cuts, and the shortest links that connect all of these."""
     groups: list[list[Segment]] = []
     for segment in (*bars, *cuts):
-        touched = [
-            group for group in groups if any(_gap(segment, one)[0] < COINCIDENCE for one in group)
-        ]
-        groups = [group for group in groups if group not in touched]
-        groups.append([*(one for group in touched for one in group), segment])
+        merged_group = []
+        separate = []
+        for group in groups:
+            if any(_connection(segment, member)[0] < COINCIDENCE for member in group):
+                merged_group += group
+            else:
+                separate.append(group)
+        groups = [*separate, [*merged_group, segment]]
     while len(groups) > 1:
-        pairs = (
-            (*_gap(one, other), i, k)
-            for (i, mine), (k, others) in combinations(enumerate(groups), 2)
-            for one, other in product(mine, others)
-        )
-        _, link, i, k = min(pairs, key=lambda pair: pair[0])
+        connections = []
+        for i, k in combinations(range(len(groups)), 2):
+            for start, end in product(groups[i], groups[k]):
+                connections.append((*_connection(start, end), i, k))
+        _, link, i, k = min(connections, key=lambda connection: connection[0])
         groups[i] += [link, *groups.pop(k)]
     segments = [segment for segment in groups[0] if segment[0] != segment[1]] or groups[0][:1]
     yield from dict.fromkeys(segments)
 
 
-def _gap(one: Segment, other: Segment) -> tuple[float, Segment]:
+def _connection(segment_a: Segment, segment_b: Segment) -> tuple[float, Segment]:
     """Return the distance of two segments, 0 if they cross, and the shortest link between."""
-    if crosses(one, other):
-        return 0.0, (one[0], one[0])
-    links = [(end, nearest_on(other, end)) for end in one]
-    links += [(end, nearest_on(one, end)) for end in other]
+    if crosses(segment_a, segment_b):
+        return 0.0, (segment_a[0], segment_a[0])
+    links = [(end, nearest_on(segment_b, end)) for end in segment_a]
+    links += [(end, nearest_on(segment_a, end)) for end in segment_b]
     link = min(links, key=lambda link: abs(link[1] - link[0]))
     return abs(link[1] - link[0]), link
 
@@ -276,13 +286,14 @@ def _pins(
     """Return the positions of a sliding body's two pins on its line [m]; one may be its joint."""
     clearance = max(hole, width / 2.0)
     pins = [0.0] if is_joint else []
-    for part in GUIDE_POSITIONS:
-        at = part * width * line.direction
-        apart = [abs(other.at - at) for other in joints]
-        apart += [distance_to(slot, at) for slot in slots]
-        apart += [abs(part * width - pin) for pin in pins]
-        if len(pins) < 2 and all(far >= clearance for far in apart):
-            pins.append(part * width)
+    for factor in GUIDE_POSITIONS:
+        position = factor * width
+        centre = position * line.direction
+        distances = [abs(joint.at - centre) for joint in joints]
+        distances += [distance_to(slot, centre) for slot in slots]
+        distances += [abs(position - pin) for pin in pins]
+        if len(pins) < 2 and min(distances, default=clearance) >= clearance:
+            pins.append(position)
     return pins or [0.0]
 
 

@@ -21,19 +21,15 @@ from klann_ros.twin import robot_mjcf, start_angle
 from .nav2 import nav2_parameters
 from .urdf import urdf
 
-MODEL, ROBOT, SIMULATED, HARDWARE, CONTROLLERS, WALKER, LAUNCH = (
-    'robot.xml',
-    'robot.urdf',
-    'cranks.urdf',
-    'cranks_hardware.urdf',
-    'ros2_control.yaml',
-    'walker.yaml',
-    'ros2_control.launch.py',
-)
-"""Names of the files: ros2_control.launch.py of klann_ros reads the others by these."""
-
+# Names of the files: ros2_control.launch.py of klann_ros reads the others by these.
+MODEL = 'robot.xml'
+ROBOT = 'robot.urdf'
+SIMULATED = 'cranks.urdf'
+HARDWARE = 'cranks_hardware.urdf'
+CONTROLLERS = 'ros2_control.yaml'
+WALKER = 'walker.yaml'
+LAUNCH = 'ros2_control.launch.py'
 NAV2 = 'nav2.yaml'
-"""Name of the parameters for Nav2."""
 
 TEXTS = Path(__file__).parent / 'static' / 'ros2_control.yaml'
 _YAML_HEAD = """\
@@ -50,7 +46,7 @@ def ros2_control_files(file: str, robot: Robot) -> dict[str, bytes]:
     """
     if not robot.is_walker:
         raise ValueError(f'{printable(file)} is refused: --ros2-control needs a walker')
-    made = {
+    files = {
         MODEL: robot_mjcf(robot),
         ROBOT: urdf(robot),
         SIMULATED: cranks_urdf(robot, simulated=True),
@@ -61,8 +57,8 @@ def ros2_control_files(file: str, robot: Robot) -> dict[str, bytes]:
     }
     with suppress(ValueError):
         # Nav2 needs a walker that can turn.
-        made[NAV2] = nav2_parameters(robot)
-    return {name: text.encode() for name, text in made.items()}
+        files[NAV2] = nav2_parameters(robot)
+    return {name: text.encode() for name, text in files.items()}
 
 
 def controllers(robot: Robot, *, has_imu: bool) -> str:
@@ -88,8 +84,8 @@ def cranks_urdf(robot: Robot, *, simulated: bool) -> str:
         position = filled('position', start=repr(start_angle(robot.on_joint(joint))))
         axles += filled('axle', joint=name)
         joints += filled('joint', joint=name, position=position)
-    parts = {'axles': axles, 'joints': joints, 'plugin': texts['plugin']}
-    return filled('cranks', name=_comment(robot.name), sensor=texts['sensor'], **parts)
+    sections = {'axles': axles, 'joints': joints, 'plugin': texts['plugin']}
+    return filled('cranks', name=_comment(robot.name), sensor=texts['sensor'], **sections)
 
 
 def _comment(text: str) -> str:
@@ -100,10 +96,8 @@ def _comment(text: str) -> str:
 def _walker(file: str, robot: Robot) -> str:
     """Return the parameters of a robot's file, with the text of its linkages for their files."""
     parameters = solver_section(parse_file(file))
-    given = {k: v for k, v in parameters.items() if k.rpartition('.')[2] != 'linkage'}
-    texts = {
-        f'{leg.prefix}linkage_description'.replace('/', '.'): leg.description
-        for leg in robot.legs
-        if leg.description
-    }
-    return parameter_file({'/**': {**given, **texts}})
+    parameters = {k: v for k, v in parameters.items() if k.rpartition('.')[2] != 'linkage'}
+    for leg in robot.legs:
+        if leg.description:
+            parameters[f'{leg.prefix}linkage_description'.replace('/', '.')] = leg.description
+    return parameter_file({'/**': parameters})

@@ -25,13 +25,13 @@ class SlideLine(NamedTuple):
     name: str  # of the sliding body
     origin: complex  # distance 0 in the line's body [m]
     direction: complex
-    least: float  # distance [m]
-    greatest: float
+    min_distance: float  # [m]
+    max_distance: float
 
     def ends(self, pins: Sequence[float]) -> tuple[complex, complex]:
         """Return the ends of a slot for pins at distances from the body's first point [m]."""
-        start = self.origin + (self.least + min(pins)) * self.direction
-        return start, self.origin + (self.greatest + max(pins)) * self.direction
+        start = self.origin + (self.min_distance + min(pins)) * self.direction
+        return start, self.origin + (self.max_distance + max(pins)) * self.direction
 
 
 def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
@@ -42,20 +42,26 @@ def travel(linkage: Linkage) -> dict[int, tuple[float, float]]:
     x = linkage_poses(linkage, crank_angles(linkage, TRAVEL_SAMPLES), angles=True).angles
     if x is None or not np.isfinite(x).any():
         raise ExportError('the crank reaches no angle: nothing slides anywhere')
-    sliding = [j for j, body in enumerate(structure.bodies) if body.slides]
-    return {j: (float(np.nanmin(x[:, j - 1])), float(np.nanmax(x[:, j - 1]))) for j in sliding}
+    ranges = {}
+    for j, body in enumerate(structure.bodies):
+        if body.slides:
+            ranges[j] = float(np.nanmin(x[:, j - 1])), float(np.nanmax(x[:, j - 1]))
+    return ranges
 
 
 def slide_lines(linkage: Linkage) -> Iterator[SlideLine]:
     """Yield the lines that bodies slide along."""
-    structure, places = linkage.structure, body_points(linkage.structure, linkage.bars)
-    pivots = dict(zip(structure.pivots, map(complex, linkage.pivots), strict=True))
-    for j, (least, greatest) in travel(linkage).items():
-        body, along = structure.bodies[j], structure.along[j]
-        on, start = FIXED if along is None else along, body.bars[0].start
-        origin = pivots[start] if on == FIXED else places[on, start]
+    structure = linkage.structure
+    places = body_points(structure, linkage.bars)
+    for name, pivot in zip(structure.pivots, linkage.pivots, strict=True):
+        places[FIXED, name] = complex(pivot)
+    for j, (min_distance, max_distance) in travel(linkage).items():
+        body = structure.bodies[j]
+        along = structure.along[j]
+        on = FIXED if along is None else along
+        origin = places[on, body.bars[0].start]
         direction = complex(linkage.bars[structure.line_of[j]])
-        yield SlideLine(j, on, body.angle, origin, direction, least, greatest)
+        yield SlideLine(j, on, body.angle, origin, direction, min_distance, max_distance)
 
 
 def crank_angles(linkage: Linkage, count: int) -> FloatArray:
@@ -66,10 +72,11 @@ def crank_angles(linkage: Linkage, count: int) -> FloatArray:
     bodies move with the square root of the angle.
     """
     arcs = _arcs(linkage)
-    part = np.linspace(0.0, 1.0, count)
+    shares = np.linspace(0.0, 1.0, count)
     if arcs != ((0.0, TURN),):
-        part = (1.0 - np.cos(np.pi * part)) / 2.0
-    return np.concatenate([np.empty(0), *(a + (b - a) * part for a, b in arcs)])
+        shares = (1.0 - np.cos(np.pi * shares)) / 2.0
+    angles = [start + (end - start) * shares for start, end in arcs]
+    return np.concatenate([np.empty(0), *angles])
 
 
 # With sliding bodies the search takes some tenths of a second.

@@ -65,18 +65,18 @@ def urdf(
         A linkage reaches no angle.
 
     """
-    taken = {*robot.joint_names(joint_separator)}
+    joints = {*robot.joint_names(joint_separator)}
     root = Element('robot', name=printable(robot.name))
     materials = dict(LINK_COLOURS)
     for leg in robot.legs:
         for j in range(len(leg.linkage.structure.bodies)):
-            red, green, blue = (part / 255 for part in bytes.fromhex(colour_of(j)[1:]))
+            red, green, blue = (byte / 255 for byte in bytes.fromhex(colour_of(j)[1:]))
             materials[f'klann_{j}'] = f'{red:.3f} {green:.3f} {blue:.3f} 1'
     for name, colour in materials.items():
         SubElement(SubElement(root, 'material', name=name), 'color', rgba=colour)
     SubElement(root, 'link', name=base_frame)
     for leg in robot.legs:
-        writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, taken)
+        writer = _LegWriter(root, leg, frame_prefix + leg.prefix, joint_separator, joints)
         writer.write(base_frame, frame_id)
     indent(root)
     return URDF_HEADER + tostring(root, encoding='unicode') + '\n'
@@ -86,23 +86,25 @@ class _LegWriter:
     """Writes the links and joints of one leg."""
 
     def __init__(
-        self, root: Element, leg: RobotLeg, links: str, separator: str, taken: set[str]
+        self, root: Element, leg: RobotLeg, prefix: str, separator: str, joints: set[str]
     ) -> None:
-        self._root, self._leg, self._links = root, leg, links
+        self._root = root
+        self._leg = leg
+        self._prefix = prefix  # of the names of links
         self._separator = separator
-        self._linkage, self._structure = leg.linkage, leg.linkage.structure
-        self._places = body_points(leg.linkage.structure, leg.linkage.bars)
-        self._travel = travel(leg.linkage)
-        self._width = BAR_WIDTH * max(
-            (abs(bar) for n, bar in enumerate(map(complex, leg.linkage.bars))
-             if n not in self._structure.lines),
-            default=leg.linkage.size,
-        )  # fmt: skip
+        self._linkage = leg.linkage
+        self._structure = leg.linkage.structure
+        bars = list(map(complex, leg.linkage.bars))
+        lengths = [abs(bar) for n, bar in enumerate(bars) if n not in self._structure.lines]
+        # The width of bars [m].
+        self._width = BAR_WIDTH * max(lengths, default=leg.linkage.size)
+        # Places of points by body, and links without the body's rotation there.
         self._points: dict[tuple[int, str], Place] = {}
-        self._backs: dict[tuple[int, str], str] = {}
-        self._numbers = {(j, bar): n for n, (j, bar) in enumerate(self._structure.bars)}
-        # Of all legs: a fixed joint must not have the name of another leg's published joint.
-        self._joints = taken
+        self._unrotated_links: dict[tuple[int, str], str] = {}
+        # Each bar as a complex number in its body [m].
+        self._bar_vectors = dict(zip(self._structure.bars, bars, strict=True))
+        # Names of joints of all legs: a fixed joint must not have the name of a published one.
+        self._joints = joints
         self._frames: set[str] = set()
 
     def write(self, base_frame: str, frame_id: str) -> None:
@@ -112,21 +114,24 @@ class _LegWriter:
         foot = self._new_frame(structure.foot.lower())
         self._joint(self._new_joint('mount'), 'fixed', base_frame, plane, mount.xyz, mount.rpy)
         self._ground(self._link(plane))
-        for name, at in zip(structure.pivots, self._linkage.pivots, strict=True):
-            self._points[FIXED, name] = Place(plane, complex(at), 0.0)
+        for name, pivot in zip(structure.pivots, self._linkage.pivots, strict=True):
+            self._points[FIXED, name] = Place(plane, complex(pivot), 0.0)
+        travels = travel(self._linkage)
         for j, parent, point in spanning_tree(self._linkage)[0]:
             line = structure.bodies[j].line
             if line is None:
                 self._rotating(j, parent, point)
             else:
-                self._sliding(j, line, self._points[parent, line.start])
+                self._sliding(j, line, self._points[parent, line.start], travels[j])
         carried = self._points[structure.first_owner(structure.foot), structure.foot]
         self._fixed('foot', carried, foot, 0.0)
         self._sphere(self._link(foot), 0j, 0, 1.5)
 
     def _rotating(self, j: int, owner: int, point: str) -> None:
-        body, on = self._structure.bodies[j], self._points[owner, point]
-        first, frame = body.bars[0], FIXED if owner == FIXED else self._structure.frames[owner]
+        body = self._structure.bodies[j]
+        first = body.bars[0]
+        on = self._points[owner, point]
+        frame = FIXED if owner == FIXED else self._structure.frames[owner]
         if frame != FIXED:
             on = Place(self._unrotated(owner, point, frame), 0j, 0.0)
         link = self._new_frame(_name(first.start, first.end))
@@ -134,7 +139,8 @@ class _LegWriter:
         self._moving(j, 'continuous', on, child, (0.0, 0.0, float(body.sense)))
         if child != link:
             self._link(child)
-            self._fixed('bend', Place(child, -self._places[j, point], 0.0), link, 0.0)
+            offset = body_points(self._structure, self._linkage.bars)[j, point]
+            self._fixed('bend', Place(child, -offset, 0.0), link, 0.0)
         element = self._link(link)
         self._bar(element, j, self._length(j, first))
         self._points[j, first.start] = Place(link, 0j, 0.0)
@@ -143,30 +149,28 @@ class _LegWriter:
 
     def _unrotated(self, owner: int, point: str, frame: int) -> str:
         """Return the link at a point of a body without the body's rotation."""
-        if (owner, point) not in self._backs:
+        if (owner, point) not in self._unrotated_links:
             body = self._structure.bodies[frame]
             link = self._new_frame(point.lower())
             name = self._new_joint(f'{body.angle}_back')
             axis = 0.0, 0.0, float(body.sense)
-            joint = self._joined(name, 'continuous', self._points[owner, point], link, axis)
+            joint = self._moving_joint(name, 'continuous', self._points[owner, point], link, axis)
             mimicked = self._leg.joint_name(body.angle, self._separator)
             SubElement(joint, 'mimic', joint=mimicked, multiplier='-1', offset='0')
             self._link(link)
-            self._backs[owner, point] = link
-        return self._backs[owner, point]
+            self._unrotated_links[owner, point] = link
+        return self._unrotated_links[owner, point]
 
-    def _sliding(self, j: int, line: Bar, on: Place) -> None:
+    def _sliding(self, j: int, line: Bar, on: Place, stroke: tuple[float, float]) -> None:
         body = self._structure.bodies[j]
         direction = complex(self._linkage.bars[self._structure.line_of[j]])
-        least, greatest = self._travel[j]
+        low, high = stroke
         link = self._new_frame(body.angle.lower())
         axis = direction.real, direction.imag, 0.0
         joint = self._moving(j, 'prismatic', on, link, axis)
-        beyond = 0.05 * (greatest - least) + self._width
-        SubElement(
-            joint, 'limit', lower=_number(least - beyond), upper=_number(greatest + beyond),
-            effort='1000', velocity='1000',
-        )  # fmt: skip
+        margin = 0.05 * (high - low) + self._width
+        limits = {'lower': _number(low - margin), 'upper': _number(high + margin)}
+        SubElement(joint, 'limit', limits, effort='1000', velocity='1000')
         size = SLIDER_LENGTH * self._width, self._width, self._width / 2.0
         self._box(self._link(link), 0j, phase(direction), j % LAYERS, size, f'klann_{j}')
         self._points[j, line.end] = Place(link, 0j, 0.0)
@@ -176,7 +180,7 @@ class _LegWriter:
         """Write bars of a written body, each bent from its start."""
         for bar in bars:
             begin = self._points[j, bar.start]
-            bend = phase(complex(self._linkage.bars[self._numbers[j, bar]]))
+            bend = phase(self._bar_vectors[j, bar])
             link = self._new_frame(_name(bar.start, bar.end))
             self._fixed(f'bend_{bar.start.lower()}', begin, link, bend)
             length = self._length(j, bar)
@@ -184,10 +188,10 @@ class _LegWriter:
             self._points[j, bar.end] = Place(link, complex(length), bend)
 
     def _length(self, j: int, bar: Bar) -> float:
-        return abs(complex(self._linkage.bars[self._numbers[j, bar]]))
+        return abs(self._bar_vectors[j, bar])
 
     def _new_frame(self, name: str) -> str:
-        return self._links + _new(name, self._frames)
+        return self._prefix + _new(name, self._frames)
 
     def _new_joint(self, name: str) -> str:
         return _new(self._leg.joint_name(name, self._separator), self._joints)
@@ -212,22 +216,22 @@ class _LegWriter:
 
     def _moving(self, j: int, kind: str, on: Place, child: str, axis: Triple) -> Element:
         name = self._leg.joint_name(self._structure.bodies[j].angle, self._separator)
-        return self._joined(name, kind, on, child, axis)
+        return self._moving_joint(name, kind, on, child, axis)
 
-    def _joined(self, name: str, kind: str, on: Place, child: str, axis: Triple) -> Element:
-        xyz, rpy = (on.at.real, on.at.imag, 0.0), (0.0, 0.0, -on.bend)
-        joint = self._joint(name, kind, on.link, child, xyz, rpy)
+    def _moving_joint(self, name: str, kind: str, on: Place, child: str, axis: Triple) -> Element:
+        xyz = on.at.real, on.at.imag, 0.0
+        joint = self._joint(name, kind, on.link, child, xyz, (0.0, 0.0, -on.bend))
         SubElement(joint, 'axis', xyz=_numbers(axis))
         return joint
 
     def _ground(self, plane: Element) -> None:
-        pivots = [complex(at) for at in self._linkage.pivots]
-        for n, at in enumerate(pivots):
-            side = pivots[n - 1] - at
+        pivots = list(map(complex, self._linkage.pivots))
+        for n, pivot in enumerate(pivots):
+            side = pivots[n - 1] - pivot
             if n or len(pivots) > 2:
                 size = abs(side), self._width, self._width / 2.0
-                self._box(plane, at + side / 2.0, phase(side), -1, size, FRAME)
-            self._sphere(plane, at, -1, 1.0)
+                self._box(plane, pivot + side / 2.0, phase(side), -1, size, FRAME)
+            self._sphere(plane, pivot, -1, 1.0)
 
     def _bar(self, link: Element, j: int, length: float) -> None:
         size = length, self._width, self._width / 2.0
@@ -235,42 +239,42 @@ class _LegWriter:
         self._sphere(link, 0j, j % LAYERS, 1.0)
 
     def _box(  # noqa: PLR0917 - the attributes of a box
-        self, link: Element, at: complex, turn: float, layer: int, size: Triple, material: str
+        self, link: Element, centre: complex, turn: float, layer: int, size: Triple, material: str
     ) -> None:
-        visual = self._visual(link, at, turn, layer)
+        visual = self._visual(link, centre, turn, layer)
         SubElement(SubElement(visual, 'geometry'), 'box', size=_numbers(size))
         SubElement(visual, 'material', name=material)
 
-    def _sphere(self, link: Element, at: complex, layer: int, size: float) -> None:
-        visual = self._visual(link, at, 0.0, layer)
+    def _sphere(self, link: Element, centre: complex, layer: int, size: float) -> None:
+        visual = self._visual(link, centre, 0.0, layer)
         radius = _number(0.6 * size * self._width)
         SubElement(SubElement(visual, 'geometry'), 'sphere', radius=radius)
         SubElement(visual, 'material', name=PIN)
 
-    def _visual(self, link: Element, at: complex, turn: float, layer: int) -> Element:
+    def _visual(self, link: Element, centre: complex, turn: float, layer: int) -> Element:
         visual = SubElement(link, 'visual')
-        xyz = at.real, at.imag, layer * self._width / 2.0
+        xyz = centre.real, centre.imag, layer * self._width / 2.0
         SubElement(visual, 'origin', xyz=_numbers(xyz), rpy=_numbers((0.0, 0.0, turn)))
         return visual
 
 
 def _name(start: str, end: str) -> str:
     """Return the link's name of a bar: 'ab', or 'a_b2' for points with long names."""
-    between = '_' if len(start) > 1 or len(end) > 1 else ''
-    return f'{start}{between}{end}'.lower()
+    separator = '_' if len(start) > 1 or len(end) > 1 else ''
+    return f'{start}{separator}{end}'.lower()
 
 
-def _new(name: str, taken: set[str]) -> str:
+def _new(name: str, names: set[str]) -> str:
     """Return an unused name, and mark it as used."""
-    while name in taken:
+    while name in names:
         name += '_'
-    taken.add(name)
+    names.add(name)
     return name
 
 
-def _numbers(values: tuple[float, ...]) -> str:
-    return ' '.join(map(_number, values))
+def _numbers(vector: tuple[float, ...]) -> str:
+    return ' '.join(map(_number, vector))
 
 
-def _number(value: float) -> str:
-    return repr(float(value) + 0.0)
+def _number(number: float) -> str:
+    return repr(float(number) + 0.0)
