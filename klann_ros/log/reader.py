@@ -10,13 +10,15 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from contextlib import AbstractContextManager
 import hashlib
 import heapq
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 
 from . import run_parameters
 from .errors import AnyPath
 from .read.block import MessageBlock
 from .read.opening import open_files
-from .read.storage import Source, Storage, Topics
+from .read.storage import Source, spanned_time, Storage, Topics
 from .records import Attachment, Message
 
 # Messages that are kept beside the wanted number while the last ones are searched.
@@ -49,35 +51,35 @@ class Log(AbstractContextManager['Log']):
         self._problems = problems
         self.paths = tuple(file.path for file in files)
         overviews = [overview for _, overview in self._files]
-        times = [overview.times for overview in overviews if overview.times is not None]
-        self.start_time = min((start for start, _ in times), default=0)
-        self.end_time = max((end for _, end in times), default=0)
-        self.topics = tuple(dict.fromkeys(topic for item in overviews for topic in item.topics))
-        self._sources = [
-            source for file, overview in self._files for source in file.sources(overview)
-        ]
+        times = spanned_time(overview.times for overview in overviews)
+        self.start_time, self.end_time = times or (0, 0)
+        self.topics = tuple(dict.fromkeys(chain(*(overview.topics for overview in overviews))))
+        self._sources: list[Source] = []
         self.metadata: dict[str, list[dict[str, str]]] = {}
         # The first file with each record: a file does not repeat itself.
-        first: dict[Hashable, Path] = {}
+        first_files: dict[Hashable, Path] = {}
         for file, overview in self._files:
+            self._sources.extend(file.sources(overview))
             for record in map(file.metadata_at, overview.metadata):
                 if record is not None:
                     name, content = record
                     key = name, tuple(sorted(content.items()))
-                    if first.setdefault(key, file.path) == file.path:
+                    if first_files.setdefault(key, file.path) == file.path:
                         self.metadata.setdefault(name, []).append(content)
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Return the faults of the log, one line each; reading may find more."""
-        found = (line for file, _ in self._files for line in file.problems.lines(file.name))
-        return (*self._problems, *found)
+        problems = list(self._problems)
+        for file, _ in self._files:
+            problems += file.problems.lines(file.name)
+        return tuple(problems)
 
     @property
     def problem(self) -> str:
         """Return the first problem and the number of further ones; '' without any."""
-        first, *more = self.problems or ('',)
-        return f'{first} (and {len(more)} more)' if more else first
+        first, *further = self.problems or ('',)
+        return f'{first} (and {len(further)} more)' if further else first
 
     @property
     def solvers(self) -> list[run_parameters.SolverParameters]:
@@ -110,13 +112,14 @@ class Log(AbstractContextManager['Log']):
 
     def each_attachment(self) -> Iterator[Attachment]:
         """Yield the attachments, as in `attachments`, with one at a time in memory."""
-        first: dict[Hashable, Path] = {}
+        first_files: dict[Hashable, Path] = {}
         for file, overview in self._files:
-            for found in map(file.attachment_at, overview.attachments):
-                if found is not None:
-                    key = found.name, found.media_type, hashlib.sha256(found.data).digest()
-                    if first.setdefault(key, file.path) == file.path:
-                        yield found
+            for attachment in map(file.attachment_at, overview.attachments):
+                if attachment is not None:
+                    digest = hashlib.sha256(attachment.data).digest()
+                    key = attachment.name, attachment.media_type, digest
+                    if first_files.setdefault(key, file.path) == file.path:
+                        yield attachment
 
     def messages(
         self,
@@ -141,14 +144,14 @@ class Log(AbstractContextManager['Log']):
             as far as an index names their times.
 
         """
-        wanted = None if topics is None else frozenset(topics)
+        names = None if topics is None else frozenset(topics)
         if start is None and end is None:
-            return _merged(self._sources, wanted)
+            return _merged(self._sources, names)
         first = self.start_time if start is None else start
         last = self.end_time if end is None else end
-        within = [s for s in self._sources if s.end >= first and s.start <= last]
-        found = _merged(within, wanted)
-        return (message for message in found if first <= message.log_time <= last)
+        sources = [s for s in self._sources if s.end >= first and s.start <= last]
+        messages = _merged(sources, names)
+        return (message for message in messages if first <= message.log_time <= last)
 
     def latest(self, counts: Mapping[str, int], before: int) -> list[Message]:
         """
@@ -174,14 +177,14 @@ class Log(AbstractContextManager['Log']):
             Called for each block with the part of the log before it, from 0 to 1.
 
         """
-        whole = sum(file.size for file, _ in self._files) or 1
-        before = 0
+        total_size = sum(file.size for file, _ in self._files) or 1
+        file_offset = 0
         for file, _ in self._files:
             for offset, block in file.blocks():
                 if progress is not None:
-                    progress((before + offset) / whole)
+                    progress((file_offset + offset) / total_size)
                 yield block
-            before += file.size
+            file_offset += file.size
 
     def close(self) -> None:
         """Remove the unpacked copies; returned data stay valid."""
@@ -202,8 +205,8 @@ def open_log(path: AnyPath) -> Log:
         The path does not exist, or nothing of it can be read.
 
     """
-    files, found = open_files(path)
-    return Log(Path(path), files, found.missing + found.remarks)
+    files, log_files = open_files(path)
+    return Log(Path(path), files, log_files.missing + log_files.remarks)
 
 
 def _merged(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:
@@ -217,35 +220,35 @@ def _merged(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:
         else:
             _, number, message, messages = heapq.heappop(started)
             yield message
-        following = next(messages, None)
-        if following is not None:
-            heapq.heappush(started, (following.log_time, number, following, messages))
+        next_message = next(messages, None)
+        if next_message is not None:
+            heapq.heappush(started, (next_message.log_time, number, next_message, messages))
 
 
-def _latest(sources: Sequence[Source], counts: Mapping[str, int], before: int) -> list[Message]:
+def _latest(sources: Sequence[Source], counts: Mapping[str, int], end_time: int) -> list[Message]:
     """Read sources backwards from a time until no earlier one can hold a wanted message."""
-    found: dict[str, list[Message]] = {name: [] for name in counts}
-    earlier = (source for source in sources if source.start < before)
-    for source in sorted(earlier, key=lambda source: source.end, reverse=True):
-        missing = {
+    latest: dict[str, list[Message]] = {name: [] for name in counts}
+    earlier = (source for source in sources if source.start < end_time)
+    for source in sorted(earlier, key=attrgetter('end'), reverse=True):
+        incomplete = {
             name
-            for name, messages in found.items()
+            for name, messages in latest.items()
             if len(messages) < counts[name] or messages[0].log_time <= source.end
         }
-        if not missing:
+        if not incomplete:
             break
-        for message in source.read(missing):
+        for message in source.read(incomplete):
             name = message.topic.name
-            if message.log_time < before:
-                found[name].append(message)
+            if message.log_time < end_time:
+                latest[name].append(message)
                 # A file without an index may have any number of messages.
-                if len(found[name]) > 2 * counts[name] + _SLACK:
-                    found[name] = _last(found[name], counts[name])
-        for name in missing:
-            found[name] = _last(found[name], counts[name])
-    return _last([one for messages in found.values() for one in messages], sum(counts.values()))
+                if len(latest[name]) > 2 * counts[name] + _SLACK:
+                    latest[name] = _last(latest[name], counts[name])
+        for name in incomplete:
+            latest[name] = _last(latest[name], counts[name])
+    return _last(list(chain(*latest.values())), sum(counts.values()))
 
 
 def _last(messages: list[Message], count: int) -> list[Message]:
     first = max(0, len(messages) - count)
-    return sorted(messages, key=lambda message: message.log_time)[first:]
+    return sorted(messages, key=attrgetter('log_time'))[first:]

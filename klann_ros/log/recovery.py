@@ -73,19 +73,19 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
         The disk refused.
 
     """
-    files, found = open_files(log)
+    files, log_files = open_files(log)
     check_output(log, output)
-    recovery = Recovery(lost=found.missing, remarks=found.remarks)
+    recovery = Recovery(lost=log_files.missing, remarks=log_files.remarks)
     writer = RunWriter(output)
     try:
         with writer, Log(Path(log), files, []) as source:
             _copy(source, writer, recovery)
         for file in files:
-            recovery.lost += file.problems.lines(file.name, others=False)
+            recovery.lost += file.problems.lines(file.name, losses=True)
             recovery.remarks += file.problems.lines(file.name, losses=False)
             recovery.remarks += [f'{file.name}: {remark}' for remark in file.remarks]
         recovery.counts = writer.counts
-        _check_found(log, files, recovery)
+        _check_content(log, files, recovery)
     except BaseException:
         # Half a recovery looks like a whole run.
         writer.discard()
@@ -104,8 +104,8 @@ def _copy(source: Log, writer: RunWriter, recovery: Recovery) -> None:
                 topic = topics[message.topic] = _writable(message.topic, qos, recovery)
             writer.write(message if topic is message.topic else replace(message, topic=topic))
             recovery.messages += 1
-    for item in source.each_attachment():
-        writer.attach(item.name, item.media_type, item.data, item.log_time, item.create_time)
+    for file in source.each_attachment():
+        writer.attach(file.name, file.media_type, file.data, file.log_time, file.create_time)
         recovery.attachments += 1
     for name, records in source.metadata.items():
         # The writer adds rosbag2's own.
@@ -132,9 +132,10 @@ def check_output(log: AnyPath, output: AnyPath) -> None:
         )
 
 
-def _check_found(log: AnyPath, files: list[Storage], recovery: Recovery) -> None:
-    found = recovery.messages or recovery.attachments or recovery.metadata
-    whole = all(file.closed for file in files) and not recovery.lost
-    if not found and not whole:
+def _check_content(log: AnyPath, files: list[Storage], recovery: Recovery) -> None:
+    """Raise a NotALogError if nothing of a damaged log was recovered."""
+    has_content = recovery.messages or recovery.attachments or recovery.metadata
+    is_whole = all(file.closed for file in files) and not recovery.lost
+    if not has_content and not is_whole:
         reason = '; '.join(recovery.lost[-3:]) or 'it ends before its first message'
         raise NotALogError(log, f'nothing can be recovered: {reason}')

@@ -6,26 +6,24 @@ Work spent on undecodable bytes is bounded: see
 """
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 import struct
 import sys
 
 from klann_ros.log.errors import DamagedError
+from klann_ros.log.read.block import HEAD, MessageBlock
+from klann_ros.log.records import Topic
 from mcap.opcode import Opcode
 from mcap.records import Chunk
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .decompression import decompress, DecompressionBudget, DecompressionError
-from .records import (
-    DEFINITIONS,
-    min_size,
-    parse,
-    RECORD_HEAD,
-    without_unknown_fields,
-)
+from .records import DEFINITIONS, min_size, parse, RECORD_HEAD, without_unknown_fields
 
-# Of the fields before a message's data [bytes].
+# Size of the fields before a message's data [bytes].
 _MESSAGE_SIZE = min_size(Opcode.MESSAGE)
 
 # Messages behind a row of them that make it sound.
@@ -47,7 +45,7 @@ class Content:
     definition_starts: 'array[int]'
     # Whether a CRC matched.
     verified: bool
-    # Why the rest of the bytes could not be read; '' if all could.
+    # Why the remaining bytes could not be read; '' if all could.
     broken: str = ''
     # Cost of the bytes that are no messages, as the budget counts them.
     wasted: int = 0
@@ -66,11 +64,21 @@ class Content:
             end = start + length
             yield opcode, without_unknown_fields(opcode, self.data[start:end].tobytes())
 
+    def block(self, topics: Mapping[int, Topic]) -> MessageBlock:
+        """Return the messages as arrays, with the topics of known channels."""
+        if not len(self):
+            no_starts = np.empty(0, dtype=np.int64)
+            return MessageBlock(self.data, np.empty(0, HEAD), no_starts, topics)
+        starts = np.frombuffer(self.starts, dtype=np.uint64).astype(np.int64)
+        windows = sliding_window_view(np.frombuffer(self.data, np.uint8), HEAD.itemsize)
+        heads = windows[starts].view(HEAD)[:, 0]
+        return MessageBlock(self.data, heads, starts + HEAD.itemsize, topics)
+
 
 def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Content:
     """Return the content of a chunk record; the offset is for the error's message."""
     chunk = parse(Chunk, record, offset)
-    packed = len(chunk.data)
+    packed_size = len(chunk.data)
     try:
         data = decompress(
             chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc, budget
@@ -78,8 +86,8 @@ def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Co
     except DecompressionError as error:
         raise DamagedError(str(error), offset, Opcode.CHUNK) from None
     verified = chunk.uncompressed_crc != 0
-    content = content_of(data, verified=verified, allowed=budget.allowed(packed))
-    budget.charge(content.wasted, packed)
+    content = content_of(data, verified=verified, allowed=budget.allowed(packed_size))
+    budget.charge(content.wasted, packed_size)
     return content
 
 
@@ -90,10 +98,13 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
     `verified` says whether a CRC matched, `allowed` is the maximum cost of the bytes that are no
     messages.
     """
-    starts, definitions = array('Q'), array('Q')
-    position, size, broken, others, unknown = 0, len(data), '', 0, 0
+    starts = array('Q')
+    definitions = array('Q')
+    size = len(data)
+    position = cost = unknown = 0
+    broken = ''
     while position < size:
-        position = _behind_messages(data, position, starts)
+        position = _append_messages(data, position, starts)
         if position == size:
             break
         start = position + RECORD_HEAD.size
@@ -111,8 +122,8 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
         if not opcode:
             broken = 'what stands in it is no record'
             break
-        others += length + (_DEFINITION_COST if opcode in DEFINITIONS else _RECORD_COST)
-        if others > allowed + _MESSAGE_CREDIT * len(starts):
+        cost += length + (_DEFINITION_COST if opcode in DEFINITIONS else _RECORD_COST)
+        if cost > allowed + _MESSAGE_CREDIT * len(starts):
             broken = 'there are more records in it that are no messages than a file may have'
             break
         if opcode in DEFINITIONS:
@@ -120,22 +131,26 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
         else:
             unknown += 1
         position = end
-    wasted = max(0, others - _MESSAGE_CREDIT * len(starts)) + size - position
+    wasted = max(0, cost - _MESSAGE_CREDIT * len(starts)) + size - position
     return Content(memoryview(data), starts, definitions, verified, broken, wasted, unknown)
 
 
-def _behind_messages(data: bytes | bytearray, position: int, starts: 'array[int]') -> int:
+def _append_messages(data: bytes | bytearray, position: int, starts: 'array[int]') -> int:
     """Append the offsets of consecutive messages; return the end of the last one."""
     # The inner loop of reading a log.
-    unpack, found = RECORD_HEAD.unpack_from, starts.append
-    size, head, least, message = len(data), RECORD_HEAD.size, _MESSAGE_SIZE, int(Opcode.MESSAGE)
+    unpack = RECORD_HEAD.unpack_from
+    append = starts.append
+    data_size = len(data)
+    head_size = RECORD_HEAD.size
+    min_length = _MESSAGE_SIZE
+    message = int(Opcode.MESSAGE)
     with suppress(struct.error):
         while True:
-            kind, length = unpack(data, position)
-            end = position + head + length
-            if kind != message or length < least or end > size:
+            opcode, length = unpack(data, position)
+            end = position + head_size + length
+            if opcode != message or length < min_length or end > data_size:
                 break
-            found(position)
+            append(position)
             position = end
     return position
 
@@ -155,7 +170,7 @@ def row_of_messages(data: bytes) -> tuple[Content, int]:
     itself takes twenty times as long.
     """
     starts = array('Q')
-    _behind_messages(data, 0, starts)
+    _append_messages(data, 0, starts)
     row = starts[: max(0, len(starts) - _FOLLOWING)]
     end = starts[len(row)] if row else 0
     return Content(memoryview(data)[:end], row, array('Q'), verified=False), end

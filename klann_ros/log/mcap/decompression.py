@@ -17,9 +17,23 @@ from pathlib import Path
 from typing import TypeAlias
 import zlib
 
-from klann_ros.log.browser import lz4_frame, resource, zstandard
 from klann_ros.log.errors import REFUSED
 from klann_ros.sanitize.text import printable
+
+# The Python of a browser (Pyodide) lacks these: without `resource` no limit is known, and without
+# `lz4` or `zstandard` only uncompressed chunks are read.
+try:
+    import resource
+except ImportError:
+    resource = None  # type: ignore[assignment]
+try:
+    from lz4 import frame as lz4_frame  # type: ignore[import-untyped] # lz4 has no types
+except ImportError:
+    lz4_frame = None
+try:
+    import zstandard
+except ImportError:
+    zstandard = None  # type: ignore[assignment]
 
 Bytes: TypeAlias = bytes | bytearray
 _Decompressor: TypeAlias = Callable[[Bytes, int], Iterator[bytes]]
@@ -123,22 +137,25 @@ def _checked(
     pieces: _Decompressor, data: Bytes, size: int, crc: int, limit: int
 ) -> Iterator[bytes]:
     """Yield the unpacked pieces; raise where they disagree with the declared size and CRC."""
-    done = found = 0
+    unpacked_size = 0
+    computed_crc = 0
     try:
         for piece in pieces(data, min(limit + 1, _PIECE_SIZE)):
-            done += len(piece)
-            if done > limit:
+            unpacked_size += len(piece)
+            if unpacked_size > limit:
                 _check_memory(size)
                 useless = limit < max(MIN_LIMIT, MAX_RATIO * len(data))
                 reason = f'its {len(data)} bytes unpack to more than {limit} bytes, the limit '
                 reason += 'behind too many useless bytes' if useless else 'without a proof'
-                raise DecompressionError(f'the chunk cannot be unpacked ({reason})', done)
+                text = f'the chunk cannot be unpacked ({reason})'
+                raise DecompressionError(text, unpacked_size)
             if crc:
-                found = zlib.crc32(piece, found)
+                computed_crc = zlib.crc32(piece, computed_crc)
             yield piece
     except (zstandard.ZstdError, RuntimeError) as error:
-        raise DecompressionError(f'the chunk cannot be unpacked ({error})', done) from None
-    _check(done, found, size, crc)
+        text = f'the chunk cannot be unpacked ({error})'
+        raise DecompressionError(text, unpacked_size) from None
+    _check(unpacked_size, computed_crc, size, crc)
 
 
 def _check(size: int, crc: int, declared_size: int, declared_crc: int) -> None:
@@ -184,16 +201,16 @@ def available_memory() -> int:
     The least of MemAvailable in /proc/meminfo, the limits of its control groups (versions 1 and
     2), and RLIMIT_AS.
     """
-    found = [2**40, *_group_memory()]
+    limits = [2**40, *_group_memory()]
     with suppress(OSError, ValueError, IndexError):
-        found.append(int(_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
+        limits.append(int(_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
     soft = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
     # RLIM_INFINITY is -1.
     if soft >= 0:
         with suppress(OSError, ValueError):
             pages = int(_text('/proc/self/statm').split()[0])
-            found.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))
-    return max(0, min(found))
+            limits.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))
+    return max(0, min(limits))
 
 
 def _group_memory() -> Iterator[int]:
@@ -202,10 +219,13 @@ def _group_memory() -> Iterator[int]:
         for line in _text('/proc/self/cgroup').splitlines():
             number, controllers, name = line.split(':', 2)
             if number == '0':
-                root, limit, usage = '/sys/fs/cgroup', 'memory.max', 'memory.current'
+                root = '/sys/fs/cgroup'
+                limit = 'memory.max'
+                usage = 'memory.current'
             elif 'memory' in controllers.split(','):
                 root = '/sys/fs/cgroup/memory'
-                limit, usage = 'memory.limit_in_bytes', 'memory.usage_in_bytes'
+                limit = 'memory.limit_in_bytes'
+                usage = 'memory.usage_in_bytes'
             else:
                 continue
             # A container may mount its own group as the root.
@@ -219,9 +239,9 @@ def _cache(folder: Path) -> int:
     """Return the file cache of a control group, which makes room for programs [bytes]."""
     with suppress(OSError, ValueError):
         for line in _text(folder / 'memory.stat').splitlines():
-            key, value = line.split()
+            key, size = line.split()
             if key == 'inactive_file':
-                return int(value)
+                return int(size)
     return 0
 
 
@@ -237,15 +257,17 @@ def _decompress_zstd(data: Bytes, size: int) -> Iterator[bytes]:
 
 def _decompress_lz4(data: Bytes, size: int) -> Iterator[bytes]:
     """Yield pieces of at most a size; input in pieces too, as the library copies the rest."""
-    frame, position = lz4_frame.LZ4FrameDecompressor(), 0
+    frame = lz4_frame.LZ4FrameDecompressor()
+    position = 0
     while not frame.eof:
-        given: Bytes = b''
+        packed: Bytes = b''
         if frame.needs_input:
             if position >= len(data):
                 raise RuntimeError('it is cut off')
             end = position + _PIECE_SIZE
-            given, position = data[position:end], end
-        yield frame.decompress(given, max_length=size)
+            packed = data[position:end]
+            position = end
+        yield frame.decompress(packed, max_length=size)
 
 
 _DECOMPRESSORS: dict[str, _Decompressor | None] = {'': None}

@@ -6,16 +6,15 @@ import os
 from pathlib import Path
 
 from klann_ros.log.errors import DamagedError
-from klann_ros.log.read.block import block_of
 from klann_ros.log.records import Message
 from klann_ros.sanitize.files import open_regular
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from .channels import Channels
 from .content import chunk_content, Content, message_content
 from .decompression import DecompressionBudget
 from .records import DEFINITIONS, is_known, MAGIC, min_size, parse, read, RECORD_HEAD, RecordSpan
+from .summary import Channels
 
 # Recorders write no longer records [bytes]; a larger length is damaged.
 _MAX_RECORD_SIZE = 256 * 1024 * 1024
@@ -28,11 +27,15 @@ class GrowingFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # Whether the end of its data was reached, and why nothing more can be read.
-        self.is_finished, self.problem = False, ''
+        # Whether the end of its data was reached.
+        self.is_finished = False
+        # Why nothing more can be read; '' while it can.
+        self.problem = ''
         self._file = open_regular(path)
+        # Offset of the next record [bytes].
         self._next = 0
-        self._channels, self._budget = Channels(), DecompressionBudget()
+        self._channels = Channels()
+        self._budget = DecompressionBudget()
 
     def close(self) -> None:
         """Close it."""
@@ -90,9 +93,12 @@ class GrowingFile:
             self.is_finished = True
 
     def _messages(self, content: Content) -> Iterator[Message]:
-        block = block_of(content, {})
-        found = {number: self._channels.topic(number) for number in block.channels}
-        known = {number: topic for number, topic in found.items() if topic is not None}
-        yield from replace(block, topics=known).messages()
+        block = content.block({})
+        topics = {}
+        for number in block.channels:
+            topic = self._channels.topic(number)
+            if topic is not None:
+                topics[number] = topic
+        yield from replace(block, topics=topics).messages()
         if content.broken:
             raise DamagedError(f'a chunk can be read in part only: {content.broken}', self._next)

@@ -11,23 +11,28 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeVar
 
 from klann_ros.log.errors import DamagedError, NotALogError
-from klann_ros.log.read.block import block_of, MessageBlock
-from klann_ros.log.read.storage import Overview, Problems, Source, Topics
-from klann_ros.log.read.temporary import TemporaryFile
+from klann_ros.log.read.block import MessageBlock
+from klann_ros.log.read.storage import (
+    Overview,
+    Problems,
+    Source,
+    spanned_time,
+    storage_name,
+    TemporaryFile,
+    Topics,
+)
 from klann_ros.log.records import Attachment, Message, Topic
 from klann_ros.sanitize.files import open_regular
-from klann_ros.sanitize.text import counted, printable, verb
+from klann_ros.sanitize.text import counted, verb
 from mcap.opcode import Opcode
 from mcap.records import Metadata
-import numpy as np
 
 from . import records
-from .channels import Channels
 from .content import chunk_content, Content, content_of
 from .decompression import DecompressionBudget, MAX_RATIO, MIN_LIMIT
 from .record_check import RecordCheck
 from .recovery import gaps, RecordScan
-from .summary import ContentCount, read_summary, Summary
+from .summary import Channels, ContentCount, read_summary, Summary
 
 Parsed = TypeVar('Parsed')
 
@@ -50,6 +55,13 @@ class _Part(NamedTuple):
     # The channels of the messages; none if unknown.
     channels: Collection[int] = ()
 
+    def extended(self, addition: '_Part') -> '_Part':
+        """Return the part with the messages behind it."""
+        start = min(self.start, addition.start)
+        end = max(self.end, addition.end)
+        self.spans.extend(addition.spans)
+        return _Part(self.size + addition.size, start, end, self.spans)
+
 
 @dataclass(frozen=True)
 class _Survey:
@@ -71,7 +83,7 @@ class McapStorage:
 
     def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
         self.path = path
-        self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
+        self.name = storage_name(path, unpacked)
         self._unpacked = unpacked
         self.problems = Problems()
         self.gaps: set[tuple[int, int]] = set()
@@ -84,7 +96,7 @@ class McapStorage:
         except OSError as error:
             raise NotALogError(path, error.strerror or str(error)) from None
         except DamagedError as damage:
-            self.note(damage.offset, f'the summary is damaged: {damage.reason}')
+            self.problems.note(damage.offset, f'the summary is damaged: {damage.reason}')
             self.summary = Summary()
 
     def _read_ends(self, file: BinaryIO) -> None:
@@ -98,19 +110,19 @@ class McapStorage:
         self.closed = footer is not None
         self._end = self.size if footer is None else footer.offset
         if footer is None:
-            self.note(self.size, 'it was not closed: there is no footer at its end')
+            self.problems.note(self.size, 'it was not closed: there is no footer at its end')
             return
         self.summary = read_summary(file, footer)
         if not self.summary.is_sound:
             text = 'the index is wrong: what it names is not one behind the other'
-            self.note(self.summary.start, text)
+            self.problems.note(self.summary.start, text)
             self.summary.discard_entries()
 
     def _check_start(self, start: bytes, file: BinaryIO) -> None:
         """Refuse a file that is no log; one with a damaged start has sound chunks in it."""
         check = RecordCheck(file, self.size, self._budget)
         if check.find_chunk(0, self.size) is not None:
-            self.note(0, 'its first bytes are not those of an MCAP file')
+            self.problems.note(0, 'its first bytes are not those of an MCAP file')
             return
         if not start:
             raise NotALogError(self.path, 'the file is empty')
@@ -132,69 +144,63 @@ class McapStorage:
         if self._unpacked is not None:
             self._unpacked.close()
 
-    def note(self, offset: int, text: str) -> None:
-        """Note a problem at an offset [bytes]."""
-        self.problems.note(offset, text)
-
     def scan(self, file: BinaryIO, channels: Channels | None = None) -> RecordScan:
         """Return a pass over the open file, which adds to the channels."""
         end = self.summary.start if self.summary.is_index else self._end
         return RecordScan(file, end, channels or Channels(), summary=self.summary)
 
     def _note_losses(self, scan: RecordScan) -> None:
-        for loss in scan.losses:
+        for loss in scan.report.losses:
             self.problems.note(loss.offset, str(loss), is_loss=True)
-        for problem in scan.problems:
-            self.note(problem.offset, problem.text)
+        for problem in scan.report.problems:
+            self.problems.note(problem.offset, problem.text)
         with self.open() as file:
-            self.gaps.update(gaps(file, scan.losses, self.summary.chunks))
+            self.gaps.update(gaps(file, scan.report.losses, self.summary.chunks))
 
     def overview(self) -> Overview:
         """Return the content by the index, or by a pass over the whole file."""
         summary = self.summary
-        if summary.is_index and summary.statistics is not None:
-            statistics = summary.statistics
-            times = (statistics.message_start_time, statistics.message_end_time)
-            return Overview(
-                list(summary.channels.topics().values()),
-                times if statistics.message_count else None,
-                summary.metadata,
-                summary.attachments,
-            )
-        return self._survey.overview
+        statistics = summary.statistics
+        if not summary.is_index or statistics is None:
+            return self._survey.overview
+        return Overview(
+            list(summary.channels.topics().values()),
+            (statistics.message_start_time, statistics.message_end_time)
+            if statistics.message_count
+            else None,
+            summary.metadata,
+            summary.attachments,
+        )
 
     @cached_property
     def _survey(self) -> _Survey:
         """Make a pass over the whole file: a channel record may follow its messages."""
         channels = self.summary.channels
         parts: list[_Part] = []
-        spans, start, end, size = array('Q'), 0, 0, 0
+        part = None
         with self.open() as file:
             scan = self.scan(file, channels)
             for span, content in scan.contents():
-                times = block_of(content, {}).heads['log_time']
-                if not len(times):
+                times = content.block({}).times
+                if times is None:
                     continue
-                first, last = int(times.min()), int(times.max())
-                start, end = (min(start, first), max(end, last)) if spans else (first, last)
-                spans.extend((span.opcode, span.offset, span.length))
-                size += len(content.data)
-                if size > _SMALL_CHUNK:
-                    parts.append(_Part(size, start, end, spans))
-                    spans, size = array('Q'), 0
+                place = array('Q', (span.opcode, span.offset, span.length))
+                addition = _Part(len(content.data), *times, place)
+                part = addition if part is None else part.extended(addition)
+                if part.size > _SMALL_CHUNK:
+                    parts.append(part)
+                    part = None
             self._note_losses(scan)
-        if spans:
-            parts.append(_Part(size, start, end, spans))
+        if part is not None:
+            parts.append(part)
         for text in channels.contradictions:
             self.problems.note_whole(text)
         topics = channels.topics()
         overview = Overview(
             list(topics.values()),
-            (min(part.start for part in parts), max(part.end for part in parts))
-            if parts
-            else None,
-            [span.offset for span in scan.metadata],
-            [span.offset for span in scan.attachments],
+            spanned_time([(part.start, part.end) for part in parts]),
+            [span.offset for span in scan.report.metadata],
+            [span.offset for span in scan.report.attachments],
         )
         return _Survey(overview, topics, parts)
 
@@ -233,55 +239,62 @@ class McapStorage:
         with self.open() as file:
             for _, content in self.scan(file).contents():
                 if len(content):
-                    return block_of(content, {}).message(0)
+                    return content.block({}).message(0)
         return b''
 
     def _parts(self) -> list[_Part]:
         if not self.summary.is_index:
             return self._survey.parts
-        head = records.RECORD_HEAD.size
-        return [
-            _Part(
-                chunk.uncompressed_size,
-                chunk.message_start_time,
-                chunk.message_end_time,
-                array('Q', (Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length - head)),
-                chunk.message_index_offsets,
+        head_size = records.RECORD_HEAD.size
+        parts = []
+        for chunk in self.summary.chunks:
+            length = chunk.chunk_length - head_size
+            parts.append(
+                _Part(
+                    chunk.uncompressed_size,
+                    chunk.message_start_time,
+                    chunk.message_end_time,
+                    array('Q', (Opcode.CHUNK, chunk.chunk_start_offset, length)),
+                    chunk.message_index_offsets,
+                )
             )
-            for chunk in self.summary.chunks
-        ]
+        return parts
 
     def sources(self, _: Overview) -> Iterator[Source]:
         """Yield the parts; all of them as one if too many overlap in time."""
         parts = self._parts()
         sources = [Source(part.start, part.end, partial(self._read, part)) for part in parts]
-        if _can_merge(parts, self.size):
+        times = spanned_time([(part.start, part.end) for part in parts])
+        if times is None or _can_merge(parts, self.size):
             yield from sources
         else:
-            times = min(part.start for part in parts), max(part.end for part in parts)
             yield Source(*times, lambda t: chain.from_iterable(s.read(t) for s in sources))
 
     def _by_time(self, offset: int, block: MessageBlock, names: Topics) -> Iterator[Message]:
         """Yield the messages of a chunk; unknown channels are noted as a problem."""
         for number in sorted(block.channels - self._topics.keys()):
-            self.note(offset, f'messages of channel {number}, which is not known')
+            self.problems.note(offset, f'messages of channel {number}, which is not known')
         return block.messages(names, by_time=True)
 
-    def _read(self, part: _Part, topics: Topics) -> Iterator[Message]:
+    def _read(self, part: _Part, names: Topics) -> Iterator[Message]:
         """Return the messages of a part ordered by log time, without its damaged places."""
-        if topics is not None and part.channels:
-            known = map(self._topics.get, part.channels)
-            if not any(topic is not None and topic.name in topics for topic in known):
+        if names is not None and part.channels:
+            topics = map(self._topics.get, part.channels)
+            if not any(topic is not None and topic.name in names for topic in topics):
                 return iter(())
-        rows = iter(part.spans)
+        numbers = iter(part.spans)
+        blocks: list[tuple[int, MessageBlock]] = []
         with self.open() as file:
-            places = [records.RecordSpan(*row) for row in zip(rows, rows, rows, strict=True)]
-            contents = [(span.offset, self._content_of(file, span)) for span in places]
-        blocks = [(offset, block_of(each, self._topics)) for offset, each in contents if each]
+            for opcode, offset, length in zip(numbers, numbers, numbers, strict=True):
+                content = self._content_of(file, records.RecordSpan(opcode, offset, length))
+                if content:
+                    blocks.append((offset, content.block(self._topics)))
         if not self._may_merge(part, [block for _, block in blocks]):
             return iter(())
-        found = [self._by_time(offset, block, topics) for offset, block in blocks]
-        return found[0] if len(found) == 1 else heapq.merge(*found, key=attrgetter('log_time'))
+        sorted_messages = [self._by_time(offset, block, names) for offset, block in blocks]
+        if len(sorted_messages) == 1:
+            return sorted_messages[0]
+        return heapq.merge(*sorted_messages, key=attrgetter('log_time'))
 
     def _content_of(self, file: BinaryIO, span: records.RecordSpan) -> Content | None:
         """Return the content of a chunk or a row of messages; None, and a problem, if damaged."""
@@ -293,48 +306,47 @@ class McapStorage:
                 file.seek(span.offset)
                 content = content_of(file.read(span.end - span.offset), verified=False)
         except DamagedError as damage:
-            self.note(span.offset, damage.reason)
+            self.problems.note(span.offset, damage.reason)
             return None
         if content.broken:
-            self.note(span.offset, content.broken)
+            self.problems.note(span.offset, content.broken)
         return content
 
     def _may_merge(self, part: _Part, blocks: list[MessageBlock]) -> bool:
         """Return whether a part is as the index says, or is small."""
-        size, times = sum(len(block.data) for block in blocks), part[1:3]
-        if blocks:
-            every = np.concatenate([block.heads['log_time'] for block in blocks])
-            times = int(every.min()), int(every.max())
-        if not blocks or (size, *times) == part[:3]:
+        times = spanned_time([block.times for block in blocks])
+        size = sum(len(block.data) for block in blocks)
+        if times is None or (size, *times) == part[:3]:
             return True
         _, offset, length = part.spans[:3]
         is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * length)
         text = 'the index is wrong about this chunk'
-        self.note(offset, text if is_small else f'{text}, which is left out')
+        self.problems.note(offset, text if is_small else f'{text}, which is left out')
         return is_small
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages chunk by chunk in the order of the file, with their offsets."""
-        known, count = self._topics, ContentCount()
-        others = unverified = 0
+        topics = self._topics
+        count = ContentCount()
+        private_count = unverified_count = 0
         with self.open() as file:
             scan = self.scan(file)
             for span, content in scan.contents():
-                block = block_of(content, known)
+                block = content.block(topics)
                 count.add(span.offset, block)
-                others += content.unknown
-                unverified += 0 if content.verified else len(content)
+                private_count += content.unknown
+                unverified_count += 0 if content.verified else len(content)
                 yield span.offset, block
             self._note_losses(scan)
-        unknown = sum(n for number, n in count.messages.items() if number not in known)
+        unknown = sum(n for number, n in count.messages.items() if number not in topics)
         if unknown:
-            what = f'{counted(unknown, "message")} of topics whose description is lost'
-            self.problems.note_whole(what, is_loss=True)
+            loss = f'{counted(unknown, "message")} of topics whose description is lost'
+            self.problems.note_whole(loss, is_loss=True)
         # The messages of damaged chunks cannot be counted.
-        if not scan.losses:
+        if not scan.report.losses:
             for text, is_loss in count.disagreements(self.summary):
                 self.problems.note_whole(text, is_loss=is_loss)
-        self.remarks[:] = _remarks(scan, others + scan.unknown, 0 if scan.verified else unverified)
+        self.remarks[:] = _remarks(scan, private_count, unverified_count)
 
 
 def _check_kind(file: BinaryIO, span: records.RecordSpan, opcode: int) -> None:
@@ -360,14 +372,20 @@ def _can_merge(parts: list[_Part], file_size: int) -> bool:
     return max(unpacked, default=0) <= max(2 * MIN_LIMIT, MAX_RATIO * file_size, 2 * largest)
 
 
-def _remarks(scan: RecordScan, others: int, unverified: int) -> Iterator[str]:
-    """Yield remarks on a pass, given the records of unknown kinds and messages without a CRC."""
-    yield from scan.remarks
-    if others:
+def _remarks(scan: RecordScan, private_count: int, unverified_count: int) -> Iterator[str]:
+    """
+    Yield remarks on a pass.
+
+    The counts are of records of unknown kinds in its contents, and of messages without a CRC.
+    """
+    report = scan.report
+    yield from report.remarks
+    private_count += report.unknown
+    if private_count:
         yield (
-            f'{counted(others, "record")} of kinds that are private, or of a later version of '
-            f'MCAP, {verb(others, "is", "are")} left out'
+            f'{counted(private_count, "record")} of kinds that are private, or of a later version '
+            f'of MCAP, {verb(private_count, "is", "are")} left out'
         )
-    if unverified:
-        have = verb(unverified, 'message has', 'messages have')
-        yield f'{unverified} {have} no CRC, so damage in them is unknown'
+    if unverified_count and not report.verified:
+        have = verb(unverified_count, 'message has', 'messages have')
+        yield f'{unverified_count} {have} no CRC, so damage in them is unknown'

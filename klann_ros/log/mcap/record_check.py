@@ -82,7 +82,7 @@ _MAX_KNOWN_LENGTH = 2**40
 _LENGTH = struct.Struct('<Q')
 # A length of less than 2^40 bytes.
 _LENGTH_PATTERN = rb'[\s\S]{5}\0\0\0'
-# Of a chunk: its length, times, size and CRC, its compression, and the length of its data.
+# The fields of a chunk: its length, times, size and CRC, its compression, the length of its data.
 _NAMES = b'|'.join(re.escape(struct.pack('<I', len(name)) + name) for name in COMPRESSIONS)
 _CHUNK_PATTERN = _LENGTH_PATTERN + rb'[\s\S]{28}(?:' + _NAMES + rb')' + _LENGTH_PATTERN
 _MAX_PATTERN_SIZE = 64
@@ -98,7 +98,10 @@ class RecordCheck:
     """
 
     def __init__(self, file: BinaryIO, size: int, budget: DecompressionBudget) -> None:
-        self._file, self._size, self._budget = file, size, budget
+        self._file = file
+        self._size = size
+        self._budget = budget
+        # Bytes that may still be read to judge payloads.
         self._left = 4 * size
         self._last: tuple[records.RecordSpan, Payload] | None = None
         # The sound chunks in a range of the file, each searched once.
@@ -148,9 +151,9 @@ class RecordCheck:
     def proven_kind(self, span: records.RecordSpan) -> Opcode | None:
         """Return the kind that a CRC in a record proves, if its opcode is another one."""
         for kind in CHECKED_KINDS:
-            other = records.RecordSpan(kind, span.offset, span.length)
-            fits = kind != span.opcode and records.fields_end(self._file, other) == span.end
-            if fits and self.payload(other) is Payload.PROVEN:
+            candidate = records.RecordSpan(kind, span.offset, span.length)
+            fits = kind != span.opcode and records.fields_end(self._file, candidate) == span.end
+            if fits and self.payload(candidate) is Payload.PROVEN:
                 return kind
         return None
 
@@ -164,10 +167,10 @@ class RecordCheck:
                 span = records.span_at(self._file, end, self._size)
             except DamagedError:
                 return self._damaged_successor(offset)
-            fields = records.fields_end(self._file, span)
-            if fields is None:
+            fields_end = records.fields_end(self._file, span)
+            if fields_end is None:
                 return self._damaged_successor(offset)
-            if fields == span.end and records.is_known(span.opcode):
+            if fields_end == span.end and records.is_known(span.opcode):
                 return Successor.SOUND
             end = span.end
         return Successor.SOUND
@@ -176,7 +179,6 @@ class RecordCheck:
         """Return whether a record may have been at an offset."""
         if offset >= self._size:
             return Successor.NONE
-        left = self._size - offset - records.RECORD_HEAD.size
         self._file.seek(offset)
         head = self._file.read(min(records.RECORD_HEAD.size, self._size - offset))
         if not any(head):
@@ -184,7 +186,8 @@ class RecordCheck:
         if len(head) < records.RECORD_HEAD.size:
             return Successor.POSSIBLE if records.is_known(head[0]) else Successor.NONE
         opcode, length = records.RECORD_HEAD.unpack(head)
-        limit = _MAX_KNOWN_LENGTH if records.is_known(opcode) else left
+        size_left = self._size - offset - records.RECORD_HEAD.size
+        limit = _MAX_KNOWN_LENGTH if records.is_known(opcode) else size_left
         return Successor.POSSIBLE if opcode and length <= limit else Successor.NONE
 
     def are_records(self, start: int, end: int) -> bool:
@@ -254,7 +257,8 @@ class RecordCheck:
         """Yield the sound records of some kinds that start between two offsets."""
         pattern = _head_pattern(kinds)
         # Holes of a sparse file have no records.
-        offset, size = next_data(self._file, start), _MIN_SEARCH_BLOCK
+        offset = next_data(self._file, start)
+        size = _MIN_SEARCH_BLOCK
         while offset < stop:
             size = min(size, stop - offset)
             self._file.seek(offset)
@@ -297,8 +301,8 @@ class RecordCheck:
 @cache
 def _head_pattern(kinds: tuple[Opcode, ...]) -> re.Pattern[bytes]:
     """Return the pattern of the first bytes of these kinds, a chunk among them."""
-    others = bytes(opcode for opcode in kinds if opcode != Opcode.CHUNK)
+    plain_kinds = bytes(opcode for opcode in kinds if opcode != Opcode.CHUNK)
     patterns = [b'%c(?=%s)' % (Opcode.CHUNK, _CHUNK_PATTERN)]
-    if others:
-        patterns.append(rb'[%s](?=%s)' % (re.escape(others), _LENGTH_PATTERN))
+    if plain_kinds:
+        patterns.append(rb'[%s](?=%s)' % (re.escape(plain_kinds), _LENGTH_PATTERN))
     return re.compile(b'|'.join(patterns))

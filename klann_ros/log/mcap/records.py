@@ -6,7 +6,7 @@ A record may be longer than its fields, as later versions may add some, but not 
 is trusted before it was compared with the bytes that are there. Damage raises a DamagedError.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import io
 import struct
@@ -135,50 +135,37 @@ def name_of(opcode: int) -> str:
 
 def fields_end(file: BinaryIO, span: RecordSpan) -> int | None:
     """Return the end of a record's fields [bytes], or of the record; None if they do not fit."""
-    end, _ = _fields(span.opcode, _numbers_in(file), span.start, span.end)
+    end, _ = _fields(file, span.opcode, span.start, span.end)
     return end
 
 
 def has_no_content(file: BinaryIO, span: RecordSpan) -> bool:
     """Return whether a chunk or an attachment has no data, or a metadata record no fields."""
-    end, size = _fields(span.opcode, _numbers_in(file), span.start, span.end)
+    end, size = _fields(file, span.opcode, span.start, span.end)
     is_minimal = end is not None and end - span.start == min_size(span.opcode)
     return size == 0 and (is_minimal or span.opcode != Opcode.METADATA)
 
 
 def without_unknown_fields(opcode: int, content: bytes) -> bytes:
     """Return a record's content up to the end of its fields; all of it if they do not fit."""
-
-    def number(position: int, size: int) -> int:
-        end = position + size
-        return int.from_bytes(content[position:end], 'little')
-
-    end, _ = _fields(opcode, number, 0, len(content))
+    end, _ = _fields(io.BytesIO(content), opcode, 0, len(content))
     return content if end is None else content[:end]
 
 
-def _numbers_in(file: BinaryIO) -> Callable[[int, int], int]:
-    def number(position: int, size: int) -> int:
-        file.seek(position)
-        return int.from_bytes(file.read(size), 'little')
-
-    return number
-
-
-def _fields(
-    opcode: int, number: Callable[[int, int], int], start: int, end: int
-) -> tuple[int | None, int]:
+def _fields(file: BinaryIO, opcode: int, start: int, end: int) -> tuple[int | None, int]:
     """Return the end of the fields, None if they do not fit, and the size of the last one."""
-    position, length = start, 0
+    position = start
+    length = 0
     for field in _LAYOUTS.get(opcode, ''):
         if field in _SIZES:
             position += _SIZES[field]
             continue
-        prefix = _PREFIXES[field]
-        if position + prefix > end:
+        prefix_size = _PREFIXES[field]
+        if position + prefix_size > end:
             return None, 0
-        length = number(position, prefix)
-        position += prefix + length
+        file.seek(position)
+        length = int.from_bytes(file.read(prefix_size), 'little')
+        position += prefix_size + length
     if position > end or (opcode in _FINAL and position < end):
         return None, 0
     return end if opcode == Opcode.MESSAGE else position, length
@@ -200,14 +187,14 @@ def span_at(file: BinaryIO, offset: int, end: int) -> RecordSpan:
         raise DamagedError('it would be behind the end of the file', offset)
     file.seek(offset)
     head = file.read(RECORD_HEAD.size)
-    left = end - offset - RECORD_HEAD.size
+    size_left = end - offset - RECORD_HEAD.size
     if not any(head[:1]):
         raise DamagedError('what stands there is no record', offset)
-    if left < 0 or len(head) < RECORD_HEAD.size:
+    if size_left < 0 or len(head) < RECORD_HEAD.size:
         raise DamagedError('a record is cut off within its first 9 bytes', offset, head[0])
     opcode, length = RECORD_HEAD.unpack(head)
-    if length > left:
-        reason = f'the {name_of(opcode)} should be {length} bytes long, {left} are left'
+    if length > size_left:
+        reason = f'the {name_of(opcode)} should be {length} bytes long, {size_left} are left'
         raise DamagedError(reason, offset, opcode)
     return RecordSpan(opcode, offset, length)
 
@@ -219,7 +206,8 @@ def contradiction(span: RecordSpan) -> str:
 
 def read(file: BinaryIO, span: RecordSpan) -> bytes:
     """Return a record's content without unknown fields."""
-    name, end = name_of(span.opcode), fields_end(file, span)
+    name = name_of(span.opcode)
+    end = fields_end(file, span)
     if end is None:
         raise DamagedError(contradiction(span), span.offset, span.opcode)
     size = end - span.start
@@ -270,13 +258,14 @@ def _check_crc(file: BinaryIO, start: int, end: int, declared: int, name: str) -
     if not declared:
         return
     file.seek(start)
-    crc, left = 0, end - start
-    while left > 0:
-        block = file.read(min(left, _CRC_BLOCK_SIZE))
+    crc = 0
+    size_left = end - start
+    while size_left > 0:
+        block = file.read(min(size_left, _CRC_BLOCK_SIZE))
         if not block:
             raise DamagedError('the file has become shorter', start)
         crc = zlib.crc32(block, crc)
-        left -= len(block)
+        size_left -= len(block)
     if crc != declared:
         reason = f'the CRC of the {name} is {crc:08x}, {declared:08x} is recorded'
         raise DamagedError(reason, start)
@@ -294,14 +283,16 @@ class _Content(ReadDataStream):
     def __init__(self, content: bytes) -> None:
         # Slicing the bytes instead of reading the stream saves a third of the time.
         super().__init__(io.BytesIO())
-        self._content, self._position = content, 0
+        self._content = content
+        self._position = 0
 
     @property
     def count(self) -> int:
         return self._position
 
     def read(self, length: int) -> bytes:
-        begin, end = self._position, self._position + length
+        begin = self._position
+        end = begin + length
         if end > len(self._content):
             raise EndOfFile
         self._position = end
@@ -347,13 +338,11 @@ def attachment_crc(content: bytes) -> int:
     return int.from_bytes(content[-4:], 'little')
 
 
-def encoded(*records: McapRecord) -> bytes:
-    """Return records as they stand in a file."""
+def encoded(record: McapRecord) -> bytes:
+    """Return a record as it stands in a file."""
     builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call] # theirs
-    return data
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call] # theirs
 
 
 def encoded_chunk(
@@ -375,11 +364,12 @@ def encoded_chunk(
     # Joined once: the library's encoder copies the bytes three times.
     fields += len(packed).to_bytes(8, 'little')
     chunk = b''.join([RECORD_HEAD.pack(Opcode.CHUNK, len(fields) + len(packed)), fields, packed])
-    indexes, offsets = bytearray(), {}
-    for channel, rows in entries.items():
+    indexes = bytearray()
+    offsets = {}
+    for channel, channel_entries in entries.items():
         offsets[channel] = start + len(chunk) + len(indexes)
-        indexes += RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + len(rows))
-        indexes += _INDEX_HEAD.pack(channel, len(rows)) + rows
+        indexes += RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + len(channel_entries))
+        indexes += _INDEX_HEAD.pack(channel, len(channel_entries)) + channel_entries
     index = ChunkIndex(
         chunk_start_offset=start,
         chunk_length=len(chunk),
@@ -406,19 +396,19 @@ def encoded_end(
     The groups are the other records of the summary by opcode, the counts those of messages by
     channel, and the times the first and the last log time [ns].
     """
-    number = {opcode: len(records) for opcode, records in groups.items()}
     statistics = Statistics(
-        attachment_count=number[Opcode.ATTACHMENT_INDEX],
-        channel_count=number[Opcode.CHANNEL],
+        attachment_count=len(groups[Opcode.ATTACHMENT_INDEX]),
+        channel_count=len(groups[Opcode.CHANNEL]),
         channel_message_counts=dict(counts),
-        chunk_count=number[Opcode.CHUNK_INDEX],
+        chunk_count=len(groups[Opcode.CHUNK_INDEX]),
         message_count=sum(counts.values()),
         message_start_time=times[0],
         message_end_time=times[1],
-        metadata_count=number[Opcode.METADATA_INDEX],
-        schema_count=number[Opcode.SCHEMA],
+        metadata_count=len(groups[Opcode.METADATA_INDEX]),
+        schema_count=len(groups[Opcode.SCHEMA]),
     )
-    summary, offsets = b'', b''
+    summary = b''
+    offsets = b''
     for opcode, records in {**groups, Opcode.STATISTICS: [encoded(statistics)]}.items():
         if records:
             group = b''.join(records)

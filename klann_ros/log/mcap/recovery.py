@@ -9,7 +9,7 @@ metadata records settles ambiguous cases.
 
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import struct
 from typing import BinaryIO
 
@@ -21,11 +21,11 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Metadata
 
 from . import records
-from .channels import Channels
 from .content import chunk_content, Content, message_content, row_of_messages
 from .decompression import DecompressionBudget
 from .record_check import CHECKED_KINDS, Payload, RecordCheck, Successor, Verdict, VERDICTS
-from .summary import Summary
+from .records import RecordSpan
+from .summary import Channels, Summary
 
 # Notes and losses of one pass; further losses are merged.
 _MAX_NOTES, _MAX_LOSSES = 100, 1000
@@ -59,6 +59,34 @@ class Loss:
         return f'{counted(self.length, "byte")}{content}: {self.reason}'
 
 
+@dataclass
+class ScanReport:
+    """What a pass over a file has found beside its messages so far."""
+
+    # Places of such records.
+    metadata: list[RecordSpan] = field(default_factory=list)
+    attachments: list[RecordSpan] = field(default_factory=list)
+    # Skipped bytes, faults that lose nothing, and records that only look like faults.
+    losses: list[Loss] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    # Number of records of unknown kinds outside of chunks and rows of messages.
+    unknown: int = 0
+    # Whether a CRC of all data matched; set at the end.
+    verified: bool = False
+
+    def add_loss(self, start: int, end: int, reason: str, *, exact: bool = True) -> Loss:
+        """Add bytes that cannot be used, to the last loss if there are too many."""
+        if len(self.losses) < _MAX_LOSSES:
+            self.losses.append(Loss(start, end - start, reason, exact=exact))
+        else:
+            last = self.losses[-1]
+            last.length += end - start
+            last.reason = 'this and all other damage behind it'
+            last.exact = False
+        return self.losses[-1]
+
+
 class RecordScan:
     """
     A pass over the records of an open file.
@@ -70,32 +98,24 @@ class RecordScan:
     def __init__(
         self, file: BinaryIO, size: int, channels: Channels, *, summary: Summary | None = None
     ) -> None:
-        # Places of such records so far.
-        self.metadata: list[records.RecordSpan] = []
-        self.attachments: list[records.RecordSpan] = []
-        # Skipped bytes, faults that lose nothing, and records that only look like faults.
-        self.losses: list[Loss] = []
-        self.problems: list[Problem] = []
-        self.remarks: list[str] = []
-        # Number of records of unknown kinds outside of what contents() yields.
-        self.unknown = 0
-        # Whether a CRC of all data matched; set at the end.
-        self.verified = False
+        self.report = ScanReport()
         self._file = file
         self._size = size
         self._channels = channels
         self._summary = summary or Summary()
         self._budget = DecompressionBudget()
         self._check = RecordCheck(file, size, self._budget)
-        # Of the next block of messages outside of chunks.
+        # Size of the next block of messages outside of chunks [bytes].
         self._block_size = _MIN_BLOCK
+        # Whether there was a chunk so far.
         self._chunked = False
-        self._data_end: records.RecordSpan | None = None
+        self._data_end: RecordSpan | None = None
+        # Offset of the next record [bytes].
         self._next = len(records.MAGIC)
         # The record lost last, whose message indexes may follow.
         self._lost: Loss | None = None
 
-    def contents(self) -> Iterator[tuple[records.RecordSpan, Content]]:
+    def contents(self) -> Iterator[tuple[RecordSpan, Content]]:
         """Yield the content of each chunk and each row of loose messages, with its place."""
         while self._next < self._size:
             try:
@@ -106,22 +126,20 @@ class RecordScan:
                 self._resynchronise(damage)
                 continue
             if content is not None:
-                yield (
-                    records.RecordSpan(span.opcode, span.offset, self._next - span.start),
-                    content,
-                )
-        if self._data_end is not None and not self.losses and not self.problems:
-            self.verified = self._data_crc_matches(self._data_end)
+                yield RecordSpan(span.opcode, span.offset, self._next - span.start), content
+        report = self.report
+        if self._data_end is not None and not report.losses and not report.problems:
+            report.verified = self._data_crc_matches(self._data_end)
 
-    def _data_crc_matches(self, end: records.RecordSpan) -> bool:
+    def _data_crc_matches(self, end: RecordSpan) -> bool:
         try:
             return records.check_data(self._file, end)
         except DamagedError as damage:
             text = f'{damage.reason}: something in it was changed'
-            self.problems.append(Problem(end.offset, text))
+            self.report.problems.append(Problem(end.offset, text))
             return False
 
-    def _span_at(self, offset: int) -> records.RecordSpan:
+    def _span_at(self, offset: int) -> RecordSpan:
         """Return the place of a record; raise if its end is not reliable."""
         span = records.span_at(self._file, offset, self._size)
         if self._ends_as_declared(span):
@@ -131,13 +149,13 @@ class RecordScan:
         if end in (None, span.end) or self._check.payload(span) is not Payload.PROVEN:
             reason = f'the {records.name_of(span.opcode)} or its length is damaged'
             raise DamagedError(reason, offset, span.opcode)
-        if len(self.problems) < _MAX_NOTES:
+        if len(self.report.problems) < _MAX_NOTES:
             name = records.name_of(span.opcode)
             text = f'the length of the {name} is damaged, its content is intact'
-            self.problems.append(Problem(offset, text))
-        return records.RecordSpan(span.opcode, offset, (end or 0) - span.start)
+            self.report.problems.append(Problem(offset, text))
+        return RecordSpan(span.opcode, offset, (end or 0) - span.start)
 
-    def _ends_as_declared(self, span: records.RecordSpan) -> bool:
+    def _ends_as_declared(self, span: RecordSpan) -> bool:
         successor = self._check.successor(span.end)
         # The payload of a record with a sound successor is read later.
         is_followed = successor is Successor.SOUND
@@ -149,27 +167,27 @@ class RecordScan:
             return True
         return span.opcode == Opcode.MESSAGE and self._precedes_damage(span)
 
-    def _is_alone(self, span: records.RecordSpan, payload: Payload) -> bool:
+    def _is_alone(self, span: RecordSpan, payload: Payload) -> bool:
         """Return whether no other record seems to start inside of one."""
-        covered = 0
+        covered_end = 0
         if payload >= Payload.EXACT:
             end = records.fields_end(self._file, span) or span.end
             if end < span.end and self._check.successor(end) is Successor.SOUND:
                 return False
             # A record without a CRC may have the right lengths, and yet reach into a chunk.
-            covered = end if span.opcode in CHECKED_KINDS else 0
-        return self._check.find_chunk(span.start, span.end, beyond=covered) is None
+            covered_end = end if span.opcode in CHECKED_KINDS else 0
+        return self._check.find_chunk(span.start, span.end, beyond=covered_end) is None
 
-    def _precedes_damage(self, span: records.RecordSpan) -> bool:
+    def _precedes_damage(self, span: RecordSpan) -> bool:
         """Return whether the record behind a message is damaged, not the message's length."""
         self._file.seek(span.end)
         opcode = self._file.read(1)
         if not opcode or not records.is_known(opcode[0]):
             return False
-        found = self._check.find_record(span.start, chunked=self._chunked)
-        return found is None or found >= span.end
+        next_sound = self._check.find_record(span.start, chunked=self._chunked)
+        return next_sound is None or next_sound >= span.end
 
-    def _covers_records(self, span: records.RecordSpan) -> bool:
+    def _covers_records(self, span: RecordSpan) -> bool:
         """
         Return whether other records, not unknown fields, stand behind the fields of one.
 
@@ -180,18 +198,18 @@ class RecordScan:
         if end is None or end == span.end:
             return False
         if self._summary.names_all:
-            place = self._summary.first_from(end)
-            return place is not None and place < span.end
-        found = self._check.are_records(end, span.end)
-        if found and self._summary.closed and len(self.remarks) < _MAX_NOTES:
+            next_indexed = self._summary.first_from(end)
+            return next_indexed is not None and next_indexed < span.end
+        are_records = self._check.are_records(end, span.end)
+        if are_records and self._summary.closed and len(self.report.remarks) < _MAX_NOTES:
             name = records.name_of(span.opcode)
-            self.remarks.append(
+            self.report.remarks.append(
                 f'at byte {end}: what stands behind the fields of a {name} looks like records; '
                 f'it belongs to the {name}, whose length includes it'
             )
-        return found and not self._summary.closed
+        return are_records and not self._summary.closed
 
-    def _process(self, span: records.RecordSpan) -> Content | None:
+    def _process(self, span: RecordSpan) -> Content | None:
         """Process a record; its damage, if any, ends at its end."""
         reason = self._content_fault(span)
         if reason:
@@ -201,7 +219,7 @@ class RecordScan:
         elif span.opcode == Opcode.MESSAGE:
             return self._read_loose(span)
         elif not records.is_known(span.opcode):
-            self.unknown += 1
+            self.report.unknown += 1
         else:
             self._lost = None
             if span.opcode in (Opcode.CHUNK, *records.DEFINITIONS):
@@ -209,11 +227,12 @@ class RecordScan:
             self._note_place(span)
         return None
 
-    def _content_fault(self, span: records.RecordSpan) -> str:
+    def _content_fault(self, span: RecordSpan) -> str:
         """Return the fault of a record's content in one line; '' for none."""
-        name, kind = records.name_of(span.opcode), self._summary.entry(span.offset).opcode
-        if kind not in (None, span.opcode):
-            return f'the {name} is a {records.name_of(kind)} in the index'
+        name = records.name_of(span.opcode)
+        indexed_kind = self._summary.entry(span.offset).opcode
+        if indexed_kind not in (None, span.opcode):
+            return f'the {name} is a {records.name_of(indexed_kind)} in the index'
         end = records.fields_end(self._file, span)
         if end is None:
             return records.contradiction(span)
@@ -221,12 +240,12 @@ class RecordScan:
             if self._is_zeroed(span, end):
                 return f'there are zeros where the content of the {name} began'
             if not self._summary.names_all:
-                kind = self._check.proven_kind(span)
-                if kind is not None:
-                    return f'the {name} is a {records.name_of(kind)} by its content'
+                proven_kind = self._check.proven_kind(span)
+                if proven_kind is not None:
+                    return f'the {name} is a {records.name_of(proven_kind)} by its content'
         return ''
 
-    def _is_zeroed(self, span: records.RecordSpan, end: int) -> bool:
+    def _is_zeroed(self, span: RecordSpan, end: int) -> bool:
         """Return whether zeros over a record's head make it look empty, with unknown fields."""
         size = _EMPTY_TAIL.get(span.opcode)
         if size is None or not records.has_no_content(self._file, span):
@@ -234,24 +253,24 @@ class RecordScan:
         self._file.seek(end - size)
         return not any(self._file.read(size + 1)) and self._summary.entry(span.offset).size != 0
 
-    def _read_loose(self, span: records.RecordSpan) -> Content | None:
+    def _read_loose(self, span: RecordSpan) -> Content | None:
         """Return a message outside of chunks, and those behind it if there are enough."""
         until = min(self._summary.first_from(span.start) or self._size, self._size)
         self._file.seek(span.offset)
         data = self._file.read(max(0, min(self._block_size, until - span.offset)))
-        row, end = row_of_messages(data)
-        is_useful = 2 * end > len(data)
+        row, row_size = row_of_messages(data)
+        is_useful = 2 * row_size > len(data)
         self._block_size = min(4 * self._block_size, _MAX_BLOCK) if is_useful else _MIN_BLOCK
         content: Content | None = row
         if len(row):
-            self._next = span.offset + end
+            self._next = span.offset + row_size
         else:
             content = self._read(span)
         if content is not None:
             self._lost = None
         return content
 
-    def _note_place(self, span: records.RecordSpan) -> None:
+    def _note_place(self, span: RecordSpan) -> None:
         if span.opcode == Opcode.DATA_END:
             self._data_end = self._data_end or span
         elif span.opcode == Opcode.METADATA:
@@ -260,16 +279,16 @@ class RecordScan:
             except DamagedError as damage:
                 self._lose_record(span, damage.reason)
             else:
-                self.metadata.append(span)
+                self.report.metadata.append(span)
         elif span.opcode == Opcode.ATTACHMENT:
-            self.attachments.append(span)
+            self.report.attachments.append(span)
         elif span.opcode == Opcode.HEADER:
             if span.offset != len(records.MAGIC):
                 self._lose_record(span, 'a header does not belong there')
         elif not (self._data_end or 0 < self._summary.start <= span.offset):
             self._lose_record(span, f'a {records.name_of(span.opcode)} does not belong there')
 
-    def _read(self, span: records.RecordSpan) -> Content | None:
+    def _read(self, span: RecordSpan) -> Content | None:
         """Return the content of a chunk or a message; note it as lost if it is damaged."""
         content = None
         try:
@@ -285,51 +304,41 @@ class RecordScan:
             if content is None:
                 self._lose_record(span, damage.reason)
             else:
-                self._lose(span.offset, span.end, damage.reason)
+                self.report.add_loss(span.offset, span.end, damage.reason)
         if content is not None and content.broken:
             reason = f'the chunk could be read in part only: {content.broken}'
-            self._lose(span.offset, span.end, reason)
+            self.report.add_loss(span.offset, span.end, reason)
         return content
 
-    def _count_lost(self, span: records.RecordSpan) -> None:
+    def _count_lost(self, span: RecordSpan) -> None:
         """Count the messages of a lost chunk by the index behind it."""
         if self._lost is not None:
-            size = (
-                (records.fields_end(self._file, span) or span.end)
-                - span.start
-                - records.INDEX_HEAD
-            )
-            self._lost.messages = (self._lost.messages or 0) + size // records.INDEX_ENTRY
+            end = records.fields_end(self._file, span) or span.end
+            entries_size = end - span.start - records.INDEX_HEAD
+            count = entries_size // records.INDEX_ENTRY
+            self._lost.messages = (self._lost.messages or 0) + count
 
-    def _lose_record(self, span: records.RecordSpan, reason: str) -> None:
+    def _lose_record(self, span: RecordSpan, reason: str) -> None:
         """Note a record as lost up to a chunk in it, if missing bytes make it reach over one."""
-        self._lost = self._lose(span.offset, span.end, reason)
-        found = self._check.find_chunk(span.start, span.end)
-        if found is not None:
-            self._next = found
-            self._lost.length = found - span.offset
-
-    def _lose(self, start: int, end: int, reason: str, *, exact: bool = True) -> Loss:
-        if len(self.losses) < _MAX_LOSSES:
-            self.losses.append(Loss(start, end - start, reason, exact=exact))
-        else:
-            last = self.losses[-1]
-            last.length += end - start
-            last.reason, last.exact = 'this and all other damage behind it', False
-        return self.losses[-1]
+        self._lost = self.report.add_loss(span.offset, span.end, reason)
+        chunk_offset = self._check.find_chunk(span.start, span.end)
+        if chunk_offset is not None:
+            self._next = chunk_offset
+            self._lost.length = chunk_offset - span.offset
 
     def _resynchronise(self, damage: DamagedError) -> None:
         """Continue behind damage, and note the loss unless a recovery writes its content again."""
         start = damage.offset
-        found, exact = self._sound_behind(start)
-        end = self._next = self._size if found is None else found
-        if found is None and (self._data_end or self._is_rewritten(damage)):
+        next_sound, exact = self._sound_behind(start)
+        end = self._next = self._size if next_sound is None else next_sound
+        if next_sound is None and (self._data_end or self._is_rewritten(damage)):
             return
         reason = damage.reason
         if damage.opcode == 0 and self._check.is_zero(start, end):
             reason = 'there are only zeros'
-        reason += ' from here to the end' if found is None else f'; sound again at byte {end}'
-        self._lost = self._lose(start, end, reason, exact=exact)
+        is_last = next_sound is None
+        reason += ' from here to the end' if is_last else f'; sound again at byte {end}'
+        self._lost = self.report.add_loss(start, end, reason, exact=exact)
 
     def _sound_behind(self, start: int) -> tuple[int | None, bool]:
         """Return the next sound offset behind damage, and whether the record ends there."""
@@ -337,8 +346,8 @@ class RecordScan:
         if end is None or self._check.successor(end) is Successor.NONE:
             return self._check.find_record(start + 1, chunked=self._chunked), False
         beyond = end if kind == Opcode.ATTACHMENT else 0
-        moved = self._check.find_chunk(start + 1, end, beyond=beyond)
-        return (end, True) if moved is None else (moved, False)
+        chunk_offset = self._check.find_chunk(start + 1, end, beyond=beyond)
+        return (end, True) if chunk_offset is None else (chunk_offset, False)
 
     def _is_rewritten(self, damage: DamagedError) -> bool:
         """Return whether a truncated record holds only what every new file gets anyway."""

@@ -1,1 +1,1 @@
-"""Reading logs however they are stored: a storage for each kind of file, `mcap/` and `sqlite/`."""
+"""Reading logs however they are stored: a storage for each kind of file."""

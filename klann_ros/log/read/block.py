@@ -1,9 +1,8 @@
-"""The messages of a chunk as arrays, for readers of millions of messages."""
+"""Messages as arrays, for readers of millions of them."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from klann_ros.log.mcap.content import Content
 from klann_ros.log.records import Message, Topic
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -21,10 +20,10 @@ HEAD = np.dtype(
 )
 """Fields of an MCAP message record before its data."""
 
-# Of these the record's length includes all but opcode and length [bytes].
+# Size of the fields that the record's length includes: all but opcode and length [bytes].
 _HEAD_LENGTH = HEAD.itemsize - 9
 # Millions of small messages would take more memory as Python's numbers than they have.
-_ROWS_AT_ONCE = 4096
+_MAX_BATCH = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +54,12 @@ class MessageBlock:
         return self.data[begin:end].tobytes()
 
     @property
+    def times(self) -> tuple[int, int] | None:
+        """Return the earliest and the latest log time [ns]; None without a message."""
+        times = self.heads['log_time']
+        return (int(times.min()), int(times.max())) if len(times) else None
+
+    @property
     def channels(self) -> set[int]:
         """Return the channels of the messages."""
         return set(np.flatnonzero(np.bincount(self.heads['channel'])).tolist())
@@ -64,40 +69,25 @@ class MessageBlock:
     ) -> Iterator[Message]:
         """Yield the messages of known topics, of some names or all, by log time if wanted."""
         order = np.argsort(self.heads['log_time'], kind='stable') if by_time else None
-        wanted: dict[int, Topic | None] = {}
+        topics = self.topics
         data = self.data
-        for first in range(0, len(self), _ROWS_AT_ONCE):
-            part = slice(first, first + _ROWS_AT_ONCE)
-            rows = part if order is None else order[part]
-            heads, starts = self.heads[rows].tolist(), self.starts[rows].tolist()
-            for (_, length, channel, sequence, log_time, publish_time), start in zip(
-                heads, starts, strict=True
-            ):
-                if channel not in wanted:
-                    topic = self.topics.get(channel)
-                    is_wanted = topic is not None and (names is None or topic.name in names)
-                    wanted[channel] = topic if is_wanted else None
-                topic = wanted[channel]
-                if topic is not None:
+        for first in range(0, len(self), _MAX_BATCH):
+            batch = slice(first, first + _MAX_BATCH)
+            indices = batch if order is None else order[batch]
+            starts = self.starts[indices].tolist()
+            for start, head in zip(starts, self.heads[indices].tolist(), strict=True):
+                _, length, channel, sequence, log_time, publish_time = head
+                topic = topics.get(channel)
+                if topic is not None and (names is None or topic.name in names):
                     end = start + length - _HEAD_LENGTH
-                    content = data[start:end].tobytes()
-                    yield Message(topic, content, log_time, publish_time, sequence)
+                    yield Message(
+                        topic, data[start:end].tobytes(), log_time, publish_time, sequence
+                    )
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
         """Return the data of some messages of the same size, shape (number, size)."""
         windows = sliding_window_view(np.frombuffer(self.data, np.uint8), size)
-        found: NDArray[np.uint8] = windows[self.starts[which]]
-        return found
-
-
-def block_of(content: Content, topics: Mapping[int, Topic]) -> MessageBlock:
-    """Return the messages of a chunk, or those outside of chunks, as arrays."""
-    if not len(content):
-        nothing = np.empty(0, dtype=np.int64)
-        return MessageBlock(content.data, np.empty(0, HEAD), nothing, topics)
-    starts = np.frombuffer(content.starts, dtype=np.uint64).astype(np.int64)
-    rows = sliding_window_view(np.frombuffer(content.data, np.uint8), HEAD.itemsize)[starts]
-    return MessageBlock(content.data, rows.view(HEAD)[:, 0], starts + HEAD.itemsize, topics)
+        return np.asarray(windows[self.starts[which]])
 
 
 def block_of_messages(

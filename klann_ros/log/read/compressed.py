@@ -8,7 +8,6 @@ import os
 from pathlib import Path
 from typing import BinaryIO
 
-from klann_ros.log.browser import zstandard
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.mcap import decompression
 from klann_ros.log.records import Message, Topic
@@ -16,8 +15,7 @@ from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
 from .block import block_of_messages, MessageBlock
-from .storage import Overview, Source, Storage, Topics
-from .temporary import TemporaryFile
+from .storage import Overview, Source, Storage, TemporaryFile, Topics
 
 COMPRESSED_SUFFIXES = ('.zstd', '.zst')
 """Suffixes of compressed files."""
@@ -71,23 +69,25 @@ class _Unpacking:
         self._is_log = is_log
 
     def pieces(self) -> Iterator[bytes]:
-        done = 0
+        size = 0
         for piece in filter(None, self._unpacked()):
-            if not done and not self._is_log(piece):
+            if not size and not self._is_log(piece):
                 reason = 'it is a zstd file, but its content is neither MCAP nor SQLite'
                 raise NotALogError(self._path, reason)
-            done += len(piece)
-            if done > self._limit:
+            size += len(piece)
+            if size > self._limit:
                 reason = f'it unpacks to more than {self._limit / 1e6:.0f} MB'
                 raise NotALogError(
                     self._path, f'{reason}; if that is right, unpack it by `zstd -d` first'
                 )
             yield piece
-        if not done:
+        if not size:
             reason = self.damage or 'there is nothing in it'
             raise NotALogError(self._path, f'it is a zstd file, but {reason}')
 
     def _unpacked(self) -> Iterator[bytes]:
+        import zstandard  # noqa: PLC0415 - the Python of a browser lacks it
+
         unpacker = None
         piece = self._file.read(_PIECE_SIZE)
         while piece:
@@ -97,10 +97,11 @@ class _Unpacking:
             except (zstandard.ZstdError, MemoryError) as error:
                 self.damage = f'it can be unpacked in part only: {printable(error)}'
                 return
-            rest = b''
+            next_frame = b''
             if unpacker.eof:
-                rest, unpacker = unpacker.unused_data, None
-            piece = rest + self._file.read(_PIECE_SIZE - len(rest))
+                next_frame = unpacker.unused_data
+                unpacker = None
+            piece = next_frame + self._file.read(_PIECE_SIZE - len(next_frame))
         if unpacker is not None:
             self.damage = 'it is cut off: its last zstd frame has no end'
 
@@ -115,11 +116,17 @@ class CompressedMessages:
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
-        self.path, self.name, self.size = storage.path, storage.name, storage.size
+        self.path = storage.path
+        self.name = storage.name
+        self.size = storage.size
         self.closed = storage.closed
-        self.problems, self.gaps, self.remarks = storage.problems, storage.gaps, storage.remarks
-        self.overview, self.first_data = storage.overview, storage.first_data
-        self.metadata_at, self.attachment_at = storage.metadata_at, storage.attachment_at
+        self.problems = storage.problems
+        self.gaps = storage.gaps
+        self.remarks = storage.remarks
+        self.overview = storage.overview
+        self.first_data = storage.first_data
+        self.metadata_at = storage.metadata_at
+        self.attachment_at = storage.attachment_at
         self.close = storage.close
 
     def sources(self, overview: Overview) -> Iterator[Source]:
@@ -129,17 +136,20 @@ class CompressedMessages:
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large blocks in the order of the file, with their offsets."""
-        damaged: Counter[str] = Counter()
-        unpacker = _Unpacker(lambda text: damaged.update((text,)))
+        faults: Counter[str] = Counter()
+        unpacker = _Unpacker(lambda text: faults.update((text,)))
         for offset, block in self._storage.blocks():
-            for unpacked in _unpacked_blocks(block, unpacker):
+            for unpacked in unpacker.blocks(block):
                 yield offset, unpacked
-        for text, count in damaged.items():
+        for text, count in faults.items():
             self.problems.note_whole(f'{count} {text}', is_loss=True)
 
     def _read(self, source: Source, topics: Topics) -> Iterator[Message]:
         unpacker = _Unpacker(self.problems.note_whole)
-        return filter(None, map(unpacker.message, source.read(topics)))
+        for message in source.read(topics):
+            data = unpacker.data(message.data, message.topic)
+            if data is not None:
+                yield replace(message, data=data)
 
 
 class _Unpacker:
@@ -149,44 +159,31 @@ class _Unpacker:
         self._report = report
         self._budget = decompression.DecompressionBudget()
 
-    def message(self, message: Message) -> Message | None:
-        """Return a message as it was published; None if it cannot be unpacked."""
-        if message.topic.message_encoding != _ENCODING:
-            return message
-        data = self.data(message.data, message.topic)
-        return None if data is None else replace(message, data=data)
-
-    def data(self, packed: bytes, topic: Topic) -> bytes | None:
-        if not is_compressed(packed):
+    def data(self, packed: bytes, topic: Topic | None) -> bytes | None:
+        """Return the data of a message as it was published; None if it cannot be unpacked."""
+        if topic is None or topic.message_encoding != _ENCODING or not is_compressed(packed):
             return packed
         try:
             return decompression.decompress_message(packed, self._budget)
         except decompression.DecompressionError as error:
-            reason = str(error)
-        self._report(f'messages of {printable(topic.name)} cannot be unpacked: {reason}')
-        return None
+            self._report(f'messages of {printable(topic.name)} cannot be unpacked: {error}')
+            return None
 
-
-def _unpacked_blocks(block: MessageBlock, unpacker: '_Unpacker') -> Iterator[MessageBlock]:
-    """Yield a block with its messages unpacked, in several if they are large."""
-    topics = {n: topic for n, topic in block.topics.items() if topic.message_encoding == _ENCODING}
-    rows: list[int] = []
-    found: list[bytes] = []
-    size = 0
-    channels = block.heads['channel'].tolist()
-    places = zip(channels, block.starts.tolist(), block.sizes.tolist(), strict=True)
-    for row, (channel, start, length) in enumerate(places):
-        end = start + length
-        packed = block.data[start:end].tobytes()
-        data = unpacker.data(packed, topics[channel]) if channel in topics else packed
-        if data is None:
-            continue
-        rows.append(row)
-        found.append(data)
-        size += len(data)
-        if size > _MESSAGE_BLOCK_SIZE:
-            part = block_of_messages(block.heads[rows], found, block.topics)
-            rows, found, size = [], [], 0
-            del packed, data
-            yield part
-    yield block_of_messages(block.heads[rows], found, block.topics)
+    def blocks(self, block: MessageBlock) -> Iterator[MessageBlock]:
+        """Yield a block with its messages unpacked, in several if they are large."""
+        indices: list[int] = []
+        messages: list[bytes] = []
+        size = 0
+        for index, channel in enumerate(block.heads['channel'].tolist()):
+            data = self.data(block.message(index), block.topics.get(channel))
+            if data is None:
+                continue
+            indices.append(index)
+            messages.append(data)
+            size += len(data)
+            if size > _MESSAGE_BLOCK_SIZE:
+                del data
+                unpacked = block_of_messages(block.heads[indices], messages, block.topics)
+                indices, messages, size = [], [], 0
+                yield unpacked
+        yield block_of_messages(block.heads[indices], messages, block.topics)

@@ -15,8 +15,7 @@ from klann_ros.sanitize.text import printable
 
 from .compressed import COMPRESSED_SUFFIXES, CompressedMessages, is_compressed, unpack, ZSTD_MAGIC
 from .run_files import LogFiles, run_files
-from .storage import Storage
-from .temporary import TemporaryFile
+from .storage import Storage, TemporaryFile
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 
@@ -55,7 +54,7 @@ _START_SIZE = 512
 def _open_sqlite(path: Path, unpacked: TemporaryFile | None) -> Storage:
     """Open an SQLite file; a Python built by hand may lack SQLite."""
     try:
-        from klann_ros.log.sqlite.sqlite_storage import SqliteStorage  # noqa: PLC0415
+        from .sqlite_storage import SqliteStorage  # noqa: PLC0415
     except ImportError as error:
         reason = f"it is SQLite, rosbag2's .db3, which this Python was built without ({error})"
         raise NotALogError(path, reason) from None

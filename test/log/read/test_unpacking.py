@@ -5,7 +5,7 @@ import os
 from crank_runs import make_messages
 from db3_files import make_db3
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.read import compressed, temporary
+from klann_ros.log.read import compressed, storage
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
@@ -90,7 +90,7 @@ def test_a_file_unpacks_to_no_more_than_its_size_allows(file, monkeypatch) -> No
 
 def test_nothing_is_unpacked_without_disk_space(file, monkeypatch) -> None:
     packed = pack(file, file.read_bytes())
-    monkeypatch.setattr(temporary, '_MIN_FREE', 2**60)
+    monkeypatch.setattr(storage, '_MIN_FREE', 2**60)
     with pytest.raises(NotALogError, match='let TMPDIR name a folder with room'):
         open_log(packed)
     bag = make_db3(file.with_name('x.db3'))

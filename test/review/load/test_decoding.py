@@ -5,7 +5,6 @@ import struct
 from hypothesis import given, settings, strategies as st
 from klann_ros.log.definitions import definition
 from klann_ros.log.mcap.content import content_of
-from klann_ros.log.read import block as blocks
 from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
@@ -72,7 +71,7 @@ def block_of(given_messages):
         data += head + content
     found = content_of(data, verified=True)
     assert not found.broken
-    return blocks.block_of(found, {})
+    return found.block({})
 
 
 def read_in_bulk(given_messages):

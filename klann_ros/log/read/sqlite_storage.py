@@ -17,15 +17,13 @@ import struct
 
 from klann_ros.log.bag_metadata import RECORD_KEY, RECORD_NAME
 from klann_ros.log.errors import NotALogError
-from klann_ros.log.read.block import block_of_messages, HEAD, MessageBlock
-from klann_ros.log.read.storage import Overview, Problems, Source, Topics
-from klann_ros.log.read.temporary import TemporaryFile
 from klann_ros.log.records import Attachment, Message
 from klann_ros.sanitize.files import is_regular_file, open_regular
 from klann_ros.sanitize.text import counted, listed, printable, verb
 import numpy as np
 
-from .database import (
+from .block import block_of_messages, HEAD, MessageBlock
+from .sqlite_database import (
     bag_description,
     BagDescription,
     columns,
@@ -37,6 +35,7 @@ from .database import (
     RowRange,
     table_names,
 )
+from .storage import Overview, Problems, Source, TemporaryFile, Topics
 
 _WAL, _JOURNAL = '-wal', '-journal'
 _JOURNAL_MAGICS = {

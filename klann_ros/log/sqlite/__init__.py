@@ -1,1 +1,0 @@
-"""SQLite files of rosbag2 (.db3) of any age."""
