@@ -68,14 +68,19 @@ _STORAGES_BY_SUFFIX: dict[str, _OpenStorage] = {'.db3': _open_sqlite}
 
 def open_files(path: AnyPath) -> tuple[list[Storage], LogFiles]:
     """Return the readable files of a log, and all its files; a NotALogError if none is one."""
-    found = run_files(path)
-    tried = [_try(file_path, found.packed.get(file_path)) for file_path in found.paths]
-    files = [file for file in tried if not isinstance(file, NotALogError)]
-    failures = [failure for failure in tried if isinstance(failure, NotALogError)]
-    if not files:
+    log_files = run_files(path)
+    storages: list[Storage] = []
+    failures: list[NotALogError] = []
+    for file_path in log_files.paths:
+        storage = _try(file_path, log_files.packed.get(file_path))
+        if isinstance(storage, NotALogError):
+            failures.append(storage)
+        else:
+            storages.append(storage)
+    if not storages:
         raise failures[0]
-    found.missing += [str(failure) for failure in failures]
-    return files, found
+    log_files.missing += map(str, failures)
+    return storages, log_files
 
 
 def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
@@ -86,8 +91,8 @@ def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
         return error if packed is None else _try(packed, None)
     if packed is None or not storage.problems:
         return storage
-    other = _try(packed, None)
-    return storage if isinstance(other, NotALogError) or other.problems else other
+    original = _try(packed, None)
+    return storage if isinstance(original, NotALogError) or original.problems else original
 
 
 def open_storage(path: Path) -> Storage:
@@ -128,9 +133,10 @@ def _storage_of(start: bytes) -> _OpenStorage | None:
     return next((kind for magic, kind in _STORAGES.items() if start.startswith(magic)), None)
 
 
-def _start(path: Path, place: Path) -> bytes:
+def _start(path: Path, plain_path: Path) -> bytes:
+    """Return the first bytes of a file or its plain copy."""
     try:
-        with open_regular(place) as file:
+        with open_regular(plain_path) as file:
             return file.read(_START_SIZE)
     except OSError as error:
         raise NotALogError(path, error.strerror or str(error)) from None

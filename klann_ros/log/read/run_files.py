@@ -55,13 +55,13 @@ def run_files(path: AnyPath) -> LogFiles:
     A NotALogError means that the path does not exist, that the folder has no file of a bag, or
     that rosbag2 stored it in an unknown format.
     """
-    place = Path(path)
+    log = Path(path)
     try:
-        if place.is_dir():
-            return _folder_files(place)
+        if log.is_dir():
+            return _folder_files(log)
         # If it is no file, opening it names its kind.
-        if place.exists():
-            return LogFiles([place])
+        if log.exists():
+            return LogFiles([log])
     except (OSError, ValueError) as error:  # ValueError: a path with a null byte
         raise NotALogError(path, str(error)) from None
     raise NotALogError(path, 'there is no such path')
@@ -70,24 +70,30 @@ def run_files(path: AnyPath) -> LogFiles:
 def _folder_files(folder: Path) -> LogFiles:
     files = LogFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
-    found = _visible_files(folder.iterdir(), files.packed)
+    existing = _visible_files(folder.iterdir(), files.packed)
     names = metadata.get('relative_file_paths')
-    named = _named(folder, names) if isinstance(names, list) else []
-    readable = any(map(is_log_name, [*named, *found]))
+    # The last part only: older recorders put the folder's name before it.
+    named = [
+        folder / Path(str(name)[:_MAX_NAME]).name
+        for name in (names if isinstance(names, list) else ())
+    ]
+    readable = any(map(is_log_name, [*named, *existing]))
     _check_storage(folder, metadata, files.remarks, readable=readable)
     if named:
         # By their unpacked names: they may have been compressed or unpacked since.
-        by_name = {_unpacked_name(path): path for path in found}
+        by_name = {_unpacked_name(path): path for path in existing}
         named = list(dict.fromkeys(by_name.get(_unpacked_name(path), path) for path in named))
-        existing = [path for path in named if is_regular_file(path)]
-        files.missing = [_missing(path) for path in named if path not in existing]
-        found = _with_continuation(existing, found, files.remarks) if existing else found
+        for path in named:
+            if is_regular_file(path):
+                files.paths.append(path)
+            else:
+                files.missing.append(_missing(path))
+        _add_continuation(files, existing)
     else:
-        found = _of_one_storage(found, files.remarks)
-    if not found:
+        files.paths = _of_one_storage(existing, files.remarks)
+    if not files.paths:
         nothing = f'there is no {" or ".join(SUFFIXES)} file in the folder'
         raise NotALogError(folder, '; '.join([nothing, *files.missing[:1]]))
-    files.paths = found
     return files
 
 
@@ -105,48 +111,51 @@ def _missing(path: Path) -> str:
 
 def _visible_files(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
     """Return the files of a bag in natural order, unpacked rather than compressed."""
-    found: dict[str, Path] = {}
+    by_name: dict[str, Path] = {}
     # Hidden ones belong to tools, such as a copy in progress.
     visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
     for path in sorted(visible, key=natural):
-        first = found.setdefault(_unpacked_name(path), path)
+        first = by_name.setdefault(_unpacked_name(path), path)
         if first != path and is_regular_file(first):
             packed[first] = path
         else:
-            found[_unpacked_name(path)] = path
-    return list(found.values())
+            by_name[_unpacked_name(path)] = path
+    return list(by_name.values())
 
 
-def _named(folder: Path, names: list[object]) -> list[Path]:
-    # The last part only: older recorders put the folder's name before it.
-    return [folder / Path(str(name)[:_MAX_NAME]).name for name in names]
-
-
-def _with_continuation(named: list[Path], found: list[Path], remarks: list[str]) -> list[Path]:
-    """Return the named files and those that continue their numbers; remark on the others."""
+def _add_continuation(files: LogFiles, existing: list[Path]) -> None:
+    """Add the files that continue the numbers of the named ones; remark on all others."""
+    named = list(files.paths)
+    if not named:
+        files.paths = existing
+        return
     series = {_series(path) for path in named}
     last = max(map(natural, named))
-    following = []
-    for path in (path for path in found if path not in named):
+    for path in existing:
+        if path in named:
+            continue
         continues = re.search(r'_\d+\.', path.name) and _series(path) in series
-        is_next = continues and natural(path) > last
-        if is_next:
-            following.append(path)
-        reaction = '; it continues the run, and is read' if is_next else ', and is left out'
-        remarks.append(f'{printable(path.name)} is not named in {FILE_NAME}{reaction}')
-    return [*named, *following]
+        if continues and natural(path) > last:
+            files.paths.append(path)
+            reaction = '; it continues the run, and is read'
+        else:
+            reaction = ', and is left out'
+        files.remarks.append(f'{printable(path.name)} is not named in {FILE_NAME}{reaction}')
 
 
-def _of_one_storage(found: list[Path], remarks: list[str]) -> list[Path]:
+def _of_one_storage(existing: list[Path], remarks: list[str]) -> list[Path]:
     """Return the files of the first suffix: where there are two, one is a copy."""
-    kinds = {kind: [path for path in found if _suffix(path) == kind] for kind in SUFFIXES}
-    chosen = next((paths for paths in kinds.values() if paths), [])
-    remarks += [
-        f'{printable(path.name)} is left out: {printable(chosen[0].name)} beside it is of another '
-        'storage'
-        for path in found
-        if path not in chosen
-    ]
+    for suffix in SUFFIXES:
+        chosen = [path for path in existing if _suffix(path) == suffix]
+        if chosen:
+            break
+    for path in existing:
+        if path not in chosen:
+            chosen_name = printable(chosen[0].name)
+            remarks.append(
+                f'{printable(path.name)} is left out: {chosen_name} beside it is of another '
+                'storage'
+            )
     return chosen
 
 
@@ -154,21 +163,21 @@ def _check_storage(
     folder: Path, metadata: dict[str, Any], remarks: list[str], *, readable: bool
 ) -> None:
     """Refuse formats that only plugins of rosbag2 can read, as far as the metadata say."""
-    plugin, mode, form = (
-        str(metadata.get(key) or '')[:_MAX_NAME]
-        for key in ('storage_identifier', 'compression_mode', 'compression_format')
-    )
+
+    def setting(key: str) -> str:
+        return str(metadata.get(key) or '')[:_MAX_NAME]
+
+    plugin = setting('storage_identifier')
     if plugin not in _PLUGINS and not readable:
-        raise NotALogError(
-            folder, f"rosbag2 stored it by '{printable(plugin)}'; {_convert_command(folder)}"
-        )
+        reason = f"rosbag2 stored it by '{printable(plugin)}'"
+        raise NotALogError(folder, f'{reason}; {_convert_command(folder)}')
+    mode = setting('compression_mode')
+    codec = setting('compression_format')
     if (mode.lower() or 'none') not in _MODES:
         remarks.append(f"{FILE_NAME} is damaged: there is no compression mode '{printable(mode)}'")
-    elif mode.lower() == 'message' and form not in _FORMATS:
-        raise NotALogError(
-            folder,
-            f"rosbag2 compressed its messages by '{printable(form)}'; {_convert_command(folder)}",
-        )
+    elif mode.lower() == 'message' and codec not in _FORMATS:
+        reason = f"rosbag2 compressed its messages by '{printable(codec)}'"
+        raise NotALogError(folder, f'{reason}; {_convert_command(folder)}')
 
 
 def run_name(path: Path) -> str:
@@ -184,8 +193,10 @@ def is_log_name(path: Path) -> bool:
 
 def natural(path: Path) -> list[tuple[int, str]]:
     """Return the sort key of natural order: 2 before 10."""
-    parts = re.findall(r'\d+|\D+', path.name)
-    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
+    return [
+        (int(word), '') if word.isdecimal() else (-1, word)
+        for word in re.findall(r'\d+|\D+', path.name)
+    ]
 
 
 def _suffix(path: Path) -> str:
@@ -227,6 +238,6 @@ def _convert_command(folder: Path) -> str:
     """Return the command line, as a half sentence (rosbag2's README, "Converting bags")."""
     output = json.dumps(f'{folder}_mcap')
     options = f'output_bags: [{{uri: {output}, storage_id: mcap, all: true}}]'
-    words = f'echo {shlex.quote(options)} > to.yaml && ros2 bag convert -i '
-    command = f'{words}{shlex.quote(str(folder))} -o to.yaml'
+    source = shlex.quote(str(folder))
+    command = f'echo {shlex.quote(options)} > to.yaml && ros2 bag convert -i {source} -o to.yaml'
     return f'`{printable(command, _MAX_COMMAND)}` makes a run of it'

@@ -6,12 +6,12 @@ before anything of it runs (https://www.sqlite.org/security.html). The file is o
 file is made beside it, and no lock is awaited.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 import sqlite3
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from klann_ros.log.definitions import definition
 from klann_ros.log.errors import UnknownTypeError
@@ -116,17 +116,21 @@ def reason_of(error: Exception) -> str:
 
 def columns(connection: sqlite3.Connection, table: str) -> frozenset[str]:
     """Return the columns of a table of rosbag2; none if it is no table with numbered rows."""
-    own = f"type = 'table' AND name = '{table}'"
-    query = f'SELECT rootpage FROM {_MASTER} WHERE {own}'  # noqa: S608 - our own
-    root = connection.execute(query).fetchone()
+    condition = f"type = 'table' AND name = '{table}'"
+    query = f'SELECT rootpage FROM {_MASTER} WHERE {condition}'  # noqa: S608 - our own
+    root_page = connection.execute(query).fetchone()
     # Virtual tables have no page of their own.
-    if root is None or not root[0]:
+    if root_page is None or not root_page[0]:
         return frozenset()
-    rows = connection.execute(f'PRAGMA table_xinfo({table})').fetchall()
-    numbered = any(row[1:3] == (b'id', b'INTEGER') and row[5] == 1 for row in rows)
-    # Hidden columns are computed when they are read.
-    plain = frozenset(_text(row[1]) for row in rows if not row[6])
-    return plain if numbered and 'id' in plain else frozenset()
+    stored = set()
+    is_numbered = False
+    description = connection.execute(f'PRAGMA table_xinfo({table})')
+    for _, name, kind, _, _, primary_key, hidden in description.fetchall():
+        is_numbered |= (name, kind, primary_key) == (b'id', b'INTEGER', 1)
+        # Hidden columns are computed when they are read.
+        if not hidden:
+            stored.add(_text(name))
+    return frozenset(stored) if is_numbered and 'id' in stored else frozenset()
 
 
 def table_names(connection: sqlite3.Connection) -> list[str]:
@@ -135,13 +139,13 @@ def table_names(connection: sqlite3.Connection) -> list[str]:
     return [_text(name) for (name,) in connection.execute(query)]
 
 
-def _text(value: object) -> str:
-    return value.decode(errors='replace') if isinstance(value, bytes) else str(value)
+def _text(cell: object) -> str:
+    return cell.decode(errors='replace') if isinstance(cell, bytes) else str(cell)
 
 
 @dataclass
 class BagDescription:
-    """The tables of a bag beside its messages."""
+    """The tables of a bag beside its messages; `read` fills it."""
 
     # By topic id.
     topics: dict[int, Topic] = field(default_factory=dict)
@@ -152,20 +156,25 @@ class BagDescription:
     # The parts that were left out, one line each.
     problems: list[str] = field(default_factory=list)
 
-    def add_topics(
-        self, rows: Iterator[tuple[object, ...]], texts: Mapping[str, tuple[str, str]]
-    ) -> None:
-        """Add rows of the table of topics, given encoding and definition of each type."""
-        for number, *rest in rows:
+    def read(self, connection: sqlite3.Connection) -> None:
+        """Read the tables."""
+        definitions = {}
+        for row in self._text_rows(connection, 'message_definitions', _DEFINITION_COLUMNS):
+            kind, encoding, text = map(_text, row)
+            if text and encoding in _ENCODINGS:
+                definitions[kind] = encoding, text
+        for number, *texts in self._text_rows(connection, 'topics', _TOPIC_COLUMNS):
             if not isinstance(number, int):
                 self._leave_out('a topic without a number is left out')
             elif len(self.topics) >= _MAX_TOPICS:
                 self._leave_out(f'there are more than {_MAX_TOPICS} topics')
             else:
-                name, kind, encoding, qos, type_hash = map(_text, rest)
-                schema, words = texts.get(kind, ('ros2msg', ''))
-                words = words or self._installed(kind)
-                self.topics[number] = Topic(name, kind, words, qos, type_hash, encoding, schema)
+                name, kind, encoding, qos, type_hash = map(_text, texts)
+                schema, text = definitions.get(kind, ('ros2msg', ''))
+                text = text or self._installed(kind)
+                self.topics[number] = Topic(name, kind, text, qos, type_hash, encoding, schema)
+        for (yaml,) in self._text_rows(connection, 'metadata', ('metadata',)):
+            self.metadata.append(_text(yaml))
 
     def _installed(self, kind: str) -> str:
         if kind not in self.installed:
@@ -175,42 +184,26 @@ class BagDescription:
                 self.installed[kind] = ''
         return self.installed[kind]
 
-    def _leave_out(self, what: str) -> None:
-        if what not in self.problems:
-            self.problems.append(what)
+    def _leave_out(self, problem: str) -> None:
+        if problem not in self.problems:
+            self.problems.append(problem)
 
-
-def bag_description(connection: sqlite3.Connection) -> BagDescription:
-    """Return the tables of a bag beside its messages."""
-    found = BagDescription()
-    definitions = _text_rows(connection, 'message_definitions', _DEFINITION_COLUMNS, found)
-    texts = {}
-    for kind, encoding, words in (map(_text, row) for row in definitions):
-        if words and encoding in _ENCODINGS:
-            texts[kind] = encoding, words
-    found.add_topics(_text_rows(connection, 'topics', _TOPIC_COLUMNS, found), texts)
-    found.metadata = [
-        _text(row[0]) for row in _text_rows(connection, 'metadata', ('metadata',), found)
-    ]
-    return found
-
-
-def _text_rows(
-    connection: sqlite3.Connection, table: str, wanted: tuple[str, ...], found: BagDescription
-) -> Iterator[tuple[object, ...]]:
-    """Yield the wanted columns of a table's rows, up to a size."""
-    known = columns(connection, table)
-    if not known:
-        return
-    selected = ', '.join(name if name in known else "''" for name in wanted)
-    size = 0
-    query = f'SELECT {selected} FROM {table} NOT INDEXED ORDER BY id'  # noqa: S608 - our own
-    for row in connection.execute(query):
-        size += _TEXT_ROW_SIZE + sum(len(item) for item in row if isinstance(item, bytes))
-        if size > _MAX_TABLE_SIZE:
-            found.problems.append(f'there are more than {_MAX_TABLE_SIZE} bytes of {table}')
+    def _text_rows(
+        self, connection: sqlite3.Connection, table: str, names: tuple[str, ...]
+    ) -> Iterator[tuple[object, ...]]:
+        """Yield some columns of a table's rows, up to a size."""
+        existing = columns(connection, table)
+        if not existing:
             return
-        yield row
+        selected = ', '.join(name if name in existing else "''" for name in names)
+        size = 0
+        query = f'SELECT {selected} FROM {table} NOT INDEXED ORDER BY id'  # noqa: S608 - our own
+        for row in connection.execute(query):
+            size += _TEXT_ROW_SIZE + sum(len(cell) for cell in row if isinstance(cell, bytes))
+            if size > _MAX_TABLE_SIZE:
+                self.problems.append(f'there are more than {_MAX_TABLE_SIZE} bytes of {table}')
+                return
+            yield row
 
 
 @dataclass(frozen=True)
@@ -235,6 +228,24 @@ class RowRange:
         return f'messages {self.first} to {self.last}'
 
 
+class _Group(NamedTuple):
+    """Rows of a topic that all hold messages, or none: a row of `_SURVEY`."""
+
+    topic: int
+    is_sound: int
+    row_count: int
+    # Earliest and latest time [ns].
+    start: int
+    end: int
+    # The first and the last row.
+    first: int
+    last: int
+    # Size of the data [bytes]; None if no row has any.
+    size: int | None
+    # Number of different rows: linked pages repeat some.
+    distinct_count: int
+
+
 class MessageRows:
     """
     The table of messages, in `ranges` of rows as large as a chunk; `unsound` rows hold no message.
@@ -250,54 +261,56 @@ class MessageRows:
         with database(path) as connection:
             self._survey(connection)
             expected = self.count + self.unsound
-            (rows,) = connection.execute(_COUNT, (expected + 1,)).fetchone()
-        if rows != expected:
+            (row_count,) = connection.execute(_COUNT, (expected + 1,)).fetchone()
+        if row_count != expected:
             raise DatabaseError('its rows are out of order')
 
     def read(self, rows: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the messages of a range, of some topics or all; a DatabaseError if refused."""
-        wanted = rows.topics if topics is None else rows.topics & set(topics)
-        if not wanted:
+        numbers = rows.topics if topics is None else rows.topics & set(topics)
+        if not numbers:
             return []
         query = _READ
-        if wanted != rows.topics:
-            query += f' AND topic_id IN ({",".join(map(str, sorted(wanted)))})'
+        if numbers != rows.topics:
+            query += f' AND topic_id IN ({",".join(map(str, sorted(numbers)))})'
         with database(self._path) as connection:
             ends = rows.first, rows.last
             return connection.execute(f'{query} ORDER BY id', ends).fetchall()
 
     def _survey(self, connection: sqlite3.Connection) -> None:
         """Split the table into ranges; their lengths follow the sizes of earlier messages."""
-        following, limit, done = -(2**63), 64, 0
-        while True:
-            found = connection.execute(_SURVEY, (following, limit)).fetchall()
-            if not found:
-                return
-            rows, numbers = sum(row[2] for row in found), sum(row[8] for row in found)
-            size = sum(row[7] or 0 for row in found)
+        first_id = -(2**63)
+        limit = 64
+        offset = 0
+        while groups := [_Group(*row) for row in connection.execute(_SURVEY, (first_id, limit))]:
+            count = sum(group.row_count for group in groups)
+            size = sum(group.size or 0 for group in groups)
             if size > _MAX_RANGE_SIZE and limit > 1:
-                limit = max(1, min(limit, rows) // 2)
+                limit = max(1, min(limit, count) // 2)
                 continue
-            first, last = min(row[5] for row in found), max(row[6] for row in found)
-            if first < following or numbers < rows or rows > last - first + 1:
+            first = min(group.first for group in groups)
+            last = max(group.last for group in groups)
+            distinct_count = sum(group.distinct_count for group in groups)
+            if first < first_id or distinct_count < count or count > last - first + 1:
                 raise DatabaseError('its rows are out of order')
-            min_size = done + size + _MIN_ROW_SIZE * (self.count + self.unsound + rows)
+            min_size = offset + size + _MIN_ROW_SIZE * (self.count + self.unsound + count)
             # Pages that contain each other.
             if min_size > self.size:
                 raise DatabaseError('its rows are larger than the file')
-            self._add(found, first, last, done)
-            done += size
+            self._add_range(groups, first, last, offset)
+            offset += size
             if last == 2**63 - 1:
                 return
-            following = last + 1
-            limit = min(_MAX_ROWS, max(1, _RANGE_SIZE * rows // (size + 1)))
+            first_id = last + 1
+            limit = min(_MAX_ROWS, max(1, _RANGE_SIZE * count // (size + 1)))
 
-    def _add(self, found: list[tuple[int, ...]], first: int, last: int, offset: int) -> None:
-        sound = [row for row in found if row[1]]
-        count = sum(row[2] for row in sound)
+    def _add_range(self, groups: list[_Group], first: int, last: int, offset: int) -> None:
+        sound_groups = [group for group in groups if group.is_sound]
+        count = sum(group.row_count for group in sound_groups)
         self.count += count
-        self.unsound += sum(row[2] for row in found) - count
-        if sound:
-            start, end = min(row[3] for row in sound), max(row[4] for row in sound)
-            topics = frozenset(row[0] for row in sound)
+        self.unsound += sum(group.row_count for group in groups) - count
+        if sound_groups:
+            start = min(group.start for group in sound_groups)
+            end = max(group.end for group in sound_groups)
+            topics = frozenset(group.topic for group in sound_groups)
             self.ranges.append(RowRange(first, last, start, end, topics, count, offset))

@@ -24,7 +24,6 @@ import numpy as np
 
 from .block import block_of_messages, HEAD, MessageBlock
 from .sqlite_database import (
-    bag_description,
     BagDescription,
     columns,
     database,
@@ -35,7 +34,15 @@ from .sqlite_database import (
     RowRange,
     table_names,
 )
-from .storage import Overview, Problems, Source, TemporaryFile, Topics
+from .storage import (
+    Overview,
+    Problems,
+    Source,
+    spanned_time,
+    storage_name,
+    TemporaryFile,
+    Topics,
+)
 
 _WAL, _JOURNAL = '-wal', '-journal'
 _JOURNAL_MAGICS = {
@@ -66,15 +73,15 @@ class SqliteStorage:
 
     def __init__(self, path: Path, unpacked: TemporaryFile | None = None) -> None:
         self.path = path
-        self.name = printable(path.name) + (' (unpacked)' if unpacked else '')
+        self.name = storage_name(path, unpacked)
         self._copy = unpacked
         self.problems = Problems()
         try:
             if unpacked is None:
                 self._apply_journals(path)
             self.closed = not self.problems
-            place = path if self._copy is None else self._copy.path
-            self.description, self.rows, losses = _read_bag(path, place)
+            plain_path = path if self._copy is None else self._copy.path
+            self.description, self.rows, losses = _read_bag(path, plain_path)
         except OSError as error:
             raise NotALogError(path, error.strerror or str(error)) from None
         self.size = self.rows.size
@@ -82,10 +89,10 @@ class SqliteStorage:
             self.problems.note_whole(text, is_loss=True)
         self.gaps: set[tuple[int, int]] = set()
         self.remarks = ['SQLite keeps no CRC, so damage in messages is unknown']
-        taken = [kind for kind, words in self.description.installed.items() if words]
-        if taken:
-            text = f'the definitions of {listed(taken)} are those installed here: it has none'
-            self.remarks.append(text)
+        types = [kind for kind, text in self.description.installed.items() if text]
+        if types:
+            remark = f'the definitions of {listed(types)} are those installed here: it has none'
+            self.remarks.append(remark)
         self._channels = {topic: channel for channel, topic in enumerate(self.description.topics)}
 
     def _apply_journals(self, path: Path) -> None:
@@ -107,10 +114,7 @@ class SqliteStorage:
 
     def overview(self) -> Overview:
         """Return its content, topics without messages included."""
-        ranges = self.rows.ranges
-        times = None
-        if ranges:
-            times = min(rows.start for rows in ranges), max(rows.end for rows in ranges)
+        times = spanned_time([(rows.start, rows.end) for rows in self.rows.ranges])
         metadata = [0] if self.description.metadata else []
         return Overview(list(self.description.topics.values()), times, metadata, [])
 
@@ -133,8 +137,8 @@ class SqliteStorage:
 
     def metadata_at(self, offset: int) -> tuple[str, dict[str, str]] | None:
         """Return the last row of the table of metadata, as an MCAP file has it."""
-        found = self.description.metadata[offset:]
-        return (RECORD_NAME, {RECORD_KEY: found[-1]}) if found else None
+        texts = self.description.metadata[offset:]
+        return (RECORD_NAME, {RECORD_KEY: texts[-1]}) if texts else None
 
     def attachment_at(self, _: int) -> Attachment | None:
         """Return None: the format has no attachments."""
@@ -148,30 +152,30 @@ class SqliteStorage:
     def _messages(self, rows: RowRange, topics: Collection[int] | None = None) -> list[Row]:
         """Return the rows of a range whose topics are known."""
         try:
-            found = self.rows.read(rows, topics)
+            messages = self.rows.read(rows, topics)
         except DatabaseError as error:
             self.problems.note_whole(f'{rows} are left out: {error}', is_loss=True)
             return []
-        if topics is None and len(found) < rows.count:
-            text = f'{rows.count - len(found)} of {rows} are not all there'
+        if topics is None and len(messages) < rows.count:
+            text = f'{rows.count - len(messages)} of {rows} are not all there'
             self.problems.note_whole(text, is_loss=True)
         unknown = rows.topics - self._channels.keys()
         for number in unknown:
             text = f'messages of topic {number}, whose description is lost'
             self.problems.note_whole(text, is_loss=True)
-        return [row for row in found if row[0] not in unknown] if unknown else found
+        return [row for row in messages if row[0] not in unknown] if unknown else messages
 
     def _by_time(self, rows: RowRange, names: Topics) -> Iterator[Message]:
         topics = self.description.topics
-        wanted = None
+        numbers = None
         if names is not None:
-            wanted = [number for number, topic in topics.items() if topic.name in names]
-        for number, time, data in sorted(self._messages(rows, wanted), key=itemgetter(1)):
+            numbers = [number for number, topic in topics.items() if topic.name in names]
+        for number, time, data in sorted(self._messages(rows, numbers), key=itemgetter(1)):
             yield Message(topics[number], data, time, time, 0)
 
-    def _block(self, rows: list[Row]) -> MessageBlock:
-        count = len(rows)
-        numbers, times, data = zip(*rows, strict=True) if rows else ((), (), ())
+    def _block(self, messages: list[Row]) -> MessageBlock:
+        count = len(messages)
+        numbers, times, data = zip(*messages, strict=True) if messages else ((), (), ())
         heads = np.zeros(count, dtype=HEAD)
         heads['channel'] = np.fromiter(map(self._channels.__getitem__, numbers), 'u2', count)
         heads['log_time'] = heads['publish_time'] = np.fromiter(times, 'u8', count)
@@ -179,30 +183,31 @@ class SqliteStorage:
         return block_of_messages(heads, data, topics)
 
 
-def _read_bag(path: Path, place: Path) -> tuple[BagDescription, MessageRows, list[str]]:
-    """Return the content of a bag, and what of it cannot be read, one line each."""
-    with open_regular(place) as file:
+def _read_bag(path: Path, plain_path: Path) -> tuple[BagDescription, MessageRows, list[str]]:
+    """Return the content of a bag or its plain copy, and its unreadable parts, one line each."""
+    with open_regular(plain_path) as file:
         size = file.seek(0, 2)
         file.seek(0)
         head = file.read(_HEADER.size)
     if not size:
         raise NotALogError(path, f'it should be {_KIND}, and is empty')
     try:
-        with database(place) as connection:
+        with database(plain_path) as connection:
             is_bag = columns(connection, 'messages') >= _MESSAGE_COLUMNS
             if not (is_bag and columns(connection, 'topics') >= _TOPIC_COLUMNS):
                 raise NotALogError(path, _no_bag(path, table_names(connection)))
-            description = bag_description(connection)
-        rows = MessageRows(place, size)
+            description = BagDescription()
+            description.read(connection)
+        rows = MessageRows(plain_path, size)
     except DatabaseError as error:
         raise NotALogError(path, _refusal(path, str(error))) from None
     losses = [*description.problems]
     # Pages behind the size in the header were not committed.
     page_size, pages = _HEADER.unpack(head)
-    more = size // (page_size if page_size > 1 else 65536) - pages
-    if more > 0:
-        left_out = f'behind its last commit {verb(more, "is", "are")} left out'
-        losses.append(f'{counted(more, "page")} {left_out}')
+    uncommitted = size // (page_size if page_size > 1 else 65536) - pages
+    if uncommitted > 0:
+        left_out = f'behind its last commit {verb(uncommitted, "is", "are")} left out'
+        losses.append(f'{counted(uncommitted, "page")} {left_out}')
     if rows.unsound:
         losses.append(f'{rows.unsound} rows of its table of messages hold no message')
     return description, rows, losses
@@ -210,8 +215,8 @@ def _read_bag(path: Path, place: Path) -> tuple[BagDescription, MessageRows, lis
 
 def _refusal(path: Path, reason: str) -> str:
     """Return why a file is refused, and how SQLite itself may salvage it."""
-    recovered = path.with_name(f'{path.stem}_recovered.db3')
-    source, copy = (shlex.quote(str(file)) for file in (path, recovered))
+    copy = shlex.quote(str(path.with_name(f'{path.stem}_recovered.db3')))
+    source = shlex.quote(str(path))
     command = printable(f'sqlite3 {source} .recover | sqlite3 {copy}', _MAX_COMMAND)
     return f'it should be {_KIND}, but {reason}; `{command}` may salvage a part of it'
 
@@ -253,10 +258,10 @@ def _checkpointed_copy(path: Path, suffixes: list[str]) -> TemporaryFile:
     max_size = 0
     # The log first: a recorder may move its content into the file meanwhile.
     for suffix in (*suffixes, ''):
-        place = _beside(path, suffix)
-        size = place.stat().st_size
+        source = _beside(path, suffix)
+        size = source.stat().st_size
         end = [_NO_NAME] if suffix == _JOURNAL else []
-        copy.write(chain(_blocks(place), end), suffix, size)
+        copy.write(chain(_blocks(source), end), suffix, size)
         max_size += size
     connection = sqlite3.connect(copy.path, isolation_level=None)
     try:
