@@ -7,12 +7,19 @@ import json
 from math import inf
 from typing import Any
 
+from klann_ros.cli import (
+    ArgumentParser,
+    NOT_READ,
+    output_files,
+    path,
+    save_all,
+    save_text,
+    UsageError,
+)
 from klann_ros.kinematics import content_with_numbers, is_linkage, NUMBER_DIGITS, NUMBERS, PRESETS
 from klann_ros.log import NotALogError
 from klann_ros.robot import of_leg, Robot, robot_of, RobotFileError, RobotLeg, solver_section
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path, UsageError
 from klann_ros.sanitize.files import is_regular_file
-from klann_ros.sanitize.outputs import outputs, save_all, save_text
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import content_of_file, dump, parameter_file, parse_file
 
@@ -48,7 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
-    files = outputs(options, ('output', 'html', 'json'), (options.run, options.leg, options.prior))
+    files = output_files(
+        options, ('output', 'html', 'json'), (options.run, options.leg, options.prior)
+    )
     requests = [*options.point, *options.angle, *options.distance]
     drawn = options.leg and robot_of(options.leg)
     if options.run.lower().endswith('.csv'):

@@ -5,12 +5,12 @@ from contextlib import suppress
 import struct
 from typing import Any, NamedTuple
 
+from klann_ros.cli import read_table, TextTable
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.cdr import CdrCursor
-from klann_ros.sanitize.tables import read_table, TextTable
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 

@@ -4,8 +4,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from typing import Any
 
-from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.text import counted, printable
+from klann_ros.sanitize.text import counted, finite, printable
 import numpy as np
 
 from .fit import Calibration, MAX_MISFIT, SeriesFit

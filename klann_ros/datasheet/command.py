@@ -4,10 +4,9 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 
+from klann_ros.cli import ArgumentParser, NOT_READ, output_files, path, save_all, save_text
 from klann_ros.dynamics import MassError
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, path
-from klann_ros.sanitize.outputs import outputs, save_all, save_text
 
 from . import json_report, page
 from .computing import data_sheet, DEFAULT_SPEED
@@ -35,7 +34,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _describe(options: argparse.Namespace) -> int:
-    files = outputs(options, ('html', 'json'), (options.file, options.motor), refuse_yaml=True)
+    files = output_files(
+        options, ('html', 'json'), (options.file, options.motor), refuse_yaml=True
+    )
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
     sheet = data_sheet(

@@ -7,7 +7,7 @@ from typing import Any
 from klann_ros import __version__
 from klann_ros.dynamics import TurnOfForces
 from klann_ros.kinematics import Stance
-from klann_ros.sanitize.outputs import finite
+from klann_ros.sanitize.text import finite
 import numpy as np
 
 from .sheet import CrankSheet, DataSheet, LegSheet

@@ -7,18 +7,19 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros.engines import EngineError, ENGINES
-from klann_ros.sanitize.arguments import (
+from klann_ros.cli import (
     ArgumentParser,
     COUNT,
     NOT_READ,
     number_type,
+    Output,
+    OutputError,
     path,
     SECONDS,
     UsageError,
 )
+from klann_ros.engines import EngineError, ENGINES
 from klann_ros.sanitize.files import read_regular
-from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import printable
 
 from .leg_file import leg_text, parameter_text

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 import json
 from typing import Any
 
-from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.text import counted, printable_line
+from klann_ros.sanitize.text import counted, finite, printable_line
 
 from .figures import FIGURES
 from .proof import FoundLeg

@@ -6,8 +6,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from klann_ros.sanitize.arguments import ArgumentParser, NOT_READ, NOT_WRITTEN, path
-from klann_ros.sanitize.outputs import Output, outputs, reported, save_all
+from klann_ros.cli import (
+    ArgumentParser,
+    NOT_READ,
+    NOT_WRITTEN,
+    Output,
+    output_errors,
+    output_files,
+    path,
+    save_all,
+)
 from klann_ros.sanitize.text import counted, printable
 from klann_ros.web import print_page, PrintError
 
@@ -52,7 +60,7 @@ def _make(options: argparse.Namespace) -> int:
     places = [Output('-o', str(folder / name)) for name in files]
     template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
     for place in (*places, template):
-        with reported('-o', options.output):
+        with output_errors('-o', options.output):
             Path(place.path).parent.mkdir(parents=True, exist_ok=True)
         place.check([options.students])
     is_filled = has_answers(template.path)
@@ -70,7 +78,7 @@ def _make(options: argparse.Namespace) -> int:
 
 
 def _mark(options: argparse.Namespace) -> int:
-    files = outputs(options, ('csv',), (options.answers,))
+    files = output_files(options, ('csv',), (options.answers,))
     marked, refused = mark_answers(options.answers, KINDS)
     for (student, kind), marks in marked.items():
         points = sum(mark.points for mark in marks)

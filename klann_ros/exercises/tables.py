@@ -5,7 +5,7 @@ from pathlib import Path
 import re
 from typing import BinaryIO
 
-from klann_ros.sanitize.tables import harmless, read_table, TableRow, write_table
+from klann_ros.cli import harmless, read_table, TableRow, write_table
 from klann_ros.sanitize.text import listed, printable
 
 from .marking import mark, Marks

@@ -5,16 +5,18 @@ from collections.abc import Sequence
 from functools import partial
 import sys
 
-from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
-from klann_ros.sanitize.arguments import (
+from klann_ros.cli import (
     ArgumentParser,
+    check_new_folder,
     NOT_READ,
     NOT_WRITTEN,
     number_type,
+    output_files,
     path,
+    save_folder,
     UsageError,
 )
-from klann_ros.sanitize.outputs import check_new_folder, outputs, save_folder
+from klann_ros.robot import Robot, robot_of, RobotFileError, SEPARATORS
 from klann_ros.sanitize.text import counted, printable, printable_line
 from klann_ros.twin import robot_mjcf
 
@@ -57,7 +59,7 @@ def _export(options: argparse.Namespace) -> int:
         names = ', '.join([*(f'--{name}' for name in FORMATS), ROS2_CONTROL])
         raise UsageError(f'no output is given; one of {names} is needed')
     robot = robot_of(options.file)
-    files = outputs(options, FORMATS, [options.file], refuse_yaml=True)
+    files = output_files(options, FORMATS, [options.file], refuse_yaml=True)
     folder = options.ros2_control
     if folder is not None:
         check_new_folder(ROS2_CONTROL, folder, [options.file])

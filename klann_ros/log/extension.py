@@ -14,7 +14,7 @@ from pathlib import Path
 import shutil
 from typing import BinaryIO
 
-from klann_ros.sanitize.outputs import new_folder
+from klann_ros.cli import new_folder
 from klann_ros.sanitize.text import printable
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Metadata, MetadataIndex, Schema

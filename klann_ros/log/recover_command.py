@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 import sys
 
-from klann_ros.sanitize.arguments import ArgumentParser, path, print_error
+from klann_ros.cli import ArgumentParser, path, print_error
 from klann_ros.sanitize.text import counted, MAX_LINE_LENGTH, printable, printable_line
 
 from .errors import LogError, NotALogError

@@ -9,14 +9,22 @@ from pathlib import Path
 import sys
 import tempfile
 
+from klann_ros.cli import (
+    ArgumentParser,
+    check_new_folder,
+    command_words,
+    NOT_READ,
+    output_files,
+    path,
+    save_all,
+    UsageError,
+)
 from klann_ros.log import LOG_HELP
 from klann_ros.log.errors import LogError
 from klann_ros.review.live.follow import follow
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.robot import preset_names, robot_of, RobotFileError
-from klann_ros.sanitize.arguments import ArgumentParser, command_words, NOT_READ, path, UsageError
-from klann_ros.sanitize.outputs import check_new_folder, outputs, save_all
 from klann_ros.sanitize.text import printable
 from klann_ros.web import is_opened
 from tqdm import tqdm
@@ -82,7 +90,7 @@ def _review(options: argparse.Namespace) -> int:
         folder = tempfile.mkdtemp(prefix='klann_ros-review-')
         options.html = str(Path(folder, f'{Path(options.log).name or "run"}.html'))
     inputs = options.log, options.log2, options.geometry, options.limits
-    files = outputs(options, ('json', 'html', 'csv'), inputs)
+    files = output_files(options, ('json', 'html', 'csv'), inputs)
     if options.annotate:
         check_new_folder('--annotate', options.annotate, inputs)
     robot = robot_of(options.geometry) if options.geometry is not None else None

@@ -1,1 +1,1 @@
-"""Safe handling of untrusted input: texts to print, files, YAML, CDR messages and paths."""
+"""Safe handling of untrusted input: texts to print, files and paths, YAML, CDR messages."""

@@ -1,7 +1,9 @@
-"""Untrusted texts made printable, and numbers in sentences."""
+"""Untrusted texts made printable, numbers in sentences and in JSON."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from math import isfinite
+from typing import Any
 
 MAX_NAME_LENGTH = 300
 """Maximum length of a name in a message [characters]."""
@@ -84,3 +86,14 @@ def in_words(number: int) -> str:
     """Return a small number as a word."""
     words = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight', 'nine', 'ten')
     return words[number] if 0 <= number < len(words) else str(number)
+
+
+def finite(value: Any) -> Any:
+    """Return a value that JSON can hold: NaN and infinity become None."""
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value

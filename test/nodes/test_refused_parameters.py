@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 from typing import Any
 
+from klann_ros.cli import ArgumentParser
 from klann_ros.kinematics.linkage.file import SHIPPED
 from klann_ros.nodes import process
 from klann_ros.nodes.parameters import StartError
-from klann_ros.sanitize.arguments import ArgumentParser
 import pytest
 from ros_domain import Domain
 from yaml_tables import read_table

@@ -4,8 +4,8 @@ import argparse
 import os
 import socket
 
+from klann_ros import cli
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize import arguments
 from klann_ros.sanitize.files import (
     is_hollow,
     is_regular_file,
@@ -97,6 +97,6 @@ def test_a_stretch_is_hollow_if_little_of_it_was_written(tmp_path) -> None:
 def test_a_path_longer_than_any_is_refused_in_one_line() -> None:
     name = 'a' * 5000
     with pytest.raises(argparse.ArgumentTypeError, match='File name too long'):
-        arguments.path(name)
+        cli.path(name)
     with pytest.raises(RobotFileError, match='File name too long'):
         robot_of(name)

@@ -8,6 +8,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from klann_ros.cli import ArgumentParser, Output, OutputError
 from klann_ros.gait import Feet, NoWalkerError
 from klann_ros.nodes.cdr_readers import JointReading
 from klann_ros.nodes.encoders import subscribe_cranks
@@ -31,8 +32,6 @@ from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.nodes.walker.messages import CrankOutput
 from klann_ros.robot import CrankDrive, Robot
-from klann_ros.sanitize.arguments import ArgumentParser
-from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import parameter_file
 from klann_ros.stop_signals import StopSignals

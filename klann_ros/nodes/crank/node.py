@@ -6,12 +6,12 @@ from math import copysign, inf, isfinite, remainder
 from time import monotonic
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.cli import ArgumentParser
 from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import create_publisher, create_steady_timer, flush, QOS_USAGE
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, run
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
 from rclpy.duration import Duration
 from rclpy.node import Node

@@ -7,10 +7,10 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from klann_ros.cli import number_type, path
 from klann_ros.log import LOG_HELP, PlaybackError, RATES, Transport
 from klann_ros.nodes.endpoints import create_trigger
 from klann_ros.nodes.parameters import Declaration, number, on_change
-from klann_ros.sanitize.arguments import number_type, path
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 

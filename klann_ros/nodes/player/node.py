@@ -8,6 +8,7 @@ import sys
 from threading import Event, Thread
 from typing import Any, TYPE_CHECKING
 
+from klann_ros.cli import ArgumentParser
 from klann_ros.log import (
     latched_count,
     length,
@@ -36,7 +37,6 @@ from klann_ros.nodes.process import (
     ROS_ERRORS,
     run,
 )
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import counted, listed, printable, printable_line
 from klann_ros.stop_signals import StopSignals
 from rclpy._rclpy_pybind11 import RCLError

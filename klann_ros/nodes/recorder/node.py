@@ -10,6 +10,7 @@ from time import monotonic, time_ns
 from typing import Any, TYPE_CHECKING
 
 from klann_ros import __version__
+from klann_ros.cli import ArgumentParser
 from klann_ros.log import (
     BackgroundWriter,
     check_free_space,
@@ -33,7 +34,6 @@ from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
 from klann_ros.nodes.solver_watch import SolverWatch
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from rclpy.executors import SingleThreadedExecutor

@@ -10,6 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time as TimeMessage
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, PointStamped, TwistStamped
+from klann_ros.cli import ArgumentParser
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.kinematics.angles import TURN
@@ -32,7 +33,6 @@ from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.robot import robot_of
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals

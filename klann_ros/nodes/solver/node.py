@@ -7,6 +7,7 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from klann_ros.cli import ArgumentParser
 from klann_ros.kinematics import CrankAngleError, GeometryError, KinematicsError
 from klann_ros.nodes.endpoints import (
     create_publisher,
@@ -20,7 +21,6 @@ from klann_ros.nodes.endpoints import (
 from klann_ros.nodes.leg_declarations import drive, GEOMETRY, GEOMETRY_NAMES, LEGS, place
 from klann_ros.nodes.parameters import declare, usage
 from klann_ros.nodes.process import arguments, LIFECYCLE_HELP, LOG_PERIOD, run
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.sanitize.text import printable, verb
 from klann_ros.stop_signals import StopSignals
 from rcl_interfaces.msg import SetParametersResult

@@ -6,10 +6,10 @@ from pathlib import Path
 import sys
 from threading import Thread
 
+from klann_ros.cli import ArgumentParser, path
 from klann_ros.live import Guard, new_token
 from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
-from klann_ros.sanitize.arguments import ArgumentParser, path
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.web import is_opened

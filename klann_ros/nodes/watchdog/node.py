@@ -11,6 +11,7 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from klann_ros.cli import ArgumentParser
 from klann_ros.nodes.endpoints import (
     create_publisher,
     create_steady_timer,
@@ -24,7 +25,6 @@ from klann_ros.nodes.endpoints import (
 from klann_ros.nodes.parameters import declare, require, usage
 from klann_ros.nodes.process import arguments, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
-from klann_ros.sanitize.arguments import ArgumentParser
 from klann_ros.stop_signals import StopSignals
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray

@@ -8,21 +8,24 @@ import re
 import signal
 import sys
 
+from klann_ros.cli import (
+    ArgumentParser,
+    check_new_folder,
+    COUNT,
+    NOT_READ,
+    NOT_WRITTEN,
+    output_files,
+    OutputError,
+    path,
+    print_error,
+    save_all,
+    SECONDS,
+)
 from klann_ros.engines import EngineError, ENGINES
 from klann_ros.log import open_log
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.limits import Limits, limits_from_file
 from klann_ros.robot import robot_of, RobotFileError
-from klann_ros.sanitize.arguments import (
-    ArgumentParser,
-    COUNT,
-    NOT_READ,
-    NOT_WRITTEN,
-    path,
-    print_error,
-    SECONDS,
-)
-from klann_ros.sanitize.outputs import check_new_folder, OutputError, outputs, save_all
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
@@ -79,7 +82,7 @@ def _each(options: argparse.Namespace) -> int:
     expectations = Expectations() if options.expect is None else _expectations(options.expect)
     inputs = [*(run.path for run in runs), options.geometry, options.limits, options.expect]
     inputs.append(expectations.baseline)
-    files = outputs(options, ('table', 'junit', 'html'), inputs)
+    files = output_files(options, ('table', 'junit', 'html'), inputs)
     pages = _pages(options.html, runs)
     annotated = _annotated(options, runs)
     robot = robot_of(options.geometry) if options.geometry is not None else None

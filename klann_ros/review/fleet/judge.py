@@ -12,6 +12,7 @@ import stat
 from typing import Any
 
 from klann_ros import __version__
+from klann_ros.cli import Output, OutputError
 from klann_ros.engines import parallel_map, TaskError
 from klann_ros.log import FILE_NAME, is_log_name, natural, run_files, run_name
 from klann_ros.log.errors import LogError
@@ -23,7 +24,6 @@ from klann_ros.review.page import save
 from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
-from klann_ros.sanitize.outputs import Output, OutputError
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.yaml_text import content_of_file
 

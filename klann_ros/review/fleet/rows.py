@@ -13,12 +13,11 @@ from typing import Any, BinaryIO
 from urllib.parse import quote
 from xml.etree.ElementTree import Element, ElementTree, indent, SubElement
 
+from klann_ros.cli import harmless, write_table
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
-from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.tables import harmless, write_table
-from klann_ros.sanitize.text import counted, printable, printable_line
+from klann_ros.sanitize.text import counted, finite, printable, printable_line
 from klann_ros.web import element, FRAME, Markup, number, Parts, scrolling_table, SHARED
 
 OK, FINDINGS, UNREADABLE = 'ok', 'findings', 'unreadable'

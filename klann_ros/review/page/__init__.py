@@ -12,8 +12,7 @@ from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.poses import LegFigures
 from klann_ros.review.model.review import Finding, located, Review, Severity
 from klann_ros.review.model.topics import LOWER_BOUND_MARK, LOWER_BOUND_REASON, TopicFigures
-from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.text import counted, printable
+from klann_ros.sanitize.text import counted, finite, printable
 from klann_ros.web import (
     element,
     FRAME,

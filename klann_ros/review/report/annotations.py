@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 import struct
 
+from klann_ros.cli import output_errors
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.log import ANNOTATION, extend, Topic, TopicMessages
 from klann_ros.log.errors import LogError
@@ -13,7 +14,6 @@ from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review
 from klann_ros.sanitize import cdr
-from klann_ros.sanitize.outputs import reported
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,7 +44,7 @@ def annotate(review: Review, output: str) -> None:
                 messages.append(_feet(answers))
                 of_message[evaluated.namespace, answers.digest()].append(answers)
     messages += map(_states, of_message.values())
-    with reported('--annotate', output, LogError):
+    with output_errors('--annotate', output, LogError):
         extend(review.recording.path, output, messages)
 
 

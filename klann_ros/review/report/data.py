@@ -6,13 +6,12 @@ import json
 from typing import Any, BinaryIO, TYPE_CHECKING
 
 from klann_ros import __version__
+from klann_ros.cli import harmless, write_table
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.review.model.answers import Cause
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.review import Review, ReviewedLeg
-from klann_ros.sanitize.outputs import finite
-from klann_ros.sanitize.tables import harmless, write_table
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import finite, printable
 import numpy as np
 from numpy.typing import NDArray
 

@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 import errno
-from math import isfinite
 import os
 from pathlib import Path
-import secrets
 import shutil
 import stat
 from typing import Any, BinaryIO
 
-from .files import is_regular_file, is_within, open_regular
-from .text import printable, printable_line
+from klann_ros.sanitize.files import is_regular_file, is_within, open_regular
+from klann_ros.sanitize.text import printable, printable_line
+
+from .arguments import OutputError
 
 Save = Callable[[BinaryIO], object]
 # First bytes of MCAP, SQLite and zstd files, which hold logs.
@@ -28,12 +28,8 @@ LOG_MAGICS = (b'\x89MCAP0\r\n', b'SQLite format 3\x00', b'\x28\xb5\x2f\xfd')
 _EXISTS = 'it exists already, not overwriting; choose a new name'
 
 
-class OutputError(Exception):
-    """Outputs that cannot be written; each argument names one and the reason."""
-
-
 @contextmanager
-def reported(option: str, path: str, errors: type[Exception] = OutputError) -> Iterator[None]:
+def output_errors(option: str, path: str, errors: type[Exception] = OutputError) -> Iterator[None]:
     """Raise an OutputError of an option for what the disk, an OutputError or `errors` say."""
     try:
         yield
@@ -51,7 +47,7 @@ class Output:
 
     def save(self, save: Save) -> None:
         """Write the file; an OutputError leaves the previous one."""
-        with reported(self.option, self.path), self._opened() as file:
+        with output_errors(self.option, self.path), self._opened() as file:
             save(file)
 
     def write(self, content: bytes) -> None:
@@ -60,7 +56,7 @@ class Output:
 
     def check(self, inputs: Sequence[str]) -> None:
         """Raise an OutputError if it is an input, or cannot be written."""
-        with reported(self.option, self.path):
+        with output_errors(self.option, self.path):
             for given in inputs:
                 if is_within(self.path, given):
                     inside = 'inside ' if Path(given).is_dir() else ''
@@ -100,7 +96,7 @@ class Output:
             beside.replace(place)
 
 
-def outputs(
+def output_files(
     options: Namespace,
     names: Iterable[str],
     inputs: Iterable[str | None],
@@ -129,7 +125,7 @@ def outputs(
 
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
     """Raise an OutputError if a folder is there already, or would be in an input."""
-    with reported(option, path):
+    with output_errors(option, path):
         if os.path.lexists(path):
             is_folder = Path(path).is_dir() or Path(path).is_symlink()
             raise OutputError(_EXISTS if is_folder else 'it is no folder')
@@ -140,7 +136,7 @@ def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> No
 
 def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
     """Write a new folder of files, whole or not at all; an OutputError gives the reason."""
-    with reported(option, path), new_folder(Path(path)) as folder:
+    with output_errors(option, path), new_folder(Path(path)) as folder:
         folder.mkdir()
         for name, content in contents.items():
             (folder / name).write_bytes(content)
@@ -149,7 +145,7 @@ def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
 @contextmanager
 def new_folder(place: Path) -> Iterator[Path]:
     """Yield a path for a folder of the same name, which moves to its place at the end."""
-    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
+    beside = place.with_name(f'.klann-{os.urandom(8).hex()}.new')
     try:
         beside.mkdir()
         yield beside / place.name
@@ -191,7 +187,7 @@ def _new_beside(place: Path) -> Iterator[tuple[int, Path]]:
         raise OutputError('it is a folder' if place.is_dir() else 'it is no regular file')
     if not place.parent.is_dir():
         raise OutputError(f'there is no folder {printable(place.parent)}')
-    beside = place.with_name(f'.klann-{secrets.token_hex(8)}.new')
+    beside = place.with_name(f'.klann-{os.urandom(8).hex()}.new')
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
     try:
         # A signal may come as soon as it is there.
@@ -224,14 +220,3 @@ def _check_old(path: str) -> None:
                 raise OutputError('the report itself goes there')
     if not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-
-def finite(value: Any) -> Any:
-    """Return a value that JSON can hold: NaN and infinity become None."""
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return value

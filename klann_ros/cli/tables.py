@@ -6,8 +6,8 @@ import csv
 from io import StringIO, TextIOWrapper
 from typing import BinaryIO, NamedTuple
 
-from .files import open_regular
-from .text import listed, printable
+from klann_ros.sanitize.files import open_regular
+from klann_ros.sanitize.text import listed, printable
 
 DELIMITERS = ',;\t'
 # First bytes of .xlsx and .ods.

@@ -14,9 +14,7 @@ import textwrap
 from typing import Any, NoReturn
 
 from klann_ros import __version__
-
-from .outputs import OutputError
-from .text import printable, printable_line
+from klann_ros.sanitize.text import printable, printable_line
 
 NOT_READ, NOT_WRITTEN = 2, 3
 """Exit codes: an input is refused; an output cannot be written."""
@@ -60,6 +58,10 @@ SECONDS = number_type(lambda s: 0.0 < s < 1e9, 'a number of seconds > 0 (and < 1
 
 class UsageError(Exception):
     """Arguments that contradict each other; the text says which."""
+
+
+class OutputError(Exception):
+    """Outputs that cannot be written; each argument names one and the reason."""
 
 
 def print_error(program: str, error: object) -> None:

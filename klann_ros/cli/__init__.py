@@ -1,0 +1,46 @@
+"""The command line of every program: arguments, output files, tables of spreadsheets."""
+
+from typing import TYPE_CHECKING
+
+from klann_ros.lazy_face import lazy_face
+
+if TYPE_CHECKING:
+    from .arguments import (
+        ArgumentParser,
+        command_words,
+        COUNT,
+        NOT_READ,
+        NOT_WRITTEN,
+        number_type,
+        OutputError,
+        path,
+        print_error,
+        SECONDS,
+        UsageError,
+    )
+    from .outputs import (
+        check_new_folder,
+        new_folder,
+        Output,
+        output_errors,
+        output_files,
+        save_all,
+        save_folder,
+        save_text,
+    )
+    from .tables import harmless, read_table, TableRow, TextTable, write_table
+else:
+    __getattr__, __dir__, __all__ = lazy_face(
+        __name__,
+        {
+            'arguments': (
+                'ArgumentParser COUNT NOT_READ NOT_WRITTEN OutputError '
+                'SECONDS UsageError command_words number_type path print_error'
+            ),
+            'outputs': (
+                'Output check_new_folder new_folder output_errors '
+                'output_files save_all save_folder save_text'
+            ),
+            'tables': 'TableRow TextTable harmless read_table write_table',
+        },
+    )
