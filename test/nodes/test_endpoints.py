@@ -8,11 +8,19 @@ from hypothesis import example, given, strategies as st
 from klann_ros.log.definitions import default_prefixes, INDEX
 from klann_ros.nodes.endpoints import (
     diagnostic_status,
+    INPUT,
+    LAST_MESSAGES,
+    LAST_PERIOD,
+    LAST_TIMEOUT,
     message_class,
     name_refusal,
+    OUTPUT,
+    publish_last,
     UnknownMessageTypeError,
 )
 import pytest
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
 from ros_domain import Domain
 from std_msgs.msg import Float64
 from yaml_tables import read_table
@@ -124,3 +132,32 @@ def test_diagnostics_contain_no_control_of_a_terminal(ros: Domain) -> None:
     assert status.message == 'left\\x1b[31m crank\\u202e lags'
     (pair,) = status.values
     assert (pair.key + pair.value).isprintable()
+
+
+class SilentPublisher:
+    """A publisher whose subscribers do not acknowledge; `calls` are its messages and waits [s]."""
+
+    def __init__(self, qos_profile: QoSProfile) -> None:
+        self.qos_profile = qos_profile
+        self.calls: list[str | float] = []
+
+    def publish(self, message: str) -> None:
+        """Publish a message."""
+        self.calls.append(message)
+
+    def wait_for_all_acked(self, timeout: Duration) -> bool:
+        """Return that nothing was acknowledged."""
+        self.calls.append(timeout.nanoseconds / 1e9)
+        return False
+
+
+def test_the_last_message_is_repeated_then_its_acknowledgement_awaited() -> None:
+    reliable = SilentPublisher(OUTPUT)
+    publish_last(reliable, 'stand')  # type: ignore[arg-type]
+    *messages, timeout = reliable.calls
+    assert messages == ['stand'] * LAST_MESSAGES
+    assert isinstance(timeout, float)
+    assert 0.0 < timeout <= LAST_TIMEOUT - LAST_MESSAGES * LAST_PERIOD
+    best_effort = SilentPublisher(INPUT)
+    publish_last(best_effort, 'stand')  # type: ignore[arg-type]
+    assert best_effort.calls == ['stand'] * LAST_MESSAGES
