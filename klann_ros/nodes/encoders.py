@@ -7,7 +7,7 @@ An Int32 names no joint, so each of several cranks has a topic of its own: `cran
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.sanitize.text import printable
@@ -25,12 +25,13 @@ _TICKS = 'std_msgs/msg/Int32'
 _OVERFLOW = 2**32
 
 
-def encoder_topics(joints: Sequence[str], values: Mapping[str, Any]) -> dict[str, str]:
+def encoder_topics(joints: Sequence[str], parameters: Mapping[str, Any]) -> dict[str, str]:
     """Return the topic of each crank's ticks, none for a JointState; a StartError if refused."""
-    if values['crank_state_type'] != 'ticks':
+    if parameters['crank_state_type'] != 'ticks':
         return {}
-    counts = values['counts_per_turn']
-    require(counts > 0.0, 'counts_per_turn', counts, '> 0 where crank_state_type is ticks')
+    counts_per_turn = parameters['counts_per_turn']
+    requirement = '> 0 where crank_state_type is ticks'
+    require(counts_per_turn > 0.0, 'counts_per_turn', counts_per_turn, requirement)
     if len(joints) == 1:
         return {joints[0]: 'crank_state'}
     for joint in joints:
@@ -46,7 +47,7 @@ def encoder_count(angle: float, counts_per_turn: float) -> int:
 
 
 def _overflowed(count: int) -> int:
-    """Return what an integer of 32 bits shows of a count."""
+    """Return a count in an integer of 32 bits, after all overflows."""
     return (count + _OVERFLOW // 2) % _OVERFLOW - _OVERFLOW // 2
 
 
@@ -70,54 +71,69 @@ class TicksReader:
     """
     Read the angle of a crank from successive std_msgs/Int32 messages.
 
-    Counts may overflow. The whole turns of the first one are left out: they say for how long the
-    encoder has counted.
+    Counts may overflow. The whole turns of the first count are left out: they only show for how
+    long the encoder has counted.
     """
 
     def __init__(self, counts_per_turn: float) -> None:
         self._counts_per_turn = counts_per_turn
         self._number = NumberReader(_TICKS)
-        # The last count without overflow; None before the first. And the turns left out.
+        # The last count without overflow; None before the first.
         self._count: int | None = None
-        self._turns = 0
+        # The whole turns that are left out.
+        self._first_turns = 0
 
-    def read(self, data: bytes) -> float:
+    def read(self, message: bytes) -> float:
         """Return the angle in a message [rad]; a ValueError for another message."""
-        count = int(self._number.read(data))
+        count = int(self._number.read(message))
         if self._count is None:
             self._count = count
-            self._turns = round(count / self._counts_per_turn)
+            self._first_turns = round(count / self._counts_per_turn)
         self._count += _overflowed(count - self._count)
-        return (self._count / self._counts_per_turn - self._turns) * TURN
+        return (self._count / self._counts_per_turn - self._first_turns) * TURN
+
+
+class CrankTopic(NamedTuple):
+    """A topic with readings of cranks: the JointStates of all, or the ticks of one."""
+
+    kind: type
+    name: str
+    # The joint of the ticks; '' of JointStates.
+    joint: str
+    # Returns the readings in a message by their joints; a ValueError for another message.
+    read: Callable[[bytes], Mapping[str, JointReading]]
+
+
+def crank_topics(joints: Sequence[str], parameters: Mapping[str, Any]) -> list[CrankTopic]:
+    """Return the topics of the readings of cranks; a StartError names a refused parameter."""
+    topics = []
+    for joint, name in encoder_topics(joints, parameters).items():
+        read_ticks = partial(_read_ticks, joint, TicksReader(parameters['counts_per_turn']))
+        topics.append(CrankTopic(Int32, name, joint, read_ticks))
+    return topics or [CrankTopic(JointState, 'crank_state', '', JointsReader(joints).read)]
+
+
+def _read_ticks(joint: str, reader: TicksReader, message: bytes) -> dict[str, JointReading]:
+    return {joint: JointReading(reader.read(message), None, 0, 0)}
 
 
 def subscribe_cranks(
     node: Node,
     joints: Sequence[str],
-    values: Mapping[str, Any],
+    parameters: Mapping[str, Any],
     take: Callable[[Mapping[str, JointReading], Info], None],
 ) -> None:
-    """Subscribe to the JointStates or ticks of cranks; what is refused is logged."""
+    """Subscribe to the readings of cranks; refused messages are logged."""
 
-    def on_message(
-        name: str, read: Callable[[bytes], Mapping[str, JointReading]], data: bytes, info: Info
-    ) -> None:
+    def on_message(topic: CrankTopic, message: bytes, info: Info) -> None:
         try:
-            readings = read(data)
+            readings = topic.read(message)
         except ValueError as error:
-            text = printable(f'{name} is rejected: {error}')
+            source = f'crank_state of {topic.joint}' if topic.joint else 'crank_state'
+            text = printable(f'{source} is rejected: {error}')
             node.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
         else:
             take(readings, info)
 
-    topics = encoder_topics(joints, values)
-    for joint, topic in topics.items():
-        read = partial(_read_ticks, joint, TicksReader(values['counts_per_turn']))
-        subscribe_raw(node, Int32, topic, partial(on_message, f'crank_state of {joint}', read))
-    if not topics:
-        read_joints = partial(on_message, 'crank_state', JointsReader(joints).read)
-        subscribe_raw(node, JointState, 'crank_state', read_joints)
-
-
-def _read_ticks(joint: str, reader: TicksReader, data: bytes) -> dict[str, JointReading]:
-    return {joint: JointReading(reader.read(data), None, 0, 0)}
+    for topic in crank_topics(joints, parameters):
+        subscribe_raw(node, topic.kind, topic.name, partial(on_message, topic))

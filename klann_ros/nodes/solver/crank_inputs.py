@@ -7,15 +7,14 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log import LossCounter
-from klann_ros.nodes.cdr_readers import JointsReader, NumberReader
-from klann_ros.nodes.encoders import encoder_topics, TicksReader
+from klann_ros.nodes.cdr_readers import NumberReader
+from klann_ros.nodes.encoders import crank_topics, CrankTopic
 from klann_ros.nodes.endpoints import INPUT, overridden, type_name
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.sanitize.text import printable
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float32, Float64, Int32
+from std_msgs.msg import Float32, Float64
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
@@ -62,16 +61,12 @@ class CrankInputs:
         self._joints, self._turn, self._reject = joints, turn, reject
         self._last_stamp = (0, 0)
         angle = _ANGLES[values['crank_angle_type']]
-        self._number, self._reader = NumberReader(type_name(angle)), JointsReader(joints)
+        self._number = NumberReader(type_name(angle))
         self._angles = _Source(node, angle, 'crank_angle', self._on_crank_angle)
         self._states: list[_Source] = []
-        self._ticks: dict[str, TicksReader] = {}
-        for joint, topic in encoder_topics(joints, values).items():
-            self._ticks[joint] = TicksReader(values['counts_per_turn'])
-            on_ticks = partial(self._on_ticks, joint, len(self._states))
-            self._states.append(_Source(node, Int32, topic, on_ticks))
-        if not self._states:
-            self._states = [_Source(node, JointState, 'crank_state', self._on_crank_state)]
+        for index, topic in enumerate(crank_topics(joints, values)):
+            on_crank_state = partial(self._on_crank_state, topic, index)
+            self._states.append(_Source(node, topic.kind, topic.name, on_crank_state))
 
     def subscribe(self) -> None:
         """Subscribe to all topics."""
@@ -116,12 +111,16 @@ class CrankInputs:
         else:
             self._answer(dict.fromkeys(self._joints, crank), (0, 0), info)
 
-    def _on_crank_state(self, data: bytes, info: Info) -> None:
-        self._states[0].count(info)
+    def _on_crank_state(self, topic: CrankTopic, index: int, data: bytes, info: Info) -> None:
+        source = self._states[index]
+        source.count(info)
         try:
-            readings = self._reader.read(data)
+            readings = topic.read(data)
         except ValueError as error:
-            self._reject(BadMessageError(f'crank_state: {error} (parameter crank_joint)'))
+            text = f'crank_state: {error} (parameter crank_joint)'
+            if topic.joint:
+                text = f'{source.topic}: {error}'
+            self._reject(BadMessageError(text))
             return
         cranks, stamp = {}, (0, 0)
         for joint, reading in readings.items():
@@ -130,15 +129,6 @@ class CrankInputs:
             cranks[joint] = CrankInput(reading.position, velocity if known else None)
             stamp = reading.sec, reading.nanosec
         self._answer(cranks, stamp, info)
-
-    def _on_ticks(self, joint: str, index: int, data: bytes, info: Info) -> None:
-        self._states[index].count(info)
-        try:
-            crank = CrankInput(self._ticks[joint].read(data), None)
-        except ValueError as error:
-            self._reject(BadMessageError(f'{self._states[index].topic}: {error}'))
-        else:
-            self._answer({joint: crank}, (0, 0), info)
 
     def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):
