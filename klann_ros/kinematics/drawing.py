@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-# Colours of the bodies, repeated; of a Klann leg: crank, coupler, both rockers, leg.
+# Colours of the bodies, repeated; in a Klann leg they are crank, coupler, both rockers and leg.
 COLOURS = ('#d1495b', '#30638e', '#7a9e7e', '#edae49', '#003d5b', '#8f5c38', '#66618c')
 # Kinds of points: a fixed pivot, a pin between bodies, a point of one body. Sliding joints are
 # drawn as a block on a line.
@@ -55,19 +55,19 @@ class PoseDrawing(NamedTuple):
         """Return the drawing of a LinkagePose."""
         structure = pose.linkage.structure
         points = dict(zip(structure.points, pose.points, strict=True))
-        bodies = [
-            BodyDrawing(
-                [(bar.start, bar.end) for bar in body.rigid],
-                label,
-                colour_of(i),
-                (body.line.start, body.line.end) if body.line else None,
-            )
-            for i, (body, label) in enumerate(zip(structure.bodies, structure.labels, strict=True))
-        ]
+        bodies = []
+        for i, body in enumerate(structure.bodies):
+            bars = [(bar.start, bar.end) for bar in body.rigid]
+            line = (body.line.start, body.line.end) if body.line else None
+            bodies.append(BodyDrawing(bars, structure.labels[i], colour_of(i), line))
         joints: dict[str, list[str]] = {PIVOT: [], PIN: [], POINT: []}
         for name in points:
-            several = len(structure.owners[name]) > 1
-            kind = PIVOT if name in structure.pivots else PIN if several else POINT
+            if name in structure.pivots:
+                kind = PIVOT
+            elif len(structure.owners[name]) > 1:
+                kind = PIN
+            else:
+                kind = POINT
             joints[kind].append(name)
         return cls(points, bodies, joints)
 
@@ -113,31 +113,39 @@ class PoseDrawing(NamedTuple):
 
     def guide(self, body: BodyDrawing, direction: complex) -> FloatArray:
         """Return the ends of a sliding body's line, extended beyond both points."""
-        start, end = (complex(*self.points[name]) for name in body.line or ())
-        beyond = LINE_EXTENSION * self.size * direction
-        first, last = sorted((start, end), key=lambda at: (at * direction.conjugate()).real)
-        return np.array([(at.real, at.imag) for at in (first - beyond, last + beyond)])
+        points = [complex(*self.points[name]) for name in body.line or ()]
+        first, last = sorted(points, key=lambda point: (point * direction.conjugate()).real)
+        extension = LINE_EXTENSION * self.size * direction
+        ends = np.array([first - extension, last + extension])
+        return np.stack([ends.real, ends.imag], axis=-1)
 
     def free_side(self, name: str) -> tuple[float, float]:
         """Return the direction at a point farthest from its bars and its support."""
-        bars = [bar for body in self.bodies for bar in body.strokes if name in bar]
-        ends = [self.points[q if p == name else p] - self.points[name] for p, q in bars]
-        lines = [body.line[::-1] for body in self.bodies if body.line and body.line[1] == name]
-        # A block extends to both sides of its point.
-        ends += [self.points[p] - self.points[q] for p, q in lines]
+        point = self.points[name]
+        vectors = []
+        for body in self.bodies:
+            for start, end in body.strokes:
+                if start == name:
+                    vectors.append(self.points[end] - point)
+                elif end == name:
+                    vectors.append(self.points[start] - point)
+            if body.line and body.line[1] == name:
+                # A block extends to both sides of its point.
+                vectors.append(point - self.points[body.line[0]])
         # A body at the start of its line has no direction along it.
-        ends = [end for end in ends if end.any()]
-        taken = [atan2(y, x) % tau for x, y in ends]
-        taken = sorted([*taken, *(SUPPORT_DIRECTIONS if name in self.pivots else ())]) or [0.0]
-        gaps = [(b - a, (a + b) / 2.0) for a, b in pairwise([*taken, taken[0] + tau])]
+        directions = [atan2(y, x) % tau for x, y in vectors if x or y]
+        if name in self.pivots:
+            directions += SUPPORT_DIRECTIONS
+        directions = sorted(directions) or [0.0]
+        gaps = [(b - a, (a + b) / 2.0) for a, b in pairwise([*directions, directions[0] + tau])]
         _, middle = max(gaps)
         return cos(middle), sin(middle)
 
 
 def line_directions(pose: Any) -> list[complex]:
     """Return the direction of each sliding body's line, in the bodies' order."""
-    linkage, u = pose.linkage, pose.vectors
-    return [complex(linkage.line(u, j)) for j in sorted(linkage.structure.line_of)]
+    linkage = pose.linkage
+    return [complex(linkage.line(pose.vectors, j)) for j in sorted(linkage.structure.line_of)]
 
 
 def colour_of(body: int) -> str:

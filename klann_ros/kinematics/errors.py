@@ -81,18 +81,18 @@ class UnreachableError(KinematicsError):
         elif self.stretched:
             why = f'{p} and {q} are {self.shortfall:.6g} m further apart than {link_1} + {link_2}'
         elif self.shortfall:
-            near = f'closer together than |{link_1} - {link_2}|'
-            why = f'{p} and {q} are {self.shortfall:.6g} m {near}'
+            limit = f'closer together than |{link_1} - {link_2}|'
+            why = f'{p} and {q} are {self.shortfall:.6g} m {limit}'
         else:
             why = f'{p} and {q} coincide, and the pose is not definite'
-        where = f'crank angle {self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
-        return f'{where} cannot be reached: dyad {self.dyad} does not close, {why}'
+        angle = f'{self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
+        return f'crank angle {angle} cannot be reached: dyad {self.dyad} does not close, {why}'
 
     def _why_of_a_line(self) -> str:
         p, q, link, _ = self.names
         if self.stretched:
-            far = f'{self.shortfall:.6g} m further from the line of {q}'
-            return f'{p} is {far} than {link} is long'
+            distance = f'{self.shortfall:.6g} m further from the line of {q}'
+            return f'{p} is {distance} than {link} is long'
         if self.shortfall:
             return f'{q} is {self.shortfall:.6g} m nearer to {p} than the line along {link} is'
         return f'{p} and {q} leave the pose indefinite'
@@ -167,7 +167,8 @@ class ImmobileDirectionError(KinematicsError):
     direction: tuple[float, float]
 
     def __str__(self) -> str:
-        (x_1, y_1), (u, v) = self.h_1, self.direction
+        x_1, y_1 = self.h_1
+        u, v = self.direction
         return (
             f'the foot does not move along ({u:.6g}, {v:.6g}), since '
             f'dH/dalpha = ({x_1:.6g}, {y_1:.6g}) m/rad: any force along it is balanced'

@@ -48,7 +48,7 @@ STRUCTURE = Structure(
         Dimension('x_e', 'x', 2),
         Dimension('y_e', 'y', 2),
         Dimension('angle_bcg', 'bend', 2),
-        # Of the leg the course bends the other way.
+        # The course bends the leg the other way.
         Dimension('angle_fgh', 'bend', 6, -1),
     ),
     outside=(2,),
@@ -60,7 +60,7 @@ JOINTS = STRUCTURE.angles
 @dataclass(frozen=True, kw_only=True)
 class KlannGeometry(NamedGeometry):
     """
-    Lengths, pivots, bends and assembly of a Klann leg; the defaults are those of SEM 104.
+    Lengths, pivots, bends and assembly of a Klann leg; by default the leg of SEM 104.
 
     The pivots are A = (0, y_a), D = (x_d, 0) and E = (x_e, y_e).
 
@@ -113,10 +113,10 @@ class KlannGeometry(NamedGeometry):
             object.__setattr__(self, name, number)
         warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})
         if not closes_somewhere(self.linkage):
-            others = ', '.join(map(str, assemblies(self.linkage)))
+            closing = ', '.join(map(str, assemblies(self.linkage)))
             raise GeometryError(
                 f'these lengths are refused: at no crank angle do both dyads close in the '
-                f'assembly {self.assembly}, but in {others or "no other either"}'
+                f'assembly {self.assembly}, but in {closing or "no other either"}'
             )
 
     @classmethod
@@ -132,9 +132,14 @@ class KlannGeometry(NamedGeometry):
         The patent prints the pivots and the pose at a crank angle of 180 deg; that pose fixes the
         lengths, both bends and the assembly. The frame is moved so that A.x = D.y = 0.
         """
-        a, d, e = (1.599, 0.750), (1.009, 0.574), (1.366, 1.366)
-        b, c, g = (1.331, 0.750), (0.741, 0.750), (0.232, 0.866)
-        f, h = (0.866, 1.500), (0.0, 0.0)
+        a = (1.599, 0.750)
+        b = (1.331, 0.750)
+        c = (0.741, 0.750)
+        d = (1.009, 0.574)
+        e = (1.366, 1.366)
+        f = (0.866, 1.500)
+        g = (0.232, 0.866)
+        h = (0.0, 0.0)
         return cls(
             l_ab=math.dist(a, b),
             l_bc=math.dist(b, c),
@@ -166,9 +171,9 @@ class KlannGeometry(NamedGeometry):
 
         Mirrored in the y axis, as a left leg to a right one, it is this one turned by half a turn.
         """
-        turned = {name: -getattr(self, name) for name in ('y_a', 'y_e', *BENDS)}
-        first, second = self.assembly
-        return replace(self, **turned, assembly=(-first, -second))
+        changes = {name: -getattr(self, name) for name in ('y_a', 'y_e', *BENDS)}
+        first_sign, second_sign = self.assembly
+        return replace(self, **changes, assembly=(-first_sign, -second_sign))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields by name, ready for a file: lengths [m], bends [rad], assembly."""

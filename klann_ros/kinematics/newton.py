@@ -1,4 +1,4 @@
-"""Newton-Raphson: the courses' iteration for any system, and a run of it as a table."""
+"""Newton-Raphson: the courses' iteration for any system, and its table of iterates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ def newton_raphson(
     the last, it is not finite, or `max_iterations` are used up. (SEM 104, lecture 7.)
     """
     iterates = [np.array(guess, dtype=np.float64)]
-    last = f'corrections are above {tolerance:g} rad' if tolerance is not None else ''
+    open_reason = f'corrections are above {tolerance:g} rad' if tolerance is not None else ''
 
     def closes() -> bool:
         return residual is None or np.abs(system.f(alpha, iterates[-1])).max() < residual
@@ -61,8 +61,8 @@ def newton_raphson(
         if tolerance is None or np.abs(correction).max() <= tolerance:
             if closes():
                 return np.array(iterates)
-            last = f'|f| is not below {residual:g} m'
-    reason = f'{last or "no iteration was made"} after {max_iterations} iterations'
+            open_reason = f'|f| is not below {residual:g} m'
+    reason = f'{open_reason or "no iteration was made"} after {max_iterations} iterations'
     raise NotConvergedError(alpha, np.array(iterates), reason)
 
 
@@ -97,16 +97,23 @@ class Iterations:
 
     def __str__(self) -> str:
         """Return a table: angles in deg, f in the unit of the lengths, corrections in rad."""
-        names, count = self.names, len(self.names)
-        heads = [*names, *(f'f{k + 1}' for k in range(count)), *(f'd {name}' for name in names)]
+        names = self.names
+        residual_names = [f'f{k}' for k in range(1, len(names) + 1)]
+        heads = [*names, *residual_names, *(f'd {name}' for name in names)]
         unit = ', m' if 'm' in self.units else ''
-        lines = [f'{", ".join(names)} [deg{unit}], f, corrections d [rad{unit}]']
-        lines += [' k' + ''.join(f'{head:>11}' for head in heads)]
-        shown = np.where([each == 'rad' for each in self.units], np.degrees(self.x), self.x)
-        blank = np.full((1, count), np.nan)
-        rows = np.hstack([shown, self.f, np.vstack([self.corrections, blank])])
-        for k, row in enumerate(rows.tolist(), 1):
-            cells = [f'{value:11.5f}' for value in row[:count]]
-            cells += [' ' * 11 if isnan(value) else f'{value:11.3e}' for value in row[count:]]
-            lines.append(f'{k:2}' + ''.join(cells).rstrip())
+        lines = [
+            f'{", ".join(names)} [deg{unit}], f, corrections d [rad{unit}]',
+            ' k' + ''.join(f'{head:>11}' for head in heads),
+        ]
+        is_angle = [unknown_unit == 'rad' for unknown_unit in self.units]
+        unknowns = np.where(is_angle, np.degrees(self.x), self.x)
+        no_correction = np.full((1, len(names)), np.nan)
+        corrections = np.vstack([self.corrections, no_correction])
+        for k in range(len(self.x)):
+            line = f'{k + 1:2}'
+            for number in unknowns[k].tolist():
+                line += f'{number:11.5f}'
+            for number in (*self.f[k].tolist(), *corrections[k].tolist()):
+                line += ' ' * 11 if isnan(number) else f'{number:11.3e}'
+            lines.append(line.rstrip())
         return '\n'.join(lines)

@@ -1,5 +1,5 @@
 """
-Pictures of legs, poses and foot paths as SVG: what a notebook shows, without matplotlib.
+Pictures of legs, poses and foot paths as SVG, which a notebook shows without matplotlib.
 
 A moving picture is SVG as well (animation elements, no script), so it can stand in any page.
 """
@@ -50,9 +50,11 @@ def path_svg(path: Any) -> str:
     """Return a FootPath as SVG, with its stride and lift."""
     starts = np.searchsorted(path.alphas, [start for start, _ in path.arcs])
     lines = np.split(path.h, starts[1:])
-    lines = [np.vstack([*lines, path.h[:1]])] if path.full_turn else lines
+    if path.full_turn:
+        lines = [np.vstack([*lines, path.h[:1]])]
     view = _View(lines)
-    shapes = [_polyline(view.points(line), **{**_PATH, 'stroke': '#d1495b'}) for line in lines]
+    style = {**_PATH, 'stroke': '#d1495b'}
+    shapes = [_polyline(view.points(line), **style) for line in lines]
     figures = f'stride {path.stride:.4g} m, lift {path.lift:.4g} m'
     return view.svg([*shapes, _text(view.width / 2.0, 14.0, figures)], f'foot path: {figures}')
 
@@ -82,17 +84,24 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     start, end = leg.reachable_arcs()[0]
     poses = arcs[0] if end - start >= TURN else [*arcs[0], *arcs[0][::-1]]
     view = _View([_feet(poses), *(pose.points for pose in poses)])
-    shapes = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
+    elements = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
     frames = [[*_frame(PoseDrawing.of(pose), view)] for pose in poses]
-    for shape in zip(*frames, strict=True):
-        tag, still, *_ = shape[0]
-        moves = ''.join(
+    for moving_shape in zip(*frames, strict=True):
+        elements.append(_animated(moving_shape, period))
+    return view.svg(elements, f'{leg.linkage.name or "linkage"}: a turn of the crank')
+
+
+def _animated(frames: Sequence[_Shape], period: float) -> str:
+    """Return a shape that moves through its frames in a period [s]."""
+    tag, style, first_attributes = frames[0]
+    animations = ''
+    for name in first_attributes:
+        values = ';'.join(str(attributes[name]) for _, _, attributes in frames)
+        animations += (
             f'<animate attributeName="{name}" dur="{period:g}s" repeatCount="indefinite" '
-            f'values="{";".join(str(each[2][name]) for each in shape)}"/>'
-            for name in shape[0][2]
+            f'values="{values}"/>'
         )
-        shapes.append(f'<{tag}{_attributes(still | shape[0][2])}>{moves}</{tag}>')
-    return view.svg(shapes, f'{leg.linkage.name or "linkage"}: a turn of the crank')
+    return f'<{tag}{_attributes(style | first_attributes)}>{animations}</{tag}>'
 
 
 class _View:
@@ -102,9 +111,10 @@ class _View:
         points = np.vstack([*lines])
         points = points[np.isfinite(points).all(axis=1)]
         self._low = points.min(axis=0)
-        span = np.maximum(np.ptp(points, axis=0), 1e-9)
-        self._scale = float(min((np.array(SIZE) - 2.0 * MARGIN) / span))
-        self.width, self.height = (2.0 * MARGIN + self._scale * side for side in span.tolist())
+        extent = np.maximum(np.ptp(points, axis=0), 1e-9)
+        self._scale = float(min((np.array(SIZE) - 2.0 * MARGIN) / extent))
+        self.width = 2.0 * MARGIN + self._scale * float(extent[0])
+        self.height = 2.0 * MARGIN + self._scale * float(extent[1])
 
     def points(self, points: FloatArray) -> list[tuple[float, float]]:
         """Return points of the plane [m] in pixels."""
@@ -113,7 +123,8 @@ class _View:
 
     def svg(self, shapes: Iterable[str], label: str) -> str:
         """Return the whole picture."""
-        width, height = round(self.width), round(self.height)
+        width = round(self.width)
+        height = round(self.height)
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
             f'viewBox="0 0 {width} {height}" role="img" aria-label="{escape(label)}">'
@@ -123,16 +134,16 @@ class _View:
 
 def _solved_arcs(leg: Any) -> list[list[Any]]:
     """Return poses along each reachable arc; the leg itself keeps its last pose."""
-    own = copy(leg)
-    own.reset()
+    leg_copy = copy(leg)
+    leg_copy.reset()
     arcs = []
     for start, end in leg.reachable_arcs():
-        part = np.linspace(0.0, 1.0, SAMPLES + 1)
+        progress = np.linspace(0.0, 1.0, SAMPLES + 1)
         if end - start < TURN:
             # Near its ends, the dead points, a path is fastest.
-            part = 0.5 - 0.5 * (1.0 - 1e-6) * np.cos(np.pi * part)
-        alphas = start + (end - start) * part
-        arcs.append([own.solve(alpha) for alpha in alphas.tolist()])
+            progress = 0.5 - 0.5 * (1.0 - 1e-6) * np.cos(np.pi * progress)
+        alphas = start + (end - start) * progress
+        arcs.append([leg_copy.solve(alpha) for alpha in alphas.tolist()])
     return arcs
 
 
@@ -141,70 +152,71 @@ def _feet(poses: Sequence[Any]) -> FloatArray:
 
 
 def _pose_shapes(
-    drawn: PoseDrawing,
+    drawing: PoseDrawing,
     directions: Sequence[complex],
     view: _View,
     names: dict[tuple[str, str], str],
 ) -> Iterator[str]:
-    lines = iter(directions)
-    for body in drawn.bodies:
+    line_direction = iter(directions)
+    for body in drawing.bodies:
         if body.line:
-            guide = view.points(drawn.guide(body, next(lines)))
-            dashed = {'stroke': body.colour, 'stroke-dasharray': '6 4', 'fill': 'none'}
-            yield _polyline(guide, **dashed)
-    for tag, still, moving in _frame(drawn, view):
-        yield f'<{tag}{_attributes(still | moving)}/>'
+            guide = view.points(drawing.guide(body, next(line_direction)))
+            dashes = {'stroke': body.colour, 'stroke-dasharray': '6 4', 'fill': 'none'}
+            yield _polyline(guide, **dashes)
+    for tag, style, moving_attributes in _frame(drawing, view):
+        yield f'<{tag}{_attributes(style | moving_attributes)}/>'
     for bar, name in names.items():
-        (x, y), (u, v) = view.points(drawn.at(bar))
-        yield _text((x + u) / 2.0 + 9.0, (y + v) / 2.0 - 7.0, name)
-    for name, (x, y) in zip(
-        drawn.points, view.points(np.array([*drawn.points.values()])), strict=True
-    ):
-        if name in drawn.on_bars:
-            u, v = drawn.free_side(name)
+        (x_1, y_1), (x_2, y_2) = view.points(drawing.at(bar))
+        yield _text((x_1 + x_2) / 2.0 + 9.0, (y_1 + y_2) / 2.0 - 7.0, name)
+    for name, point in drawing.points.items():
+        if name in drawing.on_bars:
+            ((x, y),) = view.points(point[None])
+            u, v = drawing.free_side(name)
             yield _text(x + LETTER * u, y - LETTER * v, name)
 
 
-def _frame(drawn: PoseDrawing, view: _View) -> Iterator[_Shape]:
+def _frame(drawing: PoseDrawing, view: _View) -> Iterator[_Shape]:
     """Yield the shapes of a pose: the tag, its style, and the attributes that move."""
-    at = {name: view.points(point[None])[0] for name, point in drawn.points.items()}
-    for body in drawn.bodies:
+    pixels = {name: view.points(point[None])[0] for name, point in drawing.points.items()}
+    for body in drawing.bodies:
         if len(body.points) > 2:
-            corners = ' '.join(f'{x},{y}' for x, y in view.points(drawn.outline(body)))
+            corners = _point_list(view.points(drawing.outline(body)))
             yield 'polygon', {'fill': body.colour, 'opacity': '0.2'}, {'points': corners}
         for start, end in body.bars:
-            (x1, y1), (x2, y2) = at[start], at[end]
+            x_1, y_1 = pixels[start]
+            x_2, y_2 = pixels[end]
             style = {'stroke': body.colour, 'stroke-width': '5', 'stroke-linecap': 'round'}
-            yield 'line', style, {'x1': x1, 'y1': y1, 'x2': x2, 'y2': y2}
+            yield 'line', style, {'x1': x_1, 'y1': y_1, 'x2': x_2, 'y2': y_2}
         if body.line:
-            x, y = at[body.line[1]]
-            block: dict[str, Any] = {
-                'width': 18,
-                'height': 12,
-                'fill': '#fff',
-                'stroke': body.colour,
-            }
-            yield 'rect', block, {'x': x - 9.0, 'y': y - 6.0}
-    for name in (name for name in drawn.pivots if name in drawn.on_bars):
-        x, y = at[name]
-        base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
-        yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
-    for kind, names in drawn.joints.items():
+            x, y = pixels[body.line[1]]
+            block: dict[str, Any] = {'width': 18, 'height': 12, 'fill': '#fff'}
+            yield 'rect', {**block, 'stroke': body.colour}, {'x': x - 9.0, 'y': y - 6.0}
+    for name in drawing.pivots:
+        if name in drawing.on_bars:
+            x, y = pixels[name]
+            base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
+            yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
+    for kind, names in drawing.joints.items():
         radius, fill = (2.5, '#000') if kind == POINT else (JOINT, '#fff')
         dot: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
-        for x, y in (at[name] for name in names if name in drawn.on_bars):
-            yield 'circle', dot, {'cx': x, 'cy': y}
+        for name in names:
+            if name in drawing.on_bars:
+                x, y = pixels[name]
+                yield 'circle', dot, {'cx': x, 'cy': y}
 
 
 def _polyline(points: Sequence[tuple[float, float]], **style: Any) -> str:
-    listed = ' '.join(f'{x},{y}' for x, y in points)
-    return f'<polyline{_attributes({"points": listed, **style})}/>'
+    return f'<polyline{_attributes({"points": _point_list(points), **style})}/>'
+
+
+def _point_list(points: Sequence[tuple[float, float]]) -> str:
+    return ' '.join(f'{x},{y}' for x, y in points)
 
 
 def _text(x: float, y: float, text: str) -> str:
     style = {'text-anchor': 'middle', 'dominant-baseline': 'middle', 'font-size': '14'}
-    where = {'x': round(x, 1), 'y': round(y, 1), 'font-family': 'sans-serif', 'fill': '#000'}
-    return f'<text{_attributes(where | style)}>{escape(text, quote=False)}</text>'
+    position = {'x': round(x, 1), 'y': round(y, 1), 'font-family': 'sans-serif', 'fill': '#000'}
+    return f'<text{_attributes(position | style)}>{escape(text, quote=False)}</text>'
 
 
 def _attributes(attributes: dict[str, Any]) -> str:

@@ -69,12 +69,13 @@ class FourBarGeometry(NamedGeometry):
             validation.representable(name, getattr(self, name))
         object.__setattr__(self, 'assembly', validation.signs((self.assembly,), 1)[0])
         longest = max(self.lengths)
-        others = sum(sorted(self.lengths)[:3])
-        if longest >= others - length_rounding(self.lengths):
+        sum_of_others = sum(sorted(self.lengths)[:3])
+        if longest >= sum_of_others - length_rounding(self.lengths):
             name = LENGTHS[self.lengths.index(longest)]
             raise GeometryError(
                 f'these lengths are refused: at no crank angle does the linkage close and move, '
-                f'{name} = {longest:g} m is not shorter than the others together ({others:g} m)'
+                f'{name} = {longest:g} m is not shorter than the others together '
+                f'({sum_of_others:g} m)'
             )
 
     @property

@@ -1,4 +1,4 @@
-"""The four-bar as the course asks of it: its pose by its names, its class, limits and merit."""
+"""The four-bar: its pose by the course's names, its class, limits and mechanical advantage."""
 
 from cmath import rect
 from collections.abc import Sequence
@@ -25,7 +25,8 @@ from .mobility import dead_points, DeadPoint, Grashof, rocker_limits, RockerLimi
 MIN_TRANSMISSION_ANGLE, MAX_TRANSMISSION_ANGLE = radians(40.0), radians(140.0)
 COLUMNS = ('theta2', 'theta3', 'theta4', 'alpha', 'beta', 'Z', 'mu', 'T4/T2')
 # A four-bar's lengths may be in any unit, so Z has none.
-UNITS, DECIMALS = ('[deg]',) * 5 + ('', '[deg]', '[1]'), (2, 2, 2, 2, 2, 6, 2, 4)
+UNITS = ('[deg]', '[deg]', '[deg]', '[deg]', '[deg]', '', '[deg]', '[1]')
+DECIMALS = (2, 2, 2, 2, 2, 6, 2, 4)
 # Rows of the printed table; the arrays have all.
 MAX_ROWS = 100
 
@@ -53,7 +54,8 @@ class FourBarPose(pose.LinkagePose):
     @property
     def z(self) -> float:
         """Return the course's Z, the length of the diagonal A O4 [m]."""
-        _, a, _, o_4 = self.points.tolist()
+        a = self.points[1].tolist()
+        o_4 = self.points[3].tolist()
         return dist(a, o_4)
 
     @property
@@ -157,16 +159,22 @@ class FourBarTable:
     def __str__(self) -> str:
         """Return a table, angles in deg, Z in the unit of the lengths."""
         columns = [column.ravel() for column in vars(self).values()]
-        shown = [np.degrees(c) if u == '[deg]' else c for c, u in zip(columns, UNITS, strict=True)]
-        rows = np.stack(shown, axis=1)
-        lines = [''.join(f'{text:>12}' for text in texts) for texts in (COLUMNS, UNITS)]
-        lines += [
-            ''.join(f'{v:12.{n}f}' for v, n in zip(row, DECIMALS, strict=True))
-            for row in rows[:MAX_ROWS].tolist()
-        ]
-        if len(rows) > MAX_ROWS:
-            lines.append(f'... and {len(rows) - MAX_ROWS} more')
+        for i, unit in enumerate(UNITS):
+            if unit == '[deg]':
+                columns[i] = np.degrees(columns[i])
+        lines = [_line(COLUMNS), _line(UNITS)]
+        for numbers in np.stack(columns, axis=1)[:MAX_ROWS].tolist():
+            cells = zip(numbers, DECIMALS, strict=True)
+            lines.append(_line([f'{number:.{decimals}f}' for number, decimals in cells]))
+        hidden_count = self.theta2.size - MAX_ROWS
+        if hidden_count > 0:
+            lines.append(f'... and {hidden_count} more')
         return '\n'.join(lines)
+
+
+def _line(texts: Sequence[str]) -> str:
+    """Return a line of the printed table."""
+    return ''.join(f'{text:>12}' for text in texts)
 
 
 class FourBar(Leg[FourBarPose, FourBarMotion]):
@@ -235,12 +243,13 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
             hint = did_you_mean(fixed, LENGTHS)
             msg = f'fixed = {fixed!r} is refused: it must be one of {", ".join(LENGTHS)}{hint}'
             raise GeometryError(msg)
-        first, own = LENGTHS.index(fixed), self._geometry.lengths
-        held, driven, across, other = own[first:] + own[:first]
+        first = LENGTHS.index(fixed)
+        lengths = self._geometry.lengths
+        ground, crank, coupler, rocker = lengths[first:] + lengths[:first]
         tolerance, max_crank_step, _ = self._settings
         settings = {'tolerance': tolerance, 'max_crank_step': max_crank_step}
         sign = self._geometry.assembly if assembly is None else assembly
-        return FourBar(held, driven, across, other, sign, **settings)
+        return FourBar(ground, crank, coupler, rocker, sign, **settings)
 
     def f(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
         """
@@ -292,19 +301,21 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
         """
         poses: Any = linkage_poses(self._geometry, theta2, angles=True, points=True)
-        given, rocker, coupler = np.array(theta2, float), *self._geometry.lengths[:1:-1]
+        crank_angles = np.array(theta2, float)
+        coupler = self._geometry.coupler
+        rocker = self._geometry.rocker
         theta3, theta4 = np.moveaxis(poses.angles, -1, 0)
         to_a = poses.points[..., 1, :] - poses.points[..., 3, :]
         z = np.hypot(to_a[..., 0], to_a[..., 1])
         columns = (
-            given,
+            crank_angles,
             theta3.copy(),
             theta4.copy(),
             triangle_angle(z, rocker, coupler),
             np.arctan2(to_a[..., 1], -to_a[..., 0]) % TURN,
             z,
             triangle_angle(coupler, rocker, z),
-            self._advantage(given, theta3, theta4),
+            self._advantage(crank_angles, theta3, theta4),
         )
         for column in columns:
             column.setflags(write=False)
@@ -336,7 +347,8 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
         """
         theta2 = crank_angle(theta2)
-        (dyad,), geometry = self.linkage.blocks, self._geometry
+        (dyad,) = self.linkage.blocks
+        geometry = self._geometry
         to_a = geometry.ground - rect(geometry.crank, theta2)
         if -dyad.dyad_solver.clearance(to_a) > TANGENCY_TOLERANCE * dyad.rounding:
             pose.closed_form_vectors(self.linkage, theta2)  # whose error has the missing length
@@ -345,12 +357,16 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
     @property
     def transmission_extremes(self) -> TransmissionExtremes:
         """Return the least and the greatest transmission angle that can be reached, and where."""
-        near, far = crank_limits(self._geometry.lengths)
+        first, last = crank_limits(self._geometry.lengths)
         # mu grows with |theta2|; at the ends of the reach coupler and rocker are in line.
-        least = self.transmission_angle(0.0) if near == 0.0 else 0.0
-        greatest = self.transmission_angle(pi) if far == pi else pi
-        least_at = (0.0,) if near == 0.0 else (-near, near)
-        return TransmissionExtremes(least, least_at, greatest, (pi,) if far == pi else (-far, far))
+        min_angle = self.transmission_angle(0.0) if first == 0.0 else 0.0
+        max_angle = self.transmission_angle(pi) if last == pi else pi
+        return TransmissionExtremes(
+            least=min_angle,
+            least_at=(0.0,) if first == 0.0 else (-first, first),
+            greatest=max_angle,
+            greatest_at=(pi,) if last == pi else (-last, last),
+        )
 
     def mechanical_advantage(self, theta2: float) -> float:
         """
@@ -368,15 +384,17 @@ class FourBar(Leg[FourBarPose, FourBarMotion]):
 
     def _advantage(self, theta2: Any, theta3: Any, theta4: Any) -> Any:
         """Return the mechanical advantage of one pose, or of arrays of poses."""
-        sine, across = np.sin(theta2 - theta3), np.sin(theta4 - theta3)
-        (dyad,), geometry = self.linkage.blocks, self._geometry
+        crank_sine = np.sin(theta2 - theta3)
+        rocker_sine = np.sin(theta4 - theta3)
+        (dyad,) = self.linkage.blocks
+        geometry = self._geometry
         # The rounding of theta3 grows as coupler and rocker come in line.
         rounding = dyad.rounding / min(geometry.crank, geometry.coupler)
         with np.errstate(divide='ignore', invalid='ignore'):
-            ratio = geometry.rocker * across / (geometry.crank * sine)
-        ratio = np.where(np.abs(sine * across) <= rounding, inf, ratio)
-        in_line = np.where(np.abs(sine) <= sqrt(rounding), nan, 0.0)
-        return np.where(np.abs(across) <= dyad.singular_sine, in_line, ratio)
+            ratio = geometry.rocker * rocker_sine / (geometry.crank * crank_sine)
+        ratio = np.where(np.abs(crank_sine * rocker_sine) <= rounding, inf, ratio)
+        in_line = np.where(np.abs(crank_sine) <= sqrt(rounding), nan, 0.0)
+        return np.where(np.abs(rocker_sine) <= dyad.singular_sine, in_line, ratio)
 
     @property
     def grashof(self) -> Grashof:

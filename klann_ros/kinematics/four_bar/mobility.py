@@ -1,8 +1,7 @@
-"""How far a four-bar moves: Grashof's law, dead points, and the limits of its rocker."""
+"""The mobility of a four-bar: Grashof's law, dead points and the limits of its rocker."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from math import atan2, copysign, cos, nan, pi, sin
 from typing import NamedTuple
 
@@ -84,11 +83,13 @@ class Grashof:
         """
         shortest = min(self.lengths) + length_rounding(self.lengths)
         short = [length <= shortest for length in self.lengths]
-        held = Roles._fields.index(self.fixed)
-        grashof = self.class_ != 'II'
-        names = [ROTATES if grashof and (short[held] or one) else OSCILLATES for one in short]
-        names[held] = FIXED
-        return Roles(*names)
+        fixed = Roles._fields.index(self.fixed)
+        if self.class_ == 'II':
+            roles = [OSCILLATES] * 4
+        else:
+            roles = [ROTATES if short[fixed] or is_short else OSCILLATES for is_short in short]
+        roles[fixed] = FIXED
+        return Roles(*roles)
 
     @property
     def shape(self) -> str:
@@ -106,9 +107,10 @@ class Grashof:
             return 'rhombus'
         if abs(l_1 - l_3) <= tolerance and abs(l_2 - l_4) <= tolerance:
             return 'parallelogram'
-        for one, other in (((l_1, l_2), (l_3, l_4)), ((l_2, l_3), (l_4, l_1))):
-            if abs(one[0] - one[1]) <= tolerance and abs(other[0] - other[1]) <= tolerance:
-                return 'kite'
+        if abs(l_1 - l_2) <= tolerance and abs(l_3 - l_4) <= tolerance:
+            return 'kite'
+        if abs(l_2 - l_3) <= tolerance and abs(l_4 - l_1) <= tolerance:
+            return 'kite'
         return 'change-point'
 
     @property
@@ -122,14 +124,15 @@ class Grashof:
         """
         if self.class_ == 'II':
             return 'triple rocker'
-        held = Roles._fields.index(self.fixed)
-        turns = [self.roles[(held + k) % 4] == ROTATES for k in (1, 3)]
+        fixed = Roles._fields.index(self.fixed)
+        crank_turns = self.roles[(fixed + 1) % 4] == ROTATES
+        rocker_turns = self.roles[(fixed + 3) % 4] == ROTATES
         return {
             (True, True): 'double crank',
             (True, False): 'crank-rocker',
             (False, True): 'rocker-crank',
             (False, False): 'double rocker',
-        }[turns[0], turns[1]]
+        }[crank_turns, rocker_turns]
 
     @property
     def type_(self) -> str:
@@ -166,11 +169,11 @@ class RockerLimits(NamedTuple):
     """
     The limit positions of the rocker, where crank and coupler are in line.
 
-    `stretched` and `folded` are those of this assembly, DeadPoints; None where there is no such
-    limit. `swing` is the rocker's angle between its limits, 2 pi for one that turns fully [rad];
-    with only one kind of limit it swings through to the mirrored one, which the other assembly
-    has. `time_ratio` is, of a crank-rocker whose crank turns evenly, the time of the slow stroke
-    over that of the quick one, >= 1; NaN for any other linkage.
+    `stretched` and `folded` are DeadPoints of this assembly; None where there is no such limit.
+    `swing` is the rocker's angle between its limits, 2 pi for one that turns fully [rad]; with
+    only one kind of limit it swings through to the mirrored one, which the other assembly has.
+    `time_ratio` is the time of the slow stroke over the time of the quick one, >= 1, for a
+    crank-rocker whose crank turns evenly; NaN for any other linkage.
     """
 
     stretched: DeadPoint | None
@@ -181,26 +184,27 @@ class RockerLimits(NamedTuple):
 
 def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
     """Return the dead points of a driver, by its angle; see `FourBar.dead_points`."""
-    ways = {
-        'crank': [_of_crank(geometry.lengths)],
-        'rocker': [_of_rocker(geometry)],
-        'both': [
-            _of_crank(geometry.lengths),
-            chain(_of_rocker(geometry), _of_rocker(geometry.mirrored())),
-        ],
-    }
-    if driver not in ways:
+    if driver not in ('crank', 'rocker', 'both'):
         raise ValueError(f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'")
-    return [p for found in ways[driver] for p in sorted(found, key=lambda point: point.angle)]
+    of_crank = [] if driver == 'rocker' else [*_of_crank(geometry.lengths)]
+    of_rocker = [] if driver == 'crank' else [*_of_rocker(geometry)]
+    if driver == 'both':
+        of_rocker += _of_rocker(geometry.mirrored())
+
+    def angle(point: DeadPoint) -> float:
+        return point.angle
+
+    return [*sorted(of_crank, key=angle), *sorted(of_rocker, key=angle)]
 
 
 def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
     """Return the limits of the rocker; only a motion of 'crank-rocker' has a time ratio."""
     points = {point.kind: point for point in _of_rocker(geometry)}
-    stretched, folded = points.get(STRETCHED), points.get(FOLDED)
-    near, far = crank_limits(_reversed(geometry))
-    # Within near .. far on one side of the ground, or through it where there is no limit.
-    swing = (far - near) if near > 0.0 and far < pi else 2.0 * (far - near)
+    stretched = points.get(STRETCHED)
+    folded = points.get(FOLDED)
+    first, last = crank_limits(_reversed(geometry))
+    # Within first .. last on one side of the ground, or through it where there is no limit.
+    swing = (last - first) if first > 0.0 and last < pi else 2.0 * (last - first)
     ratio = nan
     if motion == 'crank-rocker' and stretched and folded:
         quick = abs(wrap(stretched.theta2 - folded.theta2))
@@ -210,18 +214,22 @@ def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
 
 def _of_crank(lengths: Lengths) -> Iterator[DeadPoint]:
     """Yield the dead points of the crank: two for each kind, one on each side of the ground."""
-    near, far = crank_limits(lengths)
-    for angle, kind, exists in ((near, FOLDED, near > 0.0), (far, STRETCHED, far < pi)):
-        for theta2 in (-angle, angle) if exists else ():
-            x = map(wrap, _in_line(lengths, theta2, kind))
-            yield DeadPoint('crank', theta2, kind, theta2, *x)
+    first, last = crank_limits(lengths)
+    limits = [(first, FOLDED)] if first > 0.0 else []
+    if last < pi:
+        limits.append((last, STRETCHED))
+    for angle, kind in limits:
+        for theta2 in (-angle, angle):
+            theta3, theta4 = _in_line(lengths, theta2, kind)
+            yield DeadPoint('crank', theta2, kind, theta2, wrap(theta3), wrap(theta4))
 
 
 def _of_rocker(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
     """Yield the dead points of the rocker in this assembly, at most one for each kind."""
     for point in _of_crank(_reversed(geometry)):
-        theta4, theta2 = (copysign(pi - abs(x), x) for x in (point.theta2, point.theta4))
+        theta2 = copysign(pi - abs(point.theta4), point.theta4)
         theta3 = wrap(-point.theta3)
+        theta4 = copysign(pi - abs(point.theta2), point.theta2)
         # Of the two sides of the ground each assembly has one.
         if sin(theta4 - theta3) * geometry.assembly > 0.0:
             yield DeadPoint('rocker', theta4, point.kind, theta2, theta3, theta4)
@@ -230,11 +238,14 @@ def _of_rocker(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
 def _in_line(lengths: Lengths, theta2: float, kind: str) -> tuple[float, float]:
     """Return theta3 and theta4 where coupler and rocker are stretched out or folded [rad]."""
     ground, crank, coupler, rocker = lengths
-    x, y = crank * cos(theta2), crank * sin(theta2)
-    toward, away = atan2(-y, ground - x), atan2(y, x - ground)
+    x = crank * cos(theta2)
+    y = crank * sin(theta2)
+    from_a_to_o4 = atan2(-y, ground - x)
+    from_o4_to_a = atan2(y, x - ground)
     if kind == STRETCHED:
-        return toward, away
-    return (toward, toward) if coupler > rocker else (away, away)
+        return from_a_to_o4, from_o4_to_a
+    folded = from_a_to_o4 if coupler > rocker else from_o4_to_a
+    return folded, folded
 
 
 def _reversed(geometry: FourBarGeometry) -> Lengths:
