@@ -9,7 +9,8 @@ from .errors import CrankAngleError
 Arc = tuple[float, float]
 TURN = 2.0 * pi
 # A radian in degrees, and a rad/s in rpm.
-DEGREES, RPM = degrees(1.0), 60.0 / TURN
+DEGREES = degrees(1.0)
+RPM = 60.0 / TURN
 # The tangent of a nearly singular pose may lead many turns away, where angles lose digits.
 MAX_UNWRAPPED = 2.0 * TURN
 # Beyond this the last digit of a crank angle is worth more than 1e-10 rad.
@@ -39,9 +40,9 @@ def crank_angle(alpha: SupportsFloat) -> float:
     return number
 
 
-def number_or_nan(value: Any) -> float:
+def number_or_nan(argument: Any) -> float:
     """Return a float, NaN unless it is a number; float() would accept text such as '1_0'."""
     try:
-        return nan if isinstance(value, str | bytes | bytearray) else float(value)
+        return nan if isinstance(argument, str | bytes | bytearray) else float(argument)
     except (TypeError, ValueError, OverflowError):
         return nan

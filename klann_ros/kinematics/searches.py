@@ -7,33 +7,36 @@ from sys import float_info
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
 import numpy as np
 
-# An argument and its value.
+# An argument and the function there.
 Sample = tuple[float, float]
-# Of the functions with these numbers at one or more arguments each.
+# Evaluates the functions with these indices, each at one argument or more.
 Functions = Callable[[IndexArray, FloatArray], FloatArray]
 # Bisection alone needs about 60, zooming alone some 20.
 MAX_CALLS = 200
 GOLDEN_RATIO = (5.0**0.5 - 1.0) / 2.0
 # The points of a zoom, and the factor by which the next one is narrower if a parabola fits.
 ZOOM_POINTS: FloatArray = np.linspace(-1.0, 1.0, 9)
-# ... and wider after a parabola that has missed the minimum. The last is relative to the first.
-PARABOLA_ZOOM, WIDENING, MIN_WIDTH = 64.0, 8.0, 1e-8
+PARABOLA_ZOOM = 64.0
+# The factor by which a zoom is wider after a parabola that has missed the minimum.
+WIDENING = 8.0
+# The narrowest zoom, relative to the first.
+MIN_WIDTH = 1e-8
 
 
 def root(function: Callable[[float], float], left: Sample, right: Sample) -> float:
     """
     Return the root of a continuous function, to the last digits of the bracket's ends.
 
-    The values at these are of opposite sign, or 0; an argument where it is NaN counts as a root.
+    The function is of opposite sign at these, or 0; an argument where it is NaN counts as a root.
     """
     steps = _chandrupatla(left, right, scale=max(abs(left[0]), abs(right[0])))
     try:
         t = next(steps)
-        while not isnan(value := function(t)):
-            t = steps.send(value)
+        while not isnan(function_of_t := function(t)):
+            t = steps.send(function_of_t)
     except StopIteration as done:
-        found: Sample = min(done.value, key=lambda sample: abs(sample[1]))
-        return found[0]
+        nearest: Sample = min(done.value, key=lambda sample: abs(sample[1]))
+        return nearest[0]
     return t
 
 
@@ -43,48 +46,49 @@ def last_nonnegative(function: Functions, inside: FloatArray, outside: FloatArra
 
     Each is not negative at its argument in `inside`, and negative, or NaN, in `outside`.
     """
-    rows = np.arange(len(inside))
-    values = function(rows, outside), np.maximum(function(rows, inside), 0.0)
-    samples = (
-        zip(arguments.tolist(), own.tolist(), strict=True)
-        for arguments, own in zip((inside, outside), values[::-1], strict=True)
-    )
-    searches = [_chandrupatla(a, b) for a, b in zip(*samples, strict=True)]
-    found = np.empty(len(inside))
+    indices = np.arange(len(inside))
+    negative = function(indices, outside)
+    positive = np.maximum(function(indices, inside), 0.0)
+    inside_samples = zip(inside.tolist(), positive.tolist(), strict=True)
+    outside_samples = zip(outside.tolist(), negative.tolist(), strict=True)
+    searches = [*map(_chandrupatla, inside_samples, outside_samples)]
+    last_arguments = np.empty(len(inside))
+    # The next argument of each search that has not ended, by the index of its function.
     pending: dict[int, float] = {}
 
-    def advance(row: int, value: float | None) -> None:
+    def advance(index: int, sample: float | None) -> None:
         try:
-            pending[row] = searches[row].send(value)  # type: ignore[arg-type]  # None starts it
+            pending[index] = searches[index].send(sample)  # type: ignore[arg-type]  # None starts
         except StopIteration as done:
-            pending.pop(row, None)
+            pending.pop(index, None)
             (b, f_b), (a, _) = done.value
-            found[row] = b if f_b >= 0.0 else a
+            last_arguments[index] = b if f_b >= 0.0 else a
 
-    for row in rows.tolist():
-        advance(row, None)
+    for index in indices.tolist():
+        advance(index, None)
     while pending:
-        rows = np.array([*pending])
-        values_at = function(rows, np.array([*pending.values()]))
-        for row, value in zip(rows.tolist(), values_at.tolist(), strict=True):
-            advance(row, value)
-    return found
+        indices = np.array([*pending])
+        samples = function(indices, np.array([*pending.values()]))
+        for index, sample in zip(indices.tolist(), samples.tolist(), strict=True):
+            advance(index, sample)
+    return last_arguments
 
 
 def _chandrupatla(
     left: Sample, right: Sample, scale: float = 0.0
 ) -> Generator[float, float, tuple[Sample, Sample]]:
     """
-    Yield arguments, receive their values, and return the samples that bracket the root.
+    Yield arguments, receive the function there, and return the samples that bracket the root.
 
-    Inverse quadratic interpolation where the last three values ensure convergence, else
+    Inverse quadratic interpolation where the last three samples ensure convergence, else
     bisection; the root stays bracketed. It is exact relative to `scale`, or else to itself: a
     root at 0 has no last digit. (T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm
     for finding the zero of a nonlinear function without using derivatives, Advances in
     Engineering Software 28 (1997) 145.)
     """
     # b is the newest, a on the other side of the root, c the one before.
-    (b, f_b), (a, f_a) = right, left
+    b, f_b = right
+    a, f_a = left
     fraction = 0.5
     for _ in range(MAX_CALLS):
         width = abs(b - a)
@@ -100,29 +104,31 @@ def _chandrupatla(
             c, f_c = a, f_a
             a, f_a = b, f_b
         b, f_b = t, f_t
-        # Where from b (0) to a (1) the root is expected.
-        xi, phi = (b - a) / (c - a), (f_b - f_a) / (f_c - f_a)
+        xi = (b - a) / (c - a)
+        phi = (f_b - f_a) / (f_c - f_a)
+        # The expected place of the root from b (0) to a (1).
+        fraction = 0.5
         if phi * phi < xi and (1.0 - phi) ** 2 < 1.0 - xi:
-            of_c = f_b / (f_c - f_b) * f_a / (f_c - f_a)
-            fraction = f_b / (f_a - f_b) * f_c / (f_a - f_c) + (c - b) / (a - b) * of_c
-        else:
-            fraction = 0.5
+            weight_of_c = f_b / (f_c - f_b) * f_a / (f_c - f_a)
+            fraction = f_b / (f_a - f_b) * f_c / (f_a - f_c) + (c - b) / (a - b) * weight_of_c
     return (b, f_b), (a, f_a)
 
 
 def peak(function: Callable[[float], float], left: float, right: float) -> float:
-    """Return where a function with one peak between two angles is greatest (golden section)."""
-    a, b = right - GOLDEN_RATIO * (right - left), left + GOLDEN_RATIO * (right - left)
-    at_a, at_b = function(a), function(b)
+    """Return the peak of a function that has one between two angles (golden section)."""
+    a = right - GOLDEN_RATIO * (right - left)
+    b = left + GOLDEN_RATIO * (right - left)
+    f_a = function(a)
+    f_b = function(b)
     while right - left > 1e-9:
-        if at_a > at_b:
-            right, b, at_b = b, a, at_a
+        if f_a > f_b:
+            right, b, f_b = b, a, f_a
             a = right - GOLDEN_RATIO * (right - left)
-            at_a = function(a)
+            f_a = function(a)
         else:
-            left, a, at_a = a, b, at_b
+            left, a, f_a = a, b, f_b
             b = left + GOLDEN_RATIO * (right - left)
-            at_b = function(b)
+            f_b = function(b)
     return (left + right) / 2.0
 
 
@@ -132,45 +138,53 @@ def minimum_near(
     """
     Return the arguments and values of the minima of functions, within a width of a middle.
 
-    It zooms in at the least of nine points, more narrowly where a parabola through it and its
+    It zooms in at the lowest of nine points, more narrowly where a parabola through it and its
     neighbours predicts the minimum, until only rounding is left to gain. The functions return
-    values at nine arguments each, shape (k, 9); NaN where there is none. `middle` and `rounding`,
-    the round-off of the values, have shape (n,).
+    samples at nine arguments each, shape (k, 9); NaN where there is none. `middle` and `rounding`,
+    the round-off of the samples, have shape (n,).
     """
-    at, least = middle.copy(), np.full(len(middle), np.inf)
-    middle, widths = middle.copy(), np.full(len(middle), width)
-    rows = np.arange(len(middle))
+    arguments = middle.copy()
+    minima = np.full(len(middle), np.inf)
+    middles = middle.copy()
+    widths = np.full(len(middle), width)
+    # The functions whose search has not ended.
+    indices = np.arange(len(middle))
     for _ in range(MAX_CALLS):
-        points = middle[rows, None] + widths[rows, None] * ZOOM_POINTS
-        values = function(rows, points)
-        values[np.isnan(values)] = np.inf
-        place, own = values.argmin(axis=1), np.arange(len(rows))
-        low, lowest = values[own, place], points[own, place]
-        better = low < least[rows]
-        at[rows[better]], least[rows[better]] = lowest[better], low[better]
-        inside = (place > 0) & (place < len(ZOOM_POINTS) - 1)
-        before, after = (values[own, (place + k) % len(ZOOM_POINTS)] for k in (-1, 1))
-        gap = widths[rows] * (ZOOM_POINTS[1] - ZOOM_POINTS[0])
+        points = middles[indices, None] + widths[indices, None] * ZOOM_POINTS
+        samples = function(indices, points)
+        samples[np.isnan(samples)] = np.inf
+        rows = np.arange(len(indices))
+        lowest = samples.argmin(axis=1)
+        low = samples[rows, lowest]
+        low_points = points[rows, lowest]
+        is_better = low < minima[indices]
+        arguments[indices[is_better]] = low_points[is_better]
+        minima[indices[is_better]] = low[is_better]
+        is_inside = (lowest > 0) & (lowest < len(ZOOM_POINTS) - 1)
+        left = samples[rows, (lowest - 1) % len(ZOOM_POINTS)]
+        right = samples[rows, (lowest + 1) % len(ZOOM_POINTS)]
+        gap = widths[indices] * (ZOOM_POINTS[1] - ZOOM_POINTS[0])
         with np.errstate(invalid='ignore', divide='ignore'):
-            bend = before - 2.0 * low + after
-            shift, gain = (before - after) / (2.0 * bend), (after - before) ** 2 / (8.0 * bend)
-            flat = values.max(axis=1) - low <= rounding[rows]
-        fits = inside & (bend > 0.0) & np.isfinite(bend)
-        middle[rows] = lowest + np.where(fits, shift * gap, 0.0)
-        wide = np.minimum(WIDENING * widths[rows], width)
-        widths[rows] = np.where(fits, gap / PARABOLA_ZOOM, np.where(inside, gap, wide))
-        done = flat | (fits & (gain <= rounding[rows]) & (gap < 1e-5 * width))
-        done |= (inside & (gap < MIN_WIDTH * width)) | np.isinf(low)
-        rows = rows[~done]
-        if not len(rows):
+            bend = left - 2.0 * low + right
+            shift = (left - right) / (2.0 * bend)
+            gain = (right - left) ** 2 / (8.0 * bend)
+            is_flat = samples.max(axis=1) - low <= rounding[indices]
+        fits = is_inside & (bend > 0.0) & np.isfinite(bend)
+        middles[indices] = low_points + np.where(fits, shift * gap, 0.0)
+        wider = np.minimum(WIDENING * widths[indices], width)
+        widths[indices] = np.where(fits, gap / PARABOLA_ZOOM, np.where(is_inside, gap, wider))
+        is_done = is_flat | (fits & (gain <= rounding[indices]) & (gap < 1e-5 * width))
+        is_done |= (is_inside & (gap < MIN_WIDTH * width)) | np.isinf(low)
+        indices = indices[~is_done]
+        if not len(indices):
             break
-    return at, least
+    return arguments, minima
 
 
-def parabola_peak(before: FloatArray, own: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the peaks of parabolas through three values; the middle one if it is not greatest."""
+def parabola_peak(left: FloatArray, middle: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the peaks of parabolas through three samples; the middle one if it is no peak."""
     with np.errstate(all='ignore'):
-        bend = before - 2.0 * own + after
-        rise = (after - before) ** 2 / (-8.0 * bend)
-    inside = (own >= before) & (own >= after) & (bend < 0.0) & np.isfinite(rise)
-    return np.asarray(own + np.where(inside, rise, 0.0), dtype=np.float64)
+        bend = left - 2.0 * middle + right
+        rise = (right - left) ** 2 / (-8.0 * bend)
+    is_peak = (middle >= left) & (middle >= right) & (bend < 0.0) & np.isfinite(rise)
+    return np.asarray(middle + np.where(is_peak, rise, 0.0), dtype=np.float64)

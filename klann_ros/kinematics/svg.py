@@ -86,8 +86,7 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     view = _View([_feet(poses), *(pose.points for pose in poses)])
     elements = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
     frames = [[*_frame(PoseDrawing.of(pose), view)] for pose in poses]
-    for moving_shape in zip(*frames, strict=True):
-        elements.append(_animated(moving_shape, period))
+    elements += [_animated(shape, period) for shape in zip(*frames, strict=True)]
     return view.svg(elements, f'{leg.linkage.name or "linkage"}: a turn of the crank')
 
 

@@ -1,4 +1,4 @@
-"""Checks of users' values: the value for the computation, or an error of one line."""
+"""Checks of users' numbers: the number for the computation, or an error of one line."""
 
 from collections.abc import Sequence
 import math
@@ -17,11 +17,11 @@ MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
 _WORDS = {2: 'two', 4: 'four'}
 
 
-def finite(name: str, value: Any) -> float:
+def finite(name: str, argument: Any) -> float:
     """Return a number of a geometry as a float; a GeometryError for none, or one not finite."""
-    number = number_or_nan(value)
+    number = number_or_nan(argument)
     if not math.isfinite(number):
-        raise GeometryError(f'{name} = {value!r} is refused: it must be a finite number')
+        raise GeometryError(f'{name} = {argument!r} is refused: it must be a finite number')
     return number
 
 
@@ -31,18 +31,18 @@ def positive(name: str, length: float) -> None:
         raise GeometryError(f'{name} = {length:g} m is refused: a length must be > 0')
 
 
-def representable(name: str, value: float) -> None:
-    """Refuse a number whose products over- or underflow with a GeometryError."""
-    if value != 0.0 and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
+def representable(name: str, length: float) -> None:
+    """Refuse a length whose products over- or underflow [m] with a GeometryError."""
+    if length != 0.0 and not MIN_MAGNITUDE <= abs(length) <= MAX_MAGNITUDE:
         limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
-        raise GeometryError(f'{name} = {value:g} m is refused: it must be within {limits}')
+        raise GeometryError(f'{name} = {length:g} m is refused: it must be within {limits}')
 
 
-def factor(value: Any) -> float:
+def factor(argument: Any) -> float:
     """Return a scale factor; raises a GeometryError unless it is finite and > 0."""
-    number = finite('factor', value)
+    number = finite('factor', argument)
     if number <= 0.0:
-        raise GeometryError(f'factor = {value!r} is refused: it must be > 0')
+        raise GeometryError(f'factor = {argument!r} is refused: it must be > 0')
     return number
 
 
@@ -58,42 +58,44 @@ def bend(name: str, angle: float) -> None:
 def signs(assembly: Any, count: int) -> tuple[int, ...]:
     """Return an assembly mode as a tuple; a GeometryError unless all `count` are +1 or -1."""
     try:
-        # By place, since a set has no first.
-        found = tuple(int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1))
-        whole = len(found) == len(assembly) == count
+        # By index, since a set has no order.
+        assembly_signs = tuple(
+            int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1)
+        )
+        is_valid = len(assembly_signs) == len(assembly) == count
     except (TypeError, ValueError, LookupError):
-        whole = False
-    if not whole:
-        many = 'one sign,' if count == 1 else f'{_WORDS.get(count, count)} signs, each'
-        shown = printable(repr(assembly), 100)
-        raise GeometryError(f'assembly = {shown} is refused: it must be {many} +1 or -1')
-    return found
+        is_valid = False
+    if not is_valid:
+        number = 'one sign,' if count == 1 else f'{_WORDS.get(count, count)} signs, each'
+        received = printable(repr(assembly), 100)
+        raise GeometryError(f'assembly = {received} is refused: it must be {number} +1 or -1')
+    return assembly_signs
 
 
-def setting(name: str, value: float, maximum: float = math.inf) -> float:
+def setting(name: str, angle: float, maximum: float = math.inf) -> float:
     """Return a solver's setting [rad]; a ValueError unless it is finite, > 0 and <= maximum."""
-    if not (isinstance(value, Real) and 0.0 < value <= maximum and value < math.inf):
+    if not (isinstance(angle, Real) and 0.0 < angle <= maximum and angle < math.inf):
         limit = '' if maximum == math.inf else f' and at most {maximum:g} rad'
-        raise ValueError(f'{name} = {value!r} is refused: it must be finite, > 0{limit}')
-    return float(value)
+        raise ValueError(f'{name} = {angle!r} is refused: it must be finite, > 0{limit}')
+    return float(angle)
 
 
-def rate(name: str, value: float) -> None:
+def rate(name: str, number: float) -> None:
     """Refuse a rate or an acceleration that is not a finite number with a ValueError."""
     # The fast path: nearly every rate is a float.
-    if not math.isfinite(value if type(value) is float else number_or_nan(value)):
-        raise ValueError(f'{name} = {value!r} is refused: it must be finite')
+    if not math.isfinite(number if type(number) is float else number_or_nan(number)):
+        raise ValueError(f'{name} = {number!r} is refused: it must be finite')
 
 
-def count(name: str, value: int, minimum: int) -> int:
+def count(name: str, number: int, minimum: int) -> int:
     """Return a count; raises a ValueError unless it is a whole number >= minimum."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
-        msg = f'{name} = {value!r} is refused: it must be a whole number, at least {minimum}'
+    if isinstance(number, bool) or not isinstance(number, Integral) or number < minimum:
+        msg = f'{name} = {number!r} is refused: it must be a whole number, at least {minimum}'
         raise ValueError(msg)
-    return int(value)
+    return int(number)
 
 
-def guess(value: Sequence[float] | FloatArray, names: str, what: str = 'guess') -> FloatArray:
+def guess(angles: Sequence[float] | FloatArray, names: str, role: str = 'guess') -> FloatArray:
     """
     Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
 
@@ -101,32 +103,32 @@ def guess(value: Sequence[float] | FloatArray, names: str, what: str = 'guess') 
     """
     count = names.count(',') + 1
     try:
-        x_1 = np.asarray(value, dtype=np.float64)
+        x_1 = np.asarray(angles, dtype=np.float64)
     except (TypeError, ValueError):
         x_1 = np.empty(0)
     if x_1.shape != (count,) or not np.isfinite(x_1).all():
         many = 'one finite number' if count == 1 else f'{_WORDS.get(count, count)} finite numbers'
-        raise ValueError(f'{what} = {value!r} is refused: {names}, {many}')
+        raise ValueError(f'{role} = {angles!r} is refused: {names}, {many}')
     return x_1
 
 
-def vector(name: str, values: Sequence[float]) -> tuple[float, float]:
+def vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
     """Return two finite numbers as floats; a ValueError for anything else."""
     try:
-        x, y = map(number_or_nan, values)
+        x, y = map(number_or_nan, coordinates)
     except (TypeError, ValueError):
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f'{name} = {values!r} is refused: it must be two finite numbers')
+        raise ValueError(f'{name} = {coordinates!r} is refused: it must be two finite numbers')
     return x, y
 
 
-def unit(name: str, values: Sequence[float]) -> tuple[float, float]:
+def unit(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
     """Return a direction (x, y) of length 1; a ValueError where it has none."""
-    x, y = vector(name, values)
+    x, y = vector(name, coordinates)
     largest = max(abs(x), abs(y))
     if largest == 0.0:
-        raise ValueError(f'{name} = {values!r} is refused: it has no length')
+        raise ValueError(f'{name} = {coordinates!r} is refused: it has no length')
     # Made about 1 long first, so that no square is too large or too small for a float.
     x, y = x / largest, y / largest
     return x / math.hypot(x, y), y / math.hypot(x, y)

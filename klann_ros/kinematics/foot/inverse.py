@@ -40,12 +40,12 @@ class Nearest(NamedTuple):
 
 
 class MonotoneInterval(NamedTuple):
-    """An interval of a track on which a coordinate is monotone: both t, and their values."""
+    """An interval of a track on which a coordinate s is monotone: t and s at both ends."""
 
     t_0: float
     t_1: float
-    value_0: float
-    value_1: float
+    s_0: float
+    s_1: float
 
 
 def turning_points(track: Track, s: Coordinate) -> list[float]:
@@ -55,34 +55,38 @@ def turning_points(track: Track, s: Coordinate) -> list[float]:
     Sign changes between samples are refined to rounding; an extreme of ds/dt between samples of
     one sign may separate two crossings.
     """
-    found = list(_crossings(track, s, _neighbours(track, s)))
+    crossings = list(_crossings(track, s, _slope_samples(track, s)))
     if track.span.is_turn:
-        found = [t % pi for t in found]
+        crossings = [t % pi for t in crossings]
         # A tiny negative number has its remainder rounded to pi.
-        found = [t if t < pi else 0.0 for t in found]
-    return sorted(found)
+        crossings = [t if t < pi else 0.0 for t in crossings]
+    return sorted(crossings)
 
 
 def monotone_intervals(track: Track, s: Coordinate) -> list[MonotoneInterval]:
     """Return the monotone intervals of a track, in order; the last one of a turn closes it."""
-    turns = turning_points(track, s)
+    extremes = turning_points(track, s)
     if not track.span.is_turn:
-        ends = [float(track.t[0]), *turns, float(track.t[-1])]
-    elif turns:
-        ends = [*turns, turns[0] + pi]
+        ends = [float(track.t[0]), *extremes, float(track.t[-1])]
+    elif extremes:
+        ends = [*extremes, extremes[0] + pi]
     else:
         ends = [0.0, pi]
-    values = [track.value(s, t) for t in ends]
+    coordinates = [track.value(s, t) for t in ends]
     if track.span.is_turn:
-        # The same point.
-        values[-1] = values[0]
-    pairs = zip(pairwise(ends), pairwise(values), strict=True)
-    return [MonotoneInterval(*t, *v) for t, v in pairs]
+        # The last end is the same point as the first.
+        coordinates[-1] = coordinates[0]
+    intervals = []
+    for k in range(len(ends) - 1):
+        interval = MonotoneInterval(ends[k], ends[k + 1], coordinates[k], coordinates[k + 1])
+        intervals.append(interval)
+    return intervals
 
 
 def slope_range(track: Track, s: Coordinate, t_0: float, t_1: float) -> tuple[float, float]:
-    """Return the least and the greatest |ds/dalpha| from t_0 to t_1; inf at the end of an arc."""
-    candidates = [t_0, t_1, *(t for t in _steepest(track, s, t_0, t_1) if t_0 < t < t_1)]
+    """Return the minimum and maximum of |ds/dalpha| from t_0 to t_1; inf at the end of an arc."""
+    candidates = [t_0, t_1]
+    candidates += [t for t in _steepest(track, s, t_0, t_1) if t_0 < t < t_1]
     # At the end of an arc a dyad is singular, and the slope is rounding.
     ends = () if track.span.is_turn else (track.t[0], track.t[-1])
     steepness = [inf if t in ends else abs(track.value(s, t, 1)) for t in candidates]
@@ -91,96 +95,111 @@ def slope_range(track: Track, s: Coordinate, t_0: float, t_1: float) -> tuple[fl
 
 def _steepest(track: Track, s: Coordinate, t_0: float, t_1: float) -> Iterator[float]:
     """Yield the extremes t of ds/dalpha near t_0 .. t_1."""
-    rows = list(zip(track.t.tolist(), track.slopes(s).tolist(), strict=True))
+    ts = track.t.tolist()
+    slopes = track.slopes(s).tolist()
     if track.span.is_turn:
         # The interval may reach into the next turn.
-        rows = [(rows[-1][0] - pi, rows[-1][1]), *rows, *((t + pi, slope) for t, slope in rows)]
-    for (left, before), (t, slope), (right, after) in zip(rows, rows[1:], rows[2:], strict=False):
-        if (slope - before) * (after - slope) <= 0.0 and left < t_1 and right > t_0:
-            bends = (left, track.value(s, left, 2)), (right, track.value(s, right, 2))
-            hidden = bends[0][1] * bends[1][1] < 0.0
-            yield root(lambda t: track.value(s, t, 2), *bends) if hidden else t
+        ts = [ts[-1] - pi, *ts, *(t + pi for t in ts)]
+        slopes = [slopes[-1], *slopes, *slopes]
+    for k in range(1, len(ts) - 1):
+        is_extreme = (slopes[k] - slopes[k - 1]) * (slopes[k + 1] - slopes[k]) <= 0.0
+        left, right = ts[k - 1], ts[k + 1]
+        if is_extreme and left < t_1 and right > t_0:
+            bend_left = track.value(s, left, 2)
+            bend_right = track.value(s, right, 2)
+            if bend_left * bend_right < 0.0:
+                yield root(lambda t: track.value(s, t, 2), (left, bend_left), (right, bend_right))
+            else:
+                yield ts[k]
 
 
-def _neighbours(track: Track, s: Coordinate) -> list[Sample]:
+def _slope_samples(track: Track, s: Coordinate) -> list[Sample]:
     """Return t and ds/dt where not 0; a turn is extended periodically at both ends."""
     ts = track.t.tolist()
-    speeds = [track.span.alpha_1(t) for t in ts]
-    rows = list(zip(ts, (track.slopes(s) * speeds).tolist(), strict=True))
+    alpha_1 = [track.span.alpha_1(t) for t in ts]
+    samples = list(zip(ts, (track.slopes(s) * alpha_1).tolist(), strict=True))
     if not track.span.is_turn:
         # At the ends dalpha/dt is 0 and ds/dalpha, mostly, infinite.
-        for end, beside in ((0, 1), (-1, -2)):
-            t = ts[end] + END_OFFSET * (ts[beside] - ts[end])
-            rows[end] = t, track.value_t(s, t, 1)
-    rows = [(t, slope) for t, slope in rows if not isnan(slope) and slope != 0.0]
-    if track.span.is_turn and rows:
-        (t_0, slope_0), (t_1, slope_1) = rows[0], rows[-1]
-        rows = [(t_1 - pi, slope_1), *rows, (t_0 + pi, slope_0)]
-    return rows
+        for end, neighbour in ((0, 1), (-1, -2)):
+            t = ts[end] + END_OFFSET * (ts[neighbour] - ts[end])
+            samples[end] = t, track.value_t(s, t, 1)
+    samples = [(t, slope) for t, slope in samples if not isnan(slope) and slope != 0.0]
+    if track.span.is_turn and samples:
+        first_t, first_slope = samples[0]
+        last_t, last_slope = samples[-1]
+        samples = [(last_t - pi, last_slope), *samples, (first_t + pi, first_slope)]
+    return samples
 
 
-def _crossings(track: Track, s: Coordinate, rows: list[Sample]) -> Iterator[float]:
-    # Of a turn the last pair repeats the first.
-    for left, right in pairwise(rows[:-1] if track.span.is_turn else rows):
+def _crossings(track: Track, s: Coordinate, samples: list[Sample]) -> Iterator[float]:
+    """Yield the zero crossings of ds/dt between its samples."""
+    # The last two samples of a turn repeat the first two.
+    for left, right in pairwise(samples[:-1] if track.span.is_turn else samples):
         if left[1] * right[1] < 0.0:
             yield root(lambda t: track.value_t(s, t, 1), left, right)
-    for before, middle, after in zip(rows, rows[1:], rows[2:], strict=False):
-        same = before[1] * middle[1] > 0.0 and middle[1] * after[1] > 0.0
-        if same and abs(before[1]) >= abs(middle[1]) <= abs(after[1]):
-            yield from _hidden(track, s, before, after)
+    for left, middle, right in zip(samples, samples[1:], samples[2:], strict=False):
+        has_one_sign = left[1] * middle[1] > 0.0 and middle[1] * right[1] > 0.0
+        if has_one_sign and abs(left[1]) >= abs(middle[1]) <= abs(right[1]):
+            yield from _hidden_crossings(track, s, left, right)
 
 
-def _hidden(track: Track, s: Coordinate, before: Sample, after: Sample) -> Iterator[float]:
+def _hidden_crossings(track: Track, s: Coordinate, left: Sample, right: Sample) -> Iterator[float]:
     """Yield the two crossings of ds/dt, if any, between two samples of the same sign."""
-    bends = [(t, track.value_t(s, t, 2)) for t, _ in (before, after)]
-    if not bends[0][1] * bends[1][1] < 0.0:
+    bend_left = left[0], track.value_t(s, left[0], 2)
+    bend_right = right[0], track.value_t(s, right[0], 2)
+    if not bend_left[1] * bend_right[1] < 0.0:
         return
-    t = root(lambda t: track.value_t(s, t, 2), *bends)
+    t = root(lambda t: track.value_t(s, t, 2), bend_left, bend_right)
     dip = t, track.value_t(s, t, 1)
-    if dip[1] * before[1] < 0.0:
-        for left, right in ((before, dip), (dip, after)):
-            yield root(lambda t: track.value_t(s, t, 1), left, right)
+    if dip[1] * left[1] < 0.0:
+        yield root(lambda t: track.value_t(s, t, 1), left, dip)
+        yield root(lambda t: track.value_t(s, t, 1), dip, right)
 
 
-def parameters_at(track: Track, s: Coordinate, value: float, rounding: float) -> list[float]:
+def parameters_at(track: Track, s: Coordinate, level: float, rounding: float) -> list[float]:
     """
-    Return the parameters t with a value of a coordinate, in the track's order.
+    Return the parameters t at which a coordinate has a level, in the track's order.
 
-    A value within rounding of a monotone interval's end is at that end: an extreme has one angle.
+    A level within rounding of a monotone interval's end is at that end: an extreme has one angle.
     """
-    found = []
-    for t_0, t_1, value_0, value_1 in monotone_intervals(track, s):
-        at_0, at_1 = abs(value_0 - value) <= rounding, abs(value_1 - value) <= rounding
-        found += [t for t, here in ((t_0, at_0), (t_1, at_1)) if here]
-        if not at_0 and not at_1 and (value_0 < value) != (value_1 < value):
-            ends = (t_0, value_0 - value), (t_1, value_1 - value)
-            found.append(root(lambda t: track.value(s, t) - value, *ends))
-    return found
+    parameters = []
+    for t_0, t_1, s_0, s_1 in monotone_intervals(track, s):
+        is_at_start = abs(s_0 - level) <= rounding
+        is_at_end = abs(s_1 - level) <= rounding
+        if is_at_start:
+            parameters.append(t_0)
+        if is_at_end:
+            parameters.append(t_1)
+        if not is_at_start and not is_at_end and (s_0 < level) != (s_1 < level):
+            start, end = (t_0, s_0 - level), (t_1, s_1 - level)
+            parameters.append(root(lambda t: track.value(s, t) - level, start, end))
+    return parameters
 
 
 def crank_angles_at(
-    tracks: Iterable[Track], s: Coordinate, value: float, size: float
+    tracks: Iterable[Track], s: Coordinate, level: float, size: float
 ) -> list[float]:
-    """Return all crank angles in [0, 2 pi) with a value of a coordinate, sorted [rad]."""
-    return distinct(
-        track.crank_angle(t)
-        for track in tracks
-        for t in parameters_at(track, s, value, ROUNDING * size)
-    )
+    """Return all crank angles in [0, 2 pi) at which a coordinate has a level, sorted [rad]."""
+    alphas = []
+    for track in tracks:
+        alphas += [track.crank_angle(t) for t in parameters_at(track, s, level, ROUNDING * size)]
+    return distinct(alphas)
 
 
 def nearest(tracks: Iterable[Track], point: tuple[float, float], size: float) -> Nearest:
     """Return the crank angle of the foot's nearest position to a point (x, y) [m]."""
     x, y = point
-    s = Coordinate(point=point, k=1.0)
+    squared_distance = Coordinate(point=point, k=1.0)
     candidates = []
     for track in tracks:
-        for t in (*turning_points(track, s), float(track.t[0]), float(track.t[-1])):
+        extremes = turning_points(track, squared_distance)
+        for t in (*extremes, float(track.t[0]), float(track.t[-1])):
             h_x, h_y = track.foot_t(t)[0].tolist()
             candidates.append((hypot(h_x - x, h_y - y), track.crank_angle(t)))
-    distance = min(candidates)[0]
-    ties = distinct(alpha for d, alpha in candidates if d <= distance + TIE * size)
-    return Nearest(ties[0], distance, tuple(ties))
+    min_distance, _ = min(candidates)
+    limit = min_distance + TIE * size
+    ties = distinct(alpha for distance, alpha in candidates if distance <= limit)
+    return Nearest(ties[0], min_distance, tuple(ties))
 
 
 def distinct(alphas: Iterable[float]) -> list[float]:

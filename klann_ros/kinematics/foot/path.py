@@ -27,7 +27,8 @@ from .track import Coordinate, GAUSS_ORDER, nodes, Span, Track, X, Y
 GROUND_BAND = 1.0 / 8.0
 # Round-off of a height or a width relative to the leg's size: over a turn, and over arcs, at whose
 # ends the last digit of the crank angle moves the foot.
-ROUNDING_OF_TURN, ROUNDING_OF_ARCS = 1e-12, 1e-8
+ROUNDING_OF_TURN = 1e-12
+ROUNDING_OF_ARCS = 1e-8
 MIN_SAMPLES = 32
 LEG_METHODS = ('solve', 'velocity', 'acceleration', 'reset', 'reachable_arcs')
 
@@ -106,7 +107,8 @@ class FootPath:
         if not self.full_turn:
             return nan
         # About the path's centre: no cancellation far from the origin.
-        (x, y), (x_1, y_1) = (self.h - self.h.mean(axis=0)).T, self.h_1.T
+        x, y = (self.h - self.h.mean(axis=0)).T
+        x_1, y_1 = self.h_1.T
         return TURN * float((x * y_1 - y * x_1).mean()) / 2.0
 
     def stance(self, ground: float | None = None) -> Stance:
@@ -134,13 +136,13 @@ class FootPath:
             the crank does not turn fully.
 
         """
-        least = (ROUNDING_OF_TURN if self.full_turn else ROUNDING_OF_ARCS) * self._size
+        rounding = (ROUNDING_OF_TURN if self.full_turn else ROUNDING_OF_ARCS) * self._size
         if ground is None:
-            ground = max(GROUND_BAND * self.lift, least)
-        elif not (isinstance(ground, Real) and least <= ground < inf):
-            msg = f'ground = {ground!r} m is refused: it must be finite and at least {least:.3g} m'
-            raise ValueError(msg)
-        if self.stride < least:
+            ground = max(GROUND_BAND * self.lift, rounding)
+        elif not (isinstance(ground, Real) and rounding <= ground < inf):
+            limit = f'it must be finite and at least {rounding:.3g} m'
+            raise ValueError(f'ground = {ground!r} m is refused: {limit}')
+        if self.stride < rounding:
             raise NoStanceError(self.stride)
         return stances(self._tracks, ground, ROUNDING * self._size)
 
@@ -180,13 +182,15 @@ class FootPath:
         return float(np.abs(self.h).max())
 
     def _range(self, s: Coordinate) -> tuple[float, float]:
-        intervals = [each for track in self._tracks for each in monotone_intervals(track, s)]
-        values = [value for each in intervals for value in (each.value_0, each.value_1)]
-        return min(values), max(values)
+        extremes = []
+        for track in self._tracks:
+            for interval in monotone_intervals(track, s):
+                extremes += [interval.s_0, interval.s_1]
+        return min(extremes), max(extremes)
 
-    def _crank_angles_at(self, s: Coordinate, name: str, value: float) -> list[float]:
-        validation.rate(name, value)
-        return inverse.crank_angles_at(self._tracks, s, value, self._size)
+    def _crank_angles_at(self, s: Coordinate, name: str, level: float) -> list[float]:
+        validation.rate(name, level)
+        return inverse.crank_angles_at(self._tracks, s, level, self._size)
 
 
 def foot_path(
@@ -237,23 +241,23 @@ def foot_path(
     samples = validation.count('samples', samples, MIN_SAMPLES)
     if not all(hasattr(leg, name) for name in LEG_METHODS):
         raise TypeError(f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg')
-    own = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
-    own.reset()
-    spans = [Span(start, end) for start, end in own.reachable_arcs()]
-    shares = [round(samples * (span.end - span.start) / TURN) for span in spans]
-    tracks = [
-        Track(own, span, max(MIN_SAMPLES, share))
-        for span, share in zip(spans, shares, strict=True)
-    ]
-    tracks = [track for track in tracks if len(track.t) > 1]
+    tracked_leg = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))
+    tracked_leg.reset()
+    tracks = []
+    for start, end in tracked_leg.reachable_arcs():
+        share = round(samples * (end - start) / TURN)
+        track = Track(tracked_leg, Span(start, end), max(MIN_SAMPLES, share))
+        if len(track.t) > 1:
+            tracks.append(track)
     if not tracks:
         raise NoFootPathError
-    names = ('alphas', 'h', 'h_1')
-    arrays = {name: np.concatenate([getattr(each, name) for each in tracks]) for name in names}
-    for array in arrays.values():
+    alphas = np.concatenate([track.alphas for track in tracks])
+    h = np.concatenate([track.h for track in tracks])
+    h_1 = np.concatenate([track.h_1 for track in tracks])
+    for array in (alphas, h, h_1):
         array.setflags(write=False)
     arcs = tuple((track.span.start, track.span.end) for track in tracks)
-    return FootPath(**arrays, arcs=arcs, _tracks=tuple(tracks))
+    return FootPath(alphas, h, h_1, arcs, tuple(tracks))
 
 
 def _arc_length(track: Track) -> float:
@@ -271,5 +275,6 @@ def _with_foot(leg: Any, point: Any) -> Linkage:
     except (TypeError, ValueError):
         msg = f"point = {point!r} is refused: it must be a point's name, or body, u, v"
         raise ValueError(msg) from None
-    free = next(f'P{n}' for n in ('', *range(100)) if f'P{n}' not in linkage.structure.points)
-    return linkage.with_coupler_point(body, u, v, free)
+    names = ('P', *(f'P{n}' for n in range(100)))
+    unused_name = next(name for name in names if name not in linkage.structure.points)
+    return linkage.with_coupler_point(body, u, v, unused_name)

@@ -141,24 +141,23 @@ class _Contact(NamedTuple):
 
 def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Stance]:
     """Return the stances of a band above the lowest point [m]: first the one with that point."""
-    lowest, track, t = min(
-        (value, k, t)
-        for k, track in enumerate(tracks)
-        for t_0, t_1, value_0, value_1 in monotone_intervals(track, Y)
-        for value, t in ((value_0, t_0), (value_1, t_1))
-    )
-    found = [
-        contact
-        for k, one in enumerate(tracks)
-        for contact in _contacts(one, lowest + ground, rounding, t if k == track else None)
-    ]
-    around = max(found, key=lambda contact: (contact.holds_lowest, abs(_advance(contact))))
-    on_ground = _joined([contact for contact in found if contact.sign == around.sign])
+    ends: list[tuple[float, int, float]] = []
+    for k, track in enumerate(tracks):
+        for t_0, t_1, y_0, y_1 in monotone_intervals(track, Y):
+            ends += [(y_0, k, t_0), (y_1, k, t_1)]
+    min_y, lowest_track, lowest_t = min(ends)
+    contacts: list[_Contact] = []
+    for k, track in enumerate(tracks):
+        t = lowest_t if k == lowest_track else None
+        contacts += _contacts(track, min_y + ground, rounding, t)
+    lowest = max(contacts, key=lambda contact: (contact.holds_lowest, abs(_advance(contact))))
+    on_ground = _joined([contact for contact in contacts if contact.sign == lowest.sign])
     on_ground.sort(key=lambda contact: not contact.holds_lowest)
     return [_stance(contact, ground) for contact in on_ground]
 
 
 def _contacts(track: Track, level: float, rounding: float, lowest: float | None) -> list[_Contact]:
+    """Return the contacts below a level; `lowest` is t of the lowest point on this track."""
     ends = {*turning_points(track, X), *parameters_at(track, Y, level, rounding)}
     if track.span.is_turn:
         edges = sorted({t % pi for t in ends}) or [0.0]
@@ -167,19 +166,19 @@ def _contacts(track: Track, level: float, rounding: float, lowest: float | None)
         edges = sorted({*ends, float(track.t[0]), float(track.t[-1])})
     # A turn is periodic in t.
     periods = (-pi, 0.0, pi) if track.span.is_turn else (0.0,)
-    found = []
+    contacts = []
     for t_0, t_1 in pairwise(edges):
         holds = lowest is not None and any(t_0 <= lowest + period <= t_1 for period in periods)
         # The interval of the lowest point is in contact, whatever the rounding at its middle.
         if holds or track.value(Y, (t_0 + t_1) / 2.0) <= level:
             advance = track.value(X, t_1) - track.value(X, t_0)
-            found.append(_Contact(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
-    return found
+            contacts.append(_Contact(track, t_0, t_1, 1 if advance > 0.0 else -1, holds))
+    return contacts
 
 
 def _advance(contact: _Contact) -> float:
-    track, t_0, t_1, *_ = contact
-    return track.value(X, t_1) - track.value(X, t_0)
+    """Return the motion of the foot along x [m]."""
+    return contact.track.value(X, contact.t_1) - contact.track.value(X, contact.t_0)
 
 
 def _joined(contacts: list[_Contact]) -> list[_Contact]:
@@ -193,43 +192,43 @@ def _joined(contacts: list[_Contact]) -> list[_Contact]:
         else:
             joined.append(contact)
     if len(joined) > 1 and joined[0].track.span.is_turn:
-        first, last = joined[0], joined[-1]
+        first = joined[0]
+        last = joined[-1]
         if last.t_1 == first.t_0 + pi:
             holds = first.holds_lowest or last.holds_lowest
-            whole = last._replace(t_1=first.t_1 + pi, holds_lowest=holds)
-            joined = [*joined[1:-1], whole]
+            across_start = last._replace(t_1=first.t_1 + pi, holds_lowest=holds)
+            joined = [*joined[1:-1], across_start]
     return joined
 
 
 def _stance(contact: _Contact, ground: float) -> Stance:
     track, t_0, t_1, sign, _ = contact
-    start, end = track.span.alpha(t_0), track.span.alpha(t_1)
-    covered = abs(_advance(contact))
-    least, greatest = slope_range(track, X, t_0, t_1)
-    wrapped = start % TURN
+    start = track.span.alpha(t_0)
+    duration = track.span.alpha(t_1) - start
+    ground_covered = abs(_advance(contact))
+    min_speed, max_speed = slope_range(track, X, t_0, t_1)
     return Stance(
-        start=wrapped,
-        end=wrapped + (end - start),
+        start=start % TURN,
+        end=start % TURN + duration,
         direction=sign,
         ground=ground,
-        ground_covered=covered,
+        ground_covered=ground_covered,
         deviation=_deviation(track, t_0, t_1),
-        speed_mean=covered / (end - start),
-        speed_least=least,
-        speed_greatest=greatest,
+        speed_mean=ground_covered / duration,
+        speed_least=min_speed,
+        speed_greatest=max_speed,
     )
 
 
 def _deviation(track: Track, t_0: float, t_1: float) -> float:
     """Return the greatest distance from the line through the centre along the main axis [m]."""
     h, h_t, weights = nodes(track, t_0, t_1, PANELS)
-    metres = np.hypot(*h_t.T) * weights
-    centre = metres @ h / metres.sum()
-    _, axes = np.linalg.eigh(((h - centre).T * metres) @ (h - centre))
+    lengths = np.hypot(*h_t.T) * weights
+    centre = lengths @ h / lengths.sum()
+    _, axes = np.linalg.eigh(((h - centre).T * lengths) @ (h - centre))
     normal = Coordinate((float(axes[0, 0]), float(axes[1, 0])))
-    turns = [t + k * pi for t in turning_points(track, normal) for k in (0, 1)]
-    inside = [t for t in turns if t_0 < t < t_1]
-    offsets = [
-        track.value(normal, t) - float(normal.derivative(centre)) for t in (t_0, t_1, *inside)
-    ]
+    extremes = turning_points(track, normal)
+    candidates = [t_0, t_1, *extremes, *(t + pi for t in extremes)]
+    centre_offset = float(normal.derivative(centre))
+    offsets = [track.value(normal, t) - centre_offset for t in candidates if t_0 <= t <= t_1]
     return max(map(abs, offsets))

@@ -24,20 +24,22 @@ class Coordinate:
     point: tuple[float, float] = (0.0, 0.0)
     k: float = 0.0
 
-    def derivative(self, h: FloatArray, *by: FloatArray) -> FloatArray:
+    def derivative(self, h: FloatArray, *dh: FloatArray) -> FloatArray:
         """Return s for H, ds for H and dH, or d2s for H, dH and d2H."""
         from_p = h - self.point
-        if not by:
+        if not dh:
             return _dot(self.along, h) + self.k * _dot(from_p, from_p) / 2.0
-        squares = _dot(by[0], by[0]) if len(by) > 1 else 0.0
-        return _dot(self.along, by[-1]) + self.k * (squares + _dot(from_p, by[-1]))
+        squares = _dot(dh[0], dh[0]) if len(dh) > 1 else 0.0
+        return _dot(self.along, dh[-1]) + self.k * (squares + _dot(from_p, dh[-1]))
 
 
-X, Y = Coordinate((1.0, 0.0)), Coordinate((0.0, 1.0))
+X = Coordinate((1.0, 0.0))
+Y = Coordinate((0.0, 1.0))
 
 
 def _dot(p: FloatArray | tuple[float, float], q: FloatArray) -> FloatArray:
-    (x, y) = (p[..., 0], p[..., 1]) if isinstance(p, np.ndarray) else p
+    """Return the scalar product of vectors along the last axis."""
+    x, y = (p[..., 0], p[..., 1]) if isinstance(p, np.ndarray) else p
     return np.asarray(x * q[..., 0] + y * q[..., 1], dtype=np.float64)
 
 
@@ -97,18 +99,21 @@ class Track:
     """
 
     def __init__(self, leg: Any, span: Span, n: int) -> None:
-        self.span, self._leg = span, leg
-        solved = []
+        self.span = span
+        self._leg = leg
+        ts = []
+        poses = []
         for t in span.samples(n):
             with suppress(KinematicsError):
-                solved.append((t, self._pose(t)))
-        if solved and not hasattr(solved[0][1], 'h'):
+                poses.append(self._pose(t))
+                ts.append(t)
+        if poses and not hasattr(poses[0], 'h'):
             msg = f'leg = {leg!r} is refused: it must be a leg, whose poses have a foot H'
             raise TypeError(msg)
-        self.t = np.array([t for t, _ in solved])
-        self.alphas = np.array([pose.crank_angle for _, pose in solved])
-        self.h = np.array([pose.h for _, pose in solved]).reshape(-1, 2)
-        self.h_1 = np.array([self._h_1(pose) for _, pose in solved]).reshape(-1, 2)
+        self.t = np.array(ts)
+        self.alphas = np.array([pose.crank_angle for pose in poses])
+        self.h = np.array([pose.h for pose in poses]).reshape(-1, 2)
+        self.h_1 = np.array([self._h_1(pose) for pose in poses]).reshape(-1, 2)
 
     def crank_angle(self, t: float) -> float:
         """Return the solvable crank angle in [0, 2 pi) [rad]."""
@@ -128,32 +133,33 @@ class Track:
 
     def foot_t(self, t: float, order: int = 0) -> list[FloatArray]:
         """Return H and its derivatives by t, by the chain rule, shape (2,) each [m]."""
-        found, alpha_1 = self._foot(t, order), self.span.alpha_1(t)
+        derivatives = self._foot(t, order)
+        alpha_1 = self.span.alpha_1(t)
         if order > 1:
-            found[2] = found[2] * alpha_1**2 + found[1] * self.span.alpha_2(t)
+            derivatives[2] = derivatives[2] * alpha_1**2 + derivatives[1] * self.span.alpha_2(t)
         if order:
-            found[1] = found[1] * alpha_1
-        return found
+            derivatives[1] = derivatives[1] * alpha_1
+        return derivatives
 
     def _foot(self, t: float, order: int) -> list[FloatArray]:
         """Return H and its derivatives by alpha."""
         pose = self._pose(t)
-        found = [np.array(pose.h)]
+        derivatives = [np.array(pose.h)]
         if order:
-            found.append(self._h_1(pose))
+            derivatives.append(self._h_1(pose))
         if order > 1:
-            singular = np.isnan(found[1][0])
-            h_2 = (nan, nan) if singular else self._leg.acceleration(pose, 1.0, 0.0).h
-            found.append(np.array(h_2))
-        return found
+            is_singular = np.isnan(derivatives[1][0])
+            h_2 = (nan, nan) if is_singular else self._leg.acceleration(pose, 1.0, 0.0).h
+            derivatives.append(np.array(h_2))
+        return derivatives
 
     def _pose(self, t: float, *, wrapped: bool = False) -> Any:
         alpha = self.span.alpha(t)
         inward = 1.0 if t < pi / 2.0 else -1.0
         for offset in END_OFFSETS:
-            near = alpha + inward * offset
+            solvable = alpha + inward * offset
             try:
-                return self._leg.solve(_wrapped(near) if wrapped else near)
+                return self._leg.solve(_wrapped(solvable) if wrapped else solvable)
             except KinematicsError as caught:
                 error = caught
                 if self.span.is_turn:
@@ -169,8 +175,8 @@ class Track:
 
 def _wrapped(alpha: float) -> float:
     """Return the angle in [0, 2 pi); a tiny negative one has its remainder rounded to 2 pi."""
-    rest = alpha % TURN
-    return rest if rest < TURN else 0.0
+    remainder = alpha % TURN
+    return remainder if remainder < TURN else 0.0
 
 
 # Nodes of a panel.
