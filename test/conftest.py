@@ -24,7 +24,7 @@ LINES = 3
 ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
 # Few tests that take long, in files that would otherwise come last, for one worker.
 LONG = (
-    'test/test_benchmarks.py',
+    'test/benchmarks/',
     'test/calibration/',
     'test/design/',
     'test/viewing/test_launched_',
@@ -121,6 +121,6 @@ def new_page(browser: Any) -> Iterator[Callable[..., Any]]:
 @pytest.fixture
 def visit(new_page: Callable[..., Any], pages: Mapping[str, Path]) -> Callable[..., Any]:
     """Return what opens a page of a module by its name; options are those of a browser context."""
-    from opened_page import OpenedPage
+    from browser_page import OpenedPage
 
     return lambda name, **options: OpenedPage(new_page(**options), pages[name].as_uri())

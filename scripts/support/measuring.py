@@ -39,7 +39,7 @@ def fuzz(arguments: list[str]) -> int:
 
 
 def _with_tests(env: Environment) -> dict[str, str]:
-    """Return the variables of a program that imports modules of `test` and of this folder."""
-    own = [str(ROOT / 'test'), str(ROOT / 'scripts' / 'support')]
-    paths = [*own, env.variables.get('PYTHONPATH', '')]
+    """Return the variables of a program that imports modules of the tests and of this folder."""
+    folders = [ROOT / 'test', ROOT / 'test' / 'support', ROOT / 'scripts' / 'support']
+    paths = [*map(str, folders), env.variables.get('PYTHONPATH', '')]
     return env.variables | {'PYTHONPATH': os.pathsep.join(filter(None, paths))}

@@ -6,13 +6,13 @@ from pathlib import Path
 import re
 
 from browser import find
+from browser_page import OpenedPage
 from hostile_leg import HOSTILE, LINKAGE
 from klann_ros.datasheet import data_sheet, motor_from_file
 from klann_ros.datasheet.page import page
 from klann_ros.kinematics import KlannLeg
 from klann_ros.robot import Robot, robot_from_file, robot_of
 import numpy as np
-from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')

@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from browser import find
+from browser_page import OpenedPage
 from hostile_leg import LINKAGE
 from klann_ros.design import Found, requirements_from, search
 from klann_ros.design.page import page
-from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')

@@ -104,7 +104,7 @@ class Board:
         self._ends: tuple[int, ...] = os.openpty()
         tty.setraw(self._ends[1])
         self.port = os.ttyname(self._ends[1])
-        script = str(ROOT / 'test' / 'motor_board.py')
+        script = str(ROOT / 'test' / 'support' / 'motor_board.py')
         arguments = [script, str(library), str(self._ends[0]), str(self._log), str(timeout)]
         self.process = subprocess.Popen([sys.executable, *arguments], pass_fds=self._ends[:1])
 

@@ -10,6 +10,7 @@ import re
 import resource
 import shutil
 
+from call_counter import Work
 from fuzzing.damages import damage, damage_metadata
 from fuzzing.hostile import FORGED
 from fuzzing.oracle import sound_chunks
@@ -22,7 +23,6 @@ from klann_ros.sanitize.text import counted
 from mcap_bytes.conformance import legal_file
 from mcap_bytes.hostile import HEADER, packed_chunk
 from mcap_bytes.records import record
-from work import Work
 
 MAX_MEMORY = 200 * 2**20
 UNVERIFIED = 'no CRC, so damage'

@@ -17,9 +17,9 @@ from klann_ros.kinematics import (
     SingularPoseError,
     Variants,
 )
-from mechanisms import allowed, alphas, difference, fresh, KNOWN, leg_of, legs, NAMES, solved
 import numpy as np
 import pytest
+from sample_linkages import allowed, alphas, difference, fresh, KNOWN, leg_of, legs, NAMES, solved
 
 AnyLeg = Leg[Any, Any]
 rates = st.floats(-5.0, 5.0)

@@ -3,7 +3,7 @@
 from collections import Counter
 
 from klann_ros.kinematics import shipped_linkage, shipped_linkages
-from published import CITED, Cited, PAGE, page, SOURCES, WITHOUT
+from published_linkages import CITED, Cited, PAGE, page, SOURCES, WITHOUT
 import pytest
 
 
@@ -36,4 +36,6 @@ def test_every_source_is_cited_and_has_an_error() -> None:
 
 
 def test_the_page_is_generated_from_the_numbers() -> None:
-    assert PAGE.read_text(encoding='utf-8') == page(), 'write it: python test/published.py'
+    assert PAGE.read_text(encoding='utf-8') == page(), (
+        'write it: python test/support/published_linkages.py'
+    )

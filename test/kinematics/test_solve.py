@@ -17,9 +17,9 @@ from klann_ros.kinematics import (
     UnreachableError,
 )
 from klann_ros.kinematics.linkage import leg as leg_module
-from mechanisms import allowed, apart, difference
 import numpy as np
 import pytest
+from sample_linkages import allowed, apart, difference
 
 AnyLeg = Leg[Any, Any]
 Make = Callable[..., AnyLeg]

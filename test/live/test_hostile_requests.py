@@ -10,7 +10,7 @@ import struct
 from typing import Any
 
 import aiohttp
-from alone import run_alone
+from coroutine_thread import run_alone
 from fake_live_state import FakeState, Served
 from klann_ros.live.guard import Guard
 from klann_ros.live.protocol import MAX_MESSAGE_SIZE

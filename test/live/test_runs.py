@@ -6,7 +6,7 @@ from pathlib import Path
 import sys
 
 import aiohttp
-from alone import run_alone
+from coroutine_thread import run_alone
 from fake_live_state import EVIL, FakeState
 from klann_ros.live.guard import Guard
 from klann_ros.live.live_page import list_page

@@ -77,7 +77,7 @@ for number, message in enumerate(make_messages(50_000)):
 
 def test_kill_9_costs_nothing_that_was_flushed(recovered, tmp_path) -> None:
     run = tmp_path / 'walk'
-    code = KILLED.format(paths=[str(ROOT), str(ROOT / 'test')], folder=str(run))
+    code = KILLED.format(paths=[str(ROOT), str(ROOT / 'test' / 'support')], folder=str(run))
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE) as process:
         # Some flushes, then the kill falls wherever the process is.
         lines = [process.stdout.readline() for _ in range(20)]

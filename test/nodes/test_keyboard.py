@@ -11,16 +11,16 @@ import termios
 from threading import Thread
 from typing import Any
 
-from bags import COUNT, write_bag
 from fork_server import PACKAGE
 from hypothesis import given, strategies
 from klann_ros.nodes.keyboard import MAX_SEQUENCE_LENGTH, split_keys
+from playable_logs import COUNT, write_bag
 import pytest
 from ros_domain import Domain, Process
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-JOB_CONTROL = Path(__file__).resolve().parents[2] / 'job_control.py'
+JOB_CONTROL = Path(__file__).resolve().parents[1] / 'support' / 'job_control.py'
 SPACE, UP, DOWN, RIGHT = ' ', '\x1b[A', '\x1b[B', '\x1b[C'
 CTRL_C, CTRL_Z, CTRL_BACKSLASH = '\x03', '\x1a', '\x1c'
 # Paused where nothing but numbers comes, and so slow that nothing but the next is ever due.

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from bags import write_bag
+from playable_logs import write_bag
 import pytest
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import parameter_dict_from_yaml_file, parameter_value_to_python

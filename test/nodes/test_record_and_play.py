@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 import pytest
 from rclpy.executors import SingleThreadedExecutor
-from recordings import numbers
+from recorder_runs import numbers
 from ros_domain import Domain, Process, RecorderReports
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState

@@ -5,11 +5,11 @@ from pathlib import Path
 import re
 from typing import Any
 
-from bags import write_bag
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.nodes.crank.node import main as crank_main
 from klann_ros.nodes.recorder.node import main as recorder_main
 from klann_ros.nodes.solver.node import main as solver_main
+from playable_logs import write_bag
 import pytest
 from ros_domain import Domain
 from yaml_tables import read_table

@@ -2,21 +2,21 @@
 
 from pathlib import Path
 
-from bags import number, START
 from klann_ros.log.definitions import definition
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import solver_parameters, SOLVER_RECORD
 from klann_ros.nodes.leg_declarations import GEOMETRY_NAMES
 from mcap.writer import Writer
+from playable_logs import number, START
 import pytest
+from raw_publishers import Stranger
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from ros_domain import Domain, Probe, Process, RecorderReports
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
-from strangers import Stranger
 from yaml_tables import read_table
 
 GOOD = 'std_msgs/msg/Float64'

@@ -5,10 +5,10 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 import pytest
+from raw_publishers import Stranger
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32, Float64, Float64MultiArray, Int32
-from strangers import Stranger
 
 WALKER = Path(__file__).parents[2] / 'config' / 'walker6.yaml'
 TWIST = 'geometry_msgs/msg/Twist'

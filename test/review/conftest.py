@@ -9,7 +9,6 @@ import struct
 from types import MappingProxyType
 from typing import Any
 
-from bags import text
 from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KinematicsError, KlannGeometry, KlannLeg
 from klann_ros.kinematics.klann import JOINTS
@@ -32,6 +31,7 @@ from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
 from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 import numpy as np
+from playable_logs import text
 import pytest
 from xacro_legs import ROOT, urdf_of
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from domain import own_domain
-from findings import checks
 from geometry_msgs.msg import Twist
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Message
@@ -22,6 +21,7 @@ from klann_ros.review.model.review import Review
 from klann_ros.review.reviewing import review_run
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from review_findings import checks
 from ros_domain import Domain, open_domain, Process, RecorderReports
 from rosbag2_bags import write_jazzy_bag
 from sensor_msgs.msg import JointState

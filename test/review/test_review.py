@@ -4,10 +4,10 @@ import math
 from pathlib import Path
 import re
 
-from findings import moments
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 import pytest
+from review_findings import moments
 
 
 def test_a_healthy_run_has_no_finding(healthy, printed) -> None:

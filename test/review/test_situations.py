@@ -4,10 +4,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from findings import are_alike, checks, timed
 from klann_ros.review.model.limits import Limits
 from klann_ros.review.reviewing import review_run
 import pytest
+from review_findings import are_alike, checks, timed
 from yaml_tables import read_table
 
 SITUATIONS = read_table(Path(__file__).with_name('situations.yaml'))

@@ -10,10 +10,10 @@ import signal
 import subprocess
 from xml.etree import ElementTree as ET
 
-from bags import write_bag
 from domain import own_domain
 from klann_ros.export.command import main
-from launched import PATIENCE, Prefix, ROOT
+from launch_process import PATIENCE, Prefix, ROOT
+from playable_logs import write_bag
 import pytest
 from yaml_tables import read_table
 

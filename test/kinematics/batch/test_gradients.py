@@ -16,9 +16,9 @@ from klann_ros.kinematics import (
     SingularPoseError,
     Variants,
 )
-from mechanisms import fresh, NAMES
 import numpy as np
 import pytest
+from sample_linkages import fresh, NAMES
 
 ALPHAS = np.linspace(0.1, 6.3, 57)
 STEP = 1e-6

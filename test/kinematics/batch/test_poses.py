@@ -10,9 +10,9 @@ from hypothesis import given, settings, strategies as st
 from klann_ros.kinematics import KinematicsError, klann_poses, KlannGeometry, KlannLeg, Leg, Reason
 from klann_ros.kinematics.batch.dyads import BLOCK_SIZE
 from klann_ros.kinematics.batch.poses import feet, loop_errors
-from mechanisms import KNOWN, legs, NAMES
 import numpy as np
 import pytest
+from sample_linkages import KNOWN, legs, NAMES
 
 KERNELS = ['numpy', 'numba']
 SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()

@@ -22,9 +22,9 @@ from klann_ros.kinematics import (
     Variants,
 )
 from klann_ros.kinematics.batch import blockwise
-from mechanisms import fresh, NAMES
 import numpy as np
 import pytest
+from sample_linkages import fresh, NAMES
 
 ALPHAS = np.linspace(-7.0, 7.0, 211)
 EVERYTHING = {'angles': True, 'points': True, 'transmission_angles': True, 'velocities': True}

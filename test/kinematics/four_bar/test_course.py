@@ -7,9 +7,9 @@ import four_bar_equations as equations
 from four_bars import COURSE, crank_angles, four_bars, solved, untimed
 from hypothesis import assume, given, strategies as st
 from klann_ros.kinematics import FourBar, TransmissionExtremes, UnreachableError
-from mechanisms import apart
 import numpy as np
 import pytest
+from sample_linkages import apart
 from yaml_tables import read_table
 
 # L1 to L4 of the examples [mm], as they are computed with in the course.

@@ -6,8 +6,8 @@ import four_bar_equations as equations
 from four_bars import COURSE, four_bars, untimed
 from hypothesis import assume, example, given
 from klann_ros.kinematics import FourBar, UnreachableError
-from mechanisms import apart
 import pytest
+from sample_linkages import apart
 
 # Nothing turns fully: 500 + 300 > 400 + 350 mm.
 TRIPLE = (0.500, 0.300, 0.400, 0.350)

@@ -5,6 +5,7 @@ import pickle
 import subprocess
 import sys
 
+from call_counter import Work
 from klann_ros.log.bag_metadata import QOS_KEY
 from klann_ros.log.mcap import decompression
 from klann_ros.log.mcap.growing import GrowingFile
@@ -27,7 +28,6 @@ from mcap_bytes.hostile import (
     packed_chunk,
 )
 import pytest
-from work import Work
 
 SIZE = 5000
 # Calls for a byte of the file, and at all. Damage behind each record costs most.

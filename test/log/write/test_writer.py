@@ -190,7 +190,9 @@ print(flushed, error.errno)
 @pytest.mark.parametrize('limit', [20_000, 55_555, 100_001])
 def test_a_full_disk_is_an_os_error_and_loses_only_unflushed_data(tmp_path, limit) -> None:
     code = textwrap.dedent(FULL).format(
-        paths=[str(ROOT), str(ROOT / 'test')], folder=str(tmp_path / 'run'), limit=limit
+        paths=[str(ROOT), str(ROOT / 'test' / 'support')],
+        folder=str(tmp_path / 'run'),
+        limit=limit,
     )
     done = subprocess.run(
         [sys.executable, '-c', code], capture_output=True, text=True, check=False

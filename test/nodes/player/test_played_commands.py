@@ -4,12 +4,12 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from bags import START
 from geometry_msgs.msg import TwistStamped
 from klann_ros.log.definitions import definition
 from klann_ros.nodes.endpoints import LAST_MESSAGES, type_name
 from klann_ros.nodes.player.commands import standstill
 from mcap.writer import Writer
+from playable_logs import START
 import pytest
 from rclpy.serialization import serialize_message
 from ros_domain import Domain

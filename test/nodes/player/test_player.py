@@ -4,8 +4,8 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from bags import COUNT, PERIOD, START, write_bag, write_split_bag
 from mcap.writer import CompressionType
+from playable_logs import COUNT, PERIOD, START, write_bag, write_split_bag
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -13,7 +13,7 @@ from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import recorded_pause, topic_counts
 from klann_ros.review.reviewing import review_run
 import pytest
-from recordings import numbers, Recording, TOPIC
+from recorder_runs import numbers, Recording, TOPIC
 from ros_domain import Domain, Process, RecorderReports
 
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import topic_counts
 from klann_ros.review.reviewing import review_run
-from recordings import numbers, Recording, TOPIC
+from recorder_runs import numbers, Recording, TOPIC
 from ros_domain import Domain, Process
 import yaml
 

@@ -9,7 +9,7 @@ from klann_ros.log.run_parameters import topic_counts
 import pytest
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-from recordings import numbers
+from recorder_runs import numbers
 from ros_domain import Domain, RecorderReports
 from std_msgs.msg import Float64, String
 

@@ -2,11 +2,11 @@
 
 import struct
 
-from findings import checks, moments
 from klann_ros.review.reviewing import review_run
 from mcap.opcode import Opcode
 from mcap_bytes.records import spans
 import pytest
+from review_findings import checks, moments
 
 
 def of_kind(data, kind):

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from findings import checks, found
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of
 from measured_robots import crank_topic, DRAWN, points_topic, Robot, write_run
 import pytest
+from review_findings import checks, found
 
 ROBOT = Robot(count=200, period=0.025)
 SEM = robot_of('sem104')

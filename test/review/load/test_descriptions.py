@@ -3,8 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-from bags import text
-from findings import checks
 from klann_ros.kinematics import KlannGeometry, KlannLeg, LinkageLeg, shipped_linkages
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import leg_description, SolverParameters
@@ -12,7 +10,9 @@ from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of, RobotFileError
 from leg_runs import LegRun, START, topic_of
+from playable_logs import text
 import pytest
+from review_findings import checks
 from rosbag2_bags import write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from xacro_legs import ROOT

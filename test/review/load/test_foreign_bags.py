@@ -5,13 +5,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from findings import checks
 from klann_ros.log.reader import open_log
 from klann_ros.review.command import main
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_from_file
 from leg_runs import LegRun
 import pytest
+from review_findings import checks
 from rosbag2_bags import convert, KINDS, NAMES, write_jazzy_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 

@@ -3,7 +3,6 @@
 from dataclasses import replace
 import struct
 
-from findings import checks, found
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
@@ -11,6 +10,7 @@ from klann_ros.review.load.topics import recorder_clock_steps
 from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest
+from review_findings import checks, found
 
 MS = 1_000_000
 S = 1000 * MS

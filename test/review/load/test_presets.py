@@ -4,13 +4,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-from findings import checks
 from klann_ros.kinematics import KlannGeometry, LinkageLeg
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import robot_of, solver_section
 from leg_runs import LegRun
 import pytest
+from review_findings import checks
 import yaml
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from findings import are_alike
 from klann_ros.kinematics import KlannGeometry, linkage_from_file, LinkageLeg
 from klann_ros.kinematics.klann import COORDINATES, LENGTHS
 from klann_ros.review.command import main
@@ -14,6 +13,7 @@ from klann_ros.review.model.recording import LegSolver
 from klann_ros.review.model.review import located
 from klann_ros.review.reviewing import review_run
 import pytest
+from review_findings import are_alike
 from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -6,13 +6,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+from browser_page import OpenedPage
 import klann_ros
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
 from klann_ros.review.model.compare import compare
 from klann_ros.review.page import save
 from klann_ros.review.reviewing import review_run
 from leg_runs import LegRun
-from opened_page import OpenedPage
 import pytest
 from walk_runs import Walking
 

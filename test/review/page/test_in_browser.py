@@ -1,10 +1,10 @@
 """The page in a real browser: offline, alive, exact, for keyboards, telephones, nights, paper."""
 
 from browser import find
+from browser_page import OpenedPage
 from klann_ros.kinematics import KlannLeg, LinkageLeg, shipped_linkage
 from leg_runs import LegRun
 import numpy as np
-from opened_page import OpenedPage
 import pytest
 
 pytest.importorskip('playwright')

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-from findings import checks
 from fork_server import called, PYTHON
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.log import open_log
@@ -16,6 +15,7 @@ from mcap.reader import make_reader, NonSeekingReader
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
+from review_findings import checks
 from rosbag2_bags import convert, KINDS, NAMES
 from rosbags.highlevel import AnyReader
 import yaml

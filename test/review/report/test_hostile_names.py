@@ -7,13 +7,13 @@ import json
 from pathlib import Path
 import re
 
-from findings import found
 from fork_server import called
 from fuzzing.hostile import EVIL, hostile_run
 from fuzzing.laws import hold
 from klann_ros.review.command import main
 from klann_ros.sanitize.text import printable
 import pytest
+from review_findings import found
 
 
 @pytest.fixture(scope='module')

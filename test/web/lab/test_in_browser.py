@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 from browser import find
+from browser_page import OpenedPage
 from klann_equations import f, phi
 from klann_ros.design import requirements_from_file
 from klann_ros.kinematics import (
@@ -20,7 +21,6 @@ from klann_ros.kinematics.linkage.file import linkage_from_text, SHIPPED
 from klann_ros.sanitize.yaml_text import parse
 from klann_ros.web.lab.build import FILE
 import numpy as np
-from opened_page import OpenedPage
 import pytest
 from yaml_tables import read_table
 

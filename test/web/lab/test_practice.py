@@ -7,13 +7,13 @@ import re
 from typing import Any
 
 from browser import find
+from browser_page import OpenedPage
 from klann_ros.exercises import KINDS, make_variant, mark, Variant
 from klann_ros.exercises.calculation import data
 from klann_ros.exercises.marking import read_answer
 from klann_ros.exercises.sheet import answer_text
 from klann_ros.web.lab.build import FILE, PRACTICE
 from lab_solver import in_node, NODE
-from opened_page import OpenedPage
 import pytest
 from yaml_tables import read_table
 

@@ -17,7 +17,7 @@ from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
 from yaml_tables import read_table
 
-PAGE = Path(__file__).parents[1] / 'docs/published_linkages.md'
+PAGE = Path(__file__).parents[2] / 'docs/published_linkages.md'
 DATA = read_table(Path(__file__).with_suffix('.yaml'))
 Values = tuple[float, ...]
 
@@ -299,7 +299,8 @@ def page() -> str:
         f'{len(linkages)} of the shipped linkages against {numbers} published numbers. Ours come',
         'from the files in `klann_ros/linkages/` and agree within the reading error of the',
         'source; rows with other lengths than the file state this. The numbers and this page are',
-        'tested by `test/kinematics/test_published.py` and written by `python test/published.py`.',
+        'tested by `test/kinematics/test_published.py` and written by',
+        '`python test/support/published_linkages.py`.',
         '',
         'A pose on a plan is compared at the crank angle of its drawn crank pin, which is not',
         "counted itself. The numbers are in the plan's units and frame.",

@@ -8,7 +8,7 @@ from nav_msgs.msg import Odometry
 from ros_domain import Domain
 from sensor_msgs.msg import JointState
 
-CONFIG = Path(__file__).resolve().parents[1] / 'config'
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 TWO_MOTORS = str(CONFIG / 'walker6_two_motors.yaml')
 JOINTS = ['left_crank', 'right_crank']
 

@@ -13,7 +13,7 @@ import time
 import klann_ros
 import yaml
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = str(Path(klann_ros.__file__).resolve().parents[1])
 PATIENCE = 60.0
 NODES = (

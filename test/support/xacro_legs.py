@@ -5,7 +5,7 @@ from typing import Any
 
 import xacro
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def urdf_of(params_file: Path, **arguments: str) -> str:

@@ -16,7 +16,7 @@ import subprocess
 import sys
 from time import monotonic, sleep
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SKETCH = ROOT / 'examples' / 'esp32_driver'
 SHIM = ROOT / 'test' / 'examples' / 'motor_board.cpp'
 COMPILER = shutil.which('g++') or shutil.which('c++')

@@ -4,7 +4,7 @@ from importlib import import_module
 from pathlib import Path
 import sys
 
-DRIVER = Path(__file__).resolve().parents[1] / 'examples' / 'hardware_driver'
+DRIVER = Path(__file__).resolve().parents[2] / 'examples' / 'hardware_driver'
 
 sys.path.insert(0, str(DRIVER))
 try:

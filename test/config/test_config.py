@@ -8,7 +8,7 @@ from klann_ros.nodes.walker.declarations import WALKER_PARAMETERS
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize('preset', ['sem104', 'patent'])
@@ -38,7 +38,7 @@ def refused(section: Any, known: Any) -> list[str]:
 
 def test_the_gamepad_is_configured_by_parameters_that_exist() -> None:
     content = yaml.safe_load((ROOT / 'config' / 'gamepad.yaml').read_text())
-    known = yaml.safe_load((ROOT / 'test' / 'gamepad_parameters.yaml').read_text())
+    known = yaml.safe_load((ROOT / 'test' / 'support' / 'gamepad_parameters.yaml').read_text())
     known['walker_node'] = {p.name: type(p.default).__name__ for p in WALKER_PARAMETERS}
     sections = {node.removeprefix('/**/'): of['ros__parameters'] for node, of in content.items()}
     assert set(sections) == set(known)

@@ -10,7 +10,7 @@ import pytest
 from walk_runs import Walking
 import yaml
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BENCHMARKS = sorted(path.stem for path in (ROOT / 'benchmarks').glob('*.py'))
 
 
