@@ -42,12 +42,12 @@ def number_type(
 
     def parse(text: str) -> float:
         try:
-            value = kind(text)
+            number = kind(text)
         except ValueError:
-            value = nan  # which fails every comparison
-        if not allows(value):
+            number = nan  # which fails every comparison
+        if not allows(number):
             raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be {allowed}')
-        return value
+        return number
 
     return parse
 

@@ -57,10 +57,10 @@ class Output:
     def check(self, inputs: Sequence[str]) -> None:
         """Raise an OutputError if it is an input, or cannot be written."""
         with output_errors(self.option, self.path):
-            for given in inputs:
-                if is_within(self.path, given):
-                    inside = 'inside ' if Path(given).is_dir() else ''
-                    raise OutputError(f'it is {inside}{printable(given)}, which is only read')
+            for input_path in inputs:
+                if is_within(self.path, input_path):
+                    inside = 'inside ' if Path(input_path).is_dir() else ''
+                    raise OutputError(f'it is {inside}{printable(input_path)}, which is only read')
             if not self.path or self.path.endswith(os.sep):
                 raise OutputError('that is no path of a file')
             if _is_special(self.path):
@@ -109,18 +109,22 @@ def output_files(
     An OutputError says that an output is an input, or cannot be written, or that two of them are
     one file. `refuse_yaml` refuses .yaml and .yml: a robot file may name others.
     """
-    given = {f'--{name}': getattr(options, name) for name in names}
-    found = [Output(option, path) for option, path in given.items() if path is not None]
-    read = [path for path in inputs if path]
-    for number, output in enumerate(found):
-        if refuse_yaml and Path(output.path).suffix.lower() in ('.yaml', '.yml'):
-            what = 'a file of parameters or a linkage may be there, which FILE may name'
-            raise OutputError(f'{output.option} {printable(output.path)} is refused: {what}')
-        output.check(read)
-        for other in found[:number]:
-            if output.is_same(other):
-                raise OutputError(f'{other.option} and {output.option} are the same file')
-    return found
+    outputs: list[Output] = []
+    input_paths = [path for path in inputs if path]
+    for name in names:
+        path = getattr(options, name)
+        if path is None:
+            continue
+        output = Output(f'--{name}', path)
+        if refuse_yaml and Path(path).suffix.lower() in ('.yaml', '.yml'):
+            reason = 'a file of parameters or a linkage may be there, which FILE may name'
+            raise OutputError(f'{output.option} {printable(path)} is refused: {reason}')
+        output.check(input_paths)
+        for previous in outputs:
+            if output.is_same(previous):
+                raise OutputError(f'{previous.option} and {output.option} are the same file')
+        outputs.append(output)
+    return outputs
 
 
 def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> None:
@@ -129,9 +133,9 @@ def check_new_folder(option: str, path: str, inputs: Iterable[str | None]) -> No
         if os.path.lexists(path):
             is_folder = Path(path).is_dir() or Path(path).is_symlink()
             raise OutputError(_EXISTS if is_folder else 'it is no folder')
-        for given in filter(None, inputs):
-            if is_within(path, given):
-                raise OutputError(f'it is inside {printable(given)}, which is only read')
+        for input_path in filter(None, inputs):
+            if is_within(path, input_path):
+                raise OutputError(f'it is inside {printable(input_path)}, which is only read')
 
 
 def save_folder(option: str, path: str, contents: Mapping[str, bytes]) -> None:
@@ -182,8 +186,8 @@ def _place(path: str) -> Path:
 @contextmanager
 def _new_beside(place: Path) -> Iterator[tuple[int, Path]]:
     """Yield a temporary file beside the target, open; it is removed, unless it was renamed."""
-    old = place.stat() if place.exists() else None
-    if old is not None and not stat.S_ISREG(old.st_mode):
+    old_status = place.stat() if place.exists() else None
+    if old_status is not None and not stat.S_ISREG(old_status.st_mode):
         raise OutputError('it is a folder' if place.is_dir() else 'it is no regular file')
     if not place.parent.is_dir():
         raise OutputError(f'there is no folder {printable(place.parent)}')
@@ -192,9 +196,9 @@ def _new_beside(place: Path) -> Iterator[tuple[int, Path]]:
     try:
         # A signal may come as soon as it is there.
         descriptor = os.open(beside, flags, 0o666)
-        if old is not None:
+        if old_status is not None:
             with suppress(OSError):
-                os.fchmod(descriptor, stat.S_IMODE(old.st_mode))
+                os.fchmod(descriptor, stat.S_IMODE(old_status.st_mode))
         yield descriptor, beside
     finally:
         beside.unlink(missing_ok=True)

@@ -42,38 +42,40 @@ def read_table(
     means that the file cannot be read, is longer than `max_size` bytes, is no table, or has not
     these columns, once each.
     """
-    shown, text = printable(path), _text(path, error_type, max_size)
-    head, _, rest = text.partition('\n')
-    if head.startswith('sep='):
+    file = printable(path)
+    text = _text(path, error_type, max_size)
+    if text.startswith('sep='):
         # The line by which spreadsheets give the separator.
-        text, head = rest, rest.partition('\n')[0]
+        text = text.partition('\n')[2]
+    head = text.partition('\n')[0]
     delimiter = max(DELIMITERS, key=head.count)
     reader = csv.reader(StringIO(text, newline=''), delimiter=delimiter, strict=True)
     try:
-        names = [name.strip() for name in next(reader, ())]
-        names = [low if (low := name.casefold()) in columns else name for name in names]
-        if missing := [name for name in columns if name not in names]:
+        names = [_column_name(cell, columns) for cell in next(reader, ())]
+        missing = [name for name in columns if name not in names]
+        if missing:
             raise error_type(
-                f'{shown} has no column {listed(missing)}: its first line must have '
+                f'{file} has no column {listed(missing)}: its first line must have '
                 f'{", ".join(columns)}'
             )
-        if twice := [name for name in columns if names.count(name) > 1]:
-            raise error_type(f'{shown} has the column {listed(twice)} twice')
-        found = []
-        for row in reader:
-            if not any(map(str.strip, row)):
+        repeated = [name for name in columns if names.count(name) > 1]
+        if repeated:
+            raise error_type(f'{file} has the column {listed(repeated)} twice')
+        rows = []
+        for cells in reader:
+            if not any(map(str.strip, cells)):
                 continue
-            place = f'{shown}, line {reader.line_num}'
-            if any(map(str.strip, row[slice(len(names), None)])):
+            place = f'{file}, line {reader.line_num}'
+            if any(map(str.strip, cells[slice(len(names), None)])):
                 raise error_type(
-                    f'{place}: {len(row)} cells for {len(names)} columns; put a number with a '
+                    f'{place}: {len(cells)} cells for {len(names)} columns; put a number with a '
                     'comma in quotes'
                 )
-            cells = dict(zip(names, map(_plain, row), strict=False))
-            found.append(TableRow(place, reader.line_num, cells))
+            by_name = dict(zip(names, map(_plain, cells), strict=False))
+            rows.append(TableRow(place, reader.line_num, by_name))
     except csv.Error as error:
-        raise error_type(f'{shown}, line {reader.line_num}: {error}') from error
-    return TextTable(names, delimiter, found)
+        raise error_type(f'{file}, line {reader.line_num}: {error}') from error
+    return TextTable(names, delimiter, rows)
 
 
 def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str = 'utf-8') -> None:
@@ -87,6 +89,12 @@ def write_table(rows: Iterable[Iterable[object]], file: BinaryIO, encoding: str 
 def harmless(cell: str) -> str:
     """Return a text that no spreadsheet takes for a formula: with a quote, if need be."""
     return f"'{cell}" if cell.startswith(_FORMULA_STARTS) else cell
+
+
+def _column_name(cell: str, columns: Sequence[str]) -> str:
+    """Return the name in a cell of the first line; a known one may be in capitals."""
+    name = cell.strip()
+    return name.casefold() if name.casefold() in columns else name
 
 
 def _plain(cell: str) -> str:

@@ -16,7 +16,7 @@ _KINDS = {
     stat.S_IFCHR: 'a device',
     stat.S_IFBLK: 'a device',
 }
-# Absent on some systems.
+# What lseek looks for; absent on some systems.
 _DATA: int | None = getattr(os, 'SEEK_DATA', None)
 _HOLE: int | None = getattr(os, 'SEEK_HOLE', None)
 
@@ -57,11 +57,13 @@ def is_within(path: AnyPath, folder: AnyPath) -> bool:
     Links are followed; the folder's own files may have hard links elsewhere.
     """
     with suppress(OSError, ValueError):
-        known, place = Path(folder).stat(), Path(os.path.realpath(path))
-        if any(_is(parent, known) for parent in (place, *place.parents)):
+        folder_status = Path(folder).stat()
+        real_path = Path(os.path.realpath(path))
+        if any(_is_same(parent, folder_status) for parent in (real_path, *real_path.parents)):
             return True
-        there, files = place.stat(), Path(folder).iterdir()
-        return stat.S_ISREG(there.st_mode) and any(_is(file, there) for file in files)
+        status = real_path.stat()
+        files = Path(folder).iterdir()
+        return stat.S_ISREG(status.st_mode) and any(_is_same(file, status) for file in files)
     return False
 
 
@@ -77,11 +79,12 @@ def next_data(file: BinaryIO, offset: int) -> int:
 
 def is_hollow(file: BinaryIO, start: int, end: int) -> bool:
     """Return whether less than an eighth of a part of a sparse file was written."""
-    enough, offset = (end - start) / 8, start
+    written = 0
+    offset = start
     while (offset := next_data(file, offset)) < end:
         hole = min(_seek(file, offset, _HOLE, end), end)
-        enough -= hole - offset
-        if enough <= 0:
+        written += hole - offset
+        if written >= (end - start) / 8:
             return False
         offset = hole
     return start < end
@@ -99,25 +102,25 @@ def read_regular(path: AnyPath, max_size: int) -> str:
         raise ValueError(f'it is no UTF-8 text: {error.reason} at byte {error.start}') from None
 
 
-def _seek(file: BinaryIO, offset: int, whence: int | None, otherwise: int) -> int:
-    """Return the offset of data or of a hole; `otherwise` if the system cannot say."""
+def _seek(file: BinaryIO, offset: int, whence: int | None, default: int) -> int:
+    """Return the offset of data or of a hole; `default` if the system cannot say."""
     if whence is None:
-        return otherwise
+        return default
     descriptor = file.fileno()
     # The file object relies on its position.
-    here = os.lseek(descriptor, 0, os.SEEK_CUR)
+    position = os.lseek(descriptor, 0, os.SEEK_CUR)
     try:
         return os.lseek(descriptor, offset, whence)
     except OSError as error:
         # There is none behind the offset.
-        return os.fstat(descriptor).st_size if error.errno == errno.ENXIO else otherwise
+        return os.fstat(descriptor).st_size if error.errno == errno.ENXIO else default
     finally:
-        os.lseek(descriptor, here, os.SEEK_SET)
+        os.lseek(descriptor, position, os.SEEK_SET)
 
 
-def _is(path: Path, known: os.stat_result) -> bool:
+def _is_same(path: Path, status: os.stat_result) -> bool:
     with suppress(OSError):
-        return os.path.samestat(path.stat(), known)
+        return os.path.samestat(path.stat(), status)
     return False
 
 

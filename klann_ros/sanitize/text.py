@@ -21,10 +21,10 @@ def printable(text: object, max_length: int = MAX_NAME_LENGTH) -> str:
     `max_length` characters is cut, and its length is appended.
     """
     whole = str(text)
-    shown = whole[:max_length]
-    if not shown.isprintable():
-        shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in shown)
-    return shown if len(whole) <= max_length else f'{shown}... ({len(whole)} characters)'
+    line = whole[:max_length]
+    if not line.isprintable():
+        line = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    return line if len(whole) <= max_length else f'{line}... ({len(whole)} characters)'
 
 
 def listed(names: Iterable[object], max_names: int = 20) -> str:
@@ -33,10 +33,10 @@ def listed(names: Iterable[object], max_names: int = 20) -> str:
 
     Each is cut at a third of its usual maximum, which leaves room for the rest of the line.
     """
-    found = list(names)
-    shown = [printable(name, MAX_NAME_LENGTH // 3) for name in found[:max_names]]
-    more = len(found) - max_names
-    return ', '.join(shown) + (f' and {more} more' if more > 0 else '')
+    all_names = list(names)
+    text = ', '.join(printable(name, MAX_NAME_LENGTH // 3) for name in all_names[:max_names])
+    excess = len(all_names) - max_names
+    return f'{text} and {excess} more' if excess > 0 else text
 
 
 def printable_line(text: object) -> str:
@@ -51,8 +51,8 @@ def printable_line(text: object) -> str:
 
 def refusal(name: str, value: object, requirement: str) -> str:
     """Return the line about a refused value and its requirement."""
-    shown = printable(repr(value), MAX_NAME_LENGTH // 3)
-    return f'{name} = {shown} is refused: it must be {requirement}'
+    text = printable(repr(value), MAX_NAME_LENGTH // 3)
+    return f'{name} = {text} is refused: it must be {requirement}'
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str:
@@ -61,20 +61,22 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
 
     A name of one letter is similar only to itself in the other case.
     """
-    given, known = str(name)[:MAX_NAME_LENGTH], [*names]
-    near = [other for other in known if other.casefold() == given.casefold()]
-    near = near or get_close_matches(given, [each for each in known if len(each) > 1], n=1)
-    return f'; did you mean {printable(near[0], MAX_NAME_LENGTH // 3)}?' if near else ''
+    wrong_name = str(name)[:MAX_NAME_LENGTH]
+    candidates = [*names]
+    matches = [c for c in candidates if c.casefold() == wrong_name.casefold()]
+    if not matches:
+        matches = get_close_matches(wrong_name, [c for c in candidates if len(c) > 1], n=1)
+    return f'; did you mean {printable(matches[0], MAX_NAME_LENGTH // 3)}?' if matches else ''
 
 
-def counted(number: int, one: str, many: str = '') -> str:
+def counted(number: int, singular: str, plural: str = '') -> str:
     """Return a number with its noun, such as `1 message` or `2 messages`."""
-    return f'{number} {verb(number, one, many or f"{one}s")}'
+    return f'{number} {verb(number, singular, plural or f"{singular}s")}'
 
 
-def verb(number: int, one: str, many: str) -> str:
+def verb(number: int, singular: str, plural: str) -> str:
     """Return the form that agrees with a number, such as `was` or `were`."""
-    return one if number == 1 else many
+    return singular if number == 1 else plural
 
 
 def times(number: int) -> str:
@@ -93,7 +95,7 @@ def finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
+        return {key: finite(member) for key, member in value.items()}
     if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
+        return [finite(member) for member in value]
     return value

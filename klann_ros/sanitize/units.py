@@ -18,33 +18,33 @@ class UnitWarning(UserWarning):
 def warn_of_lengths(lengths: Mapping[str, float], advice: str = '') -> None:
     """Warn of the largest of lengths [m] by name, if it is beyond 20 m; `advice`: the remedy."""
     name = max(lengths, key=lambda key: abs(lengths[key]), default='')
-    value = lengths.get(name, 0.0)
-    if abs(value) > MAX_LENGTH:
-        advice = advice or f'write {value / 1000.0:.6g}'
-        _warn(f'{name} = {value:.6g} is read as {value:.6g} m: if it is in mm, {advice}')
+    length = lengths.get(name, 0.0)
+    if abs(length) > MAX_LENGTH:
+        advice = advice or f'write {length / 1000.0:.6g}'
+        _warn(f'{name} = {length:.6g} is read as {length:.6g} m: if it is in mm, {advice}')
 
 
-def warn_of_angle(name: str, value: float) -> None:
+def warn_of_angle(name: str, angle: float) -> None:
     """Warn of an angle [rad] beyond a turn."""
-    if abs(value) > tau:
-        read = f'{value:.6g} rad ({degrees(value):.6g} deg)'
-        advice = f'if it is in degrees, write {radians(value):.6g}'
-        _warn(f'{name} = {value:.6g} is read as {read}: {advice}')
+    if abs(angle) > tau:
+        meaning = f'{angle:.6g} rad ({degrees(angle):.6g} deg)'
+        advice = f'if it is in degrees, write {radians(angle):.6g}'
+        _warn(f'{name} = {angle:.6g} is read as {meaning}: {advice}')
 
 
 def report_unit_warnings(report: Callable[[str], object]) -> None:
     """Report unit warnings of this process by a function; others are shown as before."""
-    show = warnings.showwarning
+    show_default = warnings.showwarning
 
-    def show_warning(message: Any, category: type[Warning], *others: Any, **named: Any) -> None:
+    def show_warning(message: Any, category: type[Warning], *args: Any, **kwargs: Any) -> None:
         if issubclass(category, UnitWarning):
             report(str(message))
         else:
-            show(message, category, *others, **named)
+            show_default(message, category, *args, **kwargs)
 
     warnings.showwarning = show_warning
 
 
 def _warn(text: str) -> None:
-    # All come from this line, so that each text is shown once in a process.
+    # All warnings come from this line, so that each text is shown once in a process.
     warnings.warn(printable_line(text), UnitWarning, stacklevel=1)

@@ -78,21 +78,21 @@ def parse_file(path: AnyPath) -> Any:
 
 
 def content_of_file(
-    path: AnyPath, convert: Callable[[Any], ContentT], what: str, error_type: type[Exception]
+    path: AnyPath, convert: Callable[[Any], ContentT], noun: str, error_type: type[Exception]
 ) -> ContentT:
     """
     Return the converted content of a user's YAML file.
 
     An unreadable or invalid file is an error of `error_type` in one line, which says that the file
-    holds no `what`, such as 'motor', and why; `convert` raises a ValueError.
+    holds no `noun`, such as 'motor', and why; `convert` raises a ValueError.
     """
-    shown = printable(str(path))
+    file = printable(str(path))
     try:
         return convert(parse_file(path))
     except OSError as error:
-        raise error_type(f'{shown} cannot be read: {error.strerror}') from error
+        raise error_type(f'{file} cannot be read: {error.strerror}') from error
     except (ValueError, TypeError) as error:
-        raise error_type(f'{shown} holds no {what}: {printable_line(error)}') from error
+        raise error_type(f'{file} holds no {noun}: {printable_line(error)}') from error
 
 
 def load(text: str) -> Any:
@@ -119,16 +119,16 @@ def dump(data: object) -> str:
 def with_values(tree: Any, values: Mapping[str, Any]) -> Any:
     """Return a tree of mappings and lists with values in the places of their names."""
     if isinstance(tree, Mapping):
-        return {key: with_values(inner, values) for key, inner in tree.items()}
+        return {key: with_values(branch, values) for key, branch in tree.items()}
     if isinstance(tree, list):
-        return [with_values(inner, values) for inner in tree]
-    # Of its own: YAML would write an alias of a list that appears twice, which ROS does not read.
+        return [with_values(branch, values) for branch in tree]
+    # A copy: YAML would write an alias of a list that appears twice, which ROS does not read.
     return deepcopy(values.get(tree, tree))
 
 
 def parameter_file(sections: Mapping[str, Mapping[str, Any]]) -> str:
     """Return a ROS 2 parameter file: the parameters of each node, or of all nodes as '/**'."""
-    content = {node: {'ros__parameters': dict(own)} for node, own in sections.items()}
+    content = {node: {'ros__parameters': dict(sections[node])} for node in sections}
     return f'{dump(content)}\n'
 
 
@@ -172,12 +172,14 @@ class _UserLoader(_PlainLoader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen = set()
-        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
-            if key.value in seen:
+        keys = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in keys:
                 problem = f'{key.value} is there twice'
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            seen.add(key.value)
+            keys.add(key.value)
         return super().construct_mapping(node, deep)
 
 
@@ -191,11 +193,11 @@ _UserLoader.add_implicit_resolver(
 
 def _check_finite(content: Any, place: str) -> None:
     if isinstance(content, dict):
-        for key, value in content.items():
-            _check_finite(value, f'{place}.{key}')
+        for key, branch in content.items():
+            _check_finite(branch, f'{place}.{key}')
     elif isinstance(content, list):
-        for i, value in enumerate(content):
-            _check_finite(value, f'{place}[{i}]')
+        for i, branch in enumerate(content):
+            _check_finite(branch, f'{place}[{i}]')
     elif isinstance(content, float) and not isfinite(content):
         raise YamlError(f'{place.lstrip(".")}: {content} must be a finite number')
 
@@ -209,7 +211,7 @@ class _WeighingLoader(_PlainLoader):
         self._weights: dict[yaml.Node, int] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        before = self._weight
+        start_weight = self._weight
         node = super().compose_node(parent, index)
         if node is None:
             return None
@@ -218,7 +220,7 @@ class _WeighingLoader(_PlainLoader):
         else:
             size = len(node.value) if isinstance(node, yaml.ScalarNode) else 0
             self._weight += 1 + size // _CHARACTERS_A_NODE
-            self._weights[node] = self._weight - before
+            self._weights[node] = self._weight - start_weight
         if self._weight > _MAX_WEIGHT:
             raise yaml.YAMLError(f'it unfolds to more than {_MAX_WEIGHT} entries')
         return node
