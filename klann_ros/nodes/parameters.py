@@ -18,8 +18,9 @@ from rclpy.node import Node
 from rclpy.parameter import get_parameter_value, Parameter
 import yaml
 
-# Of a refused value, and of an unknown name, in messages [characters].
-_MAX_VALUE_LENGTH = MAX_NAME_LENGTH = 100
+# Maximum lengths in messages of a refused value and of an unknown name [characters].
+_MAX_VALUE_LENGTH = 100
+MAX_NAME_LENGTH = 100
 
 
 class StartError(Exception):
@@ -43,7 +44,7 @@ class Declaration:
 
     name: str
     default: Any
-    # Its description, with the unit in brackets.
+    # What it sets, with the unit in brackets.
     description: str
     _: KW_ONLY
     limits: tuple[float, float] | None = None
@@ -57,8 +58,8 @@ class Declaration:
     def allowed(self) -> str:
         """Return the condition on its value, in words."""
         if self.limits is not None:
-            least, most = self.limits
-            return f'within {least:g} .. {most:g}'
+            lower, upper = self.limits
+            return f'within {lower:g} .. {upper:g}'
         return f'one of {", ".join(self.choices)}' if self.choices else self.constraint
 
     @property
@@ -79,10 +80,10 @@ class Declaration:
 
 
 def number(
-    name: str, default: float, text: str, least: float, most: float, *, read_only: bool = True
+    name: str, default: float, text: str, lower: float, upper: float, *, read_only: bool = True
 ) -> Declaration:
     """Return the declaration of a number within limits."""
-    return Declaration(name, default, text, limits=(least, most), read_only=read_only)
+    return Declaration(name, default, text, limits=(lower, upper), read_only=read_only)
 
 
 def require(condition: bool, name: str, value: Any, requirement: str) -> None:
@@ -103,12 +104,12 @@ def declare_constant(node: Node, name: str, value: Any, description: str) -> Non
 
 
 def declare_given(node: Node, names: Collection[str], description: str) -> None:
-    """Declare the given ones of these parameters, of any type, for other nodes to read."""
+    """Declare those of these parameters that were given, of any type, for other nodes to read."""
     descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=True)
     for name in names:
-        given = overrides(node).get(name)
-        if given is not None and not node.has_parameter(name):
-            node.declare_parameter(name, given.value, descriptor)
+        override = overrides(node).get(name)
+        if override is not None and not node.has_parameter(name):
+            node.declare_parameter(name, override.value, descriptor)
 
 
 def parameter_folders() -> tuple[Path, ...]:
@@ -126,14 +127,14 @@ def plain(value: Any) -> Any:
 def overrides(node: Node) -> Mapping[str, Parameter]:
     """Return a node's parameters from the command line and files, declared or not."""
     # rclpy reports declared parameters only.
-    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
-    return given
+    parameters: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return parameters
 
 
-def unknown_parameter(name: str, executable: str, known: Collection[str]) -> str:
-    """Return a line about an unknown name, with the nearest known one."""
-    near = _nearest(name, known)
-    hint = f'did you mean {near}?' if near else f'{executable} --help lists them'
+def unknown_parameter(name: str, executable: str, declared_names: Collection[str]) -> str:
+    """Return a line about an unknown name, with the nearest declared one."""
+    nearest_name = _nearest(name, declared_names)
+    hint = f'did you mean {nearest_name}?' if nearest_name else f'{executable} --help lists them'
     return f"parameter {printable(name, MAX_NAME_LENGTH)} is none of {executable}'s; {hint}"
 
 
@@ -141,17 +142,18 @@ def on_change(
     node: Node, declarations: Sequence[Declaration], apply: Callable[[dict[str, Any]], None]
 ) -> None:
     """Validate declared parameters that are set at run time, then apply the new values by name."""
-    tunable = {each.name: each for each in declarations if not each.read_only}
+    tunable = {declared.name: declared for declared in declarations if not declared.read_only}
 
     def validate(parameters: Sequence[Parameter]) -> SetParametersResult:
-        found = [
-            tunable[each.name].refusal(each.value) for each in parameters if each.name in tunable
-        ]
-        reason = next(filter(None, found), '')
-        return SetParametersResult(successful=not reason, reason=reason)
+        for parameter in parameters:
+            declaration = tunable.get(parameter.name)
+            reason = declaration.refusal(parameter.value) if declaration else ''
+            if reason:
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
     def apply_set(parameters: Sequence[Parameter]) -> None:
-        values = {each.name: each.value for each in parameters if each.name in tunable}
+        values = {p.name: p.value for p in parameters if p.name in tunable}
         if values:
             apply(values)
 
@@ -171,7 +173,7 @@ def prepare_sets(node: Node, executable: str) -> None:
     set_changed = node.set_parameters_atomically
 
     def set_parameters(parameters: list[Parameter]) -> SetParametersResult:
-        changed = [each for each in parameters if not _is_unchanged_constant(node, each)]
+        changed = [p for p in parameters if not _is_unchanged_constant(node, p)]
         if parameters and not changed:
             return SetParametersResult(successful=True)
         return set_changed(changed)
@@ -190,17 +192,18 @@ def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
 
 
 def _declare(node: Node, parameter: Declaration) -> Any:
-    name, value = parameter.name, parameter.default
+    name = parameter.name
+    value = parameter.default
     if name in overrides(node):
-        given = overrides(node)[name]
-        value = _like(plain(given.value), parameter.default)
+        value = _like(plain(overrides(node)[name].value), parameter.default)
         if value is None:
             raise StartError(f'parameter {name} has no value')
-        kinds = [Parameter.Type.from_parameter_value(each) for each in (value, parameter.default)]
-        if kinds[0] != kinds[1]:
-            right = _meant(value, parameter.default)
-            hint = '' if right is None else f' (write {_shown(right)}, not {_shown(value)})'
-            raise StartError(f'parameter {name} must be of type {kinds[1].name.lower()}{hint}')
+        required_type = Parameter.Type.from_parameter_value(parameter.default)
+        if Parameter.Type.from_parameter_value(value) != required_type:
+            remedy = _meant(value, parameter.default)
+            hint = '' if remedy is None else f' (write {_shown(remedy)}, not {_shown(value)})'
+            type_name = required_type.name.lower()
+            raise StartError(f'parameter {name} must be of type {type_name}{hint}')
     reason = parameter.refusal(value)
     if reason:
         raise StartError(reason)
@@ -216,7 +219,7 @@ def _declare(node: Node, parameter: Declaration) -> Any:
 def _like(value: Any, default: Any) -> Any:
     """Return numbers in the type of a default, where nothing is lost; else the value."""
     if isinstance(default, list) and default and isinstance(value, list):
-        return [_like(each, default[0]) for each in value]
+        return [_like(number, default[0]) for number in value]
     if type(value) is int and isinstance(default, float):
         return float(value)
     if isinstance(value, float) and type(default) is int and value.is_integer():
@@ -224,16 +227,16 @@ def _like(value: Any, default: Any) -> Any:
     return value
 
 
-def _meant(wrong: Any, default: Any) -> Any:
+def _meant(value: Any, default: Any) -> Any:
     """Return the most likely meaning of a value of the wrong type; None if unknown."""
     if isinstance(default, list):
-        values = wrong if isinstance(wrong, list) else [wrong]
-        meant = [_meant(value, default[0]) for value in values]
-        return None if None in meant else meant
-    if type(wrong) is type(default):
-        return wrong
-    is_text = isinstance(default, str) and not isinstance(wrong, list)
-    return f'"\'{wrong}\'"' if is_text else None
+        members = value if isinstance(value, list) else [value]
+        meanings = [_meant(member, default[0]) for member in members]
+        return None if None in meanings else meanings
+    if type(value) is type(default):
+        return value
+    is_text = isinstance(default, str) and not isinstance(value, list)
+    return f'"\'{value}\'"' if is_text else None
 
 
 def _shown(value: Any) -> str:
@@ -245,18 +248,19 @@ def _converted(node: Node, executable: str, parameters: Sequence[Parameter]) -> 
     """Return parameters in the types of the declared ones; refuse unknown names."""
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
-            known = node.list_parameters([], 0).names
-            raise UnknownParameterError(unknown_parameter(parameter.name, executable, known))
-    return [_as_held(node, parameter) for parameter in parameters]
+            names = node.list_parameters([], 0).names
+            raise UnknownParameterError(unknown_parameter(parameter.name, executable, names))
+    return [_with_declared_type(node, parameter) for parameter in parameters]
 
 
-def _as_held(node: Node, parameter: Parameter) -> Parameter:
-    held, value = (plain(each.value) for each in (node.get_parameter(parameter.name), parameter))
+def _with_declared_type(node: Node, parameter: Parameter) -> Parameter:
+    present_value = plain(node.get_parameter(parameter.name).value)
+    value = plain(parameter.value)
     # YAML takes 1e-12 for a text.
-    if isinstance(held, float) and isinstance(value, str):
+    if isinstance(present_value, float) and isinstance(value, str):
         with suppress(ValueError):
             value = float(value)
-    value = _like(value, held)
+    value = _like(value, present_value)
     return parameter if value is None else Parameter(parameter.name, value=value)
 
 
@@ -265,22 +269,23 @@ def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:
     name = parameter.name
     if not node.has_parameter(name) or not node.describe_parameter(name).read_only:
         return False
-    held, value = (plain(each.value) for each in (node.get_parameter(name), parameter))
-    if held == value and isinstance(held, bool) == isinstance(value, bool):
+    present_value = plain(node.get_parameter(name).value)
+    value = plain(parameter.value)
+    if present_value == value and isinstance(present_value, bool) == isinstance(value, bool):
         return True
     # `ros2 param load` parses the text that `ros2 param dump` has written.
     try:
-        return bool(get_parameter_value(str(held)) == parameter.get_parameter_value())
+        return bool(get_parameter_value(str(present_value)) == parameter.get_parameter_value())
     except (yaml.YAMLError, AssertionError):
         return False
 
 
-def _nearest(name: str, known: Collection[str]) -> str:
-    """Return the known name that was most likely meant; '' if none is near."""
+def _nearest(name: str, declared_names: Collection[str]) -> str:
+    """Return the declared name that was most likely meant; '' if none is near."""
     family, dot, _ = name[: 2 * MAX_NAME_LENGTH].rpartition('.')
-    siblings = [other for other in known if dot and other.rpartition('.')[0] == family]
+    siblings = [n for n in declared_names if dot and n.rpartition('.')[0] == family]
     # The siblings' common prefix does not distinguish them.
     start = len(family) + 1 if siblings else 0
-    candidates = {other[start:]: other for other in siblings or known}
-    near = get_close_matches(name[start:][:MAX_NAME_LENGTH], candidates, n=1)
-    return candidates[near[0]] if near else ''
+    full_names = {n[start:]: n for n in siblings or declared_names}
+    matches = get_close_matches(name[start:][:MAX_NAME_LENGTH], full_names, n=1)
+    return full_names[matches[0]] if matches else ''

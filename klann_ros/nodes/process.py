@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.files import NotRegularFileError, open_regular, read_regular
-from klann_ros.sanitize.text import printable, printable_line
+from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.units import report_unit_warnings
 from klann_ros.stop_signals import StopSignals
 import rclpy
@@ -31,7 +31,7 @@ from .raw_executor import RawMessageExecutor
 _ROS_FLAGS = ('-p', '--param', '--params-file', '-r', '--remap', '--log-level', '-e', '--enclave')
 # Errors of rclpy about a topic or its quality of service.
 ROS_ERRORS = (NameValidationException, RCLError, RuntimeError, ValueError)
-# And about a node or its parameters.
+# Errors about a node or its parameters too.
 _START_ERRORS = (StartError, ParameterException, *ROS_ERRORS)
 # ROS writes its log files there, and does not start where it cannot.
 _LOG_FOLDER_REMEDY = 'set ROS_LOG_DIR (or HOME) to a folder that can be written'
@@ -66,33 +66,33 @@ class ProcessNode(Node):
 
 def arguments(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments outside --ros-args."""
-    own, _ = split(argv)
-    options, rest = parser.parse_known_args(own[1:])
-    if rest:
-        parser.error(f'unrecognized arguments: {printable(" ".join(rest))}{_hint(rest)}')
+    program_arguments, _ = split(argv)
+    options, unknown = parser.parse_known_args(program_arguments[1:])
+    if unknown:
+        parser.error(f'unrecognized arguments: {printable(" ".join(unknown))}{_hint(unknown)}')
     return options
 
 
 def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     """
-    Return a command line's own arguments, and those meant for ROS: from --ros-args to --.
+    Return a command line's arguments for the program, and those for ROS: from --ros-args to --.
 
     ROS's own function would take every OLD:=NEW for a remapping, in an old syntax of its own.
     """
-    own: list[str] = []
-    ros: list[str] = []
-    for_ros = False
+    program_arguments: list[str] = []
+    ros_arguments: list[str] = []
+    is_for_ros = False
     for argument in argv:
-        for_ros = for_ros or argument == '--ros-args'
-        (ros if for_ros else own).append(argument)
-        for_ros = for_ros and argument != '--'
-    return own, ros
+        is_for_ros = is_for_ros or argument == '--ros-args'
+        (ros_arguments if is_for_ros else program_arguments).append(argument)
+        is_for_ros = is_for_ros and argument != '--'
+    return program_arguments, ros_arguments
 
 
-def _hint(rest: Sequence[str]) -> str:
-    if any(argument in _ROS_FLAGS or ':=' in argument for argument in rest):
+def _hint(unknown: Sequence[str]) -> str:
+    if any(argument in _ROS_FLAGS or ':=' in argument for argument in unknown):
         return '; arguments for ROS go behind --ros-args'
-    if any(argument.endswith(('.yaml', '.yml')) for argument in rest):
+    if any(argument.endswith(('.yaml', '.yml')) for argument in unknown):
         return '; a parameter file is given as --ros-args --params-file FILE'
     return ''
 
@@ -120,9 +120,9 @@ def run(
         if not finished.done():
             finished.set_result(code)
 
-    for_ros = split(argv)[1]
+    _, ros_arguments = split(argv)
     try:
-        _init(for_ros)
+        _init(ros_arguments)
         stop.on_stop(finish)
         report_unit_warnings(lambda text: get_logger(name).warning(text))
         node = make_node(finish)
@@ -133,7 +133,7 @@ def run(
     executor = SingleThreadedExecutor()
     try:
         prepare_sets(node, name)
-        for warning in unused_arguments(node, name, for_ros):
+        for warning in unused_arguments(node, name, ros_arguments):
             node.get_logger().warning(warning)
         executor.add_node(node)
         # These objects stay: the garbage collector need not scan them again.
@@ -150,15 +150,15 @@ def run(
     return int(finished.result() or closed)
 
 
-def _init(for_ros: Sequence[str]) -> None:
+def _init(ros_arguments: Sequence[str]) -> None:
     """Initialize ROS; a StartError names a refused argument, or the remedy."""
-    _check_params_files(for_ros)
+    _check_params_files(ros_arguments)
     try:
         # StopSignals handles them.
-        rclpy.init(args=for_ros, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
     except UnknownROSArgsError as error:
-        known = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
-        raise StartError(f'unknown arguments for ROS {error}; it takes {known}') from error
+        usual = '-p NAME:=VALUE, --params-file FILE, -r OLD:=NEW, --log-level LEVEL'
+        raise StartError(f'unknown arguments for ROS {error}; it takes {usual}') from error
     except _START_ERRORS as error:
         if 'log directory' not in str(error):
             raise
@@ -167,7 +167,7 @@ def _init(for_ros: Sequence[str]) -> None:
 
 def parameter_files(arguments: Sequence[str]) -> list[str]:
     """Return the parameter files that are named in a command line."""
-    return list(_behind(arguments, '--params-file'))
+    return _behind(arguments, '--params-file')
 
 
 def _check_params_files(arguments: Sequence[str]) -> None:
@@ -225,7 +225,7 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
     The node has declared all of its parameters. Nodes may share a parameter file, so a parameter
     of another node of this package is no mistake in a file; behind `-p` it is one.
     """
-    rules = list(_behind(arguments, '-p', '--param'))
+    rules = _behind(arguments, '-p', '--param')
     files = parameter_files(arguments)
     lines = [
         *islice(_unknown(node, executable, rules), MAX_LINES + 1),
@@ -235,40 +235,42 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
     return lines if len(lines) <= MAX_LINES else [*lines[:MAX_LINES], '... and more of the kind']
 
 
-def _behind(arguments: Sequence[str], *flags: str) -> Iterator[str]:
-    return (value for flag, value in pairwise(arguments) if flag in flags)
+def _behind(arguments: Sequence[str], *flags: str) -> list[str]:
+    return [argument for flag, argument in pairwise(arguments) if flag in flags]
 
 
 def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each name, or each leg, that the node does not know."""
-    names = sorted(name for name in overrides(node) if not node.has_parameter(name))
-    if not names:
+    unknown_names = sorted(name for name in overrides(node) if not node.has_parameter(name))
+    if not unknown_names:
         return
-    known = node.list_parameters([], 0).names
-    families = {name.partition('.')[0] for name in known if '.' in name}
-    typed = {rule.partition(':=')[0].rpartition(':')[2] for rule in rules}
-    others = _OtherNodes()
-    strangers: dict[str, list[str]] = {}
-    for name in names:
+    declared_names = node.list_parameters([], 0).names
+    families = {name.partition('.')[0] for name in declared_names if '.' in name}
+    typed_names = {rule.partition(':=')[0].rpartition(':')[2] for rule in rules}
+    package = _PackageParameters()
+    unknown_families: dict[str, list[str]] = {}
+    for name in unknown_names:
         family, dot, _ = name.partition('.')
-        if name not in typed and others.has(name, known):
+        if name not in typed_names and package.may_share(name, declared_names):
             continue
         if dot and family not in families:
-            strangers.setdefault(family, []).append(name)
-        elif name in others.owners:
-            yield f"parameter {name} is none of {executable}'s; it is {others.owners[name]}'s"
+            unknown_families.setdefault(family, []).append(name)
+        elif name in package.owners:
+            yield f"parameter {name} is none of {executable}'s; it is {package.owners[name]}'s"
         else:
-            yield unknown_parameter(name, executable, known)
-    for family, group in strangers.items():
-        why = f': {printable(family, MAX_NAME_LENGTH)} is not in legs' if 'legs' in known else ''
-        yield f"{_listed(group)}: none of {executable}'s parameters{why}"
+            yield unknown_parameter(name, executable, declared_names)
+    for family, members in unknown_families.items():
+        reason = ''
+        if 'legs' in declared_names:
+            reason = f': {printable(family, MAX_NAME_LENGTH)} is not in legs'
+        yield f"{listed(members, _MAX_NAMES)}: none of {executable}'s parameters{reason}"
 
 
 def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each `-p NODE:NAME:=VALUE` for a node of another name."""
     for rule in rules:
-        of, _, name = rule.partition(':=')[0].rpartition(':')
-        if of and name not in overrides(node):
+        node_name, _, name = rule.partition(':=')[0].rpartition(':')
+        if node_name and name not in overrides(node):
             full_name = node.get_fully_qualified_name()
             yield f'-p {printable(rule, MAX_NAME_LENGTH)} is not for {full_name}'
 
@@ -284,22 +286,23 @@ def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
         if not names:
             yield f'{printable(file)} holds no parameters (NODE: ros__parameters: NAME: VALUE)'
         elif names.isdisjoint(overrides(node)):
-            sections, full_name = _listed([*map(str, content)]), node.get_fully_qualified_name()
+            full_name = node.get_fully_qualified_name()
+            sections = listed(content, _MAX_NAMES)
             yield f'{printable(file)} has nothing for {full_name}; it is for {sections}'
 
 
 def _names(content: Any, prefix: str | None = None) -> Iterator[str]:
     """Yield the names of all nodes' parameters in a file; `prefix`: within a node's section."""
-    for key, value in content.items() if isinstance(content, dict) else ():
+    for key, branch in content.items() if isinstance(content, dict) else ():
         if prefix is None:
-            yield from _names(value, '' if key == 'ros__parameters' else None)
-        elif isinstance(value, dict):
-            yield from _names(value, f'{prefix}{key}.')
+            yield from _names(branch, '' if key == 'ros__parameters' else None)
+        elif isinstance(branch, dict):
+            yield from _names(branch, f'{prefix}{key}.')
         else:
             yield f'{prefix}{key}'
 
 
-class _OtherNodes:
+class _PackageParameters:
     """The parameters of all nodes of this package, imported only after a mistake."""
 
     def __init__(self) -> None:
@@ -315,7 +318,7 @@ class _OtherNodes:
         from .walker import declarations as walker  # noqa: PLC0415
         from .watchdog import declarations as watchdog  # noqa: PLC0415
 
-        own = {
+        parameters = {
             'player_node': player.declarations(1.0, 0.0, 0.0),
             'recorder_node': recorder.RECORDER_PARAMETERS,
             'walker_node': walker.WALKER_PARAMETERS,
@@ -332,21 +335,20 @@ class _OtherNodes:
                 *solver.PUBLISHED,
             ),
         }
-        self.owners = {p.name: node for node, of_node in own.items() for p in of_node}
-        self._of_legs, self._for_others = leg.OF_LEG, {*leg.FOR_OTHERS, *OF_CRANK}
+        # The node of each parameter.
+        self.owners: dict[str, str] = {}
+        for node, declarations in parameters.items():
+            self.owners.update((declared.name, node) for declared in declarations)
+        self._of_legs = leg.OF_LEG
+        self._for_others = {*leg.FOR_OTHERS, *OF_CRANK}
         self._topics = {topic.rpartition('/')[2] for topic in recorder.TOPICS}
 
-    def has(self, name: str, known: Collection[str]) -> bool:
-        """Return whether a file may hold a name for another node than one with `known`."""
+    def may_share(self, name: str, declared_names: Collection[str]) -> bool:
+        """Return whether a file may hold a name for another node than one with these names."""
         family, _, last = name.rpartition('.')
         if family.startswith('qos_overrides./'):
-            is_of_others = not any(other.startswith(f'{family}.') for other in known)
-            return is_of_others and family.rpartition('.')[0].rpartition('/')[2] in self._topics
-        if family and 'legs' not in known and last in self._of_legs:
+            is_foreign = not any(n.startswith(f'{family}.') for n in declared_names)
+            return is_foreign and family.rpartition('.')[0].rpartition('/')[2] in self._topics
+        if family and 'legs' not in declared_names and last in self._of_legs:
             return True
         return name in self.owners or last in self._for_others
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ', '.join(printable(name, MAX_NAME_LENGTH) for name in names[:_MAX_NAMES])
-    return f'{shown} and {len(names) - _MAX_NAMES} more' if len(names) > _MAX_NAMES else shown
