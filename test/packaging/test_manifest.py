@@ -92,18 +92,15 @@ def test_versions_agree_and_the_changelog_is_catkins(package: Package) -> None:
     package.validate()
     assert package.version == klann_ros.__version__
     assert f"version='{package.version}'" in (ROOT / 'setup.py').read_text()
-    # What catkin_prepare_release does to the next version.
-    text = (
-        (ROOT / 'CHANGELOG.rst')
-        .read_text()
-        .replace(
-            'Forthcoming\n-----------', f'{package.version} (2026-11-24)\n------------------', 1
-        )
-    )
+    # catkin_prepare_release gives the next version and a date to the section on top.
+    changes = (ROOT / 'CHANGELOG.rst').read_text()
+    next_release = '0.2.0 (2026-12-31)\n------------------'
+    text = changes.replace('Forthcoming\n-----------', next_release, 1)
     changelog = populate_changelog_from_rst(Changelog(), text)
-    version, _, entries = next(changelog.foreach_version())
-    assert version == package.version
-    assert len(entries) > 10
+    sections = {version: entries for version, _, entries in changelog.foreach_version()}
+    assert [*sections] == [package.version, '0.2.0']
+    assert sections['0.2.0']
+    assert len(sections[package.version]) > 10
 
 
 def test_the_launchers_are_the_entry_points() -> None:
