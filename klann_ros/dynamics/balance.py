@@ -21,7 +21,7 @@ class Reactions(NamedTuple):
     """
     Joint reactions of a linkage, shape (k,) each, in the linkage's plane.
 
-    `torque` is that at the crank [N m]. `pins` has the force of a pin, by its point, on a body, by
+    `torque` acts at the crank [N m]. `pins` has the force of a pin, by its point, on a body, by
     its angle, or on 'ground': x + i y [N]. `lines` has the normal force on each sliding body,
     positive to its line's left, and the moment on it about its first point [N, N m].
     """
@@ -44,36 +44,43 @@ def reactions(
     `rates` are the crank's rate and acceleration [rad/s, rad/s^2], one or one for each angle;
     `forces` act on points [N].
     """
-    structure, count, n = moving.linkage.structure, moving.alphas.size, len(bodies)
-    centres = [moving.fixed_to(j, body.centre) for j, body in enumerate(bodies)]
-    right = np.zeros((count, n, 3))
-    for j, (body, (_, c_1, c_2)) in enumerate(zip(bodies, centres, strict=True)):
-        acceleration = c_2 * rates[0] ** 2 + c_1 * rates[1]
-        angular = moving.rotation_2[j] * rates[0] ** 2 + moving.rotation_1[j] * rates[1]
+    structure = moving.linkage.structure
+    angle_count = moving.alphas.size
+    equation_count = 3 * len(bodies)
+    rate, rate_change = rates
+    centres = []
+    inertia_forces = np.zeros((angle_count, len(bodies), 3))
+    for j, body in enumerate(bodies):
+        centre, c_1, c_2 = moving.fixed_to(j, body.centre)
+        centres.append(centre)
+        acceleration = c_2 * rate**2 + c_1 * rate_change
+        angular = moving.rotation_2[j] * rate**2 + moving.rotation_1[j] * rate_change
         force = body.mass * (acceleration - gravity)
-        right[:, j] = np.stack([force.real, force.imag, body.inertia * angular], axis=1)
+        inertia_forces[:, j] = np.stack([force.real, force.imag, body.inertia * angular], axis=1)
     for point, force in forces:
         j = structure.first_owner(point)
-        right[:, j] -= _wrench(moving.point(point)[0] - centres[j][0], force)
-    pinned = [
-        (point, first, j) for point, (first, *others) in structure.owners.items() for j in others
-    ]
+        inertia_forces[:, j] -= _wrench(moving.point(point)[0] - centres[j], force)
+    pinned = []
+    for point, (first, *later) in structure.owners.items():
+        pinned += [(point, first, j) for j in later]
     sliding = [(along, j) for j, along in enumerate(structure.along) if along is not None]
-    columns = _columns(moving, [centre for centre, _, _ in centres], pinned, sliding)
-    matrix, known = np.stack(columns, axis=2), right.reshape(count, 3 * n)
-    singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(known).any(axis=1))
-    matrix[singular] = np.eye(3 * n)
-    known[singular] = np.nan
-    torque, *found = np.linalg.solve(matrix, known[..., None])[..., 0].T
-    # Those of the pins, then those of the lines.
-    pairs = iter(zip(found[::2], found[1::2], strict=True))
+    matrix = np.stack(_columns(moving, centres, pinned, sliding), axis=2)
+    right_side = inertia_forces.reshape(angle_count, equation_count)
+    is_singular = np.asarray(np.isnan(matrix).any(axis=(1, 2)) | np.isnan(right_side).any(axis=1))
+    matrix[is_singular] = np.eye(equation_count)
+    right_side[is_singular] = np.nan
+    torque, *joint_loads = np.linalg.solve(matrix, right_side[..., None])[..., 0].T
+    # Two loads of each pin, then two of each line.
+    load_pairs = iter(zip(joint_loads[::2], joint_loads[1::2], strict=True))
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     pins: dict[tuple[str, str], ComplexArray] = {}
-    for (point, first, j), (x, y) in zip(pinned, pairs, strict=False):
+    for (point, first, j), (x, y) in zip(pinned, load_pairs, strict=False):
         pins[point, names[j]] = x + 1j * y
-        own = point, names[first]
-        pins[own] = pins.get(own, 0.0) - pins[point, names[j]]
-    lines = {names[j]: pair for (_, j), pair in zip(sliding, pairs, strict=True)}
+        first_pin = point, names[first]
+        pins[first_pin] = pins.get(first_pin, 0.0) - pins[point, names[j]]
+    lines = {}
+    for (_, j), line_loads in zip(sliding, load_pairs, strict=True):
+        lines[names[j]] = line_loads
     return Reactions(torque, pins, lines)
 
 
@@ -83,31 +90,31 @@ def _columns(
     pinned: Sequence[tuple[str, int, int]],
     sliding: Sequence[tuple[int, int]],
 ) -> list[FloatArray]:
-    """Return the equations' columns: the torque's, and two for each pin and each line."""
-    count, structure = moving.alphas.size, moving.linkage.structure
+    """Return the equations' columns: one of the torque, and two of each pin and each line."""
+    angle_count = moving.alphas.size
     columns: list[FloatArray] = []
 
-    def add(first: int, j: int, at: Any, force: Any, moment: float = 0.0) -> None:
+    def add(first: int, j: int, place: Any, force: Any, moment: float = 0.0) -> None:
         """Add a force at a place and a moment on a body, and the opposite on the first."""
-        column = np.zeros((count, len(centres), 3))
+        column = np.zeros((angle_count, len(centres), 3))
         for body, sign in ((first, -1.0), (j, 1.0)):
             if body != FIXED:
-                column[:, body] += sign * _wrench(at - centres[body], force, moment)
-        columns.append(column.reshape(count, -1))
+                column[:, body] += sign * _wrench(place - centres[body], force, moment)
+        columns.append(column.reshape(angle_count, -1))
 
     add(FIXED, 0, centres[0], 0j, 1.0)
     for point, first, j in pinned:
-        at = moving.point(point)[0]
-        add(first, j, at, 1.0 + 0j)
-        add(first, j, at, 1j)
+        pin, _, _ = moving.point(point)
+        add(first, j, pin, 1.0 + 0j)
+        add(first, j, pin, 1j)
     for along, j in sliding:
-        at = moving.point(structure.bodies[j].points[0])[0]
-        add(along, j, at, 1j * moving.linkage.line(moving.u, j))
-        add(along, j, at, 0j, 1.0)
+        start, _, _ = moving.point(moving.linkage.structure.bodies[j].points[0])
+        add(along, j, start, 1j * moving.linkage.line(moving.u, j))
+        add(along, j, start, 0j, 1.0)
     return columns
 
 
 def _wrench(arm: ComplexArray, force: Any, moment: float = 0.0) -> FloatArray:
     """Return forces along x and y and the moment about a centre, shape (k, 3)."""
-    given = force + np.zeros_like(arm)
-    return np.stack([given.real, given.imag, cross(arm, given) + moment], axis=1)
+    forces = force + np.zeros_like(arm)
+    return np.stack([forces.real, forces.imag, cross(arm, forces) + moment], axis=1)

@@ -46,9 +46,9 @@ class TurnOfForces(NamedTuple):
     """
     Torque and power over a turn of the crank at constant speed.
 
-    `alphas`, shape (k,), are ascending crank angles in [0, 2 pi) [rad], `rate` is that of the
-    crank [rad/s], `torque`, shape (k,), acts at the crank, positive where it drives
-    counter-clockwise [N m].
+    `alphas`, shape (k,), are ascending crank angles in [0, 2 pi) [rad], `rate` is the crank's
+    [rad/s], `torque`, shape (k,), acts at the crank, positive where it drives counter-clockwise
+    [N m].
     """
 
     alphas: FloatArray
@@ -106,10 +106,10 @@ class TurnOfForces(NamedTuple):
         return self.energy_swing / (unevenness * self.rate**2)
 
 
-def turn_mean(alphas: FloatArray, values: FloatArray) -> float:
-    """Return the mean over a turn of values at ascending angles [rad], by the trapezoidal rule."""
+def turn_mean(alphas: FloatArray, curve: FloatArray) -> float:
+    """Return the mean of a curve over a turn's ascending angles [rad], by the trapezoidal rule."""
     steps = np.diff(alphas, append=alphas[0] + 2.0 * pi)
-    return float((steps * (values + np.roll(values, -1))).sum() / (4.0 * pi))
+    return float((steps * (curve + np.roll(curve, -1))).sum() / (4.0 * pi))
 
 
 class Dynamics:
@@ -123,12 +123,12 @@ class Dynamics:
     masses : Masses
         The masses of its bodies, and springs.
     gravity : (float, float)
-        In the linkage's plane [m/s^2].
+        The acceleration of gravity in the linkage's plane [m/s^2].
 
     Raises
     ------
     MassError
-        The number of masses is not that of the bodies.
+        The masses are not as many as the bodies.
 
     """
 
@@ -210,10 +210,11 @@ class Dynamics:
     ) -> Reactions:
         """Return the joint reactions; parameters and errors as `crank_torque`."""
         moving = body_motion(self.linkage, alphas)
-        pulls = [pull for spring in self.masses.springs for pull in _pulls(spring, moving)]
+        forces = list(self._loads(loads).items())
+        for spring in self.masses.springs:
+            forces += _spring_forces(spring, moving)
         rates = np.asarray(alpha_rate, np.float64), np.asarray(alpha_acceleration, np.float64)
-        acting = [*self._loads(loads).items(), *pulls]
-        return reactions(moving, self.masses.bodies, rates, self.gravity, acting)
+        return reactions(moving, self.masses.bodies, rates, self.gravity, forces)
 
     def turn(
         self, alpha_rate: float, loads: Forces | None = None, *, samples: int = 720
@@ -260,9 +261,9 @@ class Dynamics:
             energy -= body.mass * _dot(self.gravity, c)
             slope -= body.mass * _dot(self.gravity, c_1)
         for spring in self.masses.springs:
-            elongation, force, apart_1 = _stretched(spring, moving)
-            energy += spring.stiffness * elongation**2 / 2.0
-            slope += _dot(force, apart_1)
+            tension = _tension(spring, moving)
+            energy += spring.stiffness * tension.elongation**2 / 2.0
+            slope += _dot(tension.force, tension.vector_1)
         return energy, slope
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
@@ -273,24 +274,32 @@ class Dynamics:
         return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
 
 
-def _stretched(spring: Spring, moving: BodyMotion) -> tuple[Any, Any, Any]:
-    """Return a spring's elongation, force on its first end, and the derivative of its vector."""
+class _Tension(NamedTuple):
+    """A spring's elongation [m], its force on its first end [N], and its vector's derivative."""
+
+    elongation: Any
+    force: Any
+    vector_1: Any
+
+
+def _tension(spring: Spring, moving: BodyMotion) -> _Tension:
+    """Return the tension of a spring at the crank angles of a motion, shape (k,)."""
     (p, p_1), (q, q_1) = (
         moving.point(end)[:2] if isinstance(end, str) else (complex(*end), 0.0)
         for end in spring.ends
     )
-    apart = q - p + np.zeros(moving.alphas.size)
-    elongation = np.abs(apart) - spring.free_length
+    vector = q - p + np.zeros(moving.alphas.size)
+    elongation = np.abs(vector) - spring.free_length
     with np.errstate(invalid='ignore', divide='ignore'):
-        direction = np.where(apart == 0.0, 0.0, apart / np.abs(apart))
-    return elongation, spring.stiffness * elongation * direction, q_1 - p_1
+        direction = np.where(vector == 0.0, 0.0, vector / np.abs(vector))
+    return _Tension(elongation, spring.stiffness * elongation * direction, q_1 - p_1)
 
 
-def _pulls(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
+def _spring_forces(spring: Spring, moving: BodyMotion) -> list[tuple[str, Any]]:
     """Return the points at a spring's ends, with its force on them."""
-    _, force, _ = _stretched(spring, moving)
-    ends = zip(spring.ends, (force, -force), strict=True)
-    return [(end, pull) for end, pull in ends if isinstance(end, str)]
+    force = _tension(spring, moving).force
+    forces = zip(spring.ends, (force, -force), strict=True)
+    return [(end, end_force) for end, end_force in forces if isinstance(end, str)]
 
 
 def _dot(a: Any, b: Any) -> Any:
@@ -326,13 +335,13 @@ def simulate(
     dynamics : Dynamics
         The linkage with masses.
     torque : callable or float
-        At the crank, of time, crank angle and rate; or a constant [N m].
+        The torque at the crank by time, crank angle and rate; or a constant [N m].
     times : array-like of float, shape (k,)
-        Times of the result, ascending from the start [s].
+        Times of the returned motion, ascending from the start [s].
     alpha, alpha_rate : float
         Crank angle and rate at the start [rad, rad/s].
     tolerance : float
-        Of the integration, relative and absolute.
+        Tolerance of the integration, relative and absolute.
 
     Raises
     ------
@@ -354,15 +363,15 @@ def simulate(
 
     def derivative(time: float, state: FloatArray) -> tuple[float, float]:
         angle, rate = state.tolist()
-        given = torque(time, angle, rate) if callable(torque) else torque
-        inertia, needed = dynamics.inertia_and_torque(angle, rate)
-        change = (given - needed) / inertia
-        if not np.isfinite(change):
+        driving_torque = torque(time, angle, rate) if callable(torque) else torque
+        inertia, steady_torque = dynamics.inertia_and_torque(angle, rate)
+        acceleration = (driving_torque - steady_torque) / inertia
+        if not np.isfinite(acceleration):
             msg = f'at {time:.6g} s the crank is at {angle:.6g} rad, where it cannot move on'
             raise KinematicsError(msg)
-        return rate, change
+        return rate, acceleration
 
     options = {'method': 'DOP853', 't_eval': instants, 'rtol': tolerance, 'atol': tolerance}
-    start = alpha, alpha_rate
-    found = solve_ivp(derivative, (instants[0], instants[-1]), start, **options)
-    return Simulation(found.t, *found.y)
+    start_state = alpha, alpha_rate
+    solution = solve_ivp(derivative, (instants[0], instants[-1]), start_state, **options)
+    return Simulation(solution.t, *solution.y)

@@ -25,14 +25,14 @@ class BodyMass(NamedTuple):
     centre: complex = 0j
     inertia: float = 0.0
 
-    def plus(self, other: 'BodyMass') -> 'BodyMass':
+    def plus(self, added: 'BodyMass') -> 'BodyMass':
         """Return the sum, by the parallel axis theorem."""
-        mass = self.mass + other.mass
+        mass = self.mass + added.mass
         if not mass:
-            return BodyMass(0.0, 0j, self.inertia + other.inertia)
-        centre = (self.mass * self.centre + other.mass * other.centre) / mass
-        apart = sum(m.mass * abs(m.centre - centre) ** 2 for m in (self, other))
-        return BodyMass(mass, centre, self.inertia + other.inertia + apart)
+            return BodyMass(0.0, 0j, self.inertia + added.inertia)
+        centre = (self.mass * self.centre + added.mass * added.centre) / mass
+        offset_inertia = sum(m.mass * abs(m.centre - centre) ** 2 for m in (self, added))
+        return BodyMass(mass, centre, self.inertia + added.inertia + offset_inertia)
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,11 @@ def rods(
     linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     density : float
-        Of all bars [kg/m].
+        The density of all bars [kg/m].
     foot_mass : float
         A point mass at the foot, on the first body that has it [kg].
     slider_length : float
-        Of a rod in the place of each sliding body without bars, in sizes of the linkage.
+        Length of a rod in the place of each sliding body without bars, in sizes of the linkage.
 
     Raises
     ------
@@ -101,22 +101,26 @@ def rods(
         A number is negative or not finite.
 
     """
-    given = as_linkage(linkage)
+    linkage = as_linkage(linkage)
+    structure = linkage.structure
     _not_negative('density', density, 'kg/m')
     _not_negative('foot_mass', foot_mass, 'kg')
-    places = body_points(given.structure, given.bars)
+    places = body_points(structure, linkage.bars)
     bodies = []
-    for j, body in enumerate(given.structure.bodies):
-        total = BodyMass() if body.rigid else _rod(density, 0j, slider_length * given.size)
+    for j, body in enumerate(structure.bodies):
+        body_mass = BodyMass() if body.rigid else _rod(density, 0j, slider_length * linkage.size)
         for bar in body.rigid:
-            for start in (bar.start, *([bar.brace.start] if bar.brace else [])):
-                p, q = places[j, start], places[j, bar.end]
-                total = total.plus(_rod(density, (p + q) / 2.0, abs(q - p)))
-        bodies.append(total)
-    made = Masses(tuple(bodies))
-    foot = given.structure.foot
-    owner = given.structure.first_owner(foot)
-    return made.with_mass(owner, BodyMass(foot_mass, places[owner, foot])) if foot_mass else made
+            starts = (bar.start, bar.brace.start) if bar.brace else (bar.start,)
+            for start in starts:
+                p = places[j, start]
+                q = places[j, bar.end]
+                body_mass = body_mass.plus(_rod(density, (p + q) / 2.0, abs(q - p)))
+        bodies.append(body_mass)
+    masses = Masses(tuple(bodies))
+    if not foot_mass:
+        return masses
+    owner = structure.first_owner(structure.foot)
+    return masses.with_mass(owner, BodyMass(foot_mass, places[owner, structure.foot]))
 
 
 def _rod(density: float, centre: complex, length: float) -> BodyMass:
@@ -138,52 +142,53 @@ def masses_from_text(text: str, linkage: Linkage, name: str) -> Masses | None:
         Some masses are missing or invalid; the text says which.
 
     """
-    content, shown = parse(text), printable(name)
-    metre = LENGTH_UNITS[content.get('units', {}).get('length', 'm')]
-    springs = tuple(_spring(each, linkage, metre) for each in content.get('springs', ()))
-    bodies = content['bodies']
-    without = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
-    if 'density' in content:
-        return replace(_by_density(content, linkage, shown, metre), springs=springs)
-    if len(without) == len(bodies):
+    settings = parse(text)
+    metre = LENGTH_UNITS[settings.get('units', {}).get('length', 'm')]
+    springs = tuple(_spring(spring, linkage, metre) for spring in settings.get('springs', ()))
+    bodies = settings['bodies']
+    missing = [angle for angle in linkage.joint_names if 'mass' not in bodies[angle]]
+    if 'density' in settings:
+        masses = _by_density(settings, linkage, printable(name), metre)
+        return replace(masses, springs=springs)
+    if len(missing) == len(bodies):
         return None
-    if without:
-        raise MassError(f'{shown}: {", ".join(without)} without mass; 0 is allowed')
+    if missing:
+        raise MassError(f'{printable(name)}: {", ".join(missing)} without mass; 0 is allowed')
     return Masses(tuple(_body(bodies[angle], metre) for angle in linkage.joint_names), springs)
 
 
-def _by_density(content: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
+def _by_density(settings: Mapping[str, Any], linkage: Linkage, name: str, metre: float) -> Masses:
     """Return the masses of bars by their lengths, and of bodies without bars from the file."""
-    masses = rods(linkage, float(content['density']))
+    masses = rods(linkage, float(settings['density']))
     for j, body in enumerate(linkage.structure.bodies):
-        given = content['bodies'][body.angle]
-        if 'mass' in given:
+        body_settings = settings['bodies'][body.angle]
+        if 'mass' in body_settings:
             if body.rigid:
                 raise MassError(f'{name} has both density and masses: leave one of them out')
-            masses = masses.with_mass(j, _body(given, metre))
+            masses = masses.with_mass(j, _body(body_settings, metre))
     return masses
 
 
-def _body(content: Mapping[str, Any], metre: float) -> BodyMass:
-    centre = metre * complex(*content.get('centre', (0.0, 0.0)))
-    return BodyMass(float(content['mass']), centre, float(content.get('inertia', 0.0)))
+def _body(settings: Mapping[str, Any], metre: float) -> BodyMass:
+    centre = metre * complex(*settings.get('centre', (0.0, 0.0)))
+    return BodyMass(float(settings['mass']), centre, float(settings.get('inertia', 0.0)))
 
 
-def _spring(content: Mapping[str, Any], linkage: Linkage, metre: float) -> Spring:
-    def end(given: Any) -> Any:
-        if isinstance(given, str):
+def _spring(settings: Mapping[str, Any], linkage: Linkage, metre: float) -> Spring:
+    def end(place: Any) -> Any:
+        if isinstance(place, str):
             points = linkage.structure.points
-            if given not in points:
-                there_are = f'{", ".join(points)}{did_you_mean(given, points)}'
-                raise MassError(f'springs: {given} is none of the points: {there_are}')
-            return given
-        x, y = given
+            if place not in points:
+                names = f'{", ".join(points)}{did_you_mean(place, points)}'
+                raise MassError(f'springs: {place} is none of the points: {names}')
+            return place
+        x, y = place
         return metre * x, metre * y
 
-    ends = end(content['from']), end(content['to'])
-    return Spring(ends, float(content['stiffness']), metre * content.get('free_length', 0.0))
+    ends = end(settings['from']), end(settings['to'])
+    return Spring(ends, float(settings['stiffness']), metre * settings.get('free_length', 0.0))
 
 
-def _not_negative(name: str, value: Any, unit: str) -> None:
-    if not isinstance(value, int | float) or not isfinite(value) or value < 0.0:
-        raise MassError(f'{name} = {value!r} {unit} is refused: it must be a number >= 0')
+def _not_negative(name: str, number: Any, unit: str) -> None:
+    if not isinstance(number, int | float) or not isfinite(number) or number < 0.0:
+        raise MassError(f'{name} = {number!r} {unit} is refused: it must be a number >= 0')

@@ -34,24 +34,29 @@ class BodyMotion(NamedTuple):
 
     def point(self, name: str) -> tuple[Any, Any, Any]:
         """Return a point and its derivatives, shape (k,) each [m]."""
-        which = self.linkage.structure.points.index(name)
-        terms, constant = self.linkage.point_rows[which]
-        at, at_1, at_2 = (
-            sum((w * u[j] for j, w in terms.items()), np.zeros(self.alphas.size) + 0j)
-            for u in (self.u, self.u_1, self.u_2)
-        )
-        return at + constant, at_1, at_2
+        index = self.linkage.structure.points.index(name)
+        terms, constant = self.linkage.point_rows[index]
+
+        def weighted_sum(vectors: ComplexArray) -> Any:
+            total = np.zeros(self.alphas.size) + 0j
+            for j, weight in terms.items():
+                total = total + weight * vectors[j]
+            return total
+
+        return weighted_sum(self.u) + constant, weighted_sum(self.u_1), weighted_sum(self.u_2)
 
     def fixed_to(self, j: int, place: complex) -> tuple[Any, Any, Any]:
         """Return a point fixed to a body, (x, y) from its first point, and its derivatives."""
         structure = self.linkage.structure
-        at, at_1, at_2 = self.point(structure.bodies[j].points[0])
+        p, p_1, p_2 = self.point(structure.bodies[j].points[0])
         frame = structure.frames[j]
         if frame < 0:
-            return at + place, at_1, at_2
-        own = (place * u[frame] for u in (self.u, self.u_1, self.u_2))
-        a, b, c = (one + other for one, other in zip((at, at_1, at_2), own, strict=True))
-        return a, b, c
+            return p + place, p_1, p_2
+        return (
+            p + place * self.u[frame],
+            p_1 + place * self.u_1[frame],
+            p_2 + place * self.u_2[frame],
+        )
 
 
 def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:

@@ -29,8 +29,10 @@ from numpy.polynomial import Polynomial
 
 from .placed import PlacedFourBar, Position
 
-# A refined dyad fits all positions within this part of the task's size; dyads closer are one.
-FIT_TOLERANCE, DISTINCT = 1e-9, 1e-5
+# A refined dyad fits all positions within this part of the task's size.
+FIT_TOLERANCE = 1e-9
+# Dyads closer than this part of the bar are one.
+MIN_DISTANCE = 1e-5
 MAX_REFINEMENTS = 20
 # Smallest determinant of a dyad's two equations.
 SINGULAR = 1e-12
@@ -55,9 +57,9 @@ class BurmesterPair(NamedTuple):
 
 
 def pins(poses: Sequence[PlanePose], pin: complex) -> list[complex]:
-    """Return where a point of the moving plane is in each pose; `pin` is it in the first [m]."""
-    (p, angle), *_ = poses
-    return [q + (pin - p) * cmath.rect(1.0, each - angle) for q, each in poses]
+    """Return the places of a point of the moving plane in each pose, `pin` in the first [m]."""
+    first = poses[0]
+    return [pose.p + (pin - first.p) * cmath.rect(1.0, pose.angle - first.angle) for pose in poses]
 
 
 def motion_generators(
@@ -71,8 +73,8 @@ def motion_generators(
     poses : sequence of PlanePose
         Three to five poses.
     dyads : iterable of BurmesterPair
-        Of these poses, from any of the functions below. Rotations of three points of a path are
-        the timing of its crank.
+        Dyads of these poses, from any of the functions below. Rotations of three points of a path
+        are the timing of its crank.
 
     Returns
     -------
@@ -80,13 +82,15 @@ def motion_generators(
         The first dyad of a pair drives; `defects` says what keeps it from moving through them.
 
     """
-    found = []
-    for pair in permutations(dyads, 2):
-        ends = (pins(poses, dyad.pin) for dyad in pair)
-        places = map(Position, *ends, (pose.p for pose in poses))
+    generators = []
+    coupler_points = [pose.p for pose in poses]
+    for driver, follower in permutations(dyads, 2):
+        crank_pins = pins(poses, driver.pin)
+        rocker_pins = pins(poses, follower.pin)
+        positions = tuple(map(Position, crank_pins, rocker_pins, coupler_points))
         with suppress(GeometryError, ZeroDivisionError):
-            found.append(PlacedFourBar(pair[0].pivot, pair[1].pivot, tuple(places)))
-    return found
+            generators.append(PlacedFourBar(driver.pivot, follower.pivot, positions))
+    return generators
 
 
 def dyad_of_rotations(poses: Sequence[PlanePose], rotations: Sequence[float]) -> BurmesterPair:
@@ -131,9 +135,12 @@ def dyad_of_pivot(poses: Sequence[PlanePose], pivot: complex) -> BurmesterPair:
 
     Raises a GeometryError where the pivot's three places in the moving plane are on one line.
     """
-    (p, angle), *_ = poses
-    inverted = [p + (pivot - q) * cmath.rect(1.0, angle - each) for q, each in poses[:3]]
-    return BurmesterPair(pivot, _circle_centre(*inverted))
+    first = poses[0]
+    places = [
+        first.p + (pivot - pose.p) * cmath.rect(1.0, first.angle - pose.angle)
+        for pose in poses[:3]
+    ]
+    return BurmesterPair(pivot, _circle_centre(*places))
 
 
 def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[BurmesterPair]:
@@ -145,11 +152,11 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
     """
     d_1, d_2, d_3, d_4 = _compatibility(*_relative(poses, 4))
     x = cmath.rect(1.0, rotation)
-    found = []
+    dyads = []
     for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)):
         with suppress(GeometryError):
-            found.append(dyad_of_rotations(poses[:3], (rotation, cmath.phase(y))))
-    return [dyad for dyad in found if _fits(poses, dyad)]
+            dyads.append(dyad_of_rotations(poses[:3], (rotation, cmath.phase(y))))
+    return [dyad for dyad in dyads if _fits(poses, dyad)]
 
 
 def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
@@ -158,8 +165,10 @@ def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[Burmes
 
     They are in the order of beta_2, of which `count` values over a turn are tried; no bar may fit.
     """
-    rotations = (np.arange(0.5, count) * 2.0 * np.pi / count).tolist()
-    return [dyad for rotation in rotations for dyad in dyads_of_rotation(poses, rotation)]
+    curve: list[BurmesterPair] = []
+    for rotation in (np.arange(0.5, count) * 2.0 * np.pi / count).tolist():
+        curve += dyads_of_rotation(poses, rotation)
+    return curve
 
 
 def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
@@ -173,38 +182,41 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     linear in W, M and W conj(M): two numbers s and t are free. That the last one is the product
     of the others are two conics of s and t, which meet in four points.
     """
-    size, (rotors, shifts) = _size(poses), _relative(poses, 5)
+    size = _size(poses)
+    rotors, shifts = _relative(poses, 5)
     shifts = shifts / size
     factors = np.column_stack([shifts.conj() * rotors, -shifts.conj(), 1.0 - rotors])
     system = np.stack([factors.real, -factors.imag], axis=-1).reshape(4, 6)
     start = np.linalg.lstsq(system, np.abs(shifts) ** 2 / -2.0, rcond=None)[0]
     basis = np.vstack([start, np.linalg.svd(system)[2][-2:]])
-    pins_, pivots, products = (basis[:, k] + 1j * basis[:, k + 1] for k in (0, 2, 4))
-    conics = np.outer(pins_, pivots.conj())
-    conics[0] -= products
-    found: list[BurmesterPair] = []
+    w_basis, m_basis, product_basis = (basis[:, k] + 1j * basis[:, k + 1] for k in (0, 2, 4))
+    conics = np.outer(w_basis, m_basis.conj())
+    conics[0] -= product_basis
+    dyads: list[BurmesterPair] = []
     for v in _meeting_points(conics + conics.T):
-        dyad = BurmesterPair(*(poses[0].p + size * complex(v @ x) for x in (pivots, pins_)))
-        if _fits(poses, dyad) and not any(_is_same(dyad, each) for each in found):
-            found.append(dyad)
-    return found
+        pivot = poses[0].p + size * complex(v @ m_basis)
+        pin = poses[0].p + size * complex(v @ w_basis)
+        dyad = BurmesterPair(pivot, pin)
+        if _fits(poses, dyad) and not any(_is_same(dyad, known_dyad) for known_dyad in dyads):
+            dyads.append(dyad)
+    return dyads
 
 
 def _meeting_points(conics: ComplexArray) -> Iterable[FloatArray]:
     """Yield the v = (1, s, t) of v Q v = 0, the conics of the real and the imaginary part of Q."""
-    (a_1, b_1, c_1), (a_2, b_2, c_2) = (
-        (q[2, 2], Polynomial(2.0 * q[:2, 2]), Polynomial([q[0, 0], 2.0 * q[0, 1], q[1, 1]]))
-        for q in (conics.real, conics.imag)
-    )
-    # a t^2 + b t + c = 0: the resultant by t, of s.
-    over, under = a_2 * c_1 - a_1 * c_2, a_1 * b_2 - a_2 * b_1
-    for s in (over * over - under * (b_1 * c_2 - b_2 * c_1)).roots():
-        v = np.array([1.0, s.real, (over(s) / under(s)).real])
+    a_1, b_1, c_1 = _quadratic(conics.real)
+    a_2, b_2, c_2 = _quadratic(conics.imag)
+    # The resultant of both by t, a polynomial of s; a common root has t = numerator / denominator.
+    numerator = a_2 * c_1 - a_1 * c_2
+    denominator = a_1 * b_2 - a_2 * b_1
+    resultant = numerator * numerator - denominator * (b_1 * c_2 - b_2 * c_1)
+    for s in resultant.roots():
+        v = np.array([1.0, s.real, (numerator(s) / denominator(s)).real])
         for _ in range(MAX_REFINEMENTS):
             slopes = 2.0 * (conics @ v)[1:]
-            value = v @ conics @ v
+            error = v @ conics @ v
             try:
-                step = np.linalg.solve([slopes.real, slopes.imag], [value.real, value.imag])
+                step = np.linalg.solve([slopes.real, slopes.imag], [error.real, error.imag])
             except np.linalg.LinAlgError:
                 break
             v[1:] -= step
@@ -213,13 +225,20 @@ def _meeting_points(conics: ComplexArray) -> Iterable[FloatArray]:
         yield v
 
 
+def _quadratic(conic: FloatArray) -> tuple[float, Polynomial, Polynomial]:
+    """Return a, b(s) and c(s) of the conic a t^2 + b t + c = 0."""
+    b = Polynomial(2.0 * conic[:2, 2])
+    c = Polynomial([conic[0, 0], 2.0 * conic[0, 1], conic[1, 1]])
+    return conic[2, 2], b, c
+
+
 def _relative(poses: Sequence[PlanePose], count: int) -> tuple[ComplexArray, ComplexArray]:
     """Return e^(i alpha_j) and delta_j of the poses after the first one; there must be `count`."""
     if len(poses) != count:
         raise ValueError(f'{len(poses)} poses: {count} are needed')
-    (p, angle), *others = poses
-    rotors = np.array([cmath.rect(1.0, each - angle) for _, each in others])
-    return rotors, np.array([q - p for q, _ in others])
+    first, *later = poses
+    rotors = np.array([cmath.rect(1.0, pose.angle - first.angle) for pose in later])
+    return rotors, np.array([pose.p - first.p for pose in later])
 
 
 def _compatibility(
@@ -230,35 +249,38 @@ def _compatibility(
     return -d_2 - d_3 - d_4, d_2, d_3, d_4
 
 
-def _triangle(known: complex, side: complex, last: float) -> Iterable[complex]:
-    """Yield the unit numbers y with |known + side y| = last, at most two."""
-    product = known.conjugate() * side
-    along = (last**2 - abs(known) ** 2 - abs(side) ** 2) / 2.0
+def _triangle(base: complex, side: complex, last_length: float) -> Iterable[complex]:
+    """Yield the unit numbers y with |base + side y| = last_length, at most two."""
+    product = base.conjugate() * side
+    along = (last_length**2 - abs(base) ** 2 - abs(side) ** 2) / 2.0
     square = abs(product) ** 2 - along**2
     if square >= 0.0 and product != 0.0:
-        yield from (complex(along, root) / product for root in (square**0.5, -(square**0.5)))
+        yield complex(along, square**0.5) / product
+        yield complex(along, -(square**0.5)) / product
 
 
 def _fits(poses: Sequence[PlanePose], dyad: BurmesterPair) -> bool:
     """Return whether a dyad fits all poses and is a bar of the task's size."""
-    lengths, size = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot), _size(poses)
-    span = FIT_TOLERANCE * (size + lengths[0])
-    return bool(np.ptp(lengths) <= span and lengths[0] > 1e-9 * size)
+    size = _size(poses)
+    lengths = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
+    tolerance = FIT_TOLERANCE * (size + lengths[0])
+    return bool(np.ptp(lengths) <= tolerance and lengths[0] > 1e-9 * size)
 
 
 def _size(poses: Sequence[PlanePose]) -> float:
     return max(abs(p - poses[0].p) for p, _ in poses)
 
 
-def _is_same(dyad: BurmesterPair, other: BurmesterPair) -> bool:
+def _is_same(dyad: BurmesterPair, dyad_2: BurmesterPair) -> bool:
     """Return whether two dyads are one, up to the rounding of a close pair of roots."""
-    bar = abs(other.pin - other.pivot)
-    return abs(dyad.pivot - other.pivot) + abs(dyad.pin - other.pin) <= DISTINCT * bar
+    bar = abs(dyad_2.pin - dyad_2.pivot)
+    return abs(dyad.pivot - dyad_2.pivot) + abs(dyad.pin - dyad_2.pin) <= MIN_DISTANCE * bar
 
 
 def _circle_centre(a: complex, b: complex, c: complex) -> complex:
     """Return the centre of the circle through three points."""
-    u, v = b - a, c - a
+    u = b - a
+    v = c - a
     cross = (u.conjugate() * v).imag
     if abs(cross) <= 1e-12 * abs(u) * abs(v):
         raise GeometryError('three places of a pivot are on one line: no bar fits them')

@@ -80,12 +80,16 @@ def function_task(
     """
     start, end = domain
     x = precision_points(start, end, count)
-    first, last, *y = (function(each) for each in (start, end, *x.tolist()))
-    if not np.isfinite([*y, first, last]).all() or first == last or start == end:
-        msg = f'y({start:g}) = {first:g} and y({end:g}) = {last:g}: must be finite and different'
-        raise ValueError(msg)
-    along, up = (x - start) / (end - start), (np.array(y) - first) / (last - first)
-    return FunctionTask(x, travels[0] * along, travels[1] * up)
+    first_y = function(start)
+    last_y = function(end)
+    y = [function(precision_point) for precision_point in x.tolist()]
+    if not np.isfinite([*y, first_y, last_y]).all() or first_y == last_y or start == end:
+        raise ValueError(
+            f'y({start:g}) = {first_y:g} and y({end:g}) = {last_y:g}: must be finite and different'
+        )
+    input_part = (x - start) / (end - start)
+    output_part = (np.array(y) - first_y) / (last_y - first_y)
+    return FunctionTask(x, travels[0] * input_part, travels[1] * output_part)
 
 
 def function_generators(
@@ -117,7 +121,8 @@ def function_generators(
         Not 3 to 5 pairs, or not the start angles that this number of pairs needs.
 
     """
-    phi, psi = np.asarray(inputs, dtype=float), np.asarray(outputs, dtype=float)
+    phi = np.asarray(inputs, dtype=float)
+    psi = np.asarray(outputs, dtype=float)
     if phi.shape != psi.shape or phi.ndim != 1 or len(phi) not in STARTS:
         raise ValueError(f'{phi.size} and {psi.size} rotations: 3 to 5 of each are needed')
     if (input_start is None, output_start is None) != (len(phi) == 5, len(phi) > 3):
@@ -126,12 +131,13 @@ def function_generators(
         return _of_five(phi - phi[0], psi - psi[0], ground)
     theta2 = phi + (input_start or 0.0)
     starts = [output_start] if output_start is not None else _output_starts(theta2, psi)
-    found = []
-    for theta4 in (psi + start for start in starts):
+    generators = []
+    for start in starts:
+        theta4 = psi + start
         k_1, k_2, _ = freudenstein(theta2, theta4).tolist()
         if k_1 and k_2:
-            found.append(_placed(theta2, theta4, ground / k_1, ground / k_2, ground))
-    return [linkage for linkage in found if linkage]
+            generators += _four_bars(theta2, theta4, ground / k_1, ground / k_2, ground)
+    return generators
 
 
 def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:
@@ -141,16 +147,17 @@ def freudenstein(theta2: FloatArray, theta4: FloatArray) -> FloatArray:
     return solution
 
 
-def _placed(
+def _four_bars(
     theta2: FloatArray, theta4: FloatArray, crank: complex, rocker: complex, ground: float
-) -> PlacedFourBar | None:
-    """Return the four-bar whose crank and rocker have these vectors at the angle 0, if any."""
-    a, b = crank * np.exp(1j * theta2), ground + rocker * np.exp(1j * theta4)
-    places = tuple(map(Position, a.tolist(), b.tolist(), a.tolist()))
+) -> list[PlacedFourBar]:
+    """Return the four-bar, if any, whose crank and rocker have these vectors at the angle 0."""
+    a = crank * np.exp(1j * theta2)
+    b = ground + rocker * np.exp(1j * theta4)
+    positions = tuple(map(Position, a.tolist(), b.tolist(), a.tolist()))
     try:
-        return PlacedFourBar(0j, complex(ground), places)
+        return [PlacedFourBar(0j, complex(ground), positions)]
     except GeometryError:
-        return None
+        return []
 
 
 def _output_starts(theta2: FloatArray, psi: FloatArray) -> list[float]:
@@ -164,14 +171,20 @@ def _output_starts(theta2: FloatArray, psi: FloatArray) -> list[float]:
         columns = [first, -np.cos(theta2), np.ones_like(theta2), last]
         return float(np.linalg.det(np.column_stack(columns)))
 
-    c, s = np.cos(psi), np.sin(psi)
-    c_4, s_4 = np.cos(theta2 - psi), np.sin(theta2 - psi)
-    p, q, r = det(c, c_4), det(c, s_4) - det(s, c_4), -det(s, s_4)
+    cos_psi = np.cos(psi)
+    sin_psi = np.sin(psi)
+    cos_difference = np.cos(theta2 - psi)
+    sin_difference = np.sin(theta2 - psi)
+    # p cos^2 + q cos sin + r sin^2 = 0
+    p = det(cos_psi, cos_difference)
+    q = det(cos_psi, sin_difference) - det(sin_psi, cos_difference)
+    r = -det(sin_psi, sin_difference)
     size = hypot(p - r, q)
     if abs(p + r) > size or size == 0.0:
         return []
-    middle, half = atan2(q, p - r), acos(-(p + r) / size)
-    return [(middle + half) / 2.0, (middle - half) / 2.0]
+    middle = atan2(q, p - r)
+    offset = acos(-(p + r) / size)
+    return [(middle + offset) / 2.0, (middle - offset) / 2.0]
 
 
 def _of_five(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFourBar]:
@@ -181,13 +194,13 @@ def _of_five(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFour
     Seen from the rocker, the crank is a plane in five poses. Its dyads are couplers; the one of
     the two fixed pivots is the ground itself.
     """
-    poses = [
-        PlanePose(ground * (1.0 - cmath.rect(1.0, -out)), turn - out)
-        for turn, out in zip(phi.tolist(), psi.tolist(), strict=True)
-    ]
-    found = [
-        _placed(phi, psi, dyad.pin, dyad.pivot - ground, ground)
-        for dyad in burmester_points(poses)
-        if max(abs(dyad.pin), abs(dyad.pivot - ground)) > 1e-6 * ground
-    ]
-    return [linkage for linkage in found if linkage]
+    poses = []
+    for crank_rotation, rocker_rotation in zip(phi.tolist(), psi.tolist(), strict=True):
+        pivot = ground * (1.0 - cmath.rect(1.0, -rocker_rotation))
+        poses.append(PlanePose(pivot, crank_rotation - rocker_rotation))
+    generators = []
+    for dyad in burmester_points(poses):
+        rocker = dyad.pivot - ground
+        if max(abs(dyad.pin), abs(rocker)) > 1e-6 * ground:
+            generators += _four_bars(phi, psi, dyad.pin, rocker, ground)
+    return generators

@@ -53,26 +53,35 @@ def quick_returns(
         raise ValueError(f'time_ratio = {time_ratio!r} is refused: it must be above 1')
     if not 0.0 < swing < pi:
         raise ValueError(f'swing = {swing!r} rad is refused: it must be between 0 and pi')
-    alpha, chord = pi * (time_ratio - 1.0) / (time_ratio + 1.0), 2.0 * rocker * sin(swing / 2.0)
-    most = chord / sqrt(2.0 * (1.0 + cos(alpha)))
-    cranks = [crank] if crank else (np.arange(1, CRANK_SAMPLES) * most / CRANK_SAMPLES).tolist()
-    found = []
-    for geometry in (x for each in cranks for x in _of_crank(each, alpha, chord, rocker, swing)):
-        bar = FourBar(*geometry.lengths)
-        if bar.grashof.motion == 'crank-rocker':
-            limits, extremes = bar.rocker_limits, bar.transmission_extremes
-            away = abs(limits.time_ratio / time_ratio - 1.0), abs(limits.swing - swing)
-            if max(away) <= 1e-9:
-                found.append((min(sin(extremes.least), sin(extremes.greatest)), geometry))
-    best = sorted(found, key=lambda each: -each[0])[: 2 if crank else 1]
-    return [geometry for _, geometry in best]
+    alpha = pi * (time_ratio - 1.0) / (time_ratio + 1.0)
+    chord = 2.0 * rocker * sin(swing / 2.0)
+    max_crank = chord / sqrt(2.0 * (1.0 + cos(alpha)))
+    lengths = [crank] if crank else np.arange(1, CRANK_SAMPLES) * max_crank / CRANK_SAMPLES
+    crank_rockers = []
+    for length in map(float, lengths):
+        for geometry in _of_crank(length, alpha, chord, rocker, swing):
+            bar = FourBar(*geometry.lengths)
+            if bar.grashof.motion != 'crank-rocker':
+                continue
+            limits = bar.rocker_limits
+            errors = abs(limits.time_ratio / time_ratio - 1.0), abs(limits.swing - swing)
+            if max(errors) <= 1e-9:
+                crank_rockers.append(geometry)
+    crank_rockers.sort(key=_transmission_sine, reverse=True)
+    return crank_rockers[: 2 if crank else 1]
+
+
+def _transmission_sine(geometry: FourBarGeometry) -> float:
+    """Return the least sine of the transmission angle over a turn."""
+    extremes = FourBar(*geometry.lengths).transmission_extremes
+    return min(sin(extremes.least), sin(extremes.greatest))
 
 
 def toggle_couplers(
     ground: float, crank: float, rocker: float, theta2: float
 ) -> list[tuple[float, str]]:
     """
-    Return the couplers with which a crank angle is a dead point, and how it is in line.
+    Return the couplers with which a crank angle is a dead point, and the kind of the dead point.
 
     With Z = `|A O4|` at theta2: L3 = Z - L4 (stretched), Z + L4 or L4 - Z (folded); those > 0 [m].
     """
@@ -90,9 +99,10 @@ def _of_crank(
         return []
     coupler = sqrt(square)
     # O4 at 0, the chord upright; O2 at distances L3 + L2 and L3 - L2 from its ends.
-    half, across = chord / 2.0, rocker * cos(swing / 2.0)
-    y = ((coupler + crank) ** 2 - (coupler - crank) ** 2) / (4.0 * half)
-    x = sqrt(max((coupler - crank) ** 2 - (half - y) ** 2, 0.0))
-    grounds = [abs(complex(across + side, y)) for side in (x, -x)]
-    # A crank-rocker's crank is its shortest link, so that the others are positive.
+    half_chord = chord / 2.0
+    chord_distance = rocker * cos(swing / 2.0)
+    y = ((coupler + crank) ** 2 - (coupler - crank) ** 2) / (4.0 * half_chord)
+    x = sqrt(max((coupler - crank) ** 2 - (half_chord - y) ** 2, 0.0))
+    grounds = abs(complex(chord_distance + x, y)), abs(complex(chord_distance - x, y))
+    # A crank-rocker's crank is its shortest link, so all links are positive.
     return [FourBarGeometry(g, crank, coupler, rocker) for g in grounds if g > crank]

@@ -25,7 +25,7 @@ class Position(NamedTuple):
 
 class Defects(NamedTuple):
     """
-    What keeps a linkage from the positions of its task, driven by its crank.
+    The defects that keep a linkage, driven by its crank, from the positions of its task.
 
     Attributes
     ----------
@@ -73,12 +73,13 @@ class PlacedFourBar:
     positions: tuple[Position, ...]
 
     def __post_init__(self) -> None:
-        size, v = sum(self.geometry.lengths), self.coupler_vector
+        size = sum(self.geometry.lengths)
+        v = self.coupler_vector
         for k, (a, b, p) in enumerate(self.positions, 1):
-            bars = np.abs([a - self.o2, b - a, b - self.o4]) - self.geometry.lengths[1:]
-            away = np.abs([*bars, a + v * (b - a) - p]).max()
-            # Not a number is not near either.
-            if not away <= FIT_TOLERANCE * (size + abs(p - a)):
+            length_errors = np.abs([a - self.o2, b - a, b - self.o4]) - self.geometry.lengths[1:]
+            max_error = np.abs([*length_errors, a + v * (b - a) - p]).max()
+            # NaN does not fit either.
+            if not max_error <= FIT_TOLERANCE * (size + abs(p - a)):
                 raise GeometryError(f'position {k} does not fit the lengths of the four-bar')
 
     @cached_property
@@ -122,8 +123,8 @@ class PlacedFourBar:
         at_o2 = [(self.o4 - self.o2, a - self.o2) for a, _, _ in self.positions]
         # B is between coupler and rocker, O2 between ground and crank.
         joint = at_b if np.argmin(lengths) in (0, 1) else at_o2
-        modes = {_turn_sense(*each, rounding) for each in at_b}
-        circuits = {self.grashof.class_ == 'I' and _turn_sense(*each) for each in joint}
+        modes = {_turn_sense(*links, rounding) for links in at_b}
+        circuits = {self.grashof.class_ == 'I' and _turn_sense(*links) for links in joint}
         return Defects(len(modes) > 1, len(circuits) > 1, not self._is_in_order())
 
     @property
@@ -147,11 +148,13 @@ class PlacedFourBar:
         """
         v = self.coupler_vector
         pivot = self.o2 + v * (self.o4 - self.o2)
-        at_o2, at_o4 = [], []
+        at_o2 = []
+        at_o4 = []
         for a, b, p in self.positions:
-            first, last = self.o2 + p - a, self.o4 + p - b
-            at_o2.append(Position(first, first + v * (a - self.o2), p))
-            at_o4.append(Position(pivot + (1.0 - v) * (a - self.o2), last, p))
+            crank_pin = self.o2 + p - a
+            rocker_pin = self.o4 + p - b
+            at_o2.append(Position(crank_pin, crank_pin + v * (a - self.o2), p))
+            at_o4.append(Position(pivot + (1.0 - v) * (a - self.o2), rocker_pin, p))
         return (
             PlacedFourBar(self.o2, pivot, tuple(at_o2)),
             PlacedFourBar(pivot, self.o4, tuple(at_o4)),
@@ -166,21 +169,29 @@ class PlacedFourBar:
         ground and coupler. A centre at infinity is complex(inf, inf).
         """
         a, b, _ = self.positions[position]
-        known = {'I12': self.o2, 'I14': self.o4, 'I23': a, 'I34': b}
-        i_13 = _intersection(self.o2, a, self.o4, b)
-        return {**known, 'I13': i_13, 'I24': _intersection(self.o2, self.o4, a, b)}
+        return {
+            'I12': self.o2,
+            'I14': self.o4,
+            'I23': a,
+            'I34': b,
+            'I13': _intersection(self.o2, a, self.o4, b),
+            'I24': _intersection(self.o2, self.o4, a, b),
+        }
 
     def _is_in_order(self) -> bool:
-        near, far = crank_limits(self.geometry.lengths)
+        first, last = crank_limits(self.geometry.lengths)
         thetas = self.thetas
-        if near > 0.0 and far < pi and len({theta > 0.0 for theta in thetas}) > 1:
+        if first > 0.0 and last < pi and len({theta > 0.0 for theta in thetas}) > 1:
             return False
         # Angles are counted from one out of reach, or from the first of a crank that turns fully.
-        start = 0.0 if near > 0.0 else pi if far < pi else thetas[0]
-        return any(
-            turns[-1:] < [TURN - FIT_TOLERANCE] and all(a < b for a, b in pairwise(turns))
-            for turns in ([sense * (x - start) % TURN for x in thetas] for sense in (1.0, -1.0))
-        )
+        start = 0.0 if first > 0.0 else pi if last < pi else thetas[0]
+
+        def ascends(direction: float) -> bool:
+            angles = [direction * (theta - start) % TURN for theta in thetas]
+            is_within_turn = angles[-1] < TURN - FIT_TOLERANCE
+            return is_within_turn and all(a < b for a, b in pairwise(angles))
+
+        return ascends(1.0) or ascends(-1.0)
 
 
 def _turn_sense(first: complex, second: complex, tolerance: float = 0.0) -> int:
@@ -190,7 +201,8 @@ def _turn_sense(first: complex, second: complex, tolerance: float = 0.0) -> int:
 
 def _intersection(a: complex, b: complex, c: complex, d: complex) -> complex:
     """Return where the lines AB and CD meet; complex(inf, inf) where they are parallel."""
-    u, v = b - a, d - c
+    u = b - a
+    v = d - c
     cross = (u.conjugate() * v).imag
     if abs(cross) <= 1e-14 * abs(u) * abs(v):
         return complex(inf, inf)
