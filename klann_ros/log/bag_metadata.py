@@ -50,6 +50,10 @@ def bag_metadata(files: Sequence[FileSummary]) -> dict[str, object]:
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)
     end = max((file.end_time for file in filled), default=0)
+    counts: dict[Topic, int] = {}
+    for file in files:
+        for topic, count in file.counts.items():
+            counts[topic] = counts.get(topic, 0) + count
     return {
         'version': VERSION,
         'storage_identifier': 'mcap',
@@ -58,7 +62,7 @@ def bag_metadata(files: Sequence[FileSummary]) -> dict[str, object]:
         'message_count': sum(file.message_count for file in files),
         'topics_with_message_count': [
             {'topic_metadata': _topic(topic), 'message_count': count}
-            for topic, count in _total(files).items()
+            for topic, count in counts.items()
         ],
         # Compression by rosbag2 itself, not that of the chunks.
         'compression_format': '',
@@ -78,14 +82,6 @@ def metadata_yaml(metadata: Mapping[str, object]) -> str:
 def metadata_record(metadata: Mapping[str, object]) -> dict[str, str]:
     """Return the content of the MCAP metadata record ``rosbag2``."""
     return {RECORD_KEY: yaml_text.dump(dict(metadata))}
-
-
-def _total(files: Sequence[FileSummary]) -> dict[Topic, int]:
-    total: dict[Topic, int] = {}
-    for file in files:
-        for topic, count in file.counts.items():
-            total[topic] = total.get(topic, 0) + count
-    return total
 
 
 def _topic(topic: Topic) -> dict[str, object]:

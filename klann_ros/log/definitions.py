@@ -44,40 +44,37 @@ def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str
     those of AMENT_PREFIX_PATH, then ``sys.prefix`` for pip's wheels. An UnknownTypeError: the name
     is no message type, or its .msg file or that of a type in it is missing.
     """
-    places = default_prefixes() if prefixes is None else [Path(prefix) for prefix in prefixes]
-    package, name = _split(type_name)
+    folders = default_prefixes() if prefixes is None else list(map(Path, prefixes))
     texts: dict[str, str] = {}
-    _collect(package, name, places, texts)
-    (_, text), *others = texts.items()
-    for other, other_text in others:
-        text = f'{_line_end(text)}{SEPARATOR}\nMSG: {other}\n{other_text}'
+    _collect(type_name, folders, texts)
+    (_, text), *dependencies = texts.items()
+    for dependency, dependency_text in dependencies:
+        line_end = '' if not text or text.endswith('\n') else '\n'
+        text += f'{line_end}{SEPARATOR}\nMSG: {dependency}\n{dependency_text}'
     return text
 
 
-def _collect(package: str, name: str, places: list[Path], texts: dict[str, str]) -> None:
-    """Add the text of a type and of the types in it, unless it is known."""
-    key = f'{package}/{name}'
-    if key in texts:
-        return
-    texts[key] = _read(package, name, places)
-    for field in _field_types(texts[key]):
-        if field not in _PRIMITIVES:
-            _collect(*_split(field if '/' in field else f'{package}/{field}'), places, texts)
-
-
-def _split(type_name: str) -> tuple[str, str]:
-    named = split_type(type_name, short=True)
-    if named is None:
+def _collect(type_name: str, prefixes: list[Path], texts: dict[str, str]) -> None:
+    """Add the text of a type and of the types in it, unless it is there."""
+    words = split_type(type_name, short=True)
+    if words is None:
         raise UnknownTypeError(type_name, 'a message type is named like std_msgs/msg/Float64')
-    return named
+    package, name = words
+    key = f'{package}/{name}'
+    if key not in texts:
+        texts[key] = _read(package, name, prefixes)
+        for field_type in _field_types(texts[key]):
+            if field_type not in _PRIMITIVES:
+                inner = field_type if '/' in field_type else f'{package}/{field_type}'
+                _collect(inner, prefixes, texts)
 
 
-def _read(package: str, name: str, places: list[Path]) -> str:
+def _read(package: str, name: str, prefixes: list[Path]) -> str:
     relative = Path('share', package, 'msg', f'{name}.msg')
-    for place in places:
-        if is_regular_file(place / relative):
-            return _text(place / relative, f'{package}/msg/{name}')
-    searched = os.pathsep.join(map(str, places)) or 'no prefix'
+    for prefix in prefixes:
+        if is_regular_file(prefix / relative):
+            return _text(prefix / relative, f'{package}/msg/{name}')
+    searched = os.pathsep.join(map(str, prefixes)) or 'no prefix'
     raise UnknownTypeError(f'{package}/msg/{name}', f'{relative} is not under {searched}')
 
 
@@ -98,10 +95,6 @@ def _field_types(text: str) -> Iterator[str]:
     return (match[1] for match in map(_FIELD.match, text.splitlines()) if match)
 
 
-def _line_end(text: str) -> str:
-    return text if not text or text.endswith('\n') else f'{text}\n'
-
-
 def split_type(name: str, *, short: bool = False) -> tuple[str, str] | None:
     """
     Return package and message of a type such as ``std_msgs/msg/Float64``; None if it is none.
@@ -120,8 +113,8 @@ def is_installed(package: str, prefixes: Iterable[AnyPath] | None = None) -> boo
 
     Without AMENT_PREFIX_PATH, as with pip's wheels, ament's own library finds none.
     """
-    places = default_prefixes() if prefixes is None else prefixes
-    return any(is_regular_file(Path(place) / INDEX / package) for place in places)
+    folders = default_prefixes() if prefixes is None else prefixes
+    return any(is_regular_file(Path(folder) / INDEX / package) for folder in folders)
 
 
 def default_prefixes() -> list[Path]:

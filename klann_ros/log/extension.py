@@ -8,7 +8,6 @@ without such a summary is first copied message by message.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 import os
 from pathlib import Path
 import shutil
@@ -47,7 +46,7 @@ from .mcap.records import (
 from .mcap.summary import read_summary, Summary
 from .read.block import HEAD
 from .read.opening import open_files
-from .read.storage import Storage
+from .read.storage import spanned_time, Storage
 from .records import Topic
 from .recovery import check_output, recover
 
@@ -79,12 +78,19 @@ class TopicMessages:
     def record_type(self) -> np.dtype[np.void]:
         """Return the layout of a message's record; a change is named by its offset."""
         size = len(self.template)
-        changes = ((values.dtype, values.shape[1:]) for values in self.changes.values())
+        fields: dict[str, tuple[object, int]] = {
+            'head': (HEAD, 0),
+            'message': (('u1', size), HEAD.itemsize),
+        }
+        for offset, numbers in self.changes.items():
+            kind = numbers.dtype, numbers.shape[1:]
+            fields[str(offset)] = kind, HEAD.itemsize + offset
+        formats, offsets = zip(*fields.values(), strict=True)
         return np.dtype(
             {
-                'names': ['head', 'message', *map(str, self.changes)],
-                'formats': [HEAD, ('u1', size), *changes],
-                'offsets': [0, *(HEAD.itemsize + offset for offset in (0, *self.changes))],
+                'names': list(fields),
+                'formats': formats,
+                'offsets': offsets,
                 'itemsize': HEAD.itemsize + size,
             }
         )
@@ -99,16 +105,17 @@ def extend(log: AnyPath, output: AnyPath, messages: Sequence[TopicMessages]) -> 
     an output inside it. A NotALogError means that nothing in it can be read, a RunExistsError that
     the output exists, an OSError that the disk refused.
     """
-    place = Path(output).absolute()
-    check_output(log, place)
-    if os.path.lexists(place):
+    run = Path(output).absolute()
+    check_output(log, run)
+    if os.path.lexists(run):
         raise RunExistsError(output)
-    files, found = open_files(log)
+    files, log_files = open_files(log)
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with new_folder(place) as folder:
+        run.parent.mkdir(parents=True, exist_ok=True)
+        with new_folder(run) as folder:
             target = folder / f'{folder.name}_0.mcap'
-            if found.missing or len(files) > 1 or not _extend_copy(files[0], target, messages):
+            is_whole = len(files) == 1 and not log_files.missing
+            if not (is_whole and _extend_copy(files[0], target, messages)):
                 recover(log, folder)
                 _extend_run(target, messages)
     finally:
@@ -152,7 +159,8 @@ class _Extension:
     """Append messages to an open file that is closed and has a summary."""
 
     def __init__(self, file: BinaryIO, name: str) -> None:
-        self._file, self._name = file, name
+        self._file = file
+        self._name = name
         footer = find_footer(file, file.seek(0, 2))
         self._summary = Summary() if footer is None else read_summary(file, footer)
         if footer is None or self._summary.statistics is None:
@@ -161,26 +169,28 @@ class _Extension:
         if span_at(file, self._data_end, self._summary.start).opcode != Opcode.DATA_END:
             raise DamagedError('the summary does not follow the data', self._data_end)
         self._statistics = self._summary.statistics
+        # The records of the summary by their kind.
         self._groups: dict[int, list[bytes]] = {opcode: [] for opcode in SUMMARY_KINDS}
         for span in spans(file, footer.summary_start, footer.offset):
             file.seek(span.offset)
             if span.opcode in self._groups:
                 self._groups[span.opcode].append(file.read(span.end - span.offset))
+        # Numbers of the new channels.
         self._channels: dict[Topic, int] = {}
         self._compressor = zstandard.ZstdCompressor(compression_params=_COMPRESSION)
 
     def run(self, messages: Sequence[TopicMessages]) -> FileSummary:
         """Append the messages; return the content of the file."""
         definitions = self._register(messages)
-        content = self._content(messages)
+        content = self._count(messages)
         # An error of the metadata leaves the file as it was.
         metadata = encoded(Metadata(RECORD_NAME, metadata_record(bag_metadata([content]))))
         self._void_metadata()
         self._file.seek(self._data_end)
         self._file.truncate()
         self._file.write(definitions)
-        for part in messages:
-            self._append(part)
+        for topic_messages in messages:
+            self._append(topic_messages)
         index = MetadataIndex(self._file.tell(), len(metadata), RECORD_NAME)
         self._groups[Opcode.METADATA_INDEX].append(encoded(index))
         self._file.write(metadata + encoded(DataEnd(0)))
@@ -191,91 +201,102 @@ class _Extension:
 
     def _register(self, messages: Sequence[TopicMessages]) -> bytes:
         """Assign numbers behind the file's own; return the schemas and channels."""
-        topics = self._summary.channels.topics().values()
-        known = {topic.name for topic in topics}
-        known_types = {each.type: each for each in topics if each.message_encoding == 'cdr'}
-        schemas = (_number(record) for record in self._groups[Opcode.SCHEMA])
-        last = max((*self._summary.channels.numbers(), *schemas), default=0)
-        for topic in dict.fromkeys(part.topic for part in messages):
-            if topic.name in known:
+        old_topics = self._summary.channels.topics().values()
+        names = {topic.name for topic in old_topics}
+        # A type has one definition in the log: its own where it has the type already.
+        definitions = {t.type: t.definition for t in old_topics if t.message_encoding == 'cdr'}
+        schema_numbers = map(_number, self._groups[Opcode.SCHEMA])
+        number = max((*self._summary.channels.numbers(), *schema_numbers), default=0)
+        schemas = b''
+        channels = b''
+        for topic in dict.fromkeys(topic_messages.topic for topic_messages in messages):
+            if topic.name in names:
                 raise UnwritableError(f'{printable(topic.name)} is in the log already')
-            number = self._channels[topic] = last + 1 + len(self._channels)
+            number += 1
             if number > _MAX_NUMBER:
                 raise UnwritableError('the log has too many topics')
-            # The same text as of the log's own messages, since their type has the same name.
-            same = known_types.get(topic.type)
-            text = definition(topic.type) if same is None else same.definition
-            schema = Schema(number, text.encode(), topic.schema_encoding, topic.type)
-            channel = Channel(
-                number, topic.name, topic.message_encoding, dict(topic.extra), number
+            self._channels[topic] = number
+            text = definitions.get(topic.type)
+            text = definition(topic.type) if text is None else text
+            schema = encoded(Schema(number, text.encode(), topic.schema_encoding, topic.type))
+            extra = dict(topic.extra)
+            channel = encoded(
+                Channel(number, topic.name, topic.message_encoding, extra, schema_id=number)
             )
-            self._groups[Opcode.SCHEMA].append(encoded(schema))
-            self._groups[Opcode.CHANNEL].append(encoded(channel))
-        new = slice(-len(self._channels), None)
-        both = (self._groups[kind][new] for kind in (Opcode.SCHEMA, Opcode.CHANNEL))
-        return b''.join(chain(*both)) if self._channels else b''
+            self._groups[Opcode.SCHEMA].append(schema)
+            self._groups[Opcode.CHANNEL].append(channel)
+            schemas += schema
+            channels += channel
+        return schemas + channels
 
-    def _content(self, messages: Sequence[TopicMessages]) -> FileSummary:
-        """Return the content of the file with the messages, which the statistics count then."""
+    def _count(self, messages: Sequence[TopicMessages]) -> FileSummary:
+        """Add the messages to the statistics; return the content of the file with them."""
+        statistics = self._statistics
+        channel_counts = statistics.channel_message_counts
+        times: list[tuple[int, int] | None] = []
+        if statistics.message_count:
+            times.append((statistics.message_start_time, statistics.message_end_time))
+        topics = self._summary.channels.topics()
+        for topic_messages in messages:
+            number = self._channels[topic_messages.topic]
+            topics[number] = topic_messages.topic
+            added_times = topic_messages.times
+            channel_counts[number] = channel_counts.get(number, 0) + len(added_times)
+            if len(added_times):
+                times.append((int(added_times.min()), int(added_times.max())))
         counts: dict[Topic, int] = {}
-        statistics, channels = self._statistics, self._summary.channels
-        for number, count in statistics.channel_message_counts.items():
-            topic = channels.topic(number)
+        for number, count in channel_counts.items():
+            topic = topics.get(number)
             if topic is not None:
                 counts[topic] = counts.get(topic, 0) + count
-        times = [part.times for part in messages if len(part.times)]
-        for part in messages:
-            number, count = self._channels[part.topic], len(part.times)
-            counts[part.topic] = counts.get(part.topic, 0) + count
-            of_channel = statistics.channel_message_counts
-            of_channel[number] = of_channel.get(number, 0) + count
-        ends = [statistics.message_start_time, statistics.message_end_time]
-        both = [*ends * bool(statistics.message_count), *(int(t.min()) for t in times)]
-        both += [int(t.max()) for t in times]
-        start, end = (min(both), max(both)) if both else (0, 0)
-        return FileSummary(self._name, counts, start, end)
+        return FileSummary(self._name, counts, *(spanned_time(times) or (0, 0)))
 
     def _void_metadata(self) -> None:
         """Make rosbag2's old record a private one, which readers skip, and forget its index."""
-        records = []
+        kept_records = []
         for record in self._groups[Opcode.METADATA_INDEX]:
             index = parse(MetadataIndex, record[slice(RECORD_HEAD.size, None)])
-            if index.name != RECORD_NAME:
-                records.append(record)
-                continue
-            self._file.seek(index.offset)
-            self._file.write(_VOID)
-        self._groups[Opcode.METADATA_INDEX] = records
+            if index.name == RECORD_NAME:
+                self._file.seek(index.offset)
+                self._file.write(_VOID)
+            else:
+                kept_records.append(record)
+        self._groups[Opcode.METADATA_INDEX] = kept_records
 
-    def _append(self, part: TopicMessages) -> None:
+    def _append(self, messages: TopicMessages) -> None:
         """Append messages in chunks; their records are made in one array, used again."""
-        channel, count = self._channels[part.topic], len(part.times)
-        kind = part.record_type
-        size = max(1, min(count, _CHUNK_SIZE // kind.itemsize))
-        records, index = np.empty(size, kind), np.empty((size, 2), '<u8')
-        head = records['head']
-        head['opcode'], head['channel'] = Opcode.MESSAGE, channel
-        head['length'] = kind.itemsize - RECORD_HEAD.size
-        records['message'] = np.frombuffer(part.template, np.uint8)
-        index[:, 1] = kind.itemsize * np.arange(size)
+        channel = self._channels[messages.topic]
+        count = len(messages.times)
+        record_type = messages.record_type
+        size = max(1, min(count, _CHUNK_SIZE // record_type.itemsize))
+        records = np.empty(size, record_type)
+        records['head']['opcode'] = Opcode.MESSAGE
+        records['head']['channel'] = channel
+        records['head']['length'] = record_type.itemsize - RECORD_HEAD.size
+        records['message'] = np.frombuffer(messages.template, np.uint8)
+        # Log time and offset of each message of a chunk.
+        index = np.empty((size, 2), '<u8')
+        index[:, 1] = record_type.itemsize * np.arange(size)
         for begin in range(0, count, size):
             end = min(begin + size, count)
-            rows, chunk = slice(begin, end), records[: end - begin]
-            times, entries = part.times[rows], index[: end - begin]
-            head = chunk['head']
-            head['sequence'] = np.arange(begin, end) + 1
-            head['log_time'] = head['publish_time'] = entries[:, 0] = times
-            for offset, values in part.changes.items():
-                chunk[str(offset)] = values[rows]
-            ends = int(times.min()), int(times.max())
-            self._write_chunk(chunk.view(np.uint8).data, ends, {channel: entries.tobytes()})
+            times = messages.times[begin:end]
+            chunk = records[: end - begin]
+            chunk_index = index[: end - begin]
+            chunk_index[:, 0] = times
+            chunk['head']['log_time'] = times
+            chunk['head']['publish_time'] = times
+            chunk['head']['sequence'] = np.arange(begin, end) + 1
+            for offset, numbers in messages.changes.items():
+                chunk[str(offset)] = numbers[begin:end]
+            spanned = int(times.min()), int(times.max())
+            self._write_chunk(chunk.view(np.uint8).data, spanned, {channel: chunk_index.tobytes()})
 
     def _write_chunk(
         self, data: memoryview, times: tuple[int, int], entries: Mapping[int, bytes]
     ) -> None:
-        packed = 'zstd', self._compressor.compress(data)
+        compression = 'zstd', self._compressor.compress(data)
         start = self._file.tell()
-        chunk, indexes, index = encoded_chunk(start, data, packed, times, entries)
+        chunk, indexes, index = encoded_chunk(start, data, compression, times, entries)
         self._file.write(chunk)
         self._file.write(indexes)
         self._groups[Opcode.CHUNK_INDEX].append(encoded(index))

@@ -12,13 +12,17 @@ class LossCounter:
     """
 
     def __init__(self) -> None:
-        # Messages lost between two received ones of a publisher; those that later publishers had
-        # sent before their first received one; publishers that left (set from outside): losses at
-        # their end cannot be detected.
-        self.lost = self.before_discovery = self.departed = 0
+        # Messages lost between two received ones of a publisher.
+        self.lost = 0
+        # Messages that later publishers had sent before their first received one.
+        self.before_discovery = 0
+        # Publishers that left (set from outside): losses at their end cannot be detected.
+        self.departed = 0
         # Whether late subscribers receive the last messages again (set from outside), so that the
-        # first number means nothing; whether there ever were several publishers at once.
-        self.latched = self.shared = False
+        # first number means nothing.
+        self.latched = False
+        # Whether there ever were several publishers at once.
+        self.shared = False
         # Whether all messages had a number.
         self.numbered = True
         self._last: int | None = None
@@ -36,20 +40,22 @@ class LossCounter:
     def publishers_changed(self) -> None:
         """Note that the next message may have another publisher."""
         if self._last is not None:
-            self._last, self._last_before_change = None, self._last
+            self._last_before_change = self._last
+            self._last = None
             self._first = None
 
     def identify(self, publisher: object) -> None:
         """Set the publisher since the last change; None if it is unknown."""
         if self._last is None:
             return
-        first, before = self._first, self._last_before_change
+        first = self._first
+        last_before = self._last_before_change
         self._first = None
         if publisher is None:
             return
-        if first is not None and before is not None and self._publisher is not None:
+        if first is not None and last_before is not None and self._publisher is not None:
             if publisher == self._publisher:
-                self.lost += first - before - 1
+                self.lost += first - last_before - 1
             else:
                 self._begin(first)
         self._publisher = publisher
@@ -66,7 +72,8 @@ class LossCounter:
             self.numbered = self.numbered and sequence is not None
             self._last = self._last_before_change = self._first = None
             return False
-        last, self._last = self._last, sequence
+        last = self._last
+        self._last = sequence
         if last is None:
             self._resume(sequence)
             return True

@@ -72,10 +72,15 @@ def qos_to_data(profile: Qos) -> dict[str, object]:
     data: dict[str, object] = asdict(profile)
     for key, words in POLICIES.items():
         if data[key] not in words:
-            raise MalformedQosError(f'{key} is {_shown(data[key])}, not one of {words}')
+            raise MalformedQosError(f'{key} is {_quoted(data[key])}, not one of {words}')
     if profile.depth < 0:
         raise MalformedQosError(f'depth is {profile.depth}, not at least 0')
-    return data | {key: _time(key, getattr(profile, key)) for key in _DURATIONS}
+    for key in _DURATIONS:
+        duration = getattr(profile, key)
+        if not 0 <= duration <= INFINITE:
+            raise MalformedQosError(f'{key} is {duration} ns, not within 0 and {INFINITE} ns')
+        data[key] = {'sec': duration // _NS, 'nsec': duration % _NS}
+    return data
 
 
 def qos_to_yaml(profiles: Iterable[Qos]) -> str:
@@ -101,8 +106,10 @@ class QosTexts:
     """
 
     def __init__(self) -> None:
-        self._left, self._distinct = MAX_QOS_TOTAL, MAX_QOS_DISTINCT
-        self._known: dict[str, list[Qos] | MalformedQosError] = {}
+        # Characters that all further texts, and the distinct ones, may have.
+        self._left = MAX_QOS_TOTAL
+        self._distinct = MAX_QOS_DISTINCT
+        self._parsed: dict[str, list[Qos] | MalformedQosError] = {}
 
     def profiles(self, text: str) -> list[Qos]:
         """Return the profiles in a text; a MalformedQosError if all texts are too long."""
@@ -110,15 +117,15 @@ class QosTexts:
             raise MalformedQosError(
                 f'the profiles of all topics have more than {MAX_QOS_TOTAL} characters'
             )
-        if text not in self._known:
-            self._known[text] = self._first(text)
-        found = self._known[text]
-        if isinstance(found, MalformedQosError):
-            raise found.with_traceback(None)
+        if text not in self._parsed:
+            self._parsed[text] = self._parse(text)
+        profiles = self._parsed[text]
+        if isinstance(profiles, MalformedQosError):
+            raise profiles.with_traceback(None)
         self._left -= len(text)
-        return found
+        return profiles
 
-    def _first(self, text: str) -> list[Qos] | MalformedQosError:
+    def _parse(self, text: str) -> list[Qos] | MalformedQosError:
         # A longer text is refused without parsing.
         size = len(text) if len(text) <= MAX_QOS_TEXT else 0
         if size > self._distinct:
@@ -166,55 +173,53 @@ def _read(text: str) -> tuple[tuple[Qos, ...], bool]:
     if not isinstance(data, list):
         raise MalformedQosError(f'a {type(data).__name__}, not a sequence of profiles')
     profiles = tuple(map(_profile, data))
-    return profiles, any(isinstance(item[key], int) for item in data for key in POLICIES)
+    return profiles, any(isinstance(profile[key], int) for profile in data for key in POLICIES)
 
 
-def _profile(item: object) -> Qos:
-    if not isinstance(item, dict):
-        raise MalformedQosError(f'a profile is {_shown(item)}, not a mapping')
-    values: dict[str, Any] = {'depth': _count(item, 'depth')}
-    values |= {key: _word(item, key) for key in POLICIES}
-    values |= {key: _duration(item, key) for key in _DURATIONS}
+def _profile(mapping: object) -> Qos:
+    if not isinstance(mapping, dict):
+        raise MalformedQosError(f'a profile is {_quoted(mapping)}, not a mapping')
+    settings: dict[str, Any] = {'depth': _count(mapping, 'depth')}
+    for key in POLICIES:
+        settings[key] = _word(mapping, key)
+    for key in _DURATIONS:
+        settings[key] = _duration(mapping, key)
     key = 'avoid_ros_namespace_conventions'
-    return Qos(**values | {key: bool(_value(item, key))})
+    settings[key] = bool(_get(mapping, key))
+    return Qos(**settings)
 
 
-def _shown(value: object) -> str:
-    return printable(repr(value))
+def _quoted(setting: object) -> str:
+    return printable(repr(setting))
 
 
-def _value(item: Mapping[str, Any], key: str) -> Any:
+def _get(mapping: Mapping[str, Any], key: str) -> Any:
     try:
-        return item[key]
+        return mapping[key]
     except KeyError:
         raise MalformedQosError(f'{key} is missing') from None
 
 
-def _word(item: Mapping[str, Any], key: str) -> str:
+def _word(mapping: Mapping[str, Any], key: str) -> str:
     """Return a policy's word; 'unknown' for any other, as in rmw."""
-    value = _value(item, key)
+    policy = _get(mapping, key)
     words = POLICIES[key]
-    if isinstance(value, int):
-        return words[value] if 0 <= value < len(words) else 'unknown'
-    return value if value in words else 'unknown'
+    if isinstance(policy, int):
+        return words[policy] if 0 <= policy < len(words) else 'unknown'
+    return policy if policy in words else 'unknown'
 
 
-def _count(item: Mapping[str, Any], key: str) -> int:
-    value = _value(item, key)
-    if not isinstance(value, int) or value < 0:
-        raise MalformedQosError(f'{key} is {_shown(value)}, not a number from 0')
-    return value
+def _count(mapping: Mapping[str, Any], key: str) -> int:
+    count = _get(mapping, key)
+    if not isinstance(count, int) or count < 0:
+        raise MalformedQosError(f'{key} is {_quoted(count)}, not a number from 0')
+    return count
 
 
-def _duration(item: Mapping[str, Any], key: str) -> int:
-    value = _value(item, key)
-    if not isinstance(value, dict):
-        raise MalformedQosError(f'{key} is {_shown(value)}, not sec and nsec')
-    sec, nsec = _count(value, 'sec'), _count(value, 'nsec')
+def _duration(mapping: Mapping[str, Any], key: str) -> int:
+    time = _get(mapping, key)
+    if not isinstance(time, dict):
+        raise MalformedQosError(f'{key} is {_quoted(time)}, not sec and nsec')
+    sec = _count(time, 'sec')
+    nsec = _count(time, 'nsec')
     return INFINITE if (sec, nsec) in _OLD_INFINITE else min(sec * _NS + nsec, INFINITE)
-
-
-def _time(key: str, duration: int) -> dict[str, int]:
-    if not 0 <= duration <= INFINITE:
-        raise MalformedQosError(f'{key} is {duration} ns, not within 0 and {INFINITE} ns')
-    return {'sec': duration // _NS, 'nsec': duration % _NS}

@@ -1,7 +1,7 @@
 """Metadata records of a run: solver parameters, pauses, losses, faults and findings."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
 import json
 from typing import Any
@@ -31,6 +31,15 @@ _SECTION = 'ros__parameters'
 _RECORD_ERRORS = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
 
 
+@contextmanager
+def _parsing(kind: str, source: object) -> Iterator[None]:
+    """Convert errors of a malformed source to a ValueError that says what it should be."""
+    try:
+        yield
+    except _RECORD_ERRORS:
+        raise ValueError(f'not {kind}: {printable(source)}') from None
+
+
 @dataclass(frozen=True)
 class SolverParameters:
     """The parameters of a solver at a time; a run has one record for each known change."""
@@ -56,11 +65,9 @@ def solver_record(solver: SolverParameters) -> dict[str, str]:
 
 def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
     """Return the solver's parameters in a metadata record; raise a ValueError if it is none."""
-    try:
+    with _parsing('a record of a solver', record):
         parameters = dict(json.loads(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
-    except _RECORD_ERRORS:
-        raise ValueError(f'not a record of a solver: {printable(dict(record))}') from None
 
 
 def leg_description(solver: SolverParameters) -> str:
@@ -75,13 +82,11 @@ def described_solver(text: str, time: int) -> SolverParameters:
     It is a parameter file with the section of one node; a ValueError refuses any other. `time` is
     the log time of the message [ns].
     """
-    try:
+    with _parsing(f'a {DESCRIPTION_TOPIC}', text[:200]):
         ((node, section),) = parse(text).items()
         # YAML has values that no metadata record can hold.
         parameters = dict(json.loads(json.dumps(section[_SECTION])))
         return SolverParameters(str(node), time, parameters)
-    except _RECORD_ERRORS:
-        raise ValueError(f'not a {DESCRIPTION_TOPIC}: {printable(text[:200])}') from None
 
 
 def is_leg_description(topic: Topic) -> bool:
@@ -91,26 +96,28 @@ def is_leg_description(topic: Topic) -> bool:
 
 def described_solvers(messages: Iterable[Message]) -> list[SolverParameters]:
     """Return the solvers that messages of `leg_description` describe; skip malformed ones."""
-    found: list[SolverParameters] = []
-    last, left = b'', MAX_FILE_SIZE
+    solvers: list[SolverParameters] = []
+    last_data = b''
+    # All of them may cost as much as one file [bytes].
+    size_left = MAX_FILE_SIZE
     for message in messages:
         # A solver repeats it to late subscribers.
-        if message.data != last and len(message.data) <= left:
-            # All of them may cost as much as one file.
-            last, left = message.data, left - len(message.data)
+        if message.data != last_data and len(message.data) <= size_left:
+            last_data = message.data
+            size_left -= len(last_data)
             with suppress(ValueError):
-                text = CdrCursor(message.data).string().decode()
-                found.append(described_solver(text, message.log_time))
-    return found
+                text = CdrCursor(last_data).string().decode()
+                solvers.append(described_solver(text, message.log_time))
+    return solvers
 
 
 def recorded_solvers(records: Iterable[Mapping[str, str]]) -> list[SolverParameters]:
     """Return the solvers in metadata records, by time; skip malformed ones."""
-    found = []
+    solvers = []
     for record in records:
         with suppress(ValueError):
-            found.append(solver_parameters(record))
-    return sorted(found, key=lambda solver: solver.time)
+            solvers.append(solver_parameters(record))
+    return sorted(solvers, key=lambda solver: solver.time)
 
 
 def replayed_solvers_json(solvers: Sequence[SolverParameters]) -> str:
@@ -124,8 +131,10 @@ def replayed_solvers(text: str) -> list[SolverParameters]:
         records = json.loads(text)
     except (RecursionError, ValueError):
         return []
-    known = records[:MAX_REPLAYED_SOLVERS] if isinstance(records, list) else []
-    return recorded_solvers(one for one in known if isinstance(one, dict))
+    if not isinstance(records, list):
+        return []
+    last_records = records[:MAX_REPLAYED_SOLVERS]
+    return recorded_solvers(record for record in last_records if isinstance(record, dict))
 
 
 @dataclass(frozen=True)
@@ -176,12 +185,10 @@ def pause_record(pause: Pause) -> dict[str, str]:
 
 def recorded_pause(record: Mapping[str, str]) -> Pause:
     """Return the pause in a metadata record; raise a ValueError if it is none."""
-    try:
+    with _parsing('a record of a pause', record):
         skipped = {name: int(n) for name, n in json.loads(record['skipped']).items()}
         reason = str(record.get('reason', ''))
         return Pause(int(record['from']), int(record['to']), skipped, reason)
-    except _RECORD_ERRORS:
-        raise ValueError(f'not a record of a pause: {printable(dict(record))}') from None
 
 
 @dataclass(frozen=True)
@@ -206,11 +213,9 @@ def finding_record(finding: RecordedFinding) -> dict[str, str]:
 
 def recorded_finding(record: Mapping[str, str]) -> RecordedFinding:
     """Return the finding in a metadata record; raise a ValueError if it is none."""
-    try:
+    with _parsing('a record of a finding', record):
         check, severity, text = (str(record[key]) for key in ('check', 'severity', 'text'))
         return RecordedFinding(check, severity, text, int(record['time']), str(record['leg']))
-    except _RECORD_ERRORS:
-        raise ValueError(f'not a record of a finding: {printable(dict(record))}') from None
 
 
 def loss_record(counts: Mapping[str, TopicCount]) -> dict[str, str]:
@@ -233,14 +238,12 @@ def fault_record(stopped: str, faults: Iterable[str]) -> dict[str, str]:
 
 def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     """Return each topic's counts in a metadata record; raise a ValueError if it is none."""
-    try:
+    with _parsing('a record of losses', record):
         return {name: _topic_count(json.loads(text)) for name, text in record.items()}
-    except _RECORD_ERRORS:
-        raise ValueError(f'not a record of losses: {printable(dict(record))}') from None
 
 
-def _topic_count(data: Mapping[str, Any]) -> TopicCount:
-    missed = data['missed']
+def _topic_count(counts: Mapping[str, Any]) -> TopicCount:
+    missed = counts['missed']
     names = [field.name for field in fields(TopicCount) if field.name != 'missed']
-    counts = {name: int(data[name]) for name in names}
-    return TopicCount(**counts, missed=None if missed is None else int(missed))
+    numbers = {name: int(counts[name]) for name in names}
+    return TopicCount(**numbers, missed=None if missed is None else int(missed))

@@ -47,10 +47,10 @@ class Timeline:
     floor: float = -inf
 
     def __post_init__(self) -> None:
-        least, most = RATES
-        if not least <= self.rate <= most:
+        min_rate, max_rate = RATES
+        if not min_rate <= self.rate <= max_rate:
             raise ValueError(
-                f'rate = {self.rate} is refused: it must be within {least:g} .. {most:g}'
+                f'rate = {self.rate} is refused: it must be within {min_rate:g} .. {max_rate:g}'
             )
 
     def at(self, now: float) -> float:
@@ -112,15 +112,15 @@ class Lateness:
 
     def __str__(self) -> str:
         """Return it in one line; '' if nothing was late."""
-        parts = []
+        clauses = []
         if self.late:
-            parts.append(
+            clauses.append(
                 f'{self.late} of {self.played} messages came more than '
                 f'{LATE_THRESHOLD * 1e3:g} ms late, {self.worst * 1e3:.0f} ms at worst'
             )
         if self.delay:
-            parts.append(f'playback stalled for {self.delay:.2f} s, and continued from there')
-        return '; '.join(parts)
+            clauses.append(f'playback stalled for {self.delay:.2f} s, and continued from there')
+        return '; '.join(clauses)
 
 
 class PlaybackError(LogError):
@@ -156,7 +156,8 @@ class Transport:
     def take_target(self) -> float | None:
         """Return the start of the next pass; None without any."""
         with self._changed:
-            target, self._target = self._target, None
+            target = self._target
+            self._target = None
             if self._stopped or target is None:
                 return None
             self.lateness = Lateness()
@@ -202,11 +203,11 @@ class Transport:
             self._at_end = empty or loop_to is None
             self._changed.notify_all()
             while not self._interrupted:
-                left = self._timeline.due(end) - self._settled()
-                if left <= 0.0 or (self._stepping and not self._at_end):
+                time_left = self._timeline.due(end) - self._settled()
+                if time_left <= 0.0 or (self._stepping and not self._at_end):
                     self._target = loop_to
                     return
-                self._changed.wait(min(left, _MAX_WAIT))
+                self._changed.wait(min(time_left, _MAX_WAIT))
 
     def _load(self, position: float) -> None:
         """Start the time, as the first message is in memory."""
