@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
@@ -66,20 +67,18 @@ class BackgroundWriter:
         self.failure: Exception | None = None
         self.counters = DropCounters(writer.stored_counts)
         self._writer = writer
-        self._flush_period = flush_period
-        self._batch_period = min(_BATCH_PERIOD, flush_period / 2.0)
-        self._on_failure = on_failure
         self._limits = limits
         self._min_free_space = min_free_space
         self._capacity = capacity
-        # Each is written by one thread only.
+        # Sizes of all messages so far [bytes]; each is written by one thread only.
         self._enqueued_size = self._dequeued_size = 0
         self._queue: deque[Message | RunEntry] = deque()
         self._filled = Event()
         self._closing = False
         self._split_lock = Lock()
         self._split_requested = False
-        self._thread = Thread(target=self._run, name='writer', daemon=True)
+        work = partial(self._run, flush_period, on_failure)
+        self._thread = Thread(target=work, name='writer', daemon=True)
         self._thread.start()
 
     def put(self, message: Message) -> None:
@@ -142,24 +141,25 @@ class BackgroundWriter:
         except (OSError, LogError) as error:
             self.failure = self.failure or error
 
-    def _run(self) -> None:
+    def _run(self, flush_period: float, on_failure: Callable[[], object]) -> None:
         try:
-            self._write_all()
+            self._write_all(flush_period)
         # Any error ends the recording, and must be reported.
         except Exception as error:
             self.failure = error
-            self._on_failure()
+            on_failure()
 
-    def _write_all(self) -> None:
-        due = monotonic() + self._flush_period
+    def _write_all(self, flush_period: float) -> None:
+        batch_period = min(_BATCH_PERIOD, flush_period / 2.0)
+        due = monotonic() + flush_period
         while not self._closing:
             if self._filled.wait(max(0.0, due - monotonic())) and not self._closing:
-                sleep(self._batch_period)
+                sleep(batch_period)
             self._write_queued()
             if monotonic() >= due:
                 self._writer.flush()
                 self._writer.check_space(self._min_free_space)
-                due = monotonic() + self._flush_period
+                due = monotonic() + flush_period
             file = self._writer.file
             if self._split_requested or self._limits.are_reached(file.size, file.duration):
                 self._split()
@@ -177,11 +177,11 @@ class BackgroundWriter:
         later = []
         try:
             for _ in range(len(self._queue)):
-                item = self._queue.popleft()
-                if isinstance(item, Message) and item.log_time >= split_time:
-                    later.append(item)
+                queued = self._queue.popleft()
+                if isinstance(queued, Message) and queued.log_time >= split_time:
+                    later.append(queued)
                 else:
-                    self._write(item)
+                    self._write(queued)
         finally:
             self._queue.extendleft(reversed(later))
         with self._split_lock:
@@ -199,19 +199,19 @@ class BackgroundWriter:
             if number % 256 == 255 or (number % 16 == 0 and self._writer.is_full):
                 self._writer.check_space(self._min_free_space)
 
-    def _write(self, item: Message | RunEntry) -> None:
-        if not isinstance(item, Message):
-            item(self._writer)
+    def _write(self, queued: Message | RunEntry) -> None:
+        if not isinstance(queued, Message):
+            queued(self._writer)
             return
-        self._dequeued_size += len(item.data) + MESSAGE_OVERHEAD
+        self._dequeued_size += len(queued.data) + MESSAGE_OVERHEAD
         try:
-            self._writer.write(item)
+            self._writer.write(queued)
         except (UnwritableError, MalformedQosError):
-            self.counters[item.topic.name].unwritten += 1
+            self.counters[queued.topic.name].unwritten += 1
 
     def _drop_queued(self) -> None:
         """Count the queued messages as dropped."""
         while self._queue:
-            item = self._queue.popleft()
-            if isinstance(item, Message):
-                self.counters[item.topic.name].unwritten += 1
+            queued = self._queue.popleft()
+            if isinstance(queued, Message):
+                self.counters[queued.topic.name].unwritten += 1

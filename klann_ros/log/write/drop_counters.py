@@ -37,9 +37,16 @@ class TopicCounters:
 
     def count(self) -> TopicCount:
         """Return the present count, of messages before they are written."""
-        dropped, loss = self.overrun + self.unwritten, self.loss
-        others = self.skipped, loss.lost, loss.before_discovery, loss.departed
-        return TopicCount(self.received, 0, dropped, *others)
+        loss = self.loss
+        return TopicCount(
+            self.received,
+            written=0,
+            dropped=self.overrun + self.unwritten,
+            skipped=self.skipped,
+            missed=loss.lost,
+            before_discovery=loss.before_discovery,
+            departed=loss.departed,
+        )
 
 
 @dataclass(frozen=True)
@@ -102,7 +109,8 @@ class DropCounters:
         """
         counts = {}
         for name, counters in self._items():
-            first, last = begin.get(name, _NO_MESSAGES), end.get(name, _NO_MESSAGES)
+            first = begin.get(name, _NO_MESSAGES)
+            last = end.get(name, _NO_MESSAGES)
             run_count = stored.get(name, _NO_MESSAGES)
             missed = (last.missed or 0) - (first.missed or 0)
             counts[name] = TopicCount(

@@ -73,7 +73,8 @@ class DiskReserve:
         """Release the space. Never raises."""
         if self._descriptor < 0:
             return
-        descriptor, self._descriptor = self._descriptor, -1
+        descriptor = self._descriptor
+        self._descriptor = -1
         with suppress(OSError):
             os.close(descriptor)
 
@@ -206,7 +207,8 @@ class DurableFile:
             _sync(self._descriptor)
         except OSError as error:
             # The state of everything after the last fsync is unknown.
-            self.written_size, self.failure = self.synced_size, error
+            self.written_size = self.synced_size
+            self.failure = error
             raise
         self.synced_size = self._flushed
 
@@ -232,7 +234,8 @@ class DurableFile:
         """Close the file; after an error truncate it to its last whole record. Never raises."""
         if self._descriptor < 0:
             return
-        descriptor, self._descriptor = self._descriptor, -1
+        descriptor = self._descriptor
+        self._descriptor = -1
         # An error here follows one that was reported, or all data is synced.
         with suppress(OSError):
             if self.failure is not None and os.fstat(descriptor).st_size > self._flushed:

@@ -33,7 +33,7 @@ from .writer import RunWriter
 OpenedRun = tuple[RunWriter, BackgroundWriter]
 # Opens a run in a new folder.
 OpenRun = Callable[[Path], OpenedRun]
-Result = TypeVar('Result')
+Returned = TypeVar('Returned')
 
 # Maximum delay between reception and `put`, with stalls: a later message is in no event run [s].
 _RECEPTION_DELAY = 0.25
@@ -56,9 +56,9 @@ class EventSettings:
     max_bytes: int
 
 
-def _in_thread(action: Callable[[], Result]) -> Future[Result]:
+def _in_thread(action: Callable[[], Returned]) -> Future[Returned]:
     """Begin an action in a thread: a slow disk delays neither reception nor the process's end."""
-    future: Future[Result] = Future()
+    future: Future[Returned] = Future()
 
     def run() -> None:
         try:
@@ -78,10 +78,48 @@ class EventOpening:
     path: Path
     causes: list[RecordedFinding]
     run: Future[OpenedRun]
-    # Begin and end of the event, monotonic [s], and its begin [ns since the epoch].
-    begin: float
-    end: float
+    # Begin and end of the event, monotonic [s].
+    begin_time: float
+    end_time: float
+    # Begin of the event [ns since the epoch].
     time: int
+
+
+class _RunContext:
+    """What every run of an event is told about the time before it: entries, solvers, pauses."""
+
+    def __init__(self, entries: Sequence[RunEntry]) -> None:
+        self._entries = entries
+        # The last parameters of each solver, in the order of time.
+        self._solvers: dict[str, deque[SolverParameters]] = {}
+        # Pauses with the monotonic times of their ends [s].
+        self._pauses: deque[tuple[float, Pause]] = deque()
+
+    def add_solver(self, solver: SolverParameters) -> None:
+        changes = self._solvers.setdefault(solver.node, deque(maxlen=_MAX_SOLVER_CHANGES))
+        changes.append(solver)
+
+    def add_pause(self, pause: Pause) -> None:
+        self._pauses.append((monotonic(), pause))
+
+    def write(self, run: RecordingSession) -> None:
+        """Write it to a new run."""
+        for entry in self._entries:
+            run.put_entry(entry)
+        for changes in self._solvers.values():
+            for solver in changes:
+                run.add_solver(solver)
+        for _, pause in self._pauses:
+            run.add_pause(pause)
+
+    def remove_old(self, since: float) -> None:
+        """Remove pauses and solver parameters that ended before a monotonic time [s]."""
+        while self._pauses and self._pauses[0][0] < since:
+            self._pauses.popleft()
+        earliest = time_ns() - round((monotonic() - since) * 1e9)
+        for changes in self._solvers.values():
+            while len(changes) > 1 and changes[1].time < earliest:
+                changes.popleft()
 
 
 class EventRun(RecordingSession):
@@ -93,16 +131,18 @@ class EventRun(RecordingSession):
     """
 
     def __init__(
-        self, opened: OpenedRun, recording: DropCounters, begin: Counts, end: float
+        self, opened: OpenedRun, drop_counters: DropCounters, first_counts: Counts, end_time: float
     ) -> None:
         run, background = opened
         super().__init__(run, background, self.counts)
-        # Monotonic time of the end [s]; success and a message for the user, from `close` on.
-        self.end = end
-        self.result: Future[tuple[bool, str]] | None = None
-        self.path, self.put_entry = run.path, background.put_entry
-        self._recording, self._begin = recording, begin
-        self._last: Counts | None = None
+        # Monotonic time of the end [s].
+        self.end_time = end_time
+        # Success and a message for the user, from `close` on.
+        self.outcome: Future[tuple[bool, str]] | None = None
+        self.path = run.path
+        self._drop_counters = drop_counters
+        self._first_counts = first_counts
+        self._last_counts: Counts | None = None
         self._pretrigger = Counter[str]()
 
     def write_pretrigger(self, messages: Iterable[Message]) -> None:
@@ -113,11 +153,14 @@ class EventRun(RecordingSession):
 
     def counts(self) -> dict[str, TopicCount]:
         """Return what became of the messages of each topic."""
-        last = self._recording.snapshot() if self._last is None else self._last
-        own = self.counters
+        last = self._last_counts
+        if last is None:
+            last = self._drop_counters.snapshot()
         for name in last:
-            own[name]  # creates missing counters
-        return self._recording.counts_between(self._begin, last, own.counts(), self._pretrigger)
+            self.counters[name]  # creates missing counters
+        return self._drop_counters.counts_between(
+            self._first_counts, last, self.counters.counts(), self._pretrigger
+        )
 
     @property
     def has_failed(self) -> bool:
@@ -126,8 +169,8 @@ class EventRun(RecordingSession):
 
     def close(self) -> None:
         """Begin to finish the run; no more messages may follow."""
-        self._last = self._recording.snapshot()
-        self.result = _in_thread(self.finish)
+        self._last_counts = self._drop_counters.snapshot()
+        self.outcome = _in_thread(self.finish)
 
 
 class EventSession:
@@ -154,23 +197,25 @@ class EventSession:
     ) -> None:
         self.counters = DropCounters(self.stored_counts)
         self.pauses = Pauses(self.counters)
-        self._folder, self._settings = folder, settings
-        self._open_run, self._entries, self._on_status = open_run, entries, on_status
+        self._folder = folder
+        self._settings = settings
+        self._open_run = open_run
+        self._on_status = on_status
+        self._context = _RunContext(entries)
         duration = settings.pre_trigger + _FINDING_DELAY
-        self._rotated = monotonic()
         self._buffer = RingBuffer(
-            duration, settings.max_bytes, self.counters.snapshot, self._rotated
+            duration, settings.max_bytes, self.counters.snapshot, monotonic()
         )
         self._opening: EventOpening | None = None
         self._event: EventRun | None = None
         self._closing: EventRun | None = None
         self._pending_triggers: list[RecordedFinding] = []
-        self._solvers: dict[str, deque[SolverParameters]] = {}
-        self._past_pauses: deque[tuple[float, Pause]] = deque()
+        # The failure of the last event; '' without one.
         self._failure = ''
         self._has_failed = False
+        # Number of events.
         self._count = 0
-        # Of the closed runs.
+        # Messages of the closed runs.
         self._stored = StoredCounts(Counter(), Counter())
 
     def put(self, message: Message) -> None:
@@ -181,14 +226,13 @@ class EventSession:
 
     def add_solver(self, solver: SolverParameters) -> None:
         """Take new parameters of a solver, for every run."""
-        changes = self._solvers.setdefault(solver.node, deque(maxlen=_MAX_SOLVER_CHANGES))
-        changes.append(solver)
+        self._context.add_solver(solver)
         if self._event is not None:
             self._event.add_solver(solver)
 
     def add_pause(self, pause: Pause) -> None:
         """Take a pause that has ended, for the runs that contain it."""
-        self._past_pauses.append((monotonic(), pause))
+        self._context.add_pause(pause)
         if self._event is not None:
             self._event.add_pause(pause)
 
@@ -196,10 +240,10 @@ class EventSession:
         """Take a cause: begin an event, or extend the present one."""
         if self._event is not None:
             self._event.add_finding(finding)
-            self._event.end = self._end()
+            self._event.end_time = self._end_time()
         elif self._opening is not None:
             self._opening.causes.append(finding)
-            self._opening.end = self._end()
+            self._opening.end_time = self._end_time()
         else:
             self._pending_triggers.append(finding)
             self.tick()
@@ -224,14 +268,14 @@ class EventSession:
         now = monotonic()
         if self._opening is not None:
             self._begin_if_open(self._opening, 0.0)
-        if now >= self._rotated + SEGMENT_SECONDS:
-            self._rotated = now
-            self._buffer.rotate(now, self._opening.begin if self._opening else now)
-            self._remove_old(now - self._buffer.buffered_time(now))
-        if self._event is not None and (now >= self._event.end or self._event.has_failed):
-            self._closing, self._event = self._event, None
+        if now >= self._buffer.rotated + SEGMENT_SECONDS:
+            self._buffer.rotate(now, self._opening.begin_time if self._opening else now)
+            self._context.remove_old(now - self._buffer.buffered_time(now))
+        if self._event is not None and (now >= self._event.end_time or self._event.has_failed):
+            self._closing = self._event
+            self._event = None
             self._closing.close()
-        if self._closing is not None and self._closing.result and self._closing.result.done():
+        if self._closing is not None and self._closing.outcome and self._closing.outcome.done():
             self._finalize(self._closing)
         if self._pending_triggers and not (self._opening or self._event or self._closing):
             self._open_event()
@@ -292,13 +336,14 @@ class EventSession:
 
     def _open_event(self) -> None:
         """Open the run of the pending triggers."""
-        causes, self._pending_triggers = self._pending_triggers, []
+        causes = self._pending_triggers
+        self._pending_triggers = []
         path = _unused_path(self._folder, causes[0].check)
         run = _in_thread(partial(self._open_run, path))
-        self._opening = EventOpening(path, causes, run, monotonic(), self._end(), time_ns())
+        self._opening = EventOpening(path, causes, run, monotonic(), self._end_time(), time_ns())
         self._begin_if_open(self._opening, _OPENING_TIMEOUT)
 
-    def _end(self) -> float:
+    def _end_time(self) -> float:
         """Return the end of an event with a cause now."""
         return monotonic() + self._settings.post_trigger + _RECEPTION_DELAY
 
@@ -318,22 +363,18 @@ class EventSession:
     def _begin(self, opened: OpenedRun, opening: EventOpening) -> None:
         """Write metadata, the buffer and the causes to the event's run."""
         self._count += 1
-        buffer, causes = self._buffer, opening.causes
-        event = self._event = EventRun(opened, self.counters, buffer.counters, opening.end)
-        first = next((message.log_time for message in buffer.messages()), opening.time)
-        for entry in self._entries:
-            event.put_entry(entry)
-        for changes in self._solvers.values():
-            for solver in changes:
-                event.add_solver(solver)
-        for _, pause in self._past_pauses:
-            event.add_pause(pause)
-        event.write_pretrigger(buffer.latched(first))
+        buffer = self._buffer
+        causes = opening.causes
+        event = self._event = EventRun(opened, self.counters, buffer.counters, opening.end_time)
+        first_time = next((message.log_time for message in buffer.messages()), opening.time)
+        self._context.write(event)
+        event.write_pretrigger(buffer.latched(first_time))
         for message in buffer.messages():
             event.put(message)
         for cause in causes:
             event.add_finding(cause)
-        buffered, pre_trigger = buffer.buffered_time(opening.begin), self._settings.pre_trigger
+        buffered = buffer.buffered_time(opening.begin_time)
+        pre_trigger = self._settings.pre_trigger
         record = {
             'cause': causes[0].check,
             'time': str(opening.time),
@@ -349,12 +390,14 @@ class EventSession:
             self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
 
     def _finalize(self, event: EventRun) -> None:
-        """Wait for the end of a run, add its counts, and report its result."""
-        if event.result is None:
+        """Wait for the end of a run, add its counts, and report its outcome."""
+        if event.outcome is None:
             return
-        ok, message = event.result.result()
-        self._closing = None if event is self._closing else self._closing
-        self._event = None if event is self._event else self._event
+        ok, message = event.outcome.result()
+        if event is self._closing:
+            self._closing = None
+        if event is self._event:
+            self._event = None
         self._stored = _add_counts(self._stored, event.counts())
         if ok:
             self._failure = ''
@@ -364,21 +407,14 @@ class EventSession:
 
     def _fail(self, text: str) -> None:
         """Report an event that is missing or incomplete."""
-        self._failure, self._has_failed = text, True
+        self._failure = text
+        self._has_failed = True
         self._on_status(False, text)
-
-    def _remove_old(self, since: float) -> None:
-        """Remove pauses and solver parameters that ended before a monotonic time [s]."""
-        while self._past_pauses and self._past_pauses[0][0] < since:
-            self._past_pauses.popleft()
-        earliest = time_ns() - round((monotonic() - since) * 1e9)
-        for changes in self._solvers.values():
-            while len(changes) > 1 and changes[1].time < earliest:
-                changes.popleft()
 
 
 def _add_counts(stored: StoredCounts, counts: Mapping[str, TopicCount]) -> StoredCounts:
-    written, dropped = stored.written.copy(), stored.dropped.copy()
+    written = stored.written.copy()
+    dropped = stored.dropped.copy()
     for name, count in counts.items():
         written[name] += count.written
         dropped[name] += count.dropped
@@ -389,9 +425,11 @@ def _unused_path(folder: Path, cause: str) -> Path:
     """Return a new path, named by time and cause."""
     word = re.sub(r'[^a-z0-9_]', '_', cause.lower())[:40]
     name = f'{datetime.now(timezone.utc):{_NAME_FORMAT}}_{word}'
-    path, number = folder / name, 2
+    path = folder / name
+    number = 2
     while path.exists() or path.is_symlink():
-        path, number = folder / f'{name}_{number}', number + 1
+        path = folder / f'{name}_{number}'
+        number += 1
     return path
 
 

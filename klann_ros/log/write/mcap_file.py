@@ -71,10 +71,20 @@ class _Channel:
 
     def take_entries(self) -> bytes:
         """Return the index of the open chunk as it stands in a file, and begin another one."""
-        entries, self.index = self.index, array('Q')
+        entries = self.index
+        self.index = array('Q')
         if sys.byteorder == 'big':
             entries.byteswap()
         return entries.tobytes()
+
+
+def _check_times(name: str, *times: int) -> None:
+    """Raise an UnwritableError for times [ns] that do not fit into a record."""
+    if min(times) < 0 or max(times) >= _TIME_END:
+        shown = ' and '.join(f'{time} ns' for time in times)
+        raise UnwritableError(
+            f'{printable(name)}: the times {shown} must be within 0 and 2^64 - 1 ns'
+        )
 
 
 class McapFile(DurableFile):
@@ -120,12 +130,11 @@ class McapFile(DurableFile):
         """Add a message; see :meth:`klann_ros.log.write.writer.RunWriter.write`."""
         if self.failure is not None:
             raise self.failure
-        topic, log_time, data = message.topic, message.log_time, message.data
+        topic = message.topic
+        log_time = message.log_time
+        data = message.data
         if not (0 <= log_time < _TIME_END and 0 <= message.publish_time < _TIME_END):
-            raise UnwritableError(
-                f'{printable(topic.name)}: the times {log_time} ns and '
-                f'{message.publish_time} ns must be within 0 and 2^64 - 1 ns'
-            )
+            _check_times(topic.name, log_time, message.publish_time)
         if topic is not self._last_topic:
             # Cache: the lookup costs as much as writing, and the topic rarely changes.
             self._last_channel = self._channels.get(topic) or self._add_channel(message)
@@ -156,17 +165,24 @@ class McapFile(DurableFile):
     def attach(self, attachment: Attachment) -> None:
         """Add an attachment."""
         self.raise_failure()
-        times = log_time, create_time = attachment.log_time, attachment.create_time
-        if min(times) < 0 or max(times) >= _TIME_END:
-            raise UnwritableError(
-                f'{printable(attachment.name)}: the times {log_time} ns and '
-                f'{create_time} ns must be within 0 and 2^64 - 1 ns'
-            )
-        name, kind, data = attachment.name, attachment.media_type, attachment.data
+        _check_times(attachment.name, attachment.log_time, attachment.create_time)
         offset = self.size
-        record = AttachmentRecord(create_time, log_time, name, kind, data)
-        length = self.append(encoded(record))
-        index = AttachmentIndex(offset, length, log_time, create_time, len(data), name, kind)
+        record = AttachmentRecord(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
+        index = AttachmentIndex(
+            offset,
+            self.append(encoded(record)),
+            attachment.log_time,
+            attachment.create_time,
+            len(attachment.data),
+            attachment.name,
+            attachment.media_type,
+        )
         self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
 
     def add_metadata(self, name: str, mapping: Mapping[str, str]) -> None:
@@ -187,7 +203,8 @@ class McapFile(DurableFile):
         self.raise_failure()
         self._finish_chunk()
         self.append(encoded(DataEnd(0)))
-        counts = {each.number: each.count for each in self._channels.values() if each.number}
+        registered = (channel for channel in self._channels.values() if channel.number)
+        counts = {channel.number: channel.count for channel in registered}
         times = self._start_time, self._end_time
         self.append(encoded_end(self.size, self._summary, counts, times))
         self.sync()
@@ -236,33 +253,40 @@ class McapFile(DurableFile):
         undecodable without the repetition.
         """
         key = (topic.type, topic.schema_encoding, topic.definition)
-        schemas, channels = self._summary[Opcode.SCHEMA], self._summary[Opcode.CHANNEL]
-        data = b''
+        definitions = b''
         if any((topic.type, topic.definition)) and key not in self._schemas:
             self._schemas[key] = len(self._schemas) + 1
-            definition = topic.definition.encode()
-            schema = Schema(self._schemas[key], definition, topic.schema_encoding, topic.type)
-            data = encoded(schema)
-            schemas.append(data)
-        number, encoding = len(channels) + 1, topic.message_encoding
-        record = Channel(number, topic.name, encoding, channel.metadata, self._schemas.get(key, 0))
+            text = topic.definition.encode()
+            schema = Schema(self._schemas[key], text, topic.schema_encoding, topic.type)
+            definitions = encoded(schema)
+            self._summary[Opcode.SCHEMA].append(definitions)
+        channels = self._summary[Opcode.CHANNEL]
+        record = Channel(
+            id=len(channels) + 1,
+            topic=topic.name,
+            message_encoding=topic.message_encoding,
+            metadata=channel.metadata,
+            schema_id=self._schemas.get(key, 0),
+        )
         channels.append(encoded(record))
-        data += channels[-1]
-        self._chunk += data
-        self.append(data)
-        channel.number = number
+        definitions += channels[-1]
+        self._chunk += definitions
+        self.append(definitions)
+        channel.number = record.id
 
     def _finish_chunk(self) -> None:
         """Write the open chunk and its message indexes, unless it has no message."""
         indexed = [channel for channel in self._channels.values() if channel.index]
         if not indexed:
             return
-        data, packed = self._chunk, (self._compression, self._compress(self._chunk))
+        compression = self._compression, self._compress(self._chunk)
         first = min(min(channel.index[::2]) for channel in indexed)
         last = max(max(channel.index[::2]) for channel in indexed)
         entries = {channel.number: channel.take_entries() for channel in indexed}
         start = self.size
-        chunk, indexes, index = encoded_chunk(start, data, packed, (first, last), entries)
+        chunk, indexes, index = encoded_chunk(
+            start, self._chunk, compression, (first, last), entries
+        )
         self._chunk = bytearray()
         # Before writing, which may flush.
         while len(self._ends) > 1 and self._ends[1][0] <= self.synced_size:

@@ -118,15 +118,18 @@ class RecordingSession:
         background: BackgroundWriter,
         counts: Callable[[], Mapping[str, TopicCount]] | None = None,
     ) -> None:
-        self._writer, self._background = writer, background
-        self.put, self.counters = background.put, background.counters
+        self._writer = writer
+        self._background = background
+        self.put = background.put
+        self.put_entry = background.put_entry
+        self.counters = background.counters
         self.pauses = Pauses(self.counters)
         self._counts = counts or self.counters.counts
         self._findings = 0
 
     def add_solver(self, solver: SolverParameters) -> None:
         """Write the new parameters of a solver."""
-        self._background.put_entry(partial(_write_solver, solver))
+        self.put_entry(partial(_write_solver, solver))
 
     def split(self) -> tuple[bool, str]:
         """Begin a new file; return whether that was done, and its name or the reason."""
@@ -137,14 +140,14 @@ class RecordingSession:
     def add_pause(self, pause: Pause) -> None:
         """Write a pause to the run, after all messages received in it were read."""
         record = pause_record(pause)
-        self._background.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
+        self.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
 
     def add_finding(self, finding: RecordedFinding) -> None:
         """Write a finding to the run, up to MAX_FINDINGS."""
         if self._findings < MAX_FINDINGS:
             self._findings += 1
             record = finding_record(finding)
-            self._background.put_entry(lambda run: run.add_metadata(FINDING_RECORD, record))
+            self.put_entry(lambda run: run.add_metadata(FINDING_RECORD, record))
 
     def state(self) -> RecordingState:
         """Return the present state."""
@@ -208,16 +211,16 @@ def losses_in_words(counts: Mapping[str, TopicCount]) -> str:
         name for name, count in counts.items() if count.departed and count.missed is not None
     ]
     at_least = ' at least' if unknown or departed else ''
-    parts = [f'{lost} {verb(lost, "was", "were")} lost{at_least}']
+    clauses = [f'{lost} {verb(lost, "was", "were")} lost{at_least}']
     if early:
         were = verb(early, 'was', 'were')
-        parts.append(f'{early} {were} sent before the recorder discovered their publishers')
+        clauses.append(f'{early} {were} sent before the recorder discovered their publishers')
     if departed:
         number = sum(counts[name].departed for name in departed)
         publishers = counted(number, 'publisher')
         topics = listed(departed, _MAX_NAMED_TOPICS)
-        parts.append(f'{publishers} left ({topics}): losses at their end cannot be detected')
+        clauses.append(f'{publishers} left ({topics}): losses at their end cannot be detected')
     if unknown:
         topics = listed(unknown, _MAX_NAMED_TOPICS)
-        parts.append(f'the loss of {topics} is unknown: {_UNKNOWN_LOSS}')
-    return '; '.join(parts)
+        clauses.append(f'the loss of {topics} is unknown: {_UNKNOWN_LOSS}')
+    return '; '.join(clauses)

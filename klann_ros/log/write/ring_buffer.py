@@ -44,12 +44,16 @@ class RingBuffer:
         self, duration: float, max_bytes: int, snapshot: Callable[[], Counts], now: float
     ) -> None:
         self.evicted = 0
-        self._duration, self._max_bytes, self._snapshot = duration, max_bytes, snapshot
-        self._now = self._newest = now
+        # Time of the last rotation.
+        self.rotated = now
+        self._duration = duration
+        self._max_bytes = max_bytes
+        self._snapshot = snapshot
+        self._newest = now
         self._max_segment_size = max(max_bytes // _MIN_SEGMENTS, 1)
         self._segments = deque([Segment(now, snapshot())])
         self._segment = self._segments[-1]
-        # Of the finished segments [bytes].
+        # Memory of the finished segments [bytes].
         self._size = 0
         self._latched = _LatchedMessages(round(_LATCHED_SHARE * max_bytes))
 
@@ -59,7 +63,7 @@ class RingBuffer:
         segment.messages.append(message)
         segment.size += len(message.data) + MESSAGE_OVERHEAD
         if segment.size > self._max_segment_size:
-            self.rotate(self._now, self._newest)
+            self.rotate(self.rotated, self._newest)
 
     def rotate(self, now: float, newest: float) -> None:
         """
@@ -67,7 +71,8 @@ class RingBuffer:
 
         The buffer's duration counts back from ``newest``.
         """
-        self._now, self._newest = now, newest
+        self.rotated = now
+        self._newest = newest
         self._size += self._segment.size
         self._segment = Segment(now, self._snapshot())
         self._segments.append(self._segment)
@@ -112,17 +117,18 @@ class _LatchedMessages:
     """The last messages of latched topics, which publishers repeat to late subscribers."""
 
     def __init__(self, max_bytes: int) -> None:
-        self._max_bytes, self._size = max_bytes, 0
+        self._max_bytes = max_bytes
+        self._size = 0
         # By identity, as comparing topics is slow; the stored topic keeps the id valid.
         self._is_latched: dict[int, tuple[Topic, bool]] = {}
         self._queues: dict[str, deque[Message]] = {}
 
     def add(self, message: Message) -> None:
         topic = message.topic
-        known = self._is_latched.get(id(topic))
-        if known is None:
-            known = self._is_latched[id(topic)] = topic, 'transient_local' in topic.qos
-        if not known[1]:
+        if id(topic) not in self._is_latched:
+            self._is_latched[id(topic)] = topic, 'transient_local' in topic.qos
+        _, is_latched = self._is_latched[id(topic)]
+        if not is_latched:
             return
         queue = self._queues.setdefault(topic.name, deque())
         queue.append(message)

@@ -63,9 +63,12 @@ class RunContent:
     def drop_finished(self, files: Sequence[tuple[FileSummary, int]]) -> 'RunContent':
         """Return the content without some of the finished files."""
         lost = sum((_by_name(summary.counts) for summary, _ in files), Counter[str]())
-        finished = tuple(file for file in self.finished if file not in files)
-        written, dropped = self.written - lost, self.dropped + lost
-        return replace(self, finished=finished, written=written, dropped=dropped)
+        return replace(
+            self,
+            finished=tuple(file for file in self.finished if file not in files),
+            written=self.written - lost,
+            dropped=self.dropped + lost,
+        )
 
 
 def _by_name(counts: Mapping[Topic, int]) -> Counter[str]:
@@ -112,7 +115,8 @@ class RunFolder:
 
     def _close(self) -> None:
         self.release_reserve()
-        descriptor, self._descriptor = self._descriptor, -1
+        descriptor = self._descriptor
+        self._descriptor = -1
         if descriptor >= 0:
             os.close(descriptor)
 
@@ -149,8 +153,8 @@ class RunFolder:
     def next_number(self, last: int) -> int:
         """Return a number above the last one and those of all existing files."""
         pattern = re.compile(re.escape(self.path.name) + r'_([0-9]+)\.mcap')
-        found = (pattern.fullmatch(path.name) for path in self.path.iterdir())
-        return max(last, *(int(match[1]) for match in found if match), -1) + 1
+        matches = (pattern.fullmatch(path.name) for path in self.path.iterdir())
+        return max(last, *(int(match[1]) for match in matches if match), -1) + 1
 
     def has_file(self, name: str, size: int) -> bool:
         """Return whether a file has its size [bytes], as far as that is visible."""

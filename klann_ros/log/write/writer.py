@@ -341,9 +341,9 @@ class RunWriter(AbstractContextManager['RunWriter']):
             return
         self._content = self._content.drop_finished(lost)
         names = ', '.join(summary.name for summary, _ in lost[:3])
-        others = f' and {len(lost) - 3} more' if len(lost) > 3 else ''
+        further = f' and {len(lost) - 3} more' if len(lost) > 3 else ''
         count = counted(sum(summary.message_count for summary, _ in lost), 'message')
-        text = f'finished files are gone or changed: {names}{others}, with {count}'
+        text = f'finished files are gone or changed: {names}{further}, with {count}'
         self.faults.add(_FINISHED, text)
         self._write_metadata_yaml()
 
@@ -380,7 +380,8 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def _drop_current(self, fault: FileFault) -> str:
         """Take the file in progress out of the run; return the text of the fault."""
-        path, count = self.file.path, self.file.received().message_count
+        path = self.file.path
+        count = self.file.received().message_count
         self._content = self._content.drop_current(self.file)
         loss = f'{counted(count, "message")} {verb(count, "counts", "count")} as lost'
         text = f'{path.name} {fault.value} while it was recorded: its {loss}'
