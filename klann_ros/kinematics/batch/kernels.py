@@ -19,7 +19,8 @@ from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .program import Operation, Program
+from .operations import Operation
+from .program import Program
 
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch of
 # this size is unlikely to be the only one [poses].
@@ -139,14 +140,14 @@ def _schedule(program: Program, results: tuple[str, ...]) -> _Schedule:
     places |= {f'k{k}': 2 + k for k in range(len(program.constants))}
     first = len(places)
     needed = _needed(program, results)
-    last_use = {name: at for at, step in enumerate(needed) for name in (step.one, step.other)}
+    last_use = {name: at for at, step in enumerate(needed) for name in (step.left, step.right)}
     last_use |= dict.fromkeys(results, len(needed))
     free: list[int] = []
     count = 0
     steps = []
     for at, step in enumerate(needed):
-        read = [places[name] for name in (step.one, step.other) if name]
-        last = [n for n in dict.fromkeys((step.one, step.other)) if n and last_use[n] == at]
+        read = [places[name] for name in (step.left, step.right) if name]
+        last = [n for n in dict.fromkeys((step.left, step.right)) if n and last_use[n] == at]
         # An operand in its last use may be overwritten at once.
         free += [places[name] for name in last if places[name] >= first]
         if not free:
@@ -163,7 +164,7 @@ def _needed(program: Program, results: Sequence[str]) -> list[Operation]:
     wanted, found = {*results}, list[Operation]()
     for step in reversed(program.operations):
         if step.name in wanted:
-            wanted |= {step.one, step.other}
+            wanted |= {step.left, step.right}
             found.append(step)
     return found[::-1]
 
@@ -212,9 +213,7 @@ def _source(program: Program, groups: Sequence[Sequence[str]]) -> str:
     """Return the source of the function; it contains only indices and operators."""
     constants = [f'k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
     steps = ['cos = own_cosines[j]', 'sin = own_sines[j]']
-    for name, operator, one, other in program.operations:
-        value = f'{one} {operator} {other}' if other else f'{operator}({one})'
-        steps.append(f'{name} = {value}')
+    steps += map(str, program.operations)
     results = [*chain(*groups)]
     # Separate rows let the compiler vectorise the loop. It cannot tell many of them apart, but the
     # parts of a strip, whose distances it knows.

@@ -15,12 +15,43 @@ linkage's constants
     f0 = T_b / W_b + k / 2,    f1 = k K,    f2 = i s k,    k = T_a / W_a - T_b / W_b.
 
 The next dyad's M and the foot are a constant, the crank's part, and such products. They follow
-from the structure alone, so it is compiled once; the kernels run the operations. The derivative of
-a program by the crank angle is a program too: each operation is followed by its rule.
+from the structure alone, so it is compiled once; the kernels run the operations. The program of a
+four-bar has 24. Its foot is the joint; `cos` and `sin` are those of the crank angle:
 
-Derivatives of a coordinate y by the dimensions are found by the adjoint method: one pass over the
-dyads, the last first, serves all dimensions. A rotation of body j changes y by g_j. A dyad with
-the links A = W_a u_a and B = W_b u_b follows an opening r of its loop by the rotations
+>>> from klann_ros.kinematics import FourBar
+>>> print(compile_program(FourBar(180, 80, 200, 150).linkage.structure, links=False))
+k0 = crank.x; k1 = fixed.x; k2 = fixed.y; k3 = half; k4 = folded; k5 = stretched
+k6 = f1.x; k7 = f2.y; k8 = f0.x; k9 = fixed.x; k10 = fixed.y
+t0 = cos * k0
+t1 = sin * k0
+t2 = t0 + k1
+t3 = t1 + k2
+t4 = t2 * t2
+t5 = t3 * t3
+t6 = t4 + t5
+t7 = k3 / t6
+t8 = t6 - k4
+t9 = k5 - t6
+t10 = t9 * t8
+t11 = sqrt(t10)
+t12 = k7 * t11
+t13 = k6 * t7
+t14 = t12 * t7
+t15 = t13 + k8
+t16 = t2 * t15
+t17 = t3 * t14
+t18 = t16 - t17
+t19 = t3 * t15
+t20 = t2 * t14
+t21 = t19 + t20
+t22 = t18 + k9
+t23 = t21 + k10
+foot = (t22, t23)
+
+The derivative of a program by the crank angle is a program too: each operation is followed by its
+rule. Derivatives of a coordinate y by the dimensions are found by the adjoint method: one pass
+over the dyads, the last first, serves all dimensions. A rotation of body j changes y by g_j. A
+dyad with the links A = W_a u_a and B = W_b u_b follows an opening r of its loop by the rotations
 -(B . r) / D and (A . r) / D, D = A x B, which change y by
 
     m . r,    m = (g_b A - g_a B) / D,
@@ -31,7 +62,8 @@ these add m . (i W_j u_j) to their g_j. So dy is the direct part of y, plus m . 
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set as AbstractSet
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
+from itertools import chain
 from sys import float_info
 from typing import Any, NamedTuple
 
@@ -42,29 +74,15 @@ from klann_ros.kinematics.linkage.structure import Dimension, Structure
 from klann_ros.kinematics.linkage.topology import Path
 import numpy as np
 
-# The name of a real number in a program; None if it is 0 for every linkage of the structure.
-Number = str | None
-# A number that is 1: a factor that costs no operation.
-ONE = '1'
-Components = tuple[Number, Number]
+from .operations import Constant, Number, Operation, Recorder, Vector
+
+# The names of the coordinates of a vector.
 Pair = tuple[str, str]
-Bars = tuple[tuple[int, int], ...]
-# Computes one constant of n linkages, shape (n,).
-Constant = Callable[['PathTerms'], Any]
-
-
-class Operation(NamedTuple):
-    """`name` = `one` OP `other`, where OP is + - * / or sqrt, which has no `other`."""
-
-    name: str
-    operator: str
-    one: str
-    other: str = ''
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """The operations that compute poses, and the names of the results."""
+    """The operations that compute poses, and the names of what they compute."""
 
     # In order; 'cos' and 'sin' are the crank's, 'k0', 'k1', ... the constants.
     operations: tuple[Operation, ...]
@@ -75,15 +93,21 @@ class Program:
     distances: tuple[str, ...]
     # W_a u_a and W_b u_b of each dyad; empty for a program of the foot alone.
     links: tuple[Pair, ...]
-    # Coordinates of each point; empty as above.
+    # Coordinates of each point; empty for a program of the foot alone.
     points: tuple[Pair, ...]
-    # The cross product of each dyad's links, its determinant; empty likewise.
+    # The cross product of each dyad's links, its determinant; empty for the foot alone.
     determinants: tuple[str, ...]
     # Derivatives of the requested quantities by the dimensions: of 'h', shape (2, d), of 'points',
     # shape (p, 2, d), and of 'angles', shape (n - 1, d), as flat lists.
     gradients: dict[str, tuple[str, ...]]
-    # The derivative of each number by the crank angle, if requested.
+    # The derivative by the crank angle of each number that is named above, if requested.
     rates: dict[str, str]
+
+    def __str__(self) -> str:
+        """Return the program as text: the roles of the constants, the operations, the foot."""
+        roles = [f'k{k} = {constant.role}' for k, constant in enumerate(self.constants)]
+        lines = ['; '.join(roles[slice(k, k + 6)]) for k in range(0, len(roles), 6)]
+        return '\n'.join([*lines, *map(str, self.operations), f'foot = ({", ".join(self.foot)})'])
 
 
 class PathTerms:
@@ -97,7 +121,10 @@ class PathTerms:
     def __init__(
         self, structure: Structure, pivots: Sequence[Any], bars: Sequence[Any], signs: FloatArray
     ) -> None:
-        self._structure, self._pivots, self.bars, self.signs = structure, pivots, bars, signs
+        self._structure = structure
+        self._pivots = pivots
+        self.bars = bars
+        self.signs = signs
         self._rows: dict[Path, tuple[Mapping[int, Any], Any]] = {}
 
     def body(self, path: Path, j: int) -> Any:
@@ -110,24 +137,33 @@ class PathTerms:
 
     def derivative(self, dimension: Dimension, bars: Sequence[int]) -> Any:
         """Return the derivative of a sum of bars by a dimension."""
-        _, moved = vector_derivatives(self._structure, self.bars, [dimension])
-        return moved[[*bars], 0].sum(axis=0)
+        _, bar_derivatives = vector_derivatives(self._structure, self.bars, [dimension])
+        return bar_derivatives[[*bars], 0].sum(axis=0)
 
     def links(self, k: int) -> tuple[Any, Any]:
         """Return W_a and W_b of a dyad."""
         a, b = self._structure.groups[k]
-        (loop,) = self._structure.paths.rows[k]
-        path = self._structure.paths.loops[loop]
+        path = self._structure.dyad_loop(k)
         return self.body(path, a), self.body(path, b)
+
+    def link_lengths(self, k: int) -> tuple[Any, Any]:
+        """Return r_a and r_b of a dyad [m]."""
+        w_a, w_b = self.links(k)
+        return np.abs(w_a), np.abs(w_b)
+
+    def excess(self, k: int) -> Any:
+        """Return K = (r_a - r_b) (r_a + r_b) of a dyad [m^2]."""
+        r_a, r_b = self.link_lengths(k)
+        return (r_a - r_b) * (r_a + r_b)
 
     def singular_determinant(self, k: int) -> Any:
         """Return the threshold of |D| of a dyad for singularity: see `Block.singular_sine`."""
-        (loop,) = self._structure.paths.rows[k]
-        bodies, fixed = self._row(self._structure.paths.loops[loop])
-        longest = np.max(np.broadcast_arrays(np.abs(fixed), *map(np.abs, bodies.values())), axis=0)
-        one, other = (np.abs(link) for link in self.links(k))
-        sine = np.sqrt(8.0 * float_info.epsilon * longest / np.minimum(one, other))
-        return sine * one * other
+        bodies, constant = self._row(self._structure.dyad_loop(k))
+        vectors = np.broadcast_arrays(np.abs(constant), *map(np.abs, bodies.values()))
+        longest = np.max(vectors, axis=0)
+        r_a, r_b = self.link_lengths(k)
+        sine = np.sqrt(8.0 * float_info.epsilon * longest / np.minimum(r_a, r_b))
+        return sine * r_a * r_b
 
     def _row(self, path: Path) -> tuple[Mapping[int, Any], Any]:
         if path not in self._rows:
@@ -149,422 +185,341 @@ def compile_program(
     With `links` it also computes the links and the points, with `gradients` the derivatives by the
     dimensions of some of 'h', 'points' and 'angles', and with `rates` those by the crank angle.
     """
-    wanted = sorted(gradients)
-    return _Compiler(structure).program(links or bool(wanted), wanted, rates=rates)
+    names = sorted(gradients)
+    return _Compiler(structure).program(links or bool(names), names, rates=rates)
+
+
+class _PlacedDyad(NamedTuple):
+    """The numbers of a dyad: M, d, w and r."""
+
+    span: Vector
+    distance: Number
+    w: Number
+    r: Number
+
+
+# A path whose opening r changes a coordinate y by m . r, and m.
+Arm = tuple[Path, Vector]
 
 
 class _Compiler:
-    """Generates operations; a number that is 0 for the whole structure costs none."""
+    """Records the operations of a program."""
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
         self._paths = structure.paths
-        self._operations: list[Operation] = []
-        self._constants: list[Constant] = []
-        self._spans: list[Pair] = []
-        self._roots: list[Pair] = []
-        self._links: list[Pair] = []
-        # The dyad of each body but the crank, and its side.
-        self._sides = {j: (k, s) for k, g in enumerate(structure.groups) for s, j in enumerate(g)}
-        # Operations and constants that are there already.
-        self._known: dict[Hashable, str] = {}
+        self._recorder = Recorder()
+        sin = Number(self._recorder, 'sin', structure.senses[0])
+        # u_0 of the crank, W_j u_j of each body of a dyad.
+        self._vectors = {0: Vector(Number(self._recorder, 'cos'), sin)}
+        self._dyads: list[_PlacedDyad] = []
+        self._dyad_of = {j: k for k, group in enumerate(structure.groups) for j in group}
 
     def program(self, links: bool, gradients: Sequence[str], *, rates: bool) -> Program:
-        distances = []
-        for k, (loop,) in enumerate(self._paths.rows):
+        for k, group in enumerate(self._structure.groups):
             # M = W_a u_a + W_b u_b is minus the rest of the loop.
-            path = Path((), ()).plus(self._paths.loops[loop], -1)
-            m = self._sum(self._shortest(path, k), range(k), self._structure.groups[k])
-            distance, w, r = self._close(k, m)
-            distances.append(distance)
-            self._spans.append(m)
-            self._roots.append((w, r))
+            path = Path((), ()).plus(self._structure.dyad_loop(k), -1)
+            self._dyads.append(self._close(k, self._end(self._shortest(path), group)))
             if links:
-                self._links += self._link_pair(k, m, w, r)
-        names, foot = self._structure.points, self._structure.foot
-        blocks = range(len(self._paths.rows))
-        path = self._shortest(self._paths.points[names.index(foot)], len(blocks))
-        ends = self._sum(path, blocks, ())
-        points = [
-            ends if name == foot else self._point(self._shortest(path, len(blocks)))
-            for name, path in (zip(names, self._paths.points, strict=True) if links else ())
-        ]
-        found = {name: tuple(self._gradient(name)) for name in gradients}
-        determinants = [self._determinant(k) for k in blocks] if links else ()
-        derivatives = self._rates() if rates else {}
-        return Program(
-            operations=tuple(self._operations),
-            constants=tuple(self._constants),
-            foot=ends,
-            distances=tuple(distances),
-            links=tuple(self._links),
-            points=tuple(points),
-            determinants=tuple(determinants),
-            gradients=found,
-            rates=derivatives,
-        )
+                self._place_links(k)
+        foot = self._end(self._shortest(self._paths.points[self._foot]), ())
+        points = [self._point(n, foot) for n in range(len(self._paths.points))] if links else []
+        derivatives = {name: list(self._gradient(name)) for name in gradients}
+        determinants = [self._determinant(k) for k in range(len(self._dyads))] if links else []
+        output = self._recorder.output
+        outputs: dict[str, Any] = {
+            'foot': self._outputs(foot),
+            'distances': tuple(output(dyad.distance) for dyad in self._dyads),
+            'links': tuple(self._outputs(self._vectors[j]) for j in self._dyad_of if links),
+            'points': tuple(map(self._outputs, points)),
+            'determinants': tuple(map(output, determinants)),
+            'gradients': {name: tuple(map(output, some)) for name, some in derivatives.items()},
+        }
+        rate_names: dict[str, str] = {}
+        if rates:
+            rates_of = self._rates()
+            pairs = (outputs['foot'], *outputs['links'], *outputs['points'])
+            for name in chain(*pairs, *outputs['gradients'].values()):
+                rate_names[name] = output(rates_of.get(name, self._recorder.zero))
+        operations = tuple(self._recorder.operations)
+        return Program(operations, tuple(self._recorder.constants), **outputs, rates=rate_names)
 
-    def _rates(self) -> dict[str, str]:
-        """Append the derivatives of all numbers by the crank angle; return their names."""
-        found: dict[str, Number] = {f'k{k}': None for k in range(len(self._constants))}
-        found |= {'sin': 'cos', 'cos': self._add(None, 'sin', '-')}
-        for name, operator, one, other in self._operations[:]:
-            d_one, d_other = found.get(one), found.get(other)
-            if operator in '+-':
-                found[name] = self._add(d_one, d_other, operator)
-            elif operator == '*':
-                left = self._times(d_one, other)
-                right = left if one == other else self._times(one, d_other)
-                found[name] = self._add(left, right)
-            elif operator == '/':
+    def _outputs(self, vector: Vector) -> Pair:
+        return self._recorder.output(vector.x), self._recorder.output(vector.y)
+
+    def _rates(self) -> dict[str, Number]:
+        """Record the derivatives by the crank angle of all numbers that change with it."""
+        recorder = self._recorder
+        sin, cos = Number(recorder, 'sin'), Number(recorder, 'cos')
+        rates: dict[str, Number] = {'sin': cos, 'cos': -sin}
+        for operation in recorder.operations[:]:
+            computed, left, right = (
+                Number(recorder, name)
+                for name in (operation.name, operation.left, operation.right)
+            )
+            left_rate = rates.get(left.name, recorder.zero)
+            right_rate = rates.get(right.name, recorder.zero)
+            if operation.operator == '+':
+                rate = left_rate + right_rate
+            elif operation.operator == '-':
+                rate = left_rate - right_rate
+            elif operation.operator == '*':
+                term = left_rate * right
+                rate = term + (term if left == right else left * right_rate)
+            elif operation.operator == '/':
                 # (a / b)' = (a' - (a / b) b') / b
-                above = self._add(d_one, self._times(name, d_other), '-')
-                found[name] = above and self._apply('/', above, other)
+                rate = (left_rate - computed * right_rate) / right
             else:
-                found[name] = d_one and self._apply('/', d_one, self._apply('+', name, name))
-        return {name: rate or self._zero for name, rate in found.items()}
+                rate = left_rate / (computed + computed)
+            rates[operation.name] = rate
+        return rates
 
     # Paths.
 
-    def _shortest(self, path: Path, blocks: int) -> Path:
-        """Return the path with the same ends over the fewest bodies, by closed loops."""
-        loops = [self._paths.loops[rows[0]] for rows in self._paths.rows[:blocks]]
-        others = [path.plus(loop, sign) for loop in reversed(loops) for sign in (1, -1)]
-        best = min([path, *others], key=self._cost)
-        return path if self._cost(best) >= self._cost(path) else self._shortest(best, blocks)
+    @property
+    def _foot(self) -> int:
+        return self._structure.points.index(self._structure.foot)
+
+    def _shortest(self, path: Path) -> Path:
+        """Return the path with the same ends over the fewest bodies, by loops already closed."""
+        detours = [path]
+        for k in reversed(range(len(self._dyads))):
+            loop = self._structure.dyad_loop(k)
+            detours += [path.plus(loop), path.plus(loop, -1)]
+        best = min(detours, key=self._cost)
+        return path if self._cost(best) >= self._cost(path) else self._shortest(best)
 
     def _cost(self, path: Path) -> tuple[int, int]:
-        bodies = {self._structure.bars[bar][0] for bar, _ in path.bars}
-        blocks = [k for k, group in enumerate(self._structure.groups) if bodies & {*group}]
-        return len(blocks) + (0 in bodies), len(path.bars)
+        """Return the number of blocks along a path, the crank's included, and that of its bars."""
+        blocks = {self._dyad_of.get(j, -1) for j in self._bodies(path)}
+        return len(blocks), len(path.bars)
 
-    def _sum(self, path: Path, blocks: Sequence[int], without: Sequence[int]) -> tuple[str, str]:
-        """Return a path's vector: the crank's part, the dyads', and a constant."""
-        x, y = self._crank(path)
-        for k in blocks:
-            bodies = {self._structure.bars[bar][0] for bar, _ in path.bars}
-            if bodies & {*self._structure.groups[k]} - {*without}:
-                u, v = self._product(self._spans[k], self._factor(k, path))
-                x, y = self._add(x, u), self._add(y, v)
-        fixed = (
-            self._constant(lambda n: np.real(n.fixed(path))),
-            self._constant(lambda n: np.imag(n.fixed(path))),
-        )
-        x, y = self._add(x, fixed[0]), self._add(y, fixed[1])
-        return x or fixed[0], y or fixed[1]
+    def _end(self, path: Path, without: Sequence[int]) -> Vector:
+        """Return a path's vector: the crank's part, that of the dyads, and a constant."""
+        end = self._crank_part(path)
+        bodies = {*self._bodies(path)} - {*without}
+        for k, dyad in enumerate(self._dyads):
+            if bodies & {*self._structure.groups[k]}:
+                end += dyad.span * self._factor(k, path)
+        return end + self._fixed(path)
 
-    def _point(self, path: Path) -> Pair:
-        """Return the end of a path, by the crank and the links of the dyads."""
-        x, y = (
-            self._constant(lambda n: np.real(n.fixed(path))),
-            self._constant(lambda n: np.imag(n.fixed(path))),
-        )
+    def _point(self, number: int, foot: Vector) -> Vector:
+        """Return a point, by the crank and the links of the dyads."""
+        if number == self._foot:
+            return foot
+        path = self._shortest(self._paths.points[number])
+        point = self._fixed(path)
         for j in self._bodies(path):
-            (u, v), sign = self._vector(path, j)
-            x, y = self._apply(sign, x, u), self._apply(sign, y, v)
-        return x, y
+            point += self._body_part(path, j)
+        return point
+
+    def _fixed(self, path: Path) -> Vector:
+        return self._recorder.vector('fixed', lambda terms: terms.fixed(path), path)
 
     def _bodies(self, path: Path) -> list[int]:
         """Return the bodies along a path."""
         return sorted({self._structure.bars[bar][0] for bar, _ in path.bars})
 
-    def _bars(self, path: Path, j: int) -> Bars:
-        return tuple(item for item in path.bars if self._structure.bars[item[0]][0] == j)
+    def _bars(self, path: Path, j: int) -> list[tuple[int, int]]:
+        """Return the bars of a body along a path, with their signs."""
+        return [(bar, sign) for bar, sign in path.bars if self._structure.bars[bar][0] == j]
 
-    def _vector(self, path: Path, j: int) -> tuple[Pair, str]:
-        """Return the vector of a body in a path up to the sign of its first bar, and this sign."""
-        first = ''
-        x: Number = None
-        y: Number = None
+    def _is_straight(self, path: Path, bodies: Sequence[int]) -> bool:
+        """Return whether a path follows the first bars of some bodies alone."""
+        bars = {bar for j in bodies for bar, _ in self._bars(path, j)}
+        return bars <= self._structure.straight
+
+    def _body_part(self, path: Path, j: int) -> Vector:
+        """Return what a body adds to a path."""
+        part = Vector(self._recorder.zero, self._recorder.zero)
         for bar, times in self._bars(path, j):
-            (u, v), sign = self._bar(bar)
-            own = '-+'[(sign == '+') == (times > 0)]
-            first = first or own
+            vector = self._bar(bar)
             for _ in range(abs(times)):
-                x, y = (self._add(*pair, '-+'[own == first]) for pair in ((x, u), (y, v)))
-        return (x or self._zero, y or self._zero), first
+                part = part + vector if times > 0 else part - vector
+        return part
 
-    def _bar(self, bar: int) -> tuple[Pair, str]:
-        """Return the vector of a bar up to a sign, and this sign."""
+    def _bar(self, bar: int) -> Vector:
+        """Return the vector of a bar."""
         j = self._structure.bars[bar][0]
         if j:
-            k, side = self._sides[j]
-            link = self._bars(self._loop(k), j)
-            if {*link} <= {(bar, 1), (bar, -1)}:
-                return self._links[2 * k + side], '+-'[link[0][1] < 0]
+            link = self._bars(self._structure.dyad_loop(self._dyad_of[j]), j)
+            if len(link) == 1 and link[0] in {(bar, 1), (bar, -1)}:
+                return self._vectors[j].scaled(self._recorder.one.with_sign(link[0][1]))
         is_straight = bar in self._structure.straight
-        return self._fixed_vector(lambda n: n.bars[bar], j, bar, real=is_straight), '+'
+        return self._fixed_vector(lambda terms: terms.bars[bar], j, bar, is_straight=is_straight)
 
-    def _fixed_vector(self, w: Constant, j: int, key: Hashable, *, real: bool) -> Pair:
+    def _fixed_vector(
+        self, w: Callable[[PathTerms], Any], j: int, key: Hashable, *, is_straight: bool
+    ) -> Vector:
         """Return the vector w u_j, which is fixed to a body."""
         if j == 0:
-            return self._rotated(w, key, real=real)
-        k, side = self._sides[j]
+            axes = 'x' if is_straight else 'xy'
+            return self._vectors[0] * self._recorder.vector('crank', w, key, axes=axes)
+        k = self._dyad_of[j]
+        side = self._structure.groups[k].index(j)
+        is_real = is_straight and self._is_straight(self._structure.dyad_loop(k), [j])
+        ratio = self._recorder.vector(
+            'ratio', lambda terms: w(terms) / terms.links(k)[side], key, axes='xy'[: 2 - is_real]
+        )
+        return self._vectors[j] * ratio
 
-        def ratio(n: PathTerms) -> Any:
-            return w(n) / n.links(k)[side]
-
-        link = {bar for bar, _ in self._bars(self._loop(k), j)}
-        is_real = real and link <= self._structure.straight
-        factor = self._part(ratio, 0, key), None if is_real else self._part(ratio, 1, key)
-        return self._product(self._links[2 * k + side], factor)
-
-    def _loop(self, k: int) -> Path:
-        return self._paths.loops[self._paths.rows[k][0]]
-
-    def _crank(self, path: Path) -> Components:
-        own = self._bars(path, 0)
-        real = {bar for bar, _ in own} <= self._structure.straight
-        return self._rotated(lambda n: n.body(path, 0), own, real=real) if own else (None, None)
-
-    def _rotated(self, w: Constant, key: Hashable, *, real: bool) -> Pair:
-        """Return w u_0 of a constant and the crank."""
-        sense = self._structure.senses[0]
-        x = self._apply('*', self._part(w, 0, key), 'cos')
-        y = self._apply('*', self._part(lambda n: sense * w(n), 0, (sense, key)), 'sin')
-        if real:
-            return x, y
-        g = self._part(lambda n: -sense * w(n), 1, (sense, key))
-        x = self._apply('+', x, self._apply('*', g, 'sin'))
-        return x, self._apply('+', y, self._apply('*', self._part(w, 1, key), 'cos'))
+    def _crank_part(self, path: Path) -> Vector:
+        """Return what the crank adds to a path."""
+        bars = self._bars(path, 0)
+        if not bars:
+            return Vector(self._recorder.zero, self._recorder.zero)
+        is_straight = self._is_straight(path, [0])
+        return self._fixed_vector(
+            lambda terms: terms.body(path, 0), 0, tuple(bars), is_straight=is_straight
+        )
 
     # Derivatives by the dimensions.
 
-    def _gradient(self, name: str) -> Iterator[str]:
+    def _gradient(self, name: str) -> Iterator[Number]:
         """Yield the derivatives of the foot, of all points or of all angles."""
         structure = self._structure
+        zero, one = self._recorder.zero, self._recorder.one
         if name == 'angles':
             for j in range(1, len(structure.bodies)):
-                sense = float(structure.senses[j])
-                yield from self._derivatives([], {j: self._constant(partial(_number, sense))})
+                yield from self._derivatives([], {j: one.with_sign(structure.senses[j])})
             return
-        some = [structure.foot] if name == 'h' else structure.points
-        for point in some:
-            path = self._paths.points[structure.points.index(point)]
-            for axis in (0, 1):
-                rates: dict[int, Number] = {}
-                for j in self._bodies(path):
-                    vector, sign = self._vector(path, j)
-                    # Of i v: -y and x.
-                    rates[j] = self._add(None, vector[1 - axis], '-+'[(sign == '+') == axis])
-                direct: Components = (ONE, None) if axis == 0 else (None, ONE)
+        for number in [self._foot] if name == 'h' else range(len(structure.points)):
+            path = self._paths.points[number]
+            for axis, direct in (('x', Vector(one, zero)), ('y', Vector(zero, one))):
+                rotations = {j: self._body_part(path, j).turned() for j in self._bodies(path)}
+                rates = {j: getattr(turned, axis) for j, turned in rotations.items()}
                 yield from self._derivatives([(path, direct)], rates)
 
-    def _derivatives(
-        self, arms: list[tuple[Path, Components]], rates: dict[int, Number]
-    ) -> Iterator[str]:
+    def _derivatives(self, arms: list[Arm], rates: dict[int, Number]) -> Iterator[Number]:
         """
         Yield the derivatives of a coordinate y by each dimension.
 
-        `arms` are paths r with m of dy = m . r, and `rates` are dy by a rotation of each body; the
-        dyads turn these into further arms.
+        `rates` are dy by a rotation of each body; the dyads turn these into further arms.
         """
-        for k in reversed(range(len(self._structure.groups))):
-            loop, (a, b) = self._loop(k), self._structure.groups[k]
-            g_a, g_b = rates.pop(a, None), rates.pop(b, None)
-            if g_a is None and g_b is None:
+        zero = self._recorder.zero
+        for k in reversed(range(len(self._dyads))):
+            a, b = self._structure.groups[k]
+            g_a, g_b = rates.pop(a, zero), rates.pop(b, zero)
+            if g_a.is_zero and g_b.is_zero:
                 continue
-            inverse = self._apply('/', self._one, self._determinant(k))
-            g_a, g_b = self._times(g_a, inverse), self._times(g_b, inverse)
-            m_x, m_y = (
-                self._add(self._times(g_b, v), self._times(g_a, w), '-')
-                for v, w in zip(*self._links[slice(2 * k, 2 * k + 2)], strict=True)
-            )
-            arms = [*arms, (loop, (m_x, m_y))]
+            inverse = self._recorder.one / self._determinant(k)
+            m = self._vectors[a].scaled(g_b * inverse) - self._vectors[b].scaled(g_a * inverse)
+            loop = self._structure.dyad_loop(k)
+            arms = [*arms, (loop, m)]
             for j in self._bodies(loop):
                 if j not in {0, a, b}:
-                    vector, sign = self._vector(loop, j)
-                    rates[j] = self._add(rates.get(j), self._cross(vector, (m_x, m_y), sign))
+                    rates[j] = rates.get(j, zero) + self._body_part(loop, j).cross(m)
         for dimension in self._structure.dimensions:
-            found = self._derivative(arms, dimension) or self._zero
-            yield self._one if found == ONE else found
+            yield self._derivative(arms, dimension)
 
-    def _derivative(self, arms: Sequence[tuple[Path, Components]], dimension: Dimension) -> Number:
+    def _derivative(self, arms: Sequence[Arm], dimension: Dimension) -> Number:
+        """Return the derivative of a coordinate by a dimension."""
         if dimension.kind in {'x', 'y'}:
-            often = [dict(path.pivots).get(dimension.place, 0) for path, _ in arms]
-            weight = self._weight(arms, often)['xy'.index(dimension.kind)]
-            return self._add(None, weight, '+-'[dimension.sense < 0])
-        # Bars that occur alike in all paths are moved together.
+            counts = [dict(path.pivots).get(dimension.place, 0) for path, _ in arms]
+            weight = self._weight(arms, counts)
+            component: Number = getattr(weight, dimension.kind)
+            return -component if dimension.sense < 0 else component
+        # Bars that occur equally often in all paths are moved together.
         moved: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
-            moved.setdefault(tuple(dict(path.bars).get(bar, 0) for path, _ in arms), []).append(
-                bar
-            )
-        total: Number = None
-        for times, bars in moved.items():
-            if any(times):
-                pairs = zip(self._weight(arms, times), self._moved(dimension, bars), strict=True)
-                x, y = (self._times(*pair) for pair in pairs)
-                total = self._add(total, self._add(x, y))
-        return total
+            occurrences = tuple(dict(path.bars).get(bar, 0) for path, _ in arms)
+            moved.setdefault(occurrences, []).append(bar)
+        derivative = self._recorder.zero
+        for occurrences, bars in moved.items():
+            if any(occurrences):
+                weight = self._weight(arms, occurrences)
+                derivative += weight.dot(self._moved(dimension, bars))
+        return derivative
 
-    def _cross(self, one: Components, other: Components, sign: str) -> Number:
-        """Return the cross product of two vectors, of the other with the one for '-'."""
-        (x, y), (u, v) = (one, other) if sign == '+' else (other, one)
-        return self._add(self._times(x, v), self._times(y, u), '-')
-
-    def _weight(self, arms: Sequence[tuple[Path, Components]], times: Sequence[int]) -> Components:
-        """Return the sum of the arms' m, each so often."""
-        x: Number = None
-        y: Number = None
-        for (_, m), count in zip(arms, times, strict=True):
+    def _weight(self, arms: Sequence[Arm], counts: Sequence[int]) -> Vector:
+        """Return the sum of the m of arms, each so many times."""
+        weight = Vector(self._recorder.zero, self._recorder.zero)
+        for (_, m), count in zip(arms, counts, strict=True):
             for _ in range(abs(count)):
-                x, y = (self._add(v, w, '+-'[count < 0]) for v, w in zip((x, y), m, strict=True))
-        return x, y
+                weight = weight - m if count < 0 else weight + m
+        return weight
 
-    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Pair:
+    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Vector:
         """Return the derivative of a body's bars by a dimension."""
-        is_along = {*bars} <= self._structure.straight
+        is_straight = {*bars} <= self._structure.straight
         body, _ = self._structure.bars[bars[0]]
         key = dimension, *bars
         return self._fixed_vector(
-            lambda n: n.derivative(dimension, bars), body, key, real=is_along
+            lambda terms: terms.derivative(dimension, bars), body, key, is_straight=is_straight
         )
-
-    def _determinant(self, k: int) -> str:
-        """Return D of a dyad."""
-        (x, y), (u, v) = self._links[slice(2 * k, 2 * k + 2)]
-        return self._apply('-', self._apply('*', x, v), self._apply('*', y, u))
 
     # A dyad.
 
-    def _close(self, k: int, m: tuple[str, str]) -> tuple[str, str, str]:
-        """Return d, w and r."""
-        x, y = m
-        d = self._apply('+', self._apply('*', x, x), self._apply('*', y, y))
-        w = self._apply('/', self._constant(lambda _: 0.5), d)
-
-        def reach(n: PathTerms, sign: int) -> Any:
-            w_a, w_b = n.links(k)
-            return (np.abs(w_a) + sign * np.abs(w_b)) ** 2
-
-        stretched = self._constant(lambda n: reach(n, 1))
-        folded = self._constant(lambda n: reach(n, -1))
-        heron = self._apply('*', self._apply('-', stretched, d), self._apply('-', d, folded))
-        return d, w, self._apply('sqrt', heron, '')
-
-    def _factor(self, k: int, path: Path) -> Components:
-        """Return f0 + w (f1 + f2 r), the factor of a dyad's M in a path."""
-        w, r = self._roots[k]
+    def _determinant(self, k: int) -> Number:
+        """Return D of a dyad."""
         a, b = self._structure.groups[k]
-        real = self._is_real(k, path)
+        return self._vectors[a].cross(self._vectors[b])
 
-        def parts(n: PathTerms) -> tuple[Any, Any]:
-            w_a, w_b = n.links(k)
-            t_b = n.body(path, b) / w_b
-            return t_b, n.body(path, a) / w_a - t_b
+    def _half(self) -> Number:
+        return self._recorder.constant('half', lambda _: 0.5, None)
 
-        def f_1(n: PathTerms) -> Any:
-            w_a, w_b = np.abs(n.links(k)[0]), np.abs(n.links(k)[1])
-            return parts(n)[1] * ((w_a - w_b) * (w_a + w_b))
+    def _close(self, k: int, span: Vector) -> _PlacedDyad:
+        """Return the numbers of a dyad by M."""
+        distance = span.dot(span)
+        w = self._half() / distance
 
-        constants: list[Callable[[PathTerms], Any]] = [
-            lambda n: parts(n)[0] + parts(n)[1] / 2.0,
-            f_1,
-            lambda n: 1j * n.signs[k] * parts(n)[1],
-        ]
+        def stretched(terms: PathTerms) -> Any:
+            r_a, r_b = terms.link_lengths(k)
+            return (r_a + r_b) ** 2
+
+        def folded(terms: PathTerms) -> Any:
+            r_a, r_b = terms.link_lengths(k)
+            return (r_a - r_b) ** 2
+
+        beyond_folded = distance - self._recorder.constant('folded', folded, k)
+        before_stretched = self._recorder.constant('stretched', stretched, k) - distance
+        return _PlacedDyad(span, distance, w, (before_stretched * beyond_folded).root())
+
+    def _factor(self, k: int, path: Path) -> Vector:
+        """Return f0 + w (f1 + f2 r), the factor of a dyad's M in a path."""
+        a, b = self._structure.groups[k]
+
+        def ratios(terms: PathTerms) -> tuple[Any, Any]:
+            """Return T_b / W_b and k."""
+            w_a, w_b = terms.links(k)
+            ratio_b = terms.body(path, b) / w_b
+            return ratio_b, terms.body(path, a) / w_a - ratio_b
+
+        def f_0(terms: PathTerms) -> Any:
+            ratio_b, difference = ratios(terms)
+            return ratio_b + difference / 2.0
+
+        def f_1(terms: PathTerms) -> Any:
+            return ratios(terms)[1] * terms.excess(k)
+
+        def f_2(terms: PathTerms) -> Any:
+            return 1j * terms.signs[k] * ratios(terms)[1]
+
         # For vectors along the links f0 and f1 are real, and f2 is imaginary.
-        f_x, f_y = (
-            [
-                None if real and (axis == 0) == (order == 2) else self._part(make, axis)
-                for order, make in enumerate(constants)
-            ]
-            for axis in (0, 1)
-        )
-        return self._polynomial(f_x, w, r), self._polynomial(f_y, w, r)
+        loop = self._structure.dyad_loop(k)
+        is_straight = self._is_straight(path, [a, b]) and self._is_straight(loop, [a, b])
+        real, imaginary = ('x', 'y') if is_straight else ('xy', 'xy')
+        key = k, path
+        vector = self._recorder.vector
+        odd = vector('f1', f_1, key, axes=real)
+        odd += vector('f2', f_2, key, axes=imaginary).scaled(self._dyads[k].r)
+        return odd.scaled(self._dyads[k].w) + vector('f0', f_0, key, axes=real)
 
-    def _part(self, make: Constant, axis: int, key: Hashable = None) -> str:
-        part = (np.real, np.imag)[axis]
-        return self._constant(lambda n: part(make(n)), key and (axis, key))
-
-    def _polynomial(self, f: Sequence[Number], w: str, r: str) -> Number:
-        inner = self._add(f[2] and self._apply('*', f[2], r), f[1])
-        return self._add(inner and self._apply('*', inner, w), f[0])
-
-    def _is_real(self, k: int, path: Path) -> bool:
-        """Return whether a path follows a dyad's links, or their bodies' first bars."""
-        group, straight = self._structure.groups[k], self._structure.straight
-        loop = self._paths.loops[self._paths.rows[k][0]]
-        return all(
-            bar in straight
-            for each in (path, loop)
-            for bar, _ in each.bars
-            if self._structure.bars[bar][0] in group
-        )
-
-    def _link_pair(self, k: int, m: tuple[str, str], w: str, r: str) -> list[tuple[str, str]]:
-        """Return W_a u_a = z M and W_b u_b = M - z M."""
-
-        def excess(n: PathTerms) -> Any:
-            w_a, w_b = (np.abs(link) for link in n.links(k))
-            return (w_a - w_b) * (w_a + w_b)
-
-        z_x = self._apply(
-            '+', self._apply('*', self._constant(excess), w), self._constant(lambda _: 0.5)
-        )
-        z_y = self._apply('*', self._apply('*', self._constant(lambda n: n.signs[k]), r), w)
-        x, y = self._product(m, (z_x, z_y))
-        return [(x, y), (self._apply('-', m[0], x), self._apply('-', m[1], y))]
-
-    # Numbers.
-
-    @property
-    def _zero(self) -> str:
-        return self._constant(lambda _: 0.0, 'zero')
-
-    @property
-    def _one(self) -> str:
-        return self._constant(lambda _: 1.0, 'one')
-
-    def _product(self, one: tuple[str, str], other: Components) -> tuple[str, str]:
-        """Return a complex product."""
-        (x, y), (u, v) = one, other
-        xu, yu = u and self._apply('*', x, u), u and self._apply('*', y, u)
-        xv, yv = v and self._apply('*', x, v), v and self._apply('*', y, v)
-        if xu is None or yu is None:
-            raise AssertionError('a factor has a real part')
-        if xv is None or yv is None:
-            return xu, yu
-        return self._apply('-', xu, yv), self._apply('+', yu, xv)
-
-    def _add(self, one: Number, other: Number, sign: str = '+') -> Number:
-        if other is None:
-            return one
-        if one is None and sign == '+':
-            return other
-        return self._apply(sign, one or self._zero, other)
-
-    def _times(self, one: Number, other: Number) -> Number:
-        if one is None or other is None:
-            return None
-        return other if one == ONE else one if other == ONE else self._apply('*', one, other)
-
-    def _apply(self, operator: str, one: str, other: str) -> str:
-        one, other = (self._one if name == ONE else name for name in (one, other))
-        if (operator, one, other) not in self._known:
-            name = self._known[operator, one, other] = f't{len(self._operations)}'
-            self._operations.append(Operation(name, operator, one, other))
-        return self._known[operator, one, other]
-
-    def _constant(self, make: Constant, key: Hashable = None) -> str:
-        """Return a new constant, or the one that has the key already."""
-        if key is not None and key in self._known:
-            return self._known[key]
-        self._constants.append(make)
-        name = f'k{len(self._constants) - 1}'
-        if key is not None:
-            self._known[key] = name
-        return name
-
-
-def _number(value: float, _: PathTerms) -> float:
-    return value
+    def _place_links(self, k: int) -> None:
+        """Place the links W_a u_a = z M and W_b u_b = M - z M of a dyad."""
+        a, b = self._structure.groups[k]
+        dyad = self._dyads[k]
+        excess = self._recorder.constant('K', lambda terms: terms.excess(k), k)
+        sign = self._recorder.constant('s', lambda terms: terms.signs[k], k)
+        z = Vector(excess * dyad.w + self._half(), sign * dyad.r * dyad.w)
+        self._vectors[a] = dyad.span * z
+        self._vectors[b] = dyad.span - self._vectors[a]
 
 
 def constants(program: Program, terms: PathTerms, count: int) -> FloatArray:
     """Return the constants of `count` linkages, shape (number of constants, count)."""
     table = np.empty((len(program.constants), count))
     with np.errstate(all='ignore'):
-        for row, make in zip(table, program.constants, strict=True):
-            row[:] = make(terms)
+        for row, constant in zip(table, program.constants, strict=True):
+            row[:] = constant.compute(terms)
     return table

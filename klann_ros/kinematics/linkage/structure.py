@@ -283,6 +283,11 @@ class Structure:
             points=tuple(points[name] for name in self.points),
         )
 
+    def dyad_loop(self, k: int) -> Path:
+        """Return the loop that a dyad closes."""
+        (loop,) = self.paths.rows[k]
+        return self.paths.loops[loop]
+
     @cached_property
     def dyad_names(self) -> tuple[tuple[str, str, str, str], ...]:
         """Return the names of the ends and links of each block, made of their points."""
