@@ -6,10 +6,75 @@ loops over bodies, signs and blocks once, while it writes the source; only arith
 names is left. One source serves all linkages of a structure, with their numbers as its constants.
 It holds no name of a user's file, only indices.
 
-The names in the source are those of `step_source`, and e are the corrections of the coordinates
-less their sign and q the coefficients dx/dalpha. Phi is block
-lower triangular, so forward substitution, block by block, makes the corrections of the full Newton
-of `Linkage.f`.
+The source of a four-bar; `predict` differs from `correct` in its first lines alone:
+
+>>> from klann_ros.kinematics import FourBar
+>>> linkage = FourBar(180, 80, 200, 150).linkage
+>>> source = StepSource(linkage.structure)
+>>> print(source.text(source.constants(linkage)))
+def make(kind, linkage, a0, d0, a1, d1, a2, d2, c0x, c0y, hx, hy, rounding0, ...):
+    def correct(p0, guess, tolerance, max_iterations):
+        (p1, p2,) = guess
+        v0x = a0 * cos(p0)
+        v0y = d0 * sin(p0)
+        k0x = c0x + v0x
+        k0y = c0y + v0y
+        converged = False
+        for iterations in range(1, max_iterations + 1):
+            v1x = a1 * cos(p1)
+            v1y = d1 * sin(p1)
+            v2x = a2 * cos(p2)
+            v2y = d2 * sin(p2)
+            f0x = k0x + v1x - v2x
+            f0y = k0y + v1y - v2y
+            D0 = v1x * v2y - v1y * v2x
+            if converged or (-rounding0 <= f0x <= rounding0 and -rounding0 <= f0y <= rounding0):
+                break
+            if D0 == 0.0:
+                return None
+            e1 = (v2x * f0x + v2y * f0y) / D0
+            e2 = (v1x * f0x + v1y * f0y) / D0
+            p1 -= e1
+            p2 -= e2
+            converged = -tolerance <= e1 <= tolerance and -tolerance <= e2 <= tolerance
+        else:
+            return None
+        if D0 == 0.0:
+            coefficients = (nan, nan, )
+        else:
+            r0x = -v0y
+            q1 = (v2x * r0x + v2y * v0x) / D0
+            q2 = (v1x * r0x + v1y * v0x) / D0
+            coefficients = (-q1, -q2,)
+        signed0 = D0 * sign0
+        if signed0 < least0:
+            return None
+        if not (-pi < p1 <= pi and -pi < p2 <= pi):
+            if not (-MAX_UNWRAPPED < p1 < MAX_UNWRAPPED and -MAX_UNWRAPPED < p2 < MAX_UNWRAPPED):
+                return None
+            p1 = wrap(p1)
+            p2 = wrap(p2)
+        if signed0 <= singular0:
+            coefficients = (nan, nan, )
+        return new(kind, (
+            p0, (p1, p2,), (hx + v2x, hy + v2y), iterations,
+            hypot(f0x, f0y), coefficients, (abs(signed0) * inverse0,), linkage,
+        ))
+    ...
+    def velocity(p0, x, coefficients, rate):
+        (p1, p2,) = x
+        (q1, q2,) = coefficients
+        q0 = rate
+        q1 *= rate
+        q2 *= rate
+        v2x = a2 * cos(p2)
+        v2y = d2 * sin(p2)
+        return (q0, q1, q2,), (-v2y * q2, v2x * q2)
+    ...
+
+The names are those of `step_source`; e are the corrections of the coordinates less their sign and
+q the coefficients dx/dalpha. Phi is block lower triangular, so forward substitution, block by
+block, makes the corrections of the full Newton of `Linkage.f`.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -26,6 +91,79 @@ from .structure import Structure
 # A guess of coupled loops that needs more correction may have left its branch [rad].
 MAX_BRANCH_JUMP = 0.05
 
+_FUNCTIONS = """\
+def make(kind, linkage, {constants}):
+    def correct(p0, guess, tolerance, max_iterations):
+        {p} = guess
+        {newton}
+    def predict(p0, step, x, coefficients, tolerance, max_iterations):
+        {p} = x
+        {q} = coefficients
+        {tangent_steps}
+        {newton}
+    def velocity(p0, x, coefficients, rate):
+        {p} = x
+        {q} = coefficients
+        {rates}
+        {velocity}
+    def acceleration(p0, x, coefficients, rate, change):
+        {p} = x
+        {q} = coefficients
+        {rates}
+        {acceleration}
+    return correct, predict, velocity, acceleration
+"""
+# Names of the guess, where coupled loops need it, and a tolerance, where something slides.
+_NEWTON = """\
+{guess}
+{length_tolerance}
+{crank_vectors}
+{crank_openings}
+converged = False
+for iterations in range(1, max_iterations + 1):
+    {vectors}
+    {openings}
+    {determinants}
+    if converged or ({closed}):
+        break
+    {refuse_singular}
+    {corrections}
+    converged = {small}
+else:
+    return None
+{foot_vectors}
+{coefficients}
+{signs}
+if {wrong_sign}:
+    return None
+{refuse_jump}
+{wrap}
+if {singular}:
+    {no_coefficients}
+return new(kind, (
+    p0, {p}, ({foot}), iterations,
+    hypot({gaps}), coefficients, ({sines},), linkage,
+))
+"""
+# A statement whose body is of one kind alone.
+_RETURN_IF = """\
+if {condition}:
+    return None
+"""
+_WRAP = """\
+if not ({inside}):
+    if not ({near}):
+        return None
+    {wraps}
+"""
+_COEFFICIENTS = """\
+if {vanish}:
+    {no_coefficients}
+    {no_determinants}
+else:
+    {coefficients}
+"""
+
 
 class StepFunctions(NamedTuple):
     """The functions of a linkage."""
@@ -38,278 +176,306 @@ class StepFunctions(NamedTuple):
     predict: Callable[..., Any]
     # Of alpha, x, coefficients and the crank's rate: the rates of all angles, and of the foot.
     velocity: Callable[..., Any]
-    # Of alpha, x, coefficients, the crank's rate and its change: the same, once more.
+    # Of alpha, x, coefficients, the crank's rate and its change: the accelerations of all angles,
+    # and of the foot.
     acceleration: Callable[..., Any]
 
 
-class CodeGenerator:
-    """Writes the text for a structure, and tells the constants of a linkage in its order."""
+class StepSource:
+    """The source for a structure, and the constants that it names of a linkage."""
 
     def __init__(self, structure: Structure) -> None:
         self._structure = structure
         self._vectors = LoopVectors(structure)
-        self._loops, self._foot = self._vectors.loops, self._vectors.foot
+        self._loops = self._vectors.loops
         self._source = BlockSource(structure, self._vectors)
-        self._blocks = [*enumerate(self._source.blocks)]
-        self._dyads = [b for b, (_, loops) in self._blocks if len(loops) == 1]
-        self._coupled = [b for b, (_, loops) in self._blocks if len(loops) > 1]
         self._bodies = range(len(structure.bodies))
         self._others = self._bodies[slice(1, None)]
-        self._lines: list[str] = []
+
+    @property
+    def _blocks(self) -> range:
+        return range(len(self._source.blocks))
+
+    @property
+    def _dyads(self) -> list[int]:
+        return [b for b in self._blocks if not self._source.is_coupled(b)]
+
+    @property
+    def _coupled(self) -> list[int]:
+        return [b for b in self._blocks if self._source.is_coupled(b)]
 
     def constants(self, linkage: LoopEquations) -> dict[str, float]:
-        """Return the constants that the text names, of a linkage of this structure."""
-        found = self._vectors.constants(linkage.bars)
+        """Return the constants of a linkage of this structure."""
+        constants = self._vectors.constants(linkage.bars)
+        _, foot = linkage.point_rows[linkage.foot]
         fixed = {f'c{k}': constant for k, (_, constant) in enumerate(linkage.rows)}
-        for name, constant in (*fixed.items(), ('h', linkage.point_rows[linkage.foot][1])):
-            found |= {f'{name}x': constant.real, f'{name}y': constant.imag}
-        for b, (block, sign) in enumerate(zip(linkage.blocks, linkage.assembly, strict=True)):
-            # The determinant's sign, and what of it is rounding, or singular.
-            found |= {f'rounding{b}': block.rounding, f'sign{b}': sign * self._source.sine_sign(b)}
-            found |= {f'least{b}': -block.rounding_of_sine * block.scale}
-            found |= {f'singular{b}': block.singular_sine * block.scale}
-            found |= {f'inverse{b}': 1.0 / block.scale}
+        for name, constant in (*fixed.items(), ('h', foot)):
+            constants[f'{name}x'] = constant.real
+            constants[f'{name}y'] = constant.imag
+        for b, block in enumerate(linkage.blocks):
+            constants[f'rounding{b}'] = block.rounding
+            # The determinant's sign, and the limits below which it is rounding, or singular.
+            constants[f'sign{b}'] = linkage.assembly[b] * self._source.sine_sign(b)
+            constants[f'least{b}'] = -block.rounding_of_sine * block.scale
+            constants[f'singular{b}'] = block.singular_sine * block.scale
+            constants[f'inverse{b}'] = 1.0 / block.scale
             if not block.two_branches:
                 # It closes in one way only, whichever sign that has.
-                found[f'least{b}'] = -inf
+                constants[f'least{b}'] = -inf
         if self._structure.slides:
-            found['size'] = linkage.size
-        return found
+            constants['size'] = linkage.size
+        return constants
 
-    # The text.
-
-    def source(self, constants: Iterable[str]) -> str:
-        """Return the text of all functions, for constants of these names."""
-        guess, tangent = _tuple('p', self._others), _tuple('q', self._others)
-        self._lines = []
+    def text(self, constants: Iterable[str]) -> str:
+        """Return the source of all functions, for constants of these names."""
+        lines = []
         for size in sorted({len(self._source.blocks[b][0]) for b in self._coupled}):
-            self._lines += elimination_source(size)
-        self._write(0, f'def make(kind, linkage, {", ".join(constants)}):')
-        self._write(
-            1, 'def correct(p0, guess, tolerance, max_iterations):', f'    {guess} = guess'
+            lines += elimination_source(size)
+        lines += _fill(
+            _FUNCTIONS,
+            constants=', '.join(constants),
+            p=_tuple('p', self._others),
+            q=_tuple('q', self._others),
+            newton=self._newton(),
+            tangent_steps=[f'p{j} += step * q{j}' for j in self._others],
+            rates=['q0 = rate', *(f'q{j} *= rate' for j in self._others)],
+            velocity=self._velocity(),
+            acceleration=self._acceleration(),
         )
-        self._write_newton()
-        self._write(
-            1,
-            'def predict(p0, step, x, coefficients, tolerance, max_iterations):',
-            f'    {guess} = x',
-            f'    {tangent} = coefficients',
-            *(f'    p{j} += step * q{j}' for j in self._others),
+        return '\n'.join(lines) + '\n'
+
+    # Newton-Raphson.
+
+    def _newton(self) -> list[str]:
+        """Return the iterations, and the pose that they end at."""
+        vectors = self._vectors
+        foot_alone = vectors.in_foot - vectors.in_loops
+        # Distances are as precise as angles, in the linkage's size.
+        length_tolerance = ['length_tolerance = tolerance * size'] * self._structure.slides
+        guess = f'{_tuple("o", self._others)} = {_tuple("p", self._others)}'
+        gaps = [f'f{k}{axis}' for k in range(len(self._loops)) for axis in 'xy']
+        return _fill(
+            _NEWTON,
+            guess=[guess] if self._coupled else [],
+            length_tolerance=length_tolerance,
+            crank_vectors=vectors.lines([0], vectors.in_loops),
+            crank_openings=self._crank_openings(),
+            vectors=vectors.lines(self._others, vectors.in_loops),
+            openings=self._openings(),
+            determinants=self._source.determinants(),
+            closed=self._closed(),
+            refuse_singular=_fill(_RETURN_IF, condition=self._vanish) if self._dyads else [],
+            corrections=self._corrections(),
+            small=self._small(),
+            # Vectors of the foot alone, before the angles are wrapped.
+            foot_vectors=vectors.lines(self._bodies, foot_alone),
+            coefficients=self._coefficients(),
+            signs=[f'signed{b} = D{b} * sign{b}' for b in self._blocks],
+            wrong_sign=' or '.join(f'signed{b} < least{b}' for b in self._blocks),
+            refuse_jump=self._refuse_jump() if self._coupled else [],
+            wrap=self._wrap(),
+            singular=' or '.join(map(self._is_singular, self._blocks)),
+            no_coefficients=self._no_coefficients,
+            p=_tuple('p', self._others),
+            foot=self._foot(),
+            gaps=', '.join(gaps),
+            sines=', '.join(map(self._sine, self._blocks)),
         )
-        self._write_newton()
-        self._write(1, 'def velocity(p0, x, coefficients, rate):')
-        self._write_motion(second=False)
-        self._write(1, 'def acceleration(p0, x, coefficients, rate, change):')
-        self._write_motion(second=True)
-        self._write(1, 'return correct, predict, velocity, acceleration')
-        return '\n'.join(self._lines) + '\n'
 
-    def _write(self, indent: int, *lines: str) -> None:
-        self._lines += ['    ' * indent + line for line in lines]
-
-    def _write_solution(
-        self, indent: int, block: int, opened: Sequence[Sum], letter: str
-    ) -> dict[int, Term]:
-        lines, changes = self._source.solution(block, opened, letter)
-        self._write(indent, *lines)
-        return changes
-
-    def _write_vectors(self, bodies: Iterable[int], wanted: set[int], indent: int) -> None:
-        self._write(indent, *self._vectors.lines(bodies, wanted))
-
-    def _moved(self, terms: Terms, rates: dict[int, Term]) -> Sum:
-        return self._vectors.first_derivative(terms, rates)
-
-    def _plus(self, one: Sum, other: Sum) -> Sum:
-        return [*one[0], *other[0]], [*one[1], *other[1]]
-
-    def _write_newton(self) -> None:
-        """Write the iterations, and the pose that they end at."""
-        if self._coupled:
-            self._write(2, f'{_tuple("o", self._others)} = {_tuple("p", self._others)}')
-        if self._structure.slides:
-            # Distances are as precise as angles, in the linkage's size.
-            self._write(2, 'length_tolerance = tolerance * size')
-        self._write_vectors([0], self._vectors.in_loops, 2)
+    def _crank_openings(self) -> list[str]:
+        """Return what the constant and the crank add to each loop."""
+        lines = []
         for k, terms in enumerate(self._loops):
             for axis in 'xy' if 0 in terms else '':
                 sign, v = terms[0]
                 known = format_sum([(1, f'c{k}{axis}'), (sign, f'v{v}{axis}')])
-                self._write(2, f'k{k}{axis} = {known}')
-        self._write(2, 'converged = False', 'for iterations in range(1, max_iterations + 1):')
-        self._write_vectors(self._others, self._vectors.in_loops, 3)
+                lines.append(f'k{k}{axis} = {known}')
+        return lines
+
+    def _openings(self) -> list[str]:
+        lines = []
         for k, terms in enumerate(self._loops):
+            known = f'k{k}' if 0 in terms else f'c{k}'
             for axis in 'xy':
-                parts = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
-                fixed = f'{"k" if 0 in terms else "c"}{k}{axis}'
-                self._write(3, f'f{k}{axis} = {format_sum([(1, fixed), *parts])}')
-        self._write(3, *self._source.determinants())
-        closed = ' and '.join(
-            f'-rounding{b} <= f{k}{axis} <= rounding{b}'
-            for b, (_, loops) in self._blocks
-            for k in loops
-            for axis in 'xy'
-        )
-        self._write(3, f'if converged or ({closed}):', '    break')
-        if self._dyads:
-            self._write(3, f'if {self._vanish}:', '    return None')
-        turns = self._write_corrections()
-        for j, (sign, name) in turns.items():
-            self._write(3, f'p{j} {"+" if sign > 0 else "-"}= {name}')
-        limits = ['length_tolerance' if b.slides else 'tolerance' for b in self._structure.bodies]
-        small = ' and '.join(f'-{limits[j]} <= e{j} <= {limits[j]}' for j in self._others)
-        self._write(3, f'converged = {small}')
-        self._write(2, 'else:', '    return None')
-        self._write_pose()
+                products = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
+                opening = format_sum([(1, f'{known}{axis}'), *products])
+                lines.append(f'f{k}{axis} = {opening}')
+        return lines
+
+    def _closed(self) -> str:
+        conditions = []
+        for b, (_, loops) in enumerate(self._source.blocks):
+            for k in loops:
+                conditions += [f'-rounding{b} <= f{k}{axis} <= rounding{b}' for axis in 'xy']
+        return ' and '.join(conditions)
 
     @property
     def _vanish(self) -> str:
         return ' or '.join(f'D{b} == 0.0' for b in self._dyads)
 
-    def _write_corrections(self) -> dict[int, Term]:
-        """Write the corrections of all angles; return their names."""
-        turns: dict[int, Term] = {}
-        for block, (_, loops) in self._blocks:
+    def _corrections(self) -> list[str]:
+        lines: list[str] = []
+        corrections: dict[int, Term] = {}
+        for b, (_, loops) in enumerate(self._source.blocks):
             opened = []
             for k in loops:
-                x, y = self._moved(self._loops[k], turns)
+                x, y = self._vectors.first_derivative(self._loops[k], corrections)
                 opened.append(([(1, f'f{k}x'), *x], [(1, f'f{k}y'), *y]))
-            turns |= self._write_solution(3, block, opened, 'e')
-            if len(loops) > 1:
-                self._write(3, f'if D{block} == 0.0:', '    return None')
-        return turns
+            corrections |= self._solve(b, opened, 'e', lines)
+            if self._source.is_coupled(b):
+                lines += _fill(_RETURN_IF, condition=f'D{b} == 0.0')
+        for j, (sign, name) in corrections.items():
+            lines.append(f'p{j} {"+" if sign > 0 else "-"}= {name}')
+        return lines
 
-    def _write_pose(self) -> None:
-        self._write_coefficients()
-        count = len(self._blocks)
-        for b in range(count):
-            self._write(2, f'signed{b} = D{b} * sign{b}')
-        wrong = ' or '.join(f'signed{b} < least{b}' for b in range(count))
-        self._write(2, f'if {wrong}:', '    return None')
-        if self._coupled:
-            # The signs alone do not tell the branches of coupled loops apart.
-            sizes = [' * size' if body.slides else '' for body in self._structure.bodies]
-            trusted = ' and '.join(
-                f'-MAX_BRANCH_JUMP{sizes[j]} <= p{j} - o{j} <= MAX_BRANCH_JUMP{sizes[j]}'
-                for j in self._others
-            )
-            self._write(2, f'if not ({trusted}):', '    return None')
-        self._write_wrap()
-        singular = ' or '.join(
-            f'abs(signed{b}) <= singular{b}'
-            if self._source.slides(b)
-            else f'signed{b} <= singular{b}'
-            for b in range(count)
-        )
-        self._write(2, f'if {singular}:', f'    {self._no_coefficients}')
-        gaps = ', '.join(f'f{k}{axis}' for k in range(len(self._loops)) for axis in 'xy')
-        # The columns of what slides along a link are as long as the distance is.
-        sines = ', '.join(
-            f'abs(signed{b}) / (hypot(g{b}x, g{b}y) * hypot(h{b}x, h{b}y))'
-            if self._source.slides(b) and b in self._dyads
-            else f'abs(signed{b}) * inverse{b}'
-            for b in range(count)
-        )
-        foot = ', '.join(
-            format_sum([(1, f'h{axis}'), *((s, f'v{v}{axis}') for s, v in self._foot.values())])
-            for axis in 'xy'
-        )
-        self._write(
-            2,
-            'return new(kind, (',
-            f'    p0, {_tuple("p", self._others)}, ({foot}), iterations,',
-            f'    hypot({gaps}), coefficients, ({sines},), linkage,',
-            '))',
-        )
+    def _solve(
+        self, block: int, opened: Sequence[Sum], letter: str, lines: list[str]
+    ) -> dict[int, Term]:
+        """Append the solution of a block; return the changes of its bodies' coordinates."""
+        solution, changes = self._source.solution(block, opened, letter)
+        lines += solution
+        return changes
 
-    def _write_wrap(self) -> None:
-        """Write what brings angles into (-pi, pi]."""
-        turning = [j for j in self._others if not self._structure.bodies[j].slides]
-        if turning:
-            inside = ' and '.join(f'-pi < p{j} <= pi' for j in turning)
-            near = ' and '.join(f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning)
-            self._write(2, f'if not ({inside}):', f'    if not ({near}):', '        return None')
-            self._write(3, *(f'p{j} = wrap(p{j})' for j in turning))
+    def _small(self) -> str:
+        conditions = []
+        for j in self._others:
+            slides = self._structure.bodies[j].slides
+            limit = 'length_tolerance' if slides else 'tolerance'
+            conditions.append(f'-{limit} <= e{j} <= {limit}')
+        return ' and '.join(conditions)
+
+    def _coefficients(self) -> list[str]:
+        """Return the derivatives by the crank angle, by the same substitution."""
+        lines: list[str] = []
+        rates: dict[int, Term] = {0: (1, '')}
+        for b, (_, loops) in enumerate(self._source.blocks):
+            opened = [self._vectors.first_derivative(self._loops[k], rates) for k in loops]
+            rates |= self._solve(b, opened, 'q', lines)
+        lines.append(f'coefficients = ({self._signed(rates)},)')
+        if not self._dyads:
+            return lines
+        return _fill(
+            _COEFFICIENTS,
+            vanish=self._vanish,
+            no_coefficients=self._no_coefficients,
+            no_determinants=[f'D{b} = 0.0' for b in self._coupled],
+            coefficients=lines,
+        )
 
     @property
     def _no_coefficients(self) -> str:
         return f'coefficients = ({"nan, " * len(self._others)})'
 
-    def _write_coefficients(self) -> None:
-        """Write the derivatives by the crank angle, by the same substitution; and the foot."""
-        # Vectors of the foot alone, before the angles are wrapped.
-        self._write_vectors(self._bodies, self._vectors.in_foot - self._vectors.in_loops, 2)
-        indent = 2
-        if self._dyads:
-            self._write(2, f'if {self._vanish}:', f'    {self._no_coefficients}')
-            self._write(3, *(f'D{b} = 0.0' for b in self._coupled))
-            self._write(2, 'else:')
-            indent = 3
-        rates: dict[int, Term] = {0: (1, '')}
-        for block, (_, loops) in self._blocks:
-            opened = [self._moved(self._loops[k], rates) for k in loops]
-            rates |= self._write_solution(indent, block, opened, 'q')
-        signed = ', '.join(_signed(rates[j]) for j in self._others)
-        self._write(indent, f'coefficients = ({signed},)')
+    def _refuse_jump(self) -> list[str]:
+        """Refuse a jump from the guess: signs alone do not tell the branches of coupled loops."""
+        conditions = []
+        for j in self._others:
+            size = ' * size' if self._structure.bodies[j].slides else ''
+            limit = f'MAX_BRANCH_JUMP{size}'
+            conditions.append(f'-{limit} <= p{j} - o{j} <= {limit}')
+        return _fill(_RETURN_IF, condition=f'not ({" and ".join(conditions)})')
 
-    def _write_motion(self, *, second: bool) -> None:
-        """Write the rates, or their changes, of the angles and of the foot."""
-        vectors = self._vectors
-        self._write(
-            2,
-            f'{_tuple("p", self._others)} = x',
-            f'{_tuple("q", self._others)} = coefficients',
-            'q0 = rate',
-            *(f'q{j} *= rate' for j in self._others),
+    def _wrap(self) -> list[str]:
+        """Return what brings angles into (-pi, pi]."""
+        turning = [j for j in self._others if not self._structure.bodies[j].slides]
+        if not turning:
+            return []
+        return _fill(
+            _WRAP,
+            inside=' and '.join(f'-pi < p{j} <= pi' for j in turning),
+            near=' and '.join(f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning),
+            wraps=[f'p{j} = wrap(p{j})' for j in turning],
         )
-        if not second:
-            self._write_vectors(self._bodies, vectors.in_foot, 2)
-            foot = self._moved(self._foot, {j: (1, f'q{j}') for j in self._bodies})
-            ends = ', '.join(map(format_sum, foot))
-            self._write(2, f'return {_tuple("q", self._bodies)}, ({ends})')
-            return
-        self._write_vectors(self._bodies, vectors.in_loops | vectors.in_foot, 2)
-        self._write(2, *self._source.determinants())
-        self._write(2, *(f's{j} = q{j} * q{j}' for j in self._bodies))
+
+    def _is_singular(self, block: int) -> str:
+        signed = f'abs(signed{block})' if self._source.slides(block) else f'signed{block}'
+        return f'{signed} <= singular{block}'
+
+    def _sine(self, block: int) -> str:
+        if self._source.slides(block) and not self._source.is_coupled(block):
+            # The columns of what slides along a link are as long as the distance is.
+            lengths = f'hypot(g{block}x, g{block}y) * hypot(h{block}x, h{block}y)'
+            return f'abs(signed{block}) / ({lengths})'
+        return f'abs(signed{block}) * inverse{block}'
+
+    def _foot(self) -> str:
+        terms = self._vectors.foot.values()
+        x = format_sum([(1, 'hx'), *((sign, f'v{v}x') for sign, v in terms)])
+        y = format_sum([(1, 'hy'), *((sign, f'v{v}y') for sign, v in terms)])
+        return f'{x}, {y}'
+
+    # Motion.
+
+    def _velocity(self) -> list[str]:
+        """Return the rates of all angles, and of the foot."""
+        lines = self._vectors.lines(self._bodies, self._vectors.in_foot)
+        rates: dict[int, Term] = {j: (1, f'q{j}') for j in self._bodies}
+        foot_rate = self._vectors.first_derivative(self._vectors.foot, rates)
+        x, y = map(format_sum, foot_rate)
+        return [*lines, f'return {_tuple("q", self._bodies)}, ({x}, {y})']
+
+    def _acceleration(self) -> list[str]:
+        """Return the accelerations of all angles, and of the foot."""
+        vectors = self._vectors
+        lines = vectors.lines(self._bodies, vectors.in_loops | vectors.in_foot)
+        lines += self._source.determinants()
+        lines += [f's{j} = q{j} * q{j}' for j in self._bodies]
+        accelerations: dict[int, Term] = {0: (1, 'change')}
+        for b, (_, loops) in enumerate(self._source.blocks):
+            opened = [self._second_derivative(self._loops[k], accelerations) for k in loops]
+            accelerations |= self._solve(b, opened, 'e', lines)
+        x, y = map(format_sum, self._second_derivative(vectors.foot, accelerations))
+        lines.append(f'return (change, {self._signed(accelerations)}), ({x}, {y})')
+        return lines
+
+    def _second_derivative(self, terms: Terms, accelerations: dict[int, Term]) -> Sum:
+        x, y = self._vectors.first_derivative(terms, accelerations)
         squares = {j: f's{j}' for j in self._bodies}
-        changes: dict[int, Term] = {0: (1, 'change')}
+        product_x, product_y = self._vectors.velocity_products(terms, squares)
+        return [*x, *product_x], [*y, *product_y]
 
-        def accelerated(terms: Terms) -> Sum:
-            bent = vectors.velocity_products(terms, squares)
-            return self._plus(self._moved(terms, changes), bent)
+    def _signed(self, terms: dict[int, Term]) -> str:
+        """Return the terms of all bodies but the crank."""
+        signed = []
+        for j in self._others:
+            sign, name = terms[j]
+            signed.append(f'-{name}' if sign < 0 else name)
+        return ', '.join(signed)
 
-        for block, (_, loops) in self._blocks:
-            opened = [accelerated(self._loops[k]) for k in loops]
-            changes |= self._write_solution(2, block, opened, 'e')
-        ends = ', '.join(map(format_sum, accelerated(self._foot)))
-        signed = ', '.join(_signed(changes[j]) for j in self._others)
-        self._write(2, f'return (change, {signed}), ({ends})')
+
+def _fill(template: str, **parts: str | Sequence[str]) -> list[str]:
+    """Return the lines of a template; a list of lines fills a line of its own."""
+    lines = []
+    for line in template.splitlines():
+        place = line.strip()
+        indent = line[: len(line) - len(place)]
+        part = parts.get(place.strip('{}'), '')
+        if isinstance(part, list):
+            lines += [indent + part_line for part_line in part]
+        else:
+            lines.append(line.format_map(parts))
+    return lines
 
 
 def _tuple(letter: str, numbers: Iterable[int]) -> str:
     return f'({", ".join(f"{letter}{j}" for j in numbers)},)'
 
 
-def _signed(term: Term) -> str:
-    sign, name = term
-    return f'{"-" if sign < 0 else ""}{name}'
-
-
-_functions: dict[Structure, tuple[CodeGenerator, Callable[..., Any]]] = {}
+_makers: dict[Structure, tuple[StepSource, Callable[..., Any]]] = {}
 
 
 def step_functions(linkage: LoopEquations, kind: type[tuple[Any, ...]]) -> StepFunctions:
     """Return the functions of a linkage, for a class of poses."""
     structure = linkage.structure
-    if structure not in _functions:
-        generator = CodeGenerator(structure)
-        text = generator.source(generator.constants(linkage))
-        _functions[structure] = generator, _made(text, f'<klann_ros step {len(_functions)}>')
-    generator, make = _functions[structure]
-    return StepFunctions(*make(kind, linkage, **generator.constants(linkage)))
+    if structure not in _makers:
+        source = StepSource(structure)
+        name = f'<klann_ros step {len(_makers)}>'
+        _makers[structure] = source, _compile(source.text(source.constants(linkage)), name)
+    source, make = _makers[structure]
+    return StepFunctions(*make(kind, linkage, **source.constants(linkage)))
 
 
-def _made(text: str, name: str) -> Callable[..., Any]:
+def _compile(text: str, name: str) -> Callable[..., Any]:
     # So that a traceback, or a reader, can see the text.
     linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
     names: dict[str, Any] = {
@@ -318,5 +484,5 @@ def _made(text: str, name: str) -> Callable[..., Any]:
         'new': tuple.__new__,
     }  # fmt: skip
     exec(compile(text, name, 'exec'), names)  # noqa: S102 - of indices alone
-    made: Callable[..., Any] = names['make']
-    return made
+    make: Callable[..., Any] = names['make']
+    return make

@@ -28,6 +28,8 @@ class LoopVectors:
         self._structure = structure
         # Each one's number under its body and its bars; the first bar's sign is +1.
         self._numbers: dict[tuple[int, Bars], int] = {}
+        # Bodies that orient others, which slide along them.
+        self._frames = {frame for j, frame in enumerate(structure.frames) if frame != j}
         paths = structure.paths
         self.loops = [self._terms(path.bars) for path in paths.loops]
         self.foot = self._terms(paths.points[structure.points.index(structure.foot)].bars)
@@ -36,46 +38,50 @@ class LoopVectors:
 
     def constants(self, all_bars: Sequence[complex]) -> dict[str, float]:
         """Return the constants that the text names, by the bars of a linkage."""
-        found: dict[str, float] = {}
+        constants: dict[str, float] = {}
         for (body, bars), v in self._numbers.items():
-            w = sum(n * all_bars[bar] for bar, n in bars)
+            w = sum(times * all_bars[bar] for bar, times in bars)
             frame = self._structure.frames[body]
             sense = 1 if frame == FIXED else self._structure.senses[frame]
-            found |= {f'a{v}': w.real, f'd{v}': sense * w.real}
+            constants |= {f'a{v}': w.real, f'd{v}': sense * w.real}
             if not self._is_straight(bars):
-                found |= {f'b{v}': w.imag, f'g{v}': -sense * w.imag}
-        return found
+                constants |= {f'b{v}': w.imag, f'g{v}': -sense * w.imag}
+        return constants
 
     def lines(self, bodies: Iterable[int], wanted: set[int]) -> list[str]:
         """Return what computes the vectors that are wanted, of some bodies."""
         lines = []
         # Sliding bodies follow the turning ones that carry them.
         for body in sorted(bodies, key=lambda j: self._structure.bodies[j].slides):
-            numbers = self._numbers.items()
-            own = [(v, bars) for (j, bars), v in numbers if j == body and v in wanted]
+            vectors = {v: bars for (j, bars), v in self._numbers.items() if j == body}
+            body_bars = {v: bars for v, bars in vectors.items() if v in wanted}
             if self._structure.bodies[body].slides:
-                for v, _ in own:
+                for v in body_bars:
                     lines += self._sliding_lines(body, v)
-                continue
+            else:
+                lines += self._turning_lines(body, body_bars)
+        return lines
+
+    def _turning_lines(self, body: int, body_bars: dict[int, Bars]) -> list[str]:
+        """Return what computes vectors of a body that turns, each v with its bars."""
+        c, s = f'cos(p{body})', f'sin(p{body})'
+        lines = []
+        is_single = len(body_bars) == 1 and all(map(self._is_straight, body_bars.values()))
+        if body in self._frames:
+            # Bodies that slide along it use them as well.
+            lines = [f'C{body} = {c}', f'S{body} = {s}']
+            c, s = f'C{body}', f'S{body}'
+        elif body_bars and not is_single:
+            lines = [f'c = {c}', f's = {s}']
             c, s = 'c', 's'
-            if any(frame == body for j, frame in enumerate(self._structure.frames) if j != body):
-                # Bodies that slide along it use them as well.
-                c, s = f'C{body}', f'S{body}'
-                lines += [f'{c} = cos(p{body})', f'{s} = sin(p{body})']
-            elif len(own) == 1 and self._is_straight(own[0][1]):
-                v = own[0][0]
-                lines += [f'v{v}x = a{v} * cos(p{body})', f'v{v}y = d{v} * sin(p{body})']
-                continue
-            elif own:
-                lines += [f'c = cos(p{body})', f's = sin(p{body})']
-            for v, bars in own:
-                if self._is_straight(bars):
-                    lines += [f'v{v}x = a{v} * {c}', f'v{v}y = d{v} * {s}']
-                else:
-                    lines += [
-                        f'v{v}x = a{v} * {c} + g{v} * {s}',
-                        f'v{v}y = b{v} * {c} + d{v} * {s}',
-                    ]
+        for v, bars in body_bars.items():
+            if self._is_straight(bars):
+                lines += [f'v{v}x = a{v} * {c}', f'v{v}y = d{v} * {s}']
+            else:
+                lines += [
+                    f'v{v}x = a{v} * {c} + g{v} * {s}',
+                    f'v{v}y = b{v} * {c} + d{v} * {s}',
+                ]
         return lines
 
     def first_derivative(self, terms: Terms, rates: dict[int, Term]) -> Sum:
@@ -127,16 +133,16 @@ class LoopVectors:
 
     def _terms(self, bars: Bars) -> Terms:
         """Return a sum of bars as one vector a body: its sign, and its number."""
-        found = {}
-        carriers = self._structure.carriers
-        for body in dict.fromkeys(carriers[bar] for bar, _ in bars):
-            if body == FIXED:
-                continue
-            own = tuple(item for item in bars if carriers[item[0]] == body)
-            sign = own[0][1]
-            key = body, tuple((bar, sign * times) for bar, times in own)
-            found[body] = sign, self._numbers.setdefault(key, len(self._numbers))
-        return found
+        bars_of: dict[int, list[tuple[int, int]]] = {}
+        for bar, times in bars:
+            bars_of.setdefault(self._structure.carriers[bar], []).append((bar, times))
+        bars_of.pop(FIXED, None)
+        terms = {}
+        for body, body_bars in bars_of.items():
+            sign = body_bars[0][1]
+            key = body, tuple((bar, sign * times) for bar, times in body_bars)
+            terms[body] = sign, self._numbers.setdefault(key, len(self._numbers))
+        return terms
 
 
 class BlockSource:
@@ -183,13 +189,13 @@ class BlockSource:
         for block, (group, loops) in enumerate(self.blocks):
             if self.is_coupled(block):
                 continue
-            own = self._vectors.loops[loops[0]]
+            loop = self._vectors.loops[loops[0]]
             if not self.slides(block):
-                (_, p), (_, q) = (own[j] for j in group)
+                (_, p), (_, q) = (loop[j] for j in group)
                 lines.append(f'D{block} = v{p}x * v{q}y - v{p}y * v{q}x')
                 continue
             for side, j in zip('gh', group, strict=True):
-                column = self._vectors.first_derivative(own, {j: (1, '')})
+                column = self._vectors.first_derivative(loop, {j: (1, '')})
                 for axis, terms in zip('xy', column, strict=True):
                     lines.append(f'{side}{block}{axis} = {format_sum(terms)}')
             lines.append(f'D{block} = g{block}x * h{block}y - g{block}y * h{block}x')
@@ -200,7 +206,8 @@ class BlockSource:
     ) -> tuple[list[str], dict[int, Term]]:
         """Return the lines that solve a block for the openings r, and its changes by body."""
         group, loops = self.blocks[block]
-        lines, right = [], []
+        lines = []
+        right = []
         for k, sums in zip(loops, opened, strict=True):
             for axis, terms in zip('xy', sums, strict=True):
                 text = format_sum(terms)
@@ -210,10 +217,11 @@ class BlockSource:
                 right.append(text)
         if self.is_coupled(block):
             changes = ', '.join(f'{letter}{j}' for j in group)
-            given = ', '.join([*self._entries(block), *right])
-            lines.append(f'D{block}, {changes} = solve{len(group)}({given})')
+            arguments = ', '.join([*self._jacobian(block), *right])
+            lines.append(f'D{block}, {changes} = solve{len(group)}({arguments})')
             return lines, {j: (-1, f'{letter}{j}') for j in group}
-        (a, b), own, (x, y) = group, self._vectors.loops[loops[0]], right
+        a, b = group
+        x, y = right
         if self.slides(block):
             g, h = f'g{block}', f'h{block}'
             lines += [
@@ -221,7 +229,8 @@ class BlockSource:
                 f'{letter}{b} = ({g}x * {y} - {g}y * {x}) / D{block}',
             ]
             return lines, {a: (-1, f'{letter}{a}'), b: (-1, f'{letter}{b}')}
-        (sign_a, p), (sign_b, q) = own[a], own[b]
+        loop = self._vectors.loops[loops[0]]
+        (sign_a, p), (sign_b, q) = loop[a], loop[b]
         lines += [
             f'{letter}{a} = (v{q}x * {x} + v{q}y * {y}) / D{block}',
             f'{letter}{b} = (v{p}x * {x} + v{p}y * {y}) / D{block}',
@@ -232,14 +241,15 @@ class BlockSource:
             b: (senses[b] * sign_b, f'{letter}{b}'),
         }
 
-    def _entries(self, block: int) -> list[str]:
+    def _jacobian(self, block: int) -> list[str]:
         """Return the entries of a block's Jacobian, row by row."""
         group, loops = self.blocks[block]
         entries = []
         for k in loops:
-            own = self._vectors.loops[k]
-            columns = [self._vectors.first_derivative(own, {j: (1, '')}) for j in group]
-            entries += [format_sum(column[axis]) for axis in (0, 1) for column in columns]
+            loop = self._vectors.loops[k]
+            columns = [self._vectors.first_derivative(loop, {j: (1, '')}) for j in group]
+            entries += [format_sum(x) for x, _ in columns]
+            entries += [format_sum(y) for _, y in columns]
         return entries
 
 
@@ -253,15 +263,17 @@ def format_sum(terms: Sequence[Term]) -> str:
 def elimination_source(n: int) -> list[str]:
     """Return a function that solves n equations by Gauss's elimination with row pivots."""
     rows = [[f'm{i}_{j}' for j in range(n)] + [f'b{i}'] for i in range(n)]
-    given = ', '.join([*(name for row in rows for name in row[:-1]), *(row[-1] for row in rows)])
-    lines = [f'def solve{n}({given}):', '    det = 1.0']
+    entries = [', '.join(row[:-1]) for row in rows]
+    right = [f'b{i}' for i in range(n)]
+    lines = [f'def solve{n}({", ".join([*entries, *right])}):', '    det = 1.0']
     failed = ', '.join(['0.0'] * (n + 1))
     for k in range(n):
         for i in range(k + 1, n):
-            ours, theirs = ', '.join(rows[k][k:]), ', '.join(rows[i][k:])
+            upper = ', '.join(rows[k][k:])
+            lower = ', '.join(rows[i][k:])
             lines += [
                 f'    if abs({rows[i][k]}) > abs({rows[k][k]}):',
-                f'        {ours}, {theirs} = {theirs}, {ours}',
+                f'        {upper}, {lower} = {lower}, {upper}',
                 '        det = -det',
             ]
         lines += [f'    if {rows[k][k]} == 0.0:', f'        return {failed}']
@@ -273,4 +285,4 @@ def elimination_source(n: int) -> list[str]:
     for k in reversed(range(n)):
         known = ''.join(f' - {rows[k][j]} * {rows[j][n]}' for j in range(k + 1, n))
         lines += [f'    b{k} = (b{k}{known}) / {rows[k][k]}']
-    return [*lines, f'    return det, {", ".join(f"b{k}" for k in range(n))}']
+    return [*lines, f'    return det, {", ".join(right)}']
