@@ -1,8 +1,10 @@
 """The parameters of `commission_node`, besides those of its robot."""
 
+from dataclasses import replace
+
+from klann_ros.nodes.crank_output import COMMAND_TYPE
 from klann_ros.nodes.leg_declarations import ENCODERS
-from klann_ros.nodes.parameters import Declaration, number
-from klann_ros.nodes.walker.declarations import COMMANDS
+from klann_ros.nodes.parameters import number
 from klann_ros.walker import CommissioningSettings
 
 _SETTINGS = CommissioningSettings()
@@ -18,7 +20,5 @@ COMMISSION_PARAMETERS = (
         1000.0,
     ),
     number('feedback_timeout', _SETTINGS.timeout, 'or is silent for longer [s]', 0.05, 5.0),
-    Declaration(
-        'command_type', COMMANDS[0], 'type of crank_command, as of walker_node', choices=COMMANDS
-    ),
+    replace(COMMAND_TYPE, description='type of crank_command, as of walker_node'),
 )

@@ -11,6 +11,7 @@ from typing import Any
 from klann_ros.cli import ArgumentParser, Output, OutputError
 from klann_ros.gait import Feet, NoWalkerError
 from klann_ros.nodes.cdr_readers import JointReading
+from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (
     create_steady_timer,
@@ -30,7 +31,6 @@ from klann_ros.nodes.process import (
 )
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.robot_parameters import declared_robot
-from klann_ros.nodes.walker.messages import CrankOutput
 from klann_ros.robot import CrankDrive, Robot
 from klann_ros.sanitize.text import printable, printable_line
 from klann_ros.sanitize.yaml_text import parameter_file

@@ -6,13 +6,13 @@ from functools import partial
 from math import inf
 from typing import Any
 
+from klann_ros.nodes.crank_output import COMMAND_TYPE
 from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES, ENCODERS
 from klann_ros.nodes.parameters import Declaration, number
 from klann_ros.walker import ControllerSettings, MotionLimits, OdometryNoise
 
 # A gap in the loop lasts at least this number of command periods.
 MIN_GAP_PERIODS = 3.0
-COMMANDS = ('joint_state', 'velocities', 'velocities_float32')
 # What to do about a publisher of another type, by the type that is taken and the published one.
 _TWIST, _TWIST_STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 TYPE_REMEDIES = {
@@ -49,12 +49,7 @@ LIMITS = (
 )
 CONTROL = (
     number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
-    Declaration(
-        'command_type',
-        'joint_state',
-        'sensor_msgs/JointState, or std_msgs/Float64MultiArray or Float32MultiArray',
-        choices=COMMANDS,
-    ),
+    COMMAND_TYPE,
     *ENCODERS,
     Declaration(
         'publish_limited_velocity', False, 'whether cmd_vel_out has the motion within its limits'

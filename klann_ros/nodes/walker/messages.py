@@ -15,18 +15,15 @@ from klann_ros.kinematics.angles import yaw_of
 from klann_ros.nodes.endpoints import (
     create_publisher,
     message_class,
-    publish_last,
     UnknownMessageTypeError,
 )
-from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, JointStateTemplate, STAMP_SIZE
+from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
 from klann_ros.sanitize.text import printable
-from klann_ros.walker import CrankCommand, CrankDrives, OdometryEstimate
+from klann_ros.walker import OdometryEstimate
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float32MultiArray, Float64MultiArray
 
 # A number and a stamp that mark their places in a message; no name contains their bytes.
 _MARK = 1.2345678e-300
@@ -46,8 +43,6 @@ _ODOMETRY = f'{_POSE}2d24xd2d24xd16xd48xd48xd8x2d24xd2d24xdd48xd48xd48xd48xd48xd
 # The places of x, y and yaw in a covariance of six, and rounding errors of its eigenvalues.
 _PLANE = [0, 1, 5]
 MAX_ROUNDING = 1e-9
-# The types of crank_command that hold velocities alone.
-_ARRAYS = {'velocities': Float64MultiArray, 'velocities_float32': Float32MultiArray}
 
 
 class NumbersTemplate:
@@ -197,37 +192,6 @@ def _imu_numbers(order: str, begin: int) -> struct.Struct:
     """
     between = max(0, begin - _FRAME.start)
     return struct.Struct(f'{order}{HEADER_SIZE}xiI{between}x4dd{7 * 8}xd3d{9 * 8}x3dd')
-
-
-class CrankOutput:
-    """Publisher of crank_command: JointStates, or velocities alone, as for ros2_control."""
-
-    def __init__(self, node: Node, drives: CrankDrives, command_type: str) -> None:
-        self._drives = drives
-        self._array: Any = _ARRAYS.get(command_type)
-        self._template = JointStateTemplate([*drives.drives])
-        self._publisher = create_publisher(node, self._array or JointState, 'crank_command')
-        # Whether the last command, if there is one, lets a crank turn.
-        self.is_turning = False
-        self._has_commanded = False
-
-    def publish(self, command: CrankCommand, sec: int, nanosec: int) -> None:
-        """Publish a command."""
-        self._has_commanded = True
-        self.is_turning = any(command.velocity)
-        self._publisher.publish(self._message(command, sec, nanosec))
-
-    def end(self, standstill: CrankCommand, sec: int, nanosec: int) -> None:
-        """Publish the last command, unless there was none before."""
-        if self._has_commanded:
-            publish_last(self._publisher, self._message(standstill, sec, nanosec))
-        self._has_commanded = self.is_turning = False
-
-    def _message(self, command: CrankCommand, sec: int, nanosec: int) -> Any:
-        command = self._drives.commanded(command)
-        if self._array is not None:
-            return self._array(data=list(command.velocity))
-        return self._template.fill(sec, nanosec, command.position, command.velocity)
 
 
 class OdomOutput:

@@ -9,7 +9,7 @@ from crank_motors import CONFIG, JOINTS, Motors, TWO_MOTORS
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from klann_ros.nodes.endpoints import LATCHED
-from klann_ros.nodes.walker.node import Beat
+from klann_ros.nodes.walker.timing import Beat
 from nav_msgs.msg import Odometry
 import pytest
 from ros_domain import Domain, Process
