@@ -90,8 +90,8 @@ class RecordingDiagnostics:
         self._node = node
         self._lost = 0
         self._published: deque[bytes] = deque(maxlen=_MAX_OWN_REPORTS)
-        # Further statuses of each report.
-        self.statuses = list[Callable[[], DiagnosticStatus]]()
+        # Further statuses of each report, such as the judge's.
+        self.further_statuses = list[Callable[[], DiagnosticStatus]]()
         self._publisher = endpoints.create_publisher(node, DiagnosticArray, '/diagnostics')
         self.topic = self._publisher.topic_name
 
@@ -99,11 +99,11 @@ class RecordingDiagnostics:
         """Publish the state of a recording."""
         level, message = _level_and_message(state, state.lost - self._lost)
         values = _values(state).items()
-        own = endpoints.diagnostic_status(self._node, 'recording', level, message, values)
-        others = (status() for status in self.statuses)
-        data = serialize_message(endpoints.diagnostic_array(self._node, [own, *others]))
-        self._published.append(data)
-        self._publisher.publish(data)
+        statuses = [endpoints.diagnostic_status(self._node, 'recording', level, message, values)]
+        statuses += [status() for status in self.further_statuses]
+        report = serialize_message(endpoints.diagnostic_array(self._node, statuses))
+        self._published.append(report)
+        self._publisher.publish(report)
         self._lost = state.lost
 
     def flush(self) -> None:
@@ -121,8 +121,8 @@ def _level_and_message(state: RecordingState, new_losses: int) -> tuple[bytes, s
     if state.faults:
         return DiagnosticStatus.ERROR, '; '.join(state.faults)
     if new_losses > 0:
-        lost = f'{counted(new_losses, "message")} {verb(new_losses, "was", "were")} lost'
-        return DiagnosticStatus.WARN, lost
+        text = f'{counted(new_losses, "message")} {verb(new_losses, "was", "were")} lost'
+        return DiagnosticStatus.WARN, text
     return DiagnosticStatus.OK, 'paused' if state.paused else state.stage or 'recording'
 
 

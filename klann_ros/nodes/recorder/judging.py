@@ -2,9 +2,11 @@
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from threading import Event, Thread
 from time import thread_time, time_ns
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from klann_ros.log import Message, Pause, RecordedFinding, SolverParameters
@@ -35,6 +37,27 @@ _MAX_SHOWN_FINDINGS = 20
 _IDLE_RATIO = 4.0
 
 
+@dataclass(frozen=True)
+class RecorderQueries:
+    """What a judge asks its recorder before each evaluation."""
+
+    # The topics with publishers.
+    published: Callable[[], Collection[str]]
+    # Whether this process has just stalled.
+    has_stalled: Callable[[], bool]
+    # The messages of each topic lost before reception.
+    missed: Callable[[], Mapping[str, int]]
+
+
+class _Request(NamedTuple):
+    """The state of the recorder at an evaluation."""
+
+    # [ns since the epoch]
+    time: int
+    published: frozenset[str]
+    missed: Mapping[str, int]
+
+
 class Judging:
     """
     Judge messages in a thread, and report findings in the node's.
@@ -42,63 +65,55 @@ class Judging:
     The node's loop only appends messages: a window of untrusted ones may take seconds. The loop
     also starts each evaluation, so that messages it has not read yet are no gap.
 
-    `limits` is a file, '' for those of a review. `published` returns the topics with publishers,
-    `has_stalled` whether this process has just stalled, `missed` the messages of each topic lost
-    before reception. `on_findings` receives new findings, by severity.
+    `limits_file` is '' for the limits of a review. `on_findings` receives new findings, by
+    severity.
     """
 
     def __init__(
         self,
         node: Node,
-        limits: str,
-        *,
-        published: Callable[[], Collection[str]],
-        has_stalled: Callable[[], bool],
-        missed: Callable[[], Mapping[str, int]],
+        limits_file: str,
+        queries: RecorderQueries,
         on_findings: Callable[[Sequence[RecordedFinding]], None],
     ) -> None:
         """Start the thread; a StartError for an invalid file of limits."""
         try:
-            self._judge = LiveJudge(limits_from_file(limits) if limits else Limits())
+            judge = LiveJudge(limits_from_file(limits_file) if limits_file else Limits())
         except (LogError, OSError) as error:
             raise StartError(f'judge_limits: {error}') from error
-        self._inbox = deque[Message](maxlen=MAX_MESSAGES)
-        # Takes each message.
-        self.add = self._inbox.append
-        # The error of the last evaluation.
-        self._problem = ''
-        self._node, self._logger = node, node.get_logger()
+        self._node = node
+        self._queries = queries
+        self._on_findings = on_findings
         # The present findings, and the number of all so far.
         self._present: Sequence[LiveFinding] = ()
         self._count = 0
-        self._context: deque[SolverParameters | Pause] = deque()
-        self._published, self._missed, self._on_findings = published, missed, on_findings
-        self._has_stalled = has_stalled
-        self._paused = self._resumed = False
-        self._requested, self._stopped = Event(), Event()
-        self._now, self._names = 0, frozenset[str]()
-        self._counts: Mapping[str, int] = {}
-        self._results: deque[list[LiveFinding]] = deque()
-        self._on_result = node.create_guard_condition(self._report)
+        self._paused = False
+        # Findings of evaluations that are still to be reported.
+        self._unreported: deque[list[LiveFinding]] = deque()
+        self._on_evaluated = node.create_guard_condition(self._report)
         self._timer = create_steady_timer(node, STEP, self._request)
-        self._thread = Thread(target=self._run, name='judge', daemon=True)
-        self._thread.start()
+        self._thread = _JudgeThread(judge, queries.has_stalled, self._put)
+        # Takes each message.
+        self.add = self._thread.inbox.append
 
     def add_solver(self, solver: SolverParameters) -> None:
         """Take new parameters of a solver."""
-        self._context.append(solver)
+        self._thread.context.append(solver)
 
     def excuse(self, pause: Pause) -> None:
         """Take a time in which a gap is no fault."""
-        self._context.append(pause)
+        self._thread.context.append(pause)
 
     def status(self) -> DiagnosticStatus:
         """Return the most severe finding and all others, or the error of judging."""
-        level, message = DiagnosticStatus.OK, 'nothing found'
-        if self._problem:
-            level, message = DiagnosticStatus.WARN, f'judging failed: {self._problem}'
+        level = DiagnosticStatus.OK
+        message = 'nothing found'
         if self._present:
-            level, message = _LEVELS[self._present[0].severity], self._present[0].text
+            level = _LEVELS[self._present[0].severity]
+            message = self._present[0].text
+        elif self._thread.failure:
+            level = DiagnosticStatus.WARN
+            message = f'judging failed: {self._thread.failure}'
         return diagnostic_status(self._node, 'judge', level, message, self._values())
 
     def _values(self) -> Iterator[tuple[str, object]]:
@@ -117,72 +132,121 @@ class Judging:
 
     def resume(self) -> None:
         """Judge messages from now on."""
-        self._inbox.clear()
-        self._resumed, self._paused = True, False
+        self._thread.inbox.clear()
+        self._thread.must_reset = True
+        self._paused = False
 
     def stop(self) -> None:
         """Stop the thread, and report its last findings."""
         self._timer.cancel()
-        self._stopped.set()
-        self._requested.set()
-        self._thread.join()
+        self._thread.stop()
         self._report()
 
     def _request(self) -> None:
         # After a stall of this process its messages are still to be read.
-        if not (self._paused or self._requested.is_set() or self._has_stalled()):
-            self._now, self._names = time_ns(), frozenset(self._published())
-            self._counts = self._missed()
-            self._requested.set()
+        if not (self._paused or self._thread.is_busy or self._queries.has_stalled()):
+            time = time_ns()
+            published = frozenset(self._queries.published())
+            self._thread.evaluate(_Request(time, published, self._queries.missed()))
+
+    def _put(self, findings: list[LiveFinding]) -> None:
+        self._unreported.append(findings)
+        self._on_evaluated.trigger()
 
     def _report(self) -> None:
-        while self._results:
-            self._present = self._results.popleft()
-            new = [finding for finding in self._present if finding.is_new]
-            self._count += len(new)
-            for finding in new:
-                self._logger.warning(f'{finding.check}: {finding.text}', throttle_duration_sec=1.0)
-            if new:
-                self._on_findings([_recorded(finding) for finding in new])
+        while self._unreported:
+            self._present = self._unreported.popleft()
+            new_findings = [finding for finding in self._present if finding.is_new]
+            self._count += len(new_findings)
+            for finding in new_findings:
+                text = f'{finding.check}: {finding.text}'
+                self._node.get_logger().warning(text, throttle_duration_sec=1.0)
+            if new_findings:
+                self._on_findings([_recorded(finding) for finding in new_findings])
+
+
+class _JudgeThread:
+    """
+    The thread of a judge; one evaluation at a time.
+
+    `on_findings` receives the findings of an evaluation, in this thread, and their end.
+    """
+
+    def __init__(
+        self,
+        judge: LiveJudge,
+        has_stalled: Callable[[], bool],
+        on_findings: Callable[[list[LiveFinding]], None],
+    ) -> None:
+        # Messages, and solvers and pauses, that the judge has not seen yet.
+        self.inbox = deque[Message](maxlen=MAX_MESSAGES)
+        self.context: deque[SolverParameters | Pause] = deque()
+        # Whether to forget the window before the next evaluation.
+        self.must_reset = False
+        # The error of the last evaluation; '' without one.
+        self.failure = ''
+        self._judge = judge
+        self._has_stalled = has_stalled
+        self._on_findings = on_findings
+        self._request = _Request(0, frozenset(), {})
+        self._requested = Event()
+        self._stopped = Event()
+        self._thread = Thread(target=self._run, name='judge', daemon=True)
+        self._thread.start()
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether an evaluation is under way, or its idle time is."""
+        return self._requested.is_set()
+
+    def evaluate(self, request: _Request) -> None:
+        """Start an evaluation."""
+        self._request = request
+        self._requested.set()
+
+    def stop(self) -> None:
+        """Evaluate once more, and end the thread."""
+        self._stopped.set()
+        self._requested.set()
+        self._thread.join()
 
     def _run(self) -> None:
-        before: list[LiveFinding] = []
+        had_findings = False
         while not self._stopped.is_set():
             self._requested.wait()
             begin = thread_time()
+            findings: list[LiveFinding] = []
             try:
-                findings = self._findings()
-                self._problem = ''
+                findings = self._evaluate()
+                self.failure = ''
             # The recording continues, whatever untrusted messages cause.
             except Exception as error:
-                findings, self._problem = [], error_and_place(error)
+                self.failure = error_and_place(error)
             # Waking the loop costs a fifth of an evaluation.
-            if findings or before:
-                self._results.append(findings)
-                self._on_result.trigger()
-            before = findings
-            idle = _IDLE_RATIO * (thread_time() - begin) - STEP
-            if idle > 0.0:
-                self._stopped.wait(idle)
+            if findings or had_findings:
+                self._on_findings(findings)
+            had_findings = bool(findings)
+            idle_time = _IDLE_RATIO * (thread_time() - begin) - STEP
+            if idle_time > 0.0:
+                self._stopped.wait(idle_time)
             self._requested.clear()
 
-    def _findings(self) -> list[LiveFinding]:
-        if self._resumed:
-            self._resumed = False
+    def _evaluate(self) -> list[LiveFinding]:
+        if self.must_reset:
+            self.must_reset = False
             self._judge.reset()
-        inbox = self._inbox
-        messages = [inbox.popleft() for _ in range(len(inbox))]
+        messages = [self.inbox.popleft() for _ in range(len(self.inbox))]
         # A stall since the request explains the gap before these messages.
         while self._has_stalled() and not self._stopped.wait(STEP):
             pass
-        while self._context:
-            item = self._context.popleft()
-            if isinstance(item, Pause):
-                self._judge.excuse(item)
+        while self.context:
+            change = self.context.popleft()
+            if isinstance(change, Pause):
+                self._judge.excuse(change)
             else:
-                self._judge.set_solver(item)
+                self._judge.set_solver(change)
         self._judge.add_all(messages)
-        return self._judge.findings(self._now, self._names, self._counts)
+        return self._judge.findings(*self._request)
 
 
 def _recorded(finding: LiveFinding) -> RecordedFinding:

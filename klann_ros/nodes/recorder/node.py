@@ -110,18 +110,16 @@ class RecorderNode(ProcessNode):
             self._diagnostics.flush()
         return 0 if ok else 1
 
-    def _judge(self, limits: str) -> 'Judging':
-        from .judging import Judging  # noqa: PLC0415 - a slow import
+    def _judge(self, limits_file: str) -> 'Judging':
+        from .judging import Judging, RecorderQueries  # noqa: PLC0415 - a slow import
 
-        judging = Judging(
-            self,
-            limits,
+        queries = RecorderQueries(
             published=lambda: self._watch.published,
             has_stalled=lambda: self._watch.has_stalled,
             missed=self._missed,
-            on_findings=self._on_findings,
         )
-        self._diagnostics.statuses.append(judging.status)
+        judging = Judging(self, limits_file, queries, self._on_findings)
+        self._diagnostics.further_statuses.append(judging.status)
         return judging
 
     def _put(self) -> Callable[[Message], None]:
@@ -203,14 +201,15 @@ class RecorderNode(ProcessNode):
     def _full_names(self, names: Sequence[str]) -> list[str]:
         """Return full names; patterns are relative to this node's namespace, and not remapped."""
         namespace = self.get_namespace().rstrip('/')
-        return [
-            name
-            if name.startswith('/')
-            else f'{namespace}/{name}'
-            if '*' in name
-            else self.resolve_topic_name(name)
-            for name in names
-        ]
+        full_names = []
+        for name in names:
+            if name.startswith('/'):
+                full_names.append(name)
+            elif '*' in name:
+                full_names.append(f'{namespace}/{name}')
+            else:
+                full_names.append(self.resolve_topic_name(name))
+        return full_names
 
 
 def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> RecordingSession:
