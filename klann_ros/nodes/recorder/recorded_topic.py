@@ -2,8 +2,9 @@
 
 from collections import deque, OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.log import definition, Message, Qos, qos_to_yaml, Recording, Topic
 from klann_ros.nodes.endpoints import DEPTH, message_class
@@ -14,13 +15,39 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-if TYPE_CHECKING:
-    from rclpy.subscription import Subscription
-
 # Messages that a latched publisher may repeat to a second subscription.
 _LATCHED_HISTORY = 2000
 # Maximum lag between two subscriptions to a publisher [messages].
 _MAX_SUBSCRIPTION_LAG = 16_384
+# Reliability and durability of a subscription.
+_Policies = tuple[Any, Any]
+# Source timestamp and sequence number of a message.
+_Identity = tuple[int, int]
+
+
+@dataclass
+class _Match:
+    """A subscription, and the numbers of publishers that match it now and that have left."""
+
+    subscription: Any = None
+    publishers: int = 0
+    departed: int = 0
+
+
+class _DuplicateFilter:
+    """Find the messages that two subscriptions have received."""
+
+    def __init__(self, recent: Iterable[_Identity]) -> None:
+        self._received = OrderedDict.fromkeys(recent)
+
+    def is_duplicate(self, identity: _Identity) -> bool:
+        """Note a message; return whether it was received before."""
+        if identity in self._received:
+            return True
+        self._received[identity] = None
+        if len(self._received) > _MAX_SUBSCRIPTION_LAG:
+            self._received.popitem(last=False)
+        return False
 
 
 class RecordedTopic:
@@ -49,19 +76,29 @@ class RecordedTopic:
         on_change: Callable[[str], object],
         is_own: Callable[[bytes], bool] | None = None,
     ) -> None:
-        self.name, self.type = name, publishers[0].topic_type
-        self._class, self._definition = message_class(self.type), definition(self.type)
-        self._node, self._group, self._put, self._pauses = node, group, put, recording.pauses
-        self._counters, self._on_change = recording.counters[name], on_change
+        self.name = name
+        self.type = publishers[0].topic_type
+        # Takes a profile and event callbacks.
+        self._create_subscription = partial(
+            node.create_subscription,
+            message_class(self.type),
+            name,
+            self._on_message,
+            raw=True,
+            callback_group=group,
+        )
+        self._definition = definition(self.type)
+        self._put = put
+        self._pauses = recording.pauses
+        self._counters = recording.counters[name]
+        self._on_change = on_change
         self._is_own = is_own
-        self._subscriptions: dict[tuple[Any, Any], Subscription] = {}
-        self._publishers: dict[tuple[Any, Any], int] = {}
-        self._departed: dict[tuple[Any, Any], int] = {}
-        self._count = 0
-        # Source timestamps and sequence numbers: the last ones of a single subscription, and those
-        # that tell duplicates of two.
-        self._recent = deque[tuple[int, int]](maxlen=_LATCHED_HISTORY)
-        self._known: OrderedDict[tuple[int, int], None] | None = None
+        self._matches: dict[_Policies, _Match] = {}
+        # The number of present publishers, without the recorder's own.
+        self._publisher_count = 0
+        # The last messages of a single subscription; the filter of two.
+        self._recent = deque[_Identity](maxlen=_LATCHED_HISTORY)
+        self._duplicates: _DuplicateFilter | None = None
         self.adapt(publishers)
 
     def adapt(self, publishers: Iterable[TopicEndpointInfo]) -> list[str]:
@@ -78,12 +115,12 @@ class RecordedTopic:
     @property
     def has_publisher(self) -> bool:
         """Return whether another node publishes on it now."""
-        return self._count > 0
+        return self._publisher_count > 0
 
     def take_queued(self) -> None:
         """Read the queued messages, as at the end, when no loop reads them."""
-        for subscription in self._subscriptions.values():
-            for data, info in _queued(subscription):
+        for match in self._matches.values():
+            for data, info in _queued(match.subscription):
                 self._on_message(data, info)
 
     def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
@@ -92,53 +129,50 @@ class RecordedTopic:
         return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
 
     def _subscribe(self, profile: QoSProfile) -> None:
-        kind = (profile.reliability, profile.durability)
-        if kind in self._subscriptions:
+        policies = (profile.reliability, profile.durability)
+        if policies in self._matches:
             return
-        if self._subscriptions and self._known is None:
-            self._known = OrderedDict.fromkeys(self._recent)
-        self._publishers[kind] = 0
+        if self._matches and self._duplicates is None:
+            self._duplicates = _DuplicateFilter(self._recent)
+        match = _Match()
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self._counters.loss.latched = self._counters.loss.latched or latched
-        self._subscriptions[kind] = self._node.create_subscription(
-            self._class,
-            self.name,
-            self._on_message,
+        match.subscription = self._create_subscription(
             profile,
-            raw=True,
-            callback_group=self._group,
             event_callbacks=SubscriptionEventCallbacks(
-                matched=partial(self._on_matched, kind),
+                matched=partial(self._on_matched, match),
                 # A publisher with a weaker QoS needs another subscription.
                 incompatible_qos=lambda _: self._on_change(self.name),
                 use_default_callbacks=False,
             ),
         )
+        self._matches[policies] = match
 
-    def _on_matched(self, kind: tuple[Any, Any], status: Any) -> None:
+    def _on_matched(self, match: _Match, status: Any) -> None:
+        match.publishers = status.current_count
+        match.departed = status.total_count - status.current_count
+        matches = self._matches.values()
         self._counters.loss.publishers_changed()
-        self._publishers[kind] = status.current_count
-        self._departed[kind] = status.total_count - status.current_count
-        self._counters.loss.departed = max(self._departed.values())
-        self._count = max(self._publishers.values()) - (self._is_own is not None)
+        self._counters.loss.departed = max(match.departed for match in matches)
+        most_publishers = max(match.publishers for match in matches)
+        self._publisher_count = most_publishers - (self._is_own is not None)
         self._on_change(self.name)
 
     def _on_message(self, data: bytes, info: Info) -> None:
         if self._is_own is not None and self._is_own(data):
             return
-        counters, sequence = self._counters, info['publication_sequence_number']
-        publish_time, log_time = info['source_timestamp'], info['received_timestamp']
+        counters = self._counters
+        sequence = info['publication_sequence_number']
+        publish_time = info['source_timestamp']
+        log_time = info['received_timestamp']
         identity = (publish_time, sequence or 0)
-        if self._known is None:
-            if counters.loss.count(sequence, self._count):
+        if self._duplicates is None:
+            if counters.loss.count(sequence, self._publisher_count):
                 self._on_change(self.name)
             self._recent.append(identity)
-        elif identity in self._known:
+        elif self._duplicates.is_duplicate(identity):
             return
         else:
-            self._known[identity] = None
-            if len(self._known) > _MAX_SUBSCRIPTION_LAG:
-                self._known.popitem(last=False)
             # The order of messages of two subscriptions is undefined.
             counters.loss.count(None, 2)
         counters.received += 1
