@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
+from functools import partial
 from threading import Event, Thread
 import time
 from time import monotonic, time_ns
@@ -22,7 +23,8 @@ from .interface import RecordingDiagnostics
 from .recorded_topic import RecordedTopic
 
 # Period of discovery, and that of pending requests without changes [s].
-_PERIOD, _REQUEST_PERIOD = 0.1, 1.0
+_PERIOD = 0.1
+_REQUEST_PERIOD = 1.0
 # Discovery of a publisher's node may follow that of the publisher within this time [s].
 _SETTLING_TIME = 1.0
 # A longer delay means that the process was stopped, or the machine suspended [s].
@@ -41,25 +43,76 @@ class Heartbeat:
     """Detects stalls of this process and steps of its clock between calls of `beat`."""
 
     def __init__(self) -> None:
-        self._before = time.clock_gettime(_STEADY_CLOCK), time_ns()
+        # Times of the last beat: steady [s], and of the log [ns since the epoch].
+        self._steady_time = time.clock_gettime(_STEADY_CLOCK)
+        self._log_time = time_ns()
 
     @property
     def is_late(self) -> bool:
         """Return whether the next call is overdue."""
-        return time.clock_gettime(_STEADY_CLOCK) - self._before[0] > _PERIOD + MAX_DELAY
+        return time.clock_gettime(_STEADY_CLOCK) - self._steady_time > _PERIOD + MAX_DELAY
 
     def beat(self) -> Pause | None:
         """Return the time since the last call if the process stalled, or its clock was set."""
-        (steady, wall), now = self._before, (time.clock_gettime(_STEADY_CLOCK), time_ns())
-        self._before = now
-        passed, shown = now[0] - steady, (now[1] - wall) / 1e9
+        begin = self._log_time
+        steady_time = time.clock_gettime(_STEADY_CLOCK)
+        self._log_time = time_ns()
+        passed = steady_time - self._steady_time
+        clock_step = (self._log_time - begin) / 1e9 - passed
+        self._steady_time = steady_time
         if passed > _PERIOD + MAX_DELAY:
             reason = f'the recorder stalled for {passed:.1f} s (stopped, or suspended)'
-        elif shown - passed > MAX_CLOCK_STEP:
-            reason = f'the clock was set forward by {shown - passed:.2f} s'
+        elif clock_step > MAX_CLOCK_STEP:
+            reason = f'the clock was set forward by {clock_step:.2f} s'
         else:
             return None
-        return Pause(wall, now[1], {}, reason)
+        return Pause(begin, self._log_time, {}, reason)
+
+
+class _GraphThread:
+    """
+    The thread that looks for new topics and publishers, and for stalls of this process.
+
+    `query` returns the graph, and `is_due` whether the node has work without a change of it; its
+    argument is whether a period of requests has passed. `wake` wakes the node's loop: a timer
+    in it would rebuild the executor's wait set each time, at fifty times the cost.
+    """
+
+    def __init__(
+        self,
+        query: Callable[[], object],
+        is_due: Callable[[bool], bool],
+        wake: Callable[[], object],
+    ) -> None:
+        # The stalls that the node has not processed yet.
+        self.stalls = deque[Pause]()
+        self.heartbeat = Heartbeat()
+        self._query = query
+        self._is_due = is_due
+        self._wake = wake
+        self._stopped = Event()
+        self._thread = Thread(target=self._run, name='graph', daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stopped.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        last_graph: object = None
+        ticks = 0
+        while not self._stopped.wait(_PERIOD):
+            ticks += 1
+            stall = self.heartbeat.beat()
+            if stall is not None:
+                self.stalls.append(stall)
+            graph = self._query()
+            is_due = self._is_due(ticks >= _REQUEST_PERIOD / _PERIOD)
+            if graph != last_graph or stall is not None or is_due:
+                self._wake()
+                last_graph = graph
+                ticks = 0
 
 
 class TopicWatch:
@@ -81,30 +134,38 @@ class TopicWatch:
         diagnostics: RecordingDiagnostics,
         on_stall: Callable[[Pause], None],
     ) -> None:
-        self._on_stall, self._stalls = on_stall, deque[Pause]()
-        self._heartbeat = Heartbeat()
+        self._node = node
+        self._patterns = patterns
+        self._solvers = solvers
+        self._diagnostics = diagnostics
+        self._on_stall = on_stall
+        # Takes a name, its publishers, and `is_own`.
+        self._make_topic = partial(
+            RecordedTopic,
+            node,
+            RawCallbackGroup(),
+            recording=recording,
+            put=put,
+            on_change=self._on_change,
+        )
         self._topics: dict[str, RecordedTopic] = {}
-        self._node, self._patterns, self._solvers = node, patterns, solvers
-        self._recording, self._put, self._diagnostics = recording, put, diagnostics
-        self._group = RawCallbackGroup()
+        # Names and types that are not recorded, and the warnings about them.
         self._refused: set[tuple[str, str]] = set()
         self._warnings: set[str] = set()
+        # Changed topics, until [s] they are looked at again; and those without a publisher.
         self._unsettled: dict[str, float] = {}
         self._unpublished: set[str] = set()
-        self._stopped = Event()
-        self._graph_changed = node.create_guard_condition(self._update)
-        self._thread = Thread(target=self._watch_graph, name='graph', daemon=True)
-        self._thread.start()
+        graph_changed = node.create_guard_condition(self._update)
+        self._thread = _GraphThread(self._graph, self._is_due, graph_changed.trigger)
 
     def stop(self) -> None:
         """Stop the discovery."""
-        self._stopped.set()
-        self._thread.join()
+        self._thread.stop()
 
     @property
     def has_stalled(self) -> bool:
         """Return whether this process has just stalled, and `on_stall` has not returned yet."""
-        return bool(self._stalls) or self._heartbeat.is_late
+        return bool(self._thread.stalls) or self._thread.heartbeat.is_late
 
     @property
     def published(self) -> set[str]:
@@ -116,25 +177,8 @@ class TopicWatch:
         for topic in self._topics.values():
             topic.take_queued()
 
-    def _watch_graph(self) -> None:
-        """
-        Trigger `_update` in the node's loop when topics or publishers appear.
-
-        A timer would rebuild the executor's wait set each time, at fifty times the cost.
-        """
-        before: object = None
-        ticks = 0
-        while not self._stopped.wait(_PERIOD):
-            ticks += 1
-            is_late = ticks >= _REQUEST_PERIOD / _PERIOD
-            stall = self._heartbeat.beat()
-            if stall is not None:
-                self._stalls.append(stall)
-            now = self._graph()
-            is_due = self._unsettled or (is_late and self._solvers.pending)
-            if now != before or stall is not None or is_due:
-                self._graph_changed.trigger()
-                before, ticks = now, 0
+    def _is_due(self, is_late: bool) -> bool:
+        return bool(self._unsettled or (is_late and self._solvers.pending))
 
     def _graph(self) -> object:
         """Return the topics, and the publishers of those that had none."""
@@ -142,9 +186,10 @@ class TopicWatch:
         return _topics_and_types(self._node), counts
 
     def _update(self) -> None:
-        while self._stalls:
-            self._on_stall(self._stalls[0])
-            self._stalls.popleft()
+        stalls = self._thread.stalls
+        while stalls:
+            self._on_stall(stalls[0])
+            stalls.popleft()
         for name, kinds in _topics_and_types(self._node):
             if all(self._is_known(name, kind) for kind in kinds):
                 continue
@@ -154,15 +199,15 @@ class TopicWatch:
             elif self._is_selected(name):
                 self._try(name, kinds)
         now = monotonic()
-        for name, until in list(self._unsettled.items()):
+        for name, settled_at in list(self._unsettled.items()):
             self._adapt(name)
-            if now > until:
+            if now > settled_at:
                 del self._unsettled[name]
         self._solvers.send_requests()
 
     def _is_known(self, name: str, kind: str) -> bool:
-        recorded = self._topics.get(name)
-        return (name, kind) in self._refused or (recorded is not None and recorded.type == kind)
+        topic = self._topics.get(name)
+        return (name, kind) in self._refused or (topic is not None and topic.type == kind)
 
     def _is_selected(self, name: str) -> bool:
         hidden = any(part.startswith('_') for part in name.split('/'))
@@ -181,27 +226,17 @@ class TopicWatch:
             self._warn(f'{name} is not recorded: {ros_error(error)}')
 
     def _subscribe(self, name: str) -> None:
-        publishers = [
-            publisher
-            for publisher in self._publishers(name)
-            if (name, publisher.topic_type) not in self._refused
-        ]
+        publishers = self._publishers(name)
+        publishers = [p for p in publishers if (name, p.topic_type) not in self._refused]
         if not publishers:
             self._unpublished.add(name)
             return
         self._unpublished.discard(name)
-        own = self._diagnostics
+        is_own = None
+        if name == self._diagnostics.topic:
+            is_own = self._diagnostics.has_published
         try:
-            self._topics[name] = RecordedTopic(
-                self._node,
-                self._group,
-                name,
-                publishers,
-                recording=self._recording,
-                put=self._put,
-                on_change=self._on_change,
-                is_own=own.has_published if name == own.topic else None,
-            )
+            self._topics[name] = self._make_topic(name, publishers, is_own=is_own)
         except _TOPIC_ERRORS as error:
             self._refuse(name, publishers[0].topic_type, ros_error(error))
         else:
@@ -209,12 +244,9 @@ class TopicWatch:
 
     def _publishers(self, name: str) -> list[TopicEndpointInfo]:
         """Return the publishers of a topic, without this node's."""
-        own = self._node.get_name(), self._node.get_namespace()
-        return [
-            publisher
-            for publisher in self._node.get_publishers_info_by_topic(name)
-            if (publisher.node_name, publisher.node_namespace) != own
-        ]
+        node = (self._node.get_name(), self._node.get_namespace())
+        publishers = self._node.get_publishers_info_by_topic(name)
+        return [p for p in publishers if (p.node_name, p.node_namespace) != node]
 
     def _on_change(self, name: str) -> None:
         self._unsettled[name] = monotonic() + _SETTLING_TIME
@@ -233,8 +265,7 @@ class TopicWatch:
 
     def _refuse(self, name: str, kind: str, reason: str) -> None:
         self._refused.add((name, kind))
-        of = f'{printable(name)} of type {printable(kind)}'
-        self._warn(f'{of} is not recorded: {reason}')
+        self._warn(f'{printable(name)} of type {printable(kind)} is not recorded: {reason}')
 
     def _warn(self, text: str) -> None:
         if text in self._warnings or len(self._warnings) >= _MAX_WARNINGS:
@@ -253,8 +284,8 @@ def _topics_and_types(node: Node) -> list[tuple[str, list[str]]]:
     one by one, and those without a valid name are skipped.
     """
     with suppress(UnicodeDecodeError):
-        known: list[tuple[str, list[str]]] = node.get_topic_names_and_types()
-        return known
+        topics_and_types: list[tuple[str, list[str]]] = node.get_topic_names_and_types()
+        return topics_and_types
     types: dict[str, set[str]] = {}
     with suppress(UnicodeDecodeError):
         for name, namespace in node.get_node_names_and_namespaces():
