@@ -27,6 +27,7 @@ from .fit import calibrate, Calibration
 from .load import described_run, load_csv, load_run, point_topics, Request
 from .measurements import MeasurementError
 from .page import page
+from .problem import Prior
 from .report import report, text_lines
 
 NOT_OBSERVABLE = 1
@@ -63,19 +64,22 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.run.lower().endswith('.csv'):
         if drawn is None:
             raise UsageError('a table does not contain the leg: name its file with --leg')
-        leg, parameters = _leg(drawn, options.leg_name), _parameters(options.leg)
+        leg = _leg(drawn, options.leg_name)
+        parameters = _parameters(options.leg)
         measured = load_csv(options.run, leg, requests)
     else:
         robot, parameters, topics = described_run(options.run, drawn)
         parameters = _parameters(options.leg) if drawn else parameters
         leg = _leg(robot, options.leg_name)
-        named = point_topics(topics, leg.linkage, leg.name)
-        requests = requests or [Request(point, topic) for point, topic in named.items()]
         if not requests:
-            msg = 'no topic has the name of a point, as /mocap/h: name one with --point H=/foot'
-            raise MeasurementError(msg)
+            named = point_topics(topics, leg.linkage, leg.name)
+            requests = [Request(point, topic) for point, topic in named.items()]
+        if not requests:
+            raise MeasurementError(
+                'no topic has the name of a point, as /mocap/h: name one with --point H=/foot'
+            )
         measured = load_run(options.run, leg, requests, options.crank)
-    found = calibrate(
+    calibration = calibrate(
         leg.linkage,
         measured,
         direction=leg.encoder_direction,
@@ -84,45 +88,48 @@ def _calibrate(options: argparse.Namespace) -> int:
         delay=options.delay == 'unknown',
         prior=_prior(options.prior),
     )
-    further = found.further()
-    other = {k: v for k, v in of_leg(parameters, leg.name).items() if k in KEPT_PARAMETERS}
-    built = _built_file(found, leg, other, (options.run, options.leg or 'in it'))
-    print(*text_lines(found, further), sep='\n')
+    further = calibration.further()
+    leg_parameters = of_leg(parameters, leg.name)
+    kept = {name: leg_parameters[name] for name in KEPT_PARAMETERS if name in leg_parameters}
+    built = _built_file(calibration, leg, kept, (options.run, options.leg or 'in it'))
+    print(*text_lines(calibration, further), sep='\n')
     views: dict[str, Callable[[], str]] = {
         '--output': lambda: built,
-        '--html': partial(page, found, further, options.run, built),
-        '--json': lambda: json.dumps(report(found, further), indent=2, allow_nan=False) + '\n',
+        '--html': partial(page, calibration, further, options.run, built),
+        '--json': lambda: (
+            json.dumps(report(calibration, further), indent=2, allow_nan=False) + '\n'
+        ),
     }
     save_all(files, {option: partial(save_text, view) for option, view in views.items()})
-    return 0 if found.is_complete else NOT_OBSERVABLE
+    return 0 if calibration.is_complete else NOT_OBSERVABLE
 
 
 def _leg(robot: Robot, name: str | None) -> RobotLeg:
     for leg in robot.legs:
         if leg.name == name or (name is None and len(robot.legs) == 1):
             return leg
-    there = listed([leg.name for leg in robot.legs], 12)
-    raise UsageError(f'name the leg with --leg-name: {there}')
+    names = listed([leg.name for leg in robot.legs], 12)
+    raise UsageError(f'name the leg with --leg-name: {names}')
 
 
-def _prior(given: str | None) -> float | Mapping[str, float] | None:
+def _prior(option: str | None) -> Prior:
     """Return the prior: a number of millimetres, or a file's standard deviations."""
-    if given is None:
+    if option is None:
         return None
     try:
-        value = float(given) / 1e3
+        deviation = float(option) / 1e3
     except ValueError:
-        return content_of_file(given, _by_name, 'standard deviations', MeasurementError)
-    if not 0.0 < value < 1.0:
-        raise UsageError(f'--prior {given}: it must be millimetres, above 0 and below 1000')
-    return value
+        return content_of_file(option, _by_name, 'standard deviations', MeasurementError)
+    if not 0.0 < deviation < 1.0:
+        raise UsageError(f'--prior {option}: it must be millimetres, above 0 and below 1000')
+    return deviation
 
 
 def _by_name(content: Any) -> dict[str, float]:
     numbers: list[Any] = [*content.values()] if isinstance(content, dict) else [None]
-    if not all(type(value) in {int, float} and 0.0 < value < inf for value in numbers):
+    if not all(type(number) in {int, float} and 0.0 < number < inf for number in numbers):
         raise ValueError('it must be a mapping of dimensions to numbers > 0')
-    return {str(name): float(value) for name, value in content.items()}
+    return {str(name): float(number) for name, number in content.items()}
 
 
 def _parameters(drawing: str) -> Mapping[str, Any]:
@@ -134,35 +141,38 @@ def _parameters(drawing: str) -> Mapping[str, Any]:
 
 
 def _built_file(
-    found: Calibration, leg: RobotLeg, other: Mapping[str, Any], sources: tuple[str, str]
+    calibration: Calibration,
+    leg: RobotLeg,
+    leg_parameters: Mapping[str, Any],
+    sources: tuple[str, str],
 ) -> str:
     """Return the leg file with the calibrated numbers, which every program takes."""
-    parameters = dict(other)
+    parameters = dict(leg_parameters)
     if leg.description:
-        content = content_with_numbers(leg.description, found.linkage)
+        content = content_with_numbers(leg.description, calibration.linkage)
         parameters['linkage_description'] = dump(content) + '\n'
     else:
-        own = found.linkage.dimensions
-        parameters |= {name: round(own[name], NUMBER_DIGITS) for name in NUMBERS}
-        parameters['assembly'] = [*found.linkage.assembly]
-    phase = found.phase + leg.direction * leg.drive.zero
+        dimensions = calibration.linkage.dimensions
+        parameters |= {name: round(dimensions[name], NUMBER_DIGITS) for name in NUMBERS}
+        parameters['assembly'] = [*calibration.linkage.assembly]
+    phase = calibration.phase + leg.direction * leg.drive.zero
     parameters |= {'phase': round(phase, NUMBER_DIGITS), 'direction': leg.direction}
     parameters['crank_joint'] = leg.crank_joint
-    errors = zip(found.model.names, found.standard_errors, strict=True)
     run, drawing = map(printable_line, sources)
     lines = [
         f'# Calibrated from {run}; the drawing is {drawing}.',
         '# Standard errors [m, rad]; unobservable combinations are as in the drawing:',
-        *(f'#   {printable_line(name)}: {error:.2g}' for name, error in errors),
     ]
+    for name, error in zip(calibration.model.names, calibration.standard_errors, strict=True):
+        lines.append(f'#   {printable_line(name)}: {error:.2g}')
     comment = '\n'.join(lines).replace(': nan', ': not observable')
     return f'{comment}\n{parameter_file({"/**": parameters})}'
 
 
 def _request(text: str) -> Request:
     """Return a request NAME=TOPIC or NAME=TOPIC:KEY."""
-    name, equals, rest = text.partition('=')
-    topic, _, key = rest.partition(':')
+    name, equals, topic_and_key = text.partition('=')
+    topic, _, key = topic_and_key.partition(':')
     if not (name and equals and topic):
         raise argparse.ArgumentTypeError(f'{printable(text)} is refused: it must be NAME=TOPIC')
     return Request(name, topic, key)
@@ -177,12 +187,12 @@ def _parser() -> ArgumentParser:
     add('--leg-name', metavar='NAME', help='which leg of a walker')
     examples = {'point': 'H=/mocap/foot', 'angle': 'theta=/encoder2:theta', 'distance': 'A-H=/d:x'}
     for kind, example in examples.items():
-        what: dict[str, Any] = {'type': _request, 'action': 'append', 'default': []}
         text = f'a measured {kind}, such as {example}'
-        add(f'--{kind}', metavar='NAME=TOPIC', help=text, **what)
+        option = partial(add, f'--{kind}', metavar='NAME=TOPIC', help=text)
+        option(type=_request, action='append', default=[])
     add('--crank', metavar='TOPIC', default='', help="of the crank's encoder (default: found)")
-    for name, what_ in (('camera', "pose in the leg's plane"), ('delay', 'of the points')):
-        text = f'{what_} (default: known)'
+    for name, meaning in (('camera', "pose in the leg's plane"), ('delay', 'of the points')):
+        text = f'{meaning} (default: known)'
         add(f'--{name}', choices=('known', 'unknown'), default='known', help=text)
     prior = 'standard deviation of the dimensions [mm], or a FILE of them'
     add('--prior', metavar='MM', help=prior)

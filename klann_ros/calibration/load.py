@@ -69,8 +69,8 @@ def readings(kind: str, data: bytes) -> Iterator[Reading]:
         yield Reading('', 0, cursor.numbers('d', 1))
         return
     for _ in range(cursor.length() if kind == TRANSFORM else 1):
-        seconds, rest = cursor.header()
-        stamp = seconds * 10**9 + rest
+        seconds, nanoseconds = cursor.header()
+        stamp = seconds * 10**9 + nanoseconds
         if kind == JOINTS:
             names = cursor.strings()
             positions = cursor.numbers('d', cursor.length())
@@ -87,42 +87,43 @@ def readings(kind: str, data: bytes) -> Iterator[Reading]:
 
 
 def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatArray, set[str]]:
-    """Return rows of the time from the start [s], the variance and the values; and all keys."""
-    keys, rows = set(), []
+    """Return time from the start [s], variance and numbers of each sample; and all keys."""
+    keys = set()
+    samples = []
     for message in messages:
         with suppress(ValueError, struct.error):
             for reading in list(readings(message.topic.type, message.data)):
                 keys.add(reading.key)
-                # Of a marker also its namespace or its number.
+                # A marker may be named by its namespace or its number alone.
                 if key in {'', reading.key, *reading.key.split('/')}:
                     time = reading.stamp or message.publish_time or message.log_time
-                    rows.append(((time - start) / 1e9, reading.variance, *reading.values))
-    return np.array(rows, dtype=np.float64), keys
+                    samples.append(((time - start) / 1e9, reading.variance, *reading.values))
+    return np.array(samples, dtype=np.float64), keys
 
 
 def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[str, str]:
     """Return topics with the name of a point, such as `/mocap/LEG/h`, by the moving point."""
     points = {point.lower(): point for point in moving_points(linkage)}
-    parts = ((name, ['', *name.split('/')][-2:]) for name in names)
-    return {
-        points[last.lower()]: name
-        for name, (space, last) in parts
-        if last.lower() in points and leg in {'', space}
-    }
+    topics = {}
+    for name in names:
+        namespace, last = ['', *name.split('/')][-2:]
+        if last.lower() in points and leg in {'', namespace}:
+            topics[points[last.lower()]] = name
+    return topics
 
 
-def described_run(path: str, known: Robot | None) -> tuple[Robot, dict[str, Any], list[str]]:
-    """Return the robot of a run, or the known one, its parameters, and the topics of points."""
+def described_run(path: str, drawn: Robot | None) -> tuple[Robot, dict[str, Any], list[str]]:
+    """Return the robot of a run, or the drawn one, its parameters, and the topics of points."""
     with open_log(path) as log:
-        solvers = log.solvers if known is None else []
-        points = {*POINT_LAYOUTS} - {*FRAMED_TYPES}
-        topics = [topic.name for topic in log.topics if topic.type in points]
-    if known is not None:
-        return known, {}, topics
+        solvers = log.solvers if drawn is None else []
+        types = {*POINT_LAYOUTS} - {*FRAMED_TYPES}
+        topics = [topic.name for topic in log.topics if topic.type in types]
+    if drawn is not None:
+        return drawn, {}, topics
     for solver in reversed(solvers):
         with suppress(ValueError, TypeError):
-            found = solver.without_files
-            return robot_from_parameters(found, weigh=False), found, topics
+            parameters = solver.without_files
+            return robot_from_parameters(parameters, weigh=False), parameters, topics
     raise MeasurementError('the run does not contain the leg as drawn: name its file with --leg')
 
 
@@ -140,55 +141,60 @@ def load_run(
         topics = {topic.name: topic for topic in log.topics}
         chosen = [_topic(topics, request.topic) for request in requests]
         cranks = [_topic(topics, crank_topic)] if crank_topic else _crank_topics(topics)
-        messages: dict[str, list[Message]] = {t.name: [] for t in (*chosen, *cranks)}
+        messages: dict[str, list[Message]] = {topic.name: [] for topic in (*chosen, *cranks)}
         for message in log.messages(messages):
             messages[message.topic.name].append(message)
         start = log.start_time
     crank = _crank(cranks, messages, leg, start)
-    found = []
+    measured = []
     for request, topic in zip(requests, chosen, strict=True):
-        samples = _checked(request, topic, leg, messages[topic.name], start)
-        variance = float(np.median(samples[:, 1]))
+        samples = _checked_samples(request, topic, leg, messages[topic.name], start)
+        times, variances, numbers = samples[:, 0], samples[:, 1], samples[:, 2:]
+        variance = float(np.median(variances))
         noise = variance**0.5 if 0.0 < variance < np.inf else None
-        kind, where = kind_of(leg.linkage, request.name), printable(topic.name)
-        numbers = samples[:, 0], samples[:, 2:], crank
-        found.append(series_of(kind, request.name, *numbers, noise=noise, source=where))
-    return found
+        kind = kind_of(leg.linkage, request.name)
+        source = printable(topic.name)
+        series = series_of(kind, request.name, times, numbers, crank, noise=noise, source=source)
+        measured.append(series)
+    return measured
 
 
-def _checked(
+def _checked_samples(
     request: Request, topic: Topic, leg: RobotLeg, messages: Sequence[Message], start: int
 ) -> FloatArray:
     """Return the samples of a topic, unless it is of another type, computed, or has several."""
-    kind, where, key = kind_of(leg.linkage, request.name), printable(topic.name), request.key
+    kind = kind_of(leg.linkage, request.name)
+    title = printable(topic.name)
     types = POINT_LAYOUTS if kind == 'point' else (JOINTS, FLOAT)
     if topic.type not in types:
-        known = ', '.join(name.rpartition('/')[2] for name in types)
-        raise MeasurementError(f'{where} is {printable(topic.type)}: a measured {kind} is {known}')
-    found, keys = _samples(messages, key, start)
+        legal = ', '.join(name.rpartition('/')[2] for name in types)
+        raise MeasurementError(f'{title} is {printable(topic.type)}: a measured {kind} is {legal}')
+    samples, keys = _samples(messages, request.key, start)
     joints = [{leg.joint_name(n, sign) for n in leg.linkage.joint_names} for sign in '/_']
     if topic.name.rpartition('/')[2] in COMPUTED_TOPICS or any(j <= keys for j in joints):
         # It would confirm the lengths that the solver had.
         raise MeasurementError(
-            f'{where} is no measurement: a solver computed it from the lengths that are to be '
+            f'{title} is no measurement: a solver computed it from the lengths that are to be '
             f'found'
         )
-    there = listed(sorted(keys), 8)
-    if not len(found):
-        what = f'{printable(key)} is not on {where}; there are {there}'
-        raise MeasurementError(what if key else f'{where} has no readable message')
-    if not key and len(keys) > 1:
-        name = printable(request.name)
-        raise MeasurementError(f'{where} has several: name one as {name}={where}:NAME, of {there}')
-    return found
+    listing = listed(sorted(keys), 8)
+    if not len(samples):
+        problem = f'{title} has no readable message'
+        if request.key:
+            problem = f'{printable(request.key)} is not on {title}; there are {listing}'
+        raise MeasurementError(problem)
+    if not request.key and len(keys) > 1:
+        example = f'{printable(request.name)}={title}:NAME'
+        raise MeasurementError(f'{title} has several: name one as {example}, of {listing}')
+    return samples
 
 
 def _topic(topics: Mapping[str, Topic], name: str) -> Topic:
-    for known in (name, f'/{name}'):
-        if known in topics:
-            return topics[known]
-    there = f'{listed(topics, 10) or "none"}{did_you_mean(name, topics)}'
-    raise MeasurementError(f'there is no topic {printable(name)} in the run: {there}')
+    topic = topics.get(name) or topics.get(f'/{name}')
+    if topic is None:
+        listing = f'{listed(topics, 10) or "none"}{did_you_mean(name, topics)}'
+        raise MeasurementError(f'there is no topic {printable(name)} in the run: {listing}')
+    return topic
 
 
 def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
@@ -204,9 +210,9 @@ def _crank(
 ) -> CrankSamples:
     for topic in (topic for topic in topics if topic.type in {JOINTS, FLOAT}):
         key = leg.crank_joint if topic.type == JOINTS else ''
-        found, _ = _samples(messages[topic.name], key, start)
-        if len(found) > 1:
-            return CrankSamples.of(found[:, 0], found[:, 2])
+        samples, _ = _samples(messages[topic.name], key, start)
+        if len(samples) > 1:
+            return CrankSamples.of(samples[:, 0], samples[:, 2])
     names = listed([topic.name for topic in topics], 8) or 'any topic'
     raise MeasurementError(
         f'no crank angle of the joint {printable(leg.crank_joint)} is on {names}: name the topic '
@@ -221,36 +227,40 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     Angles and distances are single columns, such as `theta` [rad] and `A-H` [m]; empty fields were
     not measured. Requests name columns; by default all are read.
     """
-    shown = printable(path)
     table = read_table(path, ('time', 'crank'), MeasurementError, MAX_CSV_SIZE)
     columns = {name: _numbers(table, name) for name in table.columns}
 
     def column(name: str) -> FloatArray:
         if name not in columns:
-            there = f'{listed(columns, 12)}{did_you_mean(name, columns)}'
-            raise MeasurementError(f'{shown} has no column {printable(name)}: there are {there}')
+            listing = f'{listed(columns, 12)}{did_you_mean(name, columns)}'
+            raise MeasurementError(
+                f'{printable(path)} has no column {printable(name)}: there are {listing}'
+            )
         return columns[name]
 
-    times, crank = column('time'), CrankSamples.of(column('time'), column('crank'))
-    names = [name.removesuffix('.x') for name in table.columns if not name.endswith('.y')]
-    chosen = list(requests) or [Request(n, n) for n in names if n not in {'time', 'crank'}]
-    found = []
-    for request in chosen:
+    times = column('time')
+    crank = CrankSamples.of(times, column('crank'))
+    if not requests:
+        names = [name.removesuffix('.x') for name in table.columns if not name.endswith('.y')]
+        requests = [Request(name, name) for name in names if name not in {'time', 'crank'}]
+    measured = []
+    for request in requests:
         kind = kind_of(leg.linkage, request.name)
-        own = [f'{request.topic}.x', f'{request.topic}.y'] if kind == 'point' else [request.topic]
-        values, source = np.column_stack([*map(column, own)]), f'column {printable(request.topic)}'
-        found.append(series_of(kind, request.name, times, values, crank, source=source))
-    return found
+        suffixes = ('.x', '.y') if kind == 'point' else ('',)
+        numbers = np.column_stack([column(f'{request.topic}{suffix}') for suffix in suffixes])
+        source = f'column {printable(request.topic)}'
+        measured.append(series_of(kind, request.name, times, numbers, crank, source=source))
+    return measured
 
 
 def _numbers(table: TextTable, name: str) -> FloatArray:
     """Return the numbers of a column; not a number where a cell is empty."""
     # Between commas a comma may group thousands.
     comma = ',' if table.delimiter == ',' else '.'
-    found = np.empty(len(table.rows))
+    numbers = np.empty(len(table.rows))
     for n, row in enumerate(table.rows):
         try:
-            found[n] = float(row.cells[name].replace(',', comma) or 'nan')
+            numbers[n] = float(row.cells[name].replace(',', comma) or 'nan')
         except (KeyError, ValueError) as error:  # noqa: PERF203, RUF100 - of each row
             raise MeasurementError(f'{row.place} is no table of numbers: {error}') from None
-    return found
+    return numbers

@@ -22,10 +22,8 @@ class MeasurementError(ValueError):
 class CrankSamples(NamedTuple):
     """The crank joint's position over time, shape (n,)."""
 
-    # Stamps, rising [s].
-    times: FloatArray
-    # Any number of turns [rad].
-    positions: FloatArray
+    times: FloatArray  # rising stamps [s]
+    positions: FloatArray  # any number of turns [rad]
 
     @classmethod
     def of(cls, times: FloatArray, positions: FloatArray) -> 'CrankSamples':
@@ -40,14 +38,14 @@ class CrankSamples(NamedTuple):
         right = np.searchsorted(self.times, times).clip(1, len(self.times) - 1)
         t_0, t_1 = self.times[right - 1], self.times[right]
         x_0, x_1 = self.positions[right - 1], self.positions[right]
-        longest = MAX_GAP_PERIODS * float(np.median(np.diff(self.times)))
-        missing = (t_1 - t_0 > longest) | (np.abs(x_1 - x_0) > MAX_CRANK_STEP)
-        # Of the other sample's period beyond the ends: cameras and encoders do not stop together.
-        missing |= (times < t_0 - longest / 5.0) | (times > t_1 + longest / 5.0)
-        found = x_0 + (x_1 - x_0) / (t_1 - t_0) * (times - t_0)
+        max_gap = MAX_GAP_PERIODS * float(np.median(np.diff(self.times)))
+        is_missing = (t_1 - t_0 > max_gap) | (np.abs(x_1 - x_0) > MAX_CRANK_STEP)
+        # A period beyond the ends is extrapolated: cameras and encoders do not stop together.
+        is_missing |= (times < t_0 - max_gap / 5.0) | (times > t_1 + max_gap / 5.0)
+        positions = x_0 + (x_1 - x_0) / (t_1 - t_0) * (times - t_0)
         # Central differences: the rate at a sample, not before it.
-        rate = np.interp(times, self.times, np.gradient(self.positions, self.times))
-        return np.where(missing, np.nan, found), np.where(missing, np.nan, rate)
+        rates = np.interp(times, self.times, np.gradient(self.positions, self.times))
+        return np.where(is_missing, np.nan, positions), np.where(is_missing, np.nan, rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +92,20 @@ def series_of(
 
     The others are the attributes of `MeasuredSeries`; stamps of one clock, in any order.
     """
-    own, columns = _cleaned(times, values)
-    positions, rates = crank.at(own)
-    known = np.isfinite(positions)
-    skipped = len(times) - int(np.count_nonzero(known))
-    paired = own[known], columns[known], positions[known], rates[known]
-    return MeasuredSeries(kind, name, *paired, noise=noise, source=source, skipped=skipped)
+    stamps, numbers = _cleaned(times, values)
+    positions, rates = crank.at(stamps)
+    is_paired = np.isfinite(positions)
+    return MeasuredSeries(
+        kind,
+        name,
+        stamps[is_paired],
+        numbers[is_paired],
+        positions[is_paired],
+        rates[is_paired],
+        noise=noise,
+        source=source,
+        skipped=len(times) - int(np.count_nonzero(is_paired)),
+    )
 
 
 def moving_points(linkage: Linkage) -> list[str]:
@@ -110,7 +116,8 @@ def moving_points(linkage: Linkage) -> list[str]:
 def kind_of(linkage: Linkage, name: str) -> Kind:
     """Return the kind of a measured quantity by its name; raise a MeasurementError for none."""
     structure = linkage.structure
-    points, angles = structure.points, structure.angles[1:]
+    points = structure.points
+    angles = structure.angles[1:]
     if name in points:
         return 'point'
     if name in angles:
@@ -130,12 +137,17 @@ def subset(series: MeasuredSeries, count: int) -> MeasuredSeries:
     if len(series.times) <= count:
         return series
     chosen = np.unique(np.linspace(0, len(series.times) - 1, count).astype(int))
-    columns = ('times', 'values', 'crank', 'rate')
-    return replace(series, **{name: getattr(series, name)[chosen] for name in columns})
+    return replace(
+        series,
+        times=series.times[chosen],
+        values=series.values[chosen],
+        crank=series.crank[chosen],
+        rate=series.rate[chosen],
+    )
 
 
 def _cleaned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return finite samples in the order of time; of a repeated stamp the first."""
     finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
-    own, first = np.unique(times[finite], return_index=True)
-    return own, values[finite][first]
+    stamps, first = np.unique(times[finite], return_index=True)
+    return stamps, values[finite][first]

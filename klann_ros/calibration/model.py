@@ -34,11 +34,9 @@ TYPICAL_ERRORS = {'m': 1e-3, 'rad': radians(1.0), 's': 0.01}
 class Prediction(NamedTuple):
     """Predicted numbers of a series, and their derivatives."""
 
-    # Shape (n, k), with k numbers a sample.
-    values: FloatArray
-    # By the crank angle, shape (n, k).
-    slope: FloatArray
-    # By the parameters, or by the dimensions alone, shape (n, k, number of these).
+    values: FloatArray  # shape (n, k), with k numbers a sample
+    slope: FloatArray  # derivatives by the crank angle, shape (n, k)
+    # Derivatives by the parameters, or by the dimensions alone, shape (n, k, number of these).
     jacobian: FloatArray
 
 
@@ -71,8 +69,10 @@ class MeasurementModel:
     @cached_property
     def si_units(self) -> tuple[str, ...]:
         """Return the SI units of all parameters: 'm', 'rad' or 's'."""
-        others = (SI_UNITS.get(name, 'rad') for name in self.names[slice(self.count, None)])
-        return (*(d.unit for d in self.linkage.structure.dimensions), *others)
+        dimension_units = [dimension.unit for dimension in self.linkage.structure.dimensions]
+        first_other = self.count
+        other_units = [SI_UNITS.get(name, 'rad') for name in self.names[first_other:]]
+        return (*dimension_units, *other_units)
 
     @cached_property
     def units(self) -> FloatArray:
@@ -96,10 +96,11 @@ class MeasurementModel:
 
     def crank_angles(self, series: MeasuredSeries, parameters: FloatArray) -> FloatArray:
         """Return the crank angles of a series, shape (n,) [rad]."""
-        delay, backlash = (self.value(parameters, name) for name in (DELAY, BACKLASH))
+        delay = self.value(parameters, DELAY)
+        backlash = self.value(parameters, BACKLASH)
         joint = series.crank + series.rate * delay + np.sign(series.rate) * backlash / 2.0
-        found: FloatArray = self.direction * joint + self.value(parameters, PHASE)
-        return found
+        alphas: FloatArray = self.direction * joint + self.value(parameters, PHASE)
+        return alphas
 
     def predict(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction of a series; NaN at crank angles out of reach."""
@@ -119,43 +120,59 @@ class MeasurementModel:
 
     def motion(self, series: MeasuredSeries, parameters: FloatArray) -> Prediction:
         """Return the prediction in the leg's plane, with derivatives by the dimensions alone."""
-        structure, has_angle = self.linkage.structure, series.name in self.linkage.joint_names
+        structure = self.linkage.structure
+        has_angle = series.name in self.linkage.joint_names
         alphas = self.crank_angles(series, parameters)
         key = has_angle, parameters.tobytes(), alphas.tobytes()
         if key not in self._last:
-            what: Any = {'angles': has_angle, 'points': not has_angle}
-            varied = self.varied(parameters)
             self._last.clear()
             self._last[key] = linkage_poses(
-                varied, alphas, **what, velocities=True, gradients=True
+                self.varied(parameters),
+                alphas,
+                angles=has_angle,
+                points=not has_angle,
+                velocities=True,
+                gradients=True,
             )
         poses = self._last[key]
         if has_angle:
             j = structure.angles.index(series.name)
-            found = poses.angles, poses.angles_1, poses.angles_gradient
-            return Prediction(*(each[:, slice(j - 1, j)] for each in found))
-        arrays = poses.points, poses.points_1, poses.points_gradient
-        at = [structure.points.index(name) for name in series.name.split('-')]
-        if series.kind == 'point':
-            return Prediction(*(each[:, at[0]] for each in arrays))
-        apart, slope, gradient = (each[:, at[1]] - each[:, at[0]] for each in arrays)
-        distance = np.linalg.norm(apart, axis=1, keepdims=True)
-        unit = apart / distance
+            column = slice(j - 1, j)
+            return Prediction(
+                poses.angles[:, column],
+                poses.angles_1[:, column],
+                poses.angles_gradient[:, column],
+            )
+        first, *second = [structure.points.index(name) for name in series.name.split('-')]
+        points, slopes, gradients = poses.points, poses.points_1, poses.points_gradient
+        if not second:
+            return Prediction(points[:, first], slopes[:, first], gradients[:, first])
+        offset = points[:, second[0]] - points[:, first]
+        slope = slopes[:, second[0]] - slopes[:, first]
+        gradient = gradients[:, second[0]] - gradients[:, first]
+        distance = np.linalg.norm(offset, axis=1, keepdims=True)
+        unit = offset / distance
         along = np.einsum('ni,nip->np', unit, gradient)[:, None]
         return Prediction(distance, (unit * slope).sum(axis=1, keepdims=True), along)
 
     def _seen(
-        self, values: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
+        self, points: FloatArray, slope: FloatArray, jacobian: FloatArray, parameters: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return points and slopes as the camera sees them; complete the Jacobian."""
-        places = [self.names.index(name) for name in CAMERA]
-        x, y, angle = parameters[places]
-        c, s = cos(angle), sin(angle)
+        camera_x, camera_y, camera_rotation = self._camera_indices
+        c = cos(parameters[camera_rotation])
+        s = sin(parameters[camera_rotation])
         rotation = np.array([[c, -s], [s, c]])
         jacobian[...] = np.einsum('ij,njp->nip', rotation, jacobian)
-        jacobian[:, 0, places[0]] = jacobian[:, 1, places[1]] = 1.0
-        jacobian[..., places[2]] = values @ np.array([[-s, -c], [c, -s]]).T
-        return values @ rotation.T + (x, y), slope @ rotation.T
+        jacobian[:, 0, camera_x] = 1.0
+        jacobian[:, 1, camera_y] = 1.0
+        jacobian[..., camera_rotation] = points @ np.array([[-s, -c], [c, -s]]).T
+        shift = parameters[camera_x], parameters[camera_y]
+        return points @ rotation.T + shift, slope @ rotation.T
+
+    @property
+    def _camera_indices(self) -> list[int]:
+        return [self.names.index(name) for name in CAMERA]
 
     def residuals(self, series: MeasuredSeries, predicted: FloatArray) -> FloatArray:
         """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""
@@ -166,18 +183,21 @@ class MeasurementModel:
         self, measured: Sequence[MeasuredSeries], values: Sequence[FloatArray]
     ) -> tuple[FloatArray, list[FloatArray]]:
         """Return the drawing's parameters with the camera that fits best, and what it sees."""
-        start, seen = self.start.copy(), list(values)
-        points = [n for n, series in enumerate(measured) if series.kind == 'point']
-        if not points or CAMERA[0] not in self.names:
+        start = self.start.copy()
+        seen = list(values)
+        series_of_points = [n for n, series in enumerate(measured) if series.kind == 'point']
+        if not series_of_points or CAMERA[0] not in self.names:
             return start, seen
-        given = values, [series.values for series in measured]
-        p, q = (np.concatenate([each[n] @ (1.0, 1j) for n in points]) for each in given)
-        p, q = p[np.isfinite(p)], q[np.isfinite(p)]
-        turn = np.vdot(p - p.mean(), q - q.mean())
-        turn = turn / (abs(turn) or 1.0)
-        shift = q.mean() - turn * p.mean()
-        start[[self.names.index(n) for n in CAMERA]] = shift.real, shift.imag, np.angle(turn)
-        for n in points:
-            at = values[n] @ (1.0, 1j) * turn + shift
-            seen[n] = np.stack([at.real, at.imag], axis=-1)
+        predicted = np.concatenate([values[n] @ (1.0, 1j) for n in series_of_points])
+        observed = np.concatenate([measured[n].values @ (1.0, 1j) for n in series_of_points])
+        is_reached = np.isfinite(predicted)
+        predicted = predicted[is_reached]
+        observed = observed[is_reached]
+        rotation = np.vdot(predicted - predicted.mean(), observed - observed.mean())
+        rotation = rotation / (abs(rotation) or 1.0)
+        shift = observed.mean() - rotation * predicted.mean()
+        start[self._camera_indices] = shift.real, shift.imag, np.angle(rotation)
+        for n in series_of_points:
+            points = values[n] @ (1.0, 1j) * rotation + shift
+            seen[n] = np.stack([points.real, points.imag], axis=-1)
         return start, seen

@@ -34,18 +34,17 @@ OPEN_ERROR = 2.0
 class Combination(NamedTuple):
     """Parameters that turn together: their changes, the largest angle 1 deg or length 1 mm."""
 
-    # Names and changes [m, rad, s].
-    parts: tuple[tuple[str, float], ...]
+    parts: tuple[tuple[str, float], ...]  # names and changes [m, rad, s]
     # Standard error of the combination as written, as a factor; infinite if it has none.
     error: float
 
     def text(self, model: MeasurementModel) -> str:
         """Return it for users, such as 'phase +1 deg, x_d -0.4 mm'."""
-        scales = (SCALES[model.si_units[model.names.index(name)]] for name, _ in self.parts)
-        return ', '.join(
-            f'{name} {factor * value:+.3g} {unit}'
-            for (name, value), (factor, unit) in zip(self.parts, scales, strict=True)
-        )
+        changes = []
+        for name, change in self.parts:
+            factor, unit = SCALES[model.si_units[model.names.index(name)]]
+            changes.append(f'{name} {factor * change:+.3g} {unit}')
+        return ', '.join(changes)
 
 
 class Observability(NamedTuple):
@@ -69,23 +68,25 @@ class Suggestion(NamedTuple):
     condition: float
 
 
-def observability(jacobian: FloatArray, model: MeasurementModel, least: int = 0) -> Observability:
+def observability(
+    jacobian: FloatArray, model: MeasurementModel, min_unobservable: int = 0
+) -> Observability:
     """
     Return the verdict for the derivatives of whitened measurements by parameters in units.
 
-    At least `least` combinations are unobservable: those that are seen worst.
+    At least `min_unobservable` combinations are unobservable: those that are seen worst.
     """
-    _, sizes, rows = np.linalg.svd(jacobian, full_matrices=False)
-    seen = (sizes > 1.0 / MAX_ERROR) & (sizes > ROUNDING * sizes[0])
-    seen[slice(len(sizes) - least, None)] = False
-    lost = rows[~seen]
+    _, sizes, directions = np.linalg.svd(jacobian, full_matrices=False)
+    sizes = np.where(sizes > ROUNDING * sizes[0], sizes, 0.0)
+    is_observable = sizes > 1.0 / MAX_ERROR
+    max_observable = len(sizes) - min_unobservable
+    is_observable[max_observable:] = False
+    lost = directions[~is_observable]
     unobservable: BoolArray = np.linalg.norm(lost, axis=0) > MIN_PART
-    combinations = tuple(
-        _combination(row, size if size > ROUNDING * sizes[0] else 0.0, model)
-        for row, size in zip(lost, sizes[~seen], strict=True)
-    )
+    lost_sizes = sizes[~is_observable]
+    combinations = tuple(_combination(*pair, model) for pair in zip(lost, lost_sizes, strict=True))
     condition = np.inf if len(lost) else condition_number(jacobian)
-    return Observability(condition, int(seen.sum()), combinations, unobservable, lost)
+    return Observability(condition, int(is_observable.sum()), combinations, unobservable, lost)
 
 
 def condition_number(jacobian: FloatArray) -> float:
@@ -96,15 +97,16 @@ def condition_number(jacobian: FloatArray) -> float:
     return float(np.linalg.cond(jacobian / lengths))
 
 
-def _combination(row: FloatArray, size: float, model: MeasurementModel) -> Combination:
-    changes = row * model.units
-    order = np.argsort(-np.abs(row))
-    order = order[np.abs(row[order]) > MIN_PART * np.abs(row[order[0]])]
-    angle, length = (
-        max((abs(changes[n]) for n in order if model.si_units[n] == unit), default=0.0)
-        for unit in ('rad', 'm')
-    )
-    scale = np.sign(row[order[0]]) * (radians(1.0) / angle if angle else 1e-3 / (length or 1.0))
+def _combination(direction: FloatArray, size: float, model: MeasurementModel) -> Combination:
+    changes = direction * model.units
+    order = np.argsort(-np.abs(direction))
+    order = order[np.abs(direction[order]) > MIN_PART * np.abs(direction[order[0]])]
+    largest = {'rad': 0.0, 'm': 0.0, 's': 0.0}
+    for n in order:
+        unit = model.si_units[n]
+        largest[unit] = max(largest[unit], abs(changes[n]))
+    scale = radians(1.0) / largest['rad'] if largest['rad'] else 1e-3 / (largest['m'] or 1.0)
+    scale = np.sign(direction[order[0]]) * scale
     parts = tuple((model.names[n], float(changes[n] * scale)) for n in order)
     return Combination(parts, np.inf if size == 0.0 else float(1.0 / (size * abs(scale))))
 
@@ -115,32 +117,37 @@ def further_measurements(
     measured: Sequence[tuple[MeasuredSeries, float]],
     current: Observability,
 ) -> list[Suggestion]:
-    """Return the further measurements that help, the best first: one more beside the measured."""
+    """
+    Return the further measurements that help, the best first: one more beside the measured.
 
-    def rows(series: MeasuredSeries, noise: float) -> FloatArray:
+    `measured` are the series with their noise [m, rad].
+    """
+
+    def derivatives(series: MeasuredSeries, noise: float) -> FloatArray:
+        """Return the whitened derivatives by parameters in units."""
         few = subset(series, SUGGESTION_SAMPLES)
-        own = model.predict(few, values)
+        jacobian = model.predict(few, values).jacobian.reshape(-1, len(values))
         share = len(few.times) / len(series.times)
-        found = own.jacobian.reshape(-1, len(values)) * model.units / (noise * share**0.5)
-        finite: FloatArray = found[np.isfinite(found).all(axis=1)]
+        whitened = jacobian * model.units / (noise * share**0.5)
+        finite: FloatArray = whitened[np.isfinite(whitened).all(axis=1)]
         return finite
 
-    known = np.concatenate([rows(*each) for each in measured])
-    base, noise = min(measured, key=lambda each: (each[0].kind != 'point', each[1]))
+    jacobian = np.concatenate([derivatives(series, noise) for series, noise in measured])
+    pattern, noise = min(measured, key=lambda pair: (pair[0].kind != 'point', pair[1]))
     names = {*moving_points(model.linkage), *model.linkage.structure.angles[1:]}
     candidates = {}
     for name in names - {series.name for series, _ in measured}:
         kind = kind_of(model.linkage, name)
-        own = ENCODER_NOISE if kind == 'angle' else noise
-        more = rows(replace(base, kind=kind, name=name), own)
-        candidates[f'{kind} {name}'] = np.concatenate([known, more])
+        further = replace(pattern, kind=kind, name=name)
+        added_rows = derivatives(further, ENCODER_NOISE if kind == 'angle' else noise)
+        candidates[f'{kind} {name}'] = np.concatenate([jacobian, added_rows])
     if CAMERA[0] in model.names:
         columns = [n for n, name in enumerate(model.names) if name not in CAMERA]
-        candidates["the camera's pose"] = known[:, columns]
-    found = []
-    for name, jacobian in candidates.items():
-        resolves = np.linalg.svd(jacobian, compute_uv=False)[-1] > 1.0 / MAX_ERROR
-        condition = condition_number(jacobian)
+        candidates["the camera's pose"] = jacobian[:, columns]
+    suggestions = []
+    for name, extended in candidates.items():
+        resolves = np.linalg.svd(extended, compute_uv=False)[-1] > 1.0 / MAX_ERROR
+        condition = condition_number(extended)
         if resolves and (current.combinations or condition < 0.8 * current.condition):
-            found.append(Suggestion(name, condition))
-    return sorted(found, key=lambda each: (each.condition, each.name))
+            suggestions.append(Suggestion(name, condition))
+    return sorted(suggestions, key=lambda suggestion: (suggestion.condition, suggestion.name))

@@ -6,7 +6,7 @@ from typing import Any
 from klann_ros.datasheet import Chart, ChartLine, grid, PAGE_PARTS
 from klann_ros.kinematics import linkage_poses, LinkageLeg, pose_svg
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.web import element, joined, Markup, Parts, scrolling_table
 import numpy as np
 
@@ -29,15 +29,17 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     lines = [f'Unobservable: {text}' for text in combinations(calibration)]
     lines += map(str.strip, suggestion_lines(calibration, further))
     heads = ('Parameter', 'Drawn', 'Built', 'Standard error', 'Unit')
-    rows = [[text.replace('+-', '±') for text in row] for row in table(calibration)]
-    numbers = scrolling_table('Dimensions', heads, rows)
-    leg_file = joined(part for line in built.splitlines() for part in (line, Markup('\n')))
+    parameters = [
+        line._replace(error=line.error.replace('+-', '±')) for line in table(calibration)
+    ]
+    numbers = scrolling_table('Dimensions', heads, parameters)
+    leg_file = joined(piece for line in built.splitlines() for piece in (line, Markup('\n')))
     scrolls = {'class_': 'card scrolls', 'tabindex': '0', 'role': 'region'}
-    residuals = (element('p', series_line(f), class_='quiet') for f in calibration.series)
+    residuals = [element('p', series_line(fit), class_='quiet') for fit in calibration.series]
     sections = {
         'Observability': [
             element('p', verdict(calibration)),
-            element('ul', *(element('li', line) for line in lines)),
+            element('ul', *[element('li', line) for line in lines]),
         ],
         'Dimensions': [element('div', _drawing(calibration), numbers, class_='stage')],
         'Residuals': [grid([*_charts(calibration)]), *residuals],
@@ -45,7 +47,7 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     }
     title = f'Calibration of {calibration.drawn.name or "leg"}'
     header = element('header', element('div', element('h1', title), element('p', run)))
-    content = (element('section', element('h2', head), *own) for head, own in sections.items())
+    content = [element('section', element('h2', head), *body) for head, body in sections.items()]
     return PARTS.page(title, header, *content)
 
 
@@ -53,24 +55,28 @@ def _charts(calibration: Calibration) -> Iterator[Chart]:
     """Yield the residuals of each series over the crank angle, as drawn and as built."""
     for fit in calibration.series:
         factor, unit = SCALES['rad' if fit.series.kind == 'angle' else 'm']
-        good = fit.inliers & np.isfinite(fit.before).all(axis=1)
-        alphas = calibration.model.crank_angles(fit.series, calibration.values)[good] % TURN
-        own = np.minimum((alphas / TURN * BINS).astype(np.intp), BINS - 1)
-        count = np.bincount(own, minlength=BINS)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            drawn, built = (
-                factor * np.sqrt(np.bincount(own, (each[good] ** 2).mean(axis=1), BINS) / count)
-                for each in (fit.before, fit.after)
-            )
+        is_used = fit.inliers & np.isfinite(fit.before).all(axis=1)
+        alphas = calibration.model.crank_angles(fit.series, calibration.values)[is_used] % TURN
+        bins = np.minimum((alphas / TURN * BINS).astype(np.intp), BINS - 1)
+        drawn = factor * _binned_rms(bins, fit.before[is_used])
+        built = factor * _binned_rms(bins, fit.after[is_used])
         lines = [ChartLine('as drawn', drawn, is_dashed=True), ChartLine('as built', built, 1)]
         text = 'Root mean square of the residuals at each crank angle, without rejected samples.'
         angles = (np.arange(BINS) + 0.5) * TURN / BINS
         yield Chart(f'Residuals of {fit.series.title}', unit, angles, lines, text, moves=False)
 
 
+def _binned_rms(bins: IndexArray, residuals: FloatArray) -> FloatArray:
+    counts = np.bincount(bins, minlength=BINS)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        rms: FloatArray = np.sqrt(np.bincount(bins, (residuals**2).mean(axis=1), BINS) / counts)
+    return rms
+
+
 def _drawing(calibration: Calibration) -> Markup:
     """Return the leg as drawn, its corrections enlarged, and the ellipse of each point's error."""
-    legs, structure = (calibration.drawn, calibration.linkage), calibration.drawn.structure
+    legs = (calibration.drawn, calibration.linkage)
+    structure = calibration.drawn.structure
     alphas = np.linspace(0.0, TURN, BINS, endpoint=False)
     reached = np.all([linkage_poses(leg, alphas).reason == 0 for leg in legs], axis=0)
     alpha = alphas[np.argmax(reached)]
@@ -78,23 +84,25 @@ def _drawing(calibration: Calibration) -> Markup:
         linkage_poses(leg, [alpha], points=True, velocities=True, gradients=True) for leg in legs
     )
     points = np.asarray(drawn.points)[0]
-    moves, covariances = np.asarray(built.points)[0] - points, _covariances(calibration, built)
-    errors = ELLIPSE_95 * np.sqrt(np.linalg.eigvalsh(covariances).max())
-    enlarged, widened = (
-        max(1.0, share * float(np.ptp(points, axis=0).max()) / max(actual, 1e-9))
-        for share, actual in ((CORRECTION_SHARE, np.abs(moves).max()), (ELLIPSE_SHARE, errors))
-    )
-    moved, index = points + enlarged * moves, structure.points.index
-    lines = [moved[[index(bar.start), index(bar.end)]] for _, bar in structure.bars]
+    corrections = np.asarray(built.points)[0] - points
+    covariances = _covariances(calibration, built)
+    size = float(np.ptp(points, axis=0).max())
+    max_correction = max(np.abs(corrections).max(), 1e-9)
+    max_error = max(ELLIPSE_95 * np.sqrt(np.linalg.eigvalsh(covariances).max()), 1e-9)
+    correction_scale = max(1.0, CORRECTION_SHARE * size / max_correction)
+    ellipse_scale = max(1.0, ELLIPSE_SHARE * size / max_error)
+    built_points = points + correction_scale * corrections
+    index = structure.points.index
+    lines = [built_points[[index(bar.start), index(bar.end)]] for _, bar in structure.bars]
     angles = np.linspace(0.0, TURN, ELLIPSE_POINTS)
-    circle = ELLIPSE_95 * widened * np.column_stack([np.cos(angles), np.sin(angles)])
-    for place, covariance in zip(moved, covariances, strict=True):
+    circle = ELLIPSE_95 * ellipse_scale * np.column_stack([np.cos(angles), np.sin(angles)])
+    for point, covariance in zip(built_points, covariances, strict=True):
         sizes, axes = np.linalg.eigh(covariance)
-        lines.append(place + (circle * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T)
+        lines.append(point + (circle * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T)
     text = (
-        f'The leg as drawn; grey: as built, corrections enlarged {enlarged:.3g} times. Ellipses: '
-        f'95 % of the errors of each point, enlarged {widened:.3g} times. The crank is at '
-        f'{np.degrees(alpha):.0f} deg.'
+        f'The leg as drawn; grey: as built, corrections enlarged {correction_scale:.3g} times. '
+        f'Ellipses: 95 % of the errors of each point, enlarged {ellipse_scale:.3g} times. The '
+        f'crank is at {np.degrees(alpha):.0f} deg.'
     )
     picture = Markup(pose_svg(LinkageLeg(calibration.drawn).closed_form(float(alpha)), lines))
     return element('figure', picture, element('figcaption', text), class_='card chart')
@@ -107,5 +115,5 @@ def _covariances(calibration: Calibration, poses: Any) -> FloatArray:
     jacobian[..., : model.count] = poses.points_gradient[0]
     jacobian[..., model.names.index(PHASE)] = poses.points_1[0]
     scaled = jacobian * model.units
-    found: FloatArray = scaled @ calibration.covariance @ scaled.transpose(0, 2, 1)
-    return np.nan_to_num(found)
+    covariances: FloatArray = scaled @ calibration.covariance @ scaled.transpose(0, 2, 1)
+    return np.nan_to_num(covariances)

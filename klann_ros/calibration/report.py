@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from math import degrees
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.sanitize.text import counted, finite, printable
 import numpy as np
@@ -14,10 +14,10 @@ from .observability import GOOD_CONDITION, Suggestion
 
 def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
     """Yield the calibration as lines."""
-    rows = table(calibration)
-    width = max(len(row[0]) for row in rows)
+    lines = table(calibration)
+    width = max(len(line.name) for line in lines)
     yield f'{"":{width}}  {"drawn":>10}  {"built":>10}  {"error":>9}'
-    for name, drawn, built, error, unit in rows:
+    for name, drawn, built, error, unit in lines:
         yield f'{printable(name):{width}}  {drawn:>10}  {built:>10}  {error:>9}  {unit}'
     yield ''
     yield from map(series_line, calibration.series)
@@ -41,24 +41,37 @@ def _hides_mirrored_axes(calibration: Calibration) -> bool:
     measured = [fit.series for fit in calibration.series]
     if any(series.kind != 'point' for series in measured):
         return False
-    values = np.concatenate([series.values for series in measured])
-    off = values[:, 1]
+    points = np.concatenate([series.values for series in measured])
+    offsets = points[:, 1]
     if CAMERA[0] in calibration.model.names:
-        centred = values - np.median(values, axis=0)
-        off = centred @ np.linalg.svd(centred, full_matrices=False)[2][1]
-    return float(np.median(np.abs(off))) < MAX_MISFIT / 2.0 * calibration.drawn.size
+        centred = points - np.median(points, axis=0)
+        offsets = centred @ np.linalg.svd(centred, full_matrices=False)[2][1]
+    return float(np.median(np.abs(offsets))) < MAX_MISFIT / 2.0 * calibration.drawn.size
 
 
-def table(calibration: Calibration) -> list[tuple[str, str, str, str, str]]:
-    """Return name, drawn and calibrated value, standard error and unit of each parameter."""
-    model, found = calibration.model, []
-    columns = (model.names, model.start, calibration.values, calibration.standard_errors)
-    for name, drawn, built, error, unit in zip(*columns, model.si_units, strict=True):
-        (factor, shown), is_known = SCALES[unit], np.isfinite(error)
-        value = f'{factor * built:.3f}' if is_known else 'unknown'
-        deviation = f'+-{factor * error:.2g}' if is_known else ''
-        found.append((name, f'{factor * drawn:.3f}', value, deviation, shown))
-    return found
+class ParameterLine(NamedTuple):
+    """A parameter as text: drawn and calibrated value, standard error and unit."""
+
+    name: str
+    drawn: str
+    built: str
+    error: str
+    unit: str
+
+
+def table(calibration: Calibration) -> list[ParameterLine]:
+    """Return the parameters as text."""
+    model = calibration.model
+    lines = []
+    for n, name in enumerate(model.names):
+        factor, unit = SCALES[model.si_units[n]]
+        drawn = f'{factor * model.start[n]:.3f}'
+        built, error = 'unknown', ''
+        if np.isfinite(calibration.standard_errors[n]):
+            built = f'{factor * calibration.values[n]:.3f}'
+            error = f'+-{factor * calibration.standard_errors[n]:.2g}'
+        lines.append(ParameterLine(name, drawn, built, error, unit))
+    return lines
 
 
 def series_line(fit: SeriesFit) -> str:
@@ -66,7 +79,8 @@ def series_line(fit: SeriesFit) -> str:
     factor, unit = SCALES['rad' if fit.series.kind == 'angle' else 'm']
     before = factor * float(np.sqrt(np.nanmean(fit.before[fit.inliers] ** 2)))
     rejected = int(np.count_nonzero(~fit.inliers))
-    source, samples = printable(fit.series.source), counted(len(fit.inliers), 'sample')
+    source = printable(fit.series.source)
+    samples = counted(len(fit.inliers), 'sample')
     return (
         f'{fit.series.title} ({source}): {samples}, {rejected} rejected, {fit.series.skipped} '
         f'skipped; residuals {before:.3g} {unit} as drawn, {factor * fit.noise:.3g} {unit} '
@@ -91,7 +105,8 @@ def verdict(calibration: Calibration) -> str:
 
 def combinations(calibration: Calibration) -> list[str]:
     """Return the combinations that cannot be distinguished, in words."""
-    return [each.text(calibration.model) for each in calibration.observability.combinations]
+    model = calibration.model
+    return [combination.text(model) for combination in calibration.observability.combinations]
 
 
 def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Iterator[str]:
@@ -103,43 +118,48 @@ def suggestion_lines(calibration: Calibration, further: Sequence[Suggestion]) ->
 
 def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str, Any]:
     """Return the calibration as JSON data, in SI units; null for an unobservable number."""
-    model, observed = calibration.model, calibration.observability
-    known = np.where(np.isfinite(calibration.standard_errors), calibration.values, np.nan)
-    deviations = calibration.standard_errors / model.units
-    columns = known.tolist(), calibration.standard_errors.tolist(), model.start.tolist()
-    heads = ('value', 'standard_error', 'drawn', 'unit')
-    numbers = {
-        name: dict(zip(heads, each, strict=True))
-        for name, *each in zip(model.names, *columns, model.si_units, strict=True)
-    }
-    data = {
-        'dimensions': {name: numbers.pop(name) for name in model.linkage.dimensions},
-        **{name.replace(' ', '_'): each for name, each in numbers.items()},
+    model = calibration.model
+    observed = calibration.observability
+    errors = calibration.standard_errors
+    known_values = np.where(np.isfinite(errors), calibration.values, np.nan)
+    deviations = errors / model.units
+    parameters = {}
+    for n, name in enumerate(model.names):
+        parameters[name] = {
+            'value': float(known_values[n]),
+            'standard_error': float(errors[n]),
+            'drawn': float(model.start[n]),
+            'unit': model.si_units[n],
+        }
+    dimensions = {name: parameters.pop(name) for name in model.linkage.dimensions}
+    unobservable = [
+        {'parameters': dict(combination.parts), 'error': combination.error}
+        for combination in observed.combinations
+    ]
+    noise = {fit.series.name: fit.noise for fit in calibration.series}
+    points = {}
+    for fit in calibration.series:
+        points[fit.series.name] = {
+            'source': fit.series.source,
+            'used': int(np.count_nonzero(fit.inliers)),
+            'rejected': int(np.count_nonzero(~fit.inliers)),
+            'skipped': fit.series.skipped,
+            'rms_drawn': float(np.sqrt(np.nanmean(fit.before**2))),
+            'rms_built': fit.noise,
+        }
+    content = {
+        'dimensions': dimensions,
+        **{name.replace(' ', '_'): parameter for name, parameter in parameters.items()},
         'condition': observed.condition,
         'rank': observed.rank,
-        'unobservable': [
-            {'parameters': dict(each.parts), 'error': each.error} for each in observed.combinations
-        ],
-        'suggestions': [each._asdict() for each in further],
+        'unobservable': unobservable,
+        'suggestions': [suggestion._asdict() for suggestion in further],
         'prior': calibration.prior,
-        'noise': {
-            **{fit.series.name: fit.noise for fit in calibration.series},
-            'crank': calibration.crank_noise,
-        },
+        'noise': {**noise, 'crank': calibration.crank_noise},
         'chi2_dof': calibration.chi2_dof,
         'late': calibration.late,
-        'points': {
-            fit.series.name: {
-                'source': fit.series.source,
-                'used': int(np.count_nonzero(fit.inliers)),
-                'rejected': int(np.count_nonzero(~fit.inliers)),
-                'skipped': fit.series.skipped,
-                'rms_drawn': float(np.sqrt(np.nanmean(fit.before**2))),
-                'rms_built': fit.noise,
-            }
-            for fit in calibration.series
-        },
+        'points': points,
         'parameters': model.names,
         'correlation': (calibration.covariance / np.outer(deviations, deviations)).tolist(),
     }
-    return dict(finite(data))
+    return dict(finite(content))

@@ -30,22 +30,25 @@ def check_measurements(model: MeasurementModel, measured: Sequence[MeasuredSerie
                 f'{series.skipped} have none; at least {MIN_SAMPLES} are needed (are both stamped '
                 f'by the same clock, and is the crank in rad?)'
             )
-    numbers, count = sum(series.values.size for series in measured), len(model.names)
+    numbers = sum(series.values.size for series in measured)
+    count = len(model.names)
     if numbers < 2 * count:
         raise MeasurementError(f'{numbers} measured numbers are too few for {count} parameters')
-    turned = float(np.ptp(np.concatenate([series.crank for series in measured])))
-    if turned < MIN_CRANK_RANGE:
-        raise MeasurementError(f'the crank turns by {degrees(turned):.2g} deg only: turn it fully')
+    rotation = float(np.ptp(np.concatenate([series.crank for series in measured])))
+    if rotation < MIN_CRANK_RANGE:
+        raise MeasurementError(
+            f'the crank turns by {degrees(rotation):.2g} deg only: turn it fully'
+        )
     for series in measured:
-        own = model.motion(series, model.start).values
-        if series.kind == 'angle' or not np.isfinite(own).any():
+        predicted = model.motion(series, model.start).values
+        if series.kind == 'angle' or not np.isfinite(predicted).any():
             continue
-        drawn, seen = map(_spread, (own, series.values))
-        drawn = max(drawn, 0.01 * model.linkage.size)
-        if seen > MAX_SIZE_RATIO * drawn or seen < 0.01 * drawn:
-            hint = ': is it in millimetres? Points must be in metres' if seen > drawn else ''
+        drawn_size = max(_spread(predicted), 0.01 * model.linkage.size)
+        size = _spread(series.values)
+        if size > MAX_SIZE_RATIO * drawn_size or size < 0.01 * drawn_size:
+            hint = ': is it in millimetres? Points must be in metres' if size > drawn_size else ''
             raise MeasurementError(
-                f'{series.title} moves by {seen:.3g} m, on the drawing by {drawn:.3g} m{hint}'
+                f'{series.title} moves by {size:.3g} m, on the drawing by {drawn_size:.3g} m{hint}'
             )
 
 
@@ -58,19 +61,20 @@ def start_parameters(
     model: MeasurementModel, measured: Sequence[MeasuredSeries]
 ) -> tuple[FloatArray, float]:
     """Return the drawing with the encoder's zero and the camera that fit best, and its misfit."""
-    turned = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
+    rotations = np.linspace(0.0, TURN, SEARCH_ANGLES, endpoint=False)
     few = [subset(series, SEARCH_SAMPLES) for series in measured]
     # Row by row the values at each zero; the first is the file's.
     tables = []
     for series in few:
-        crank = (series.crank + model.direction * turned[:, None]).ravel()
-        found = model.motion(replace(series, crank=crank, rate=0.0 * crank), model.start)
-        tables.append(found.values.reshape(len(turned), *series.values.shape))
-    misfits, starts = [], []
-    for n, turn in enumerate(turned):
+        crank = (series.crank + model.direction * rotations[:, None]).ravel()
+        prediction = model.motion(replace(series, crank=crank, rate=0.0 * crank), model.start)
+        tables.append(prediction.values.reshape(len(rotations), *series.values.shape))
+    misfits = []
+    starts = []
+    for n, rotation in enumerate(rotations):
         start, seen = model.with_camera(few, [table[n] for table in tables])
-        start[model.names.index(PHASE)] += turn
-        residuals = [model.residuals(*each) for each in zip(few, seen, strict=True)]
+        start[model.names.index(PHASE)] += rotation
+        residuals = list(map(model.residuals, few, seen))
         misfits.append(median_misfit(model, few, residuals))
         starts.append(start)
     best = int(np.argmin(misfits))
@@ -84,11 +88,11 @@ def median_misfit(
     model: MeasurementModel, measured: Sequence[MeasuredSeries], residuals: Sequence[FloatArray]
 ) -> float:
     """Return the median residual relative to the linkage's size; infinite if it does not move."""
-    found = []
-    for series, own in zip(measured, residuals, strict=True):
+    medians = []
+    for series, series_residuals in zip(measured, residuals, strict=True):
         size = 1.0 if series.kind == 'angle' else model.linkage.size
-        error = np.linalg.norm(own, axis=1) / size
-        if np.isnan(error).mean() > 0.5:
+        errors = np.linalg.norm(series_residuals, axis=1) / size
+        if np.isnan(errors).mean() > 0.5:
             return np.inf
-        found.append(float(np.nanmedian(error)))
-    return max(found)
+        medians.append(float(np.nanmedian(errors)))
+    return max(medians)
