@@ -14,7 +14,7 @@ from klann_ros.kinematics import foot_path, FourBar, KlannLeg, LinkageLeg, shipp
 from klann_ros.kinematics.drawing import COLOURS
 from klann_ros.kinematics.linkage.dyads import dyad_joint
 from klann_ros.plotting import plot_convergence, plot_foot_path, plot_pose, plot_turn
-from klann_ros.plotting.plane import draw_angle, GREY, grid, label_plane, PALE
+from klann_ros.plotting.plane import draw_angle, GREY, grid, label_plane, PALE_BLUE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch
@@ -70,7 +70,7 @@ def newton_convergence() -> Figure:
     left.annotate(r'$10^{-12}$', (1.0, 2e-12), color=GREY)
     e = np.array([3e-8, 1.0])
     for factor, style in ((1.0, '-'), (0.1, ':')):
-        right.loglog(e, factor * e**2, style, color=PALE, zorder=0)
+        right.loglog(e, factor * e**2, style, color=PALE_BLUE, zorder=0)
     right.annotate('$e^2$', (2e-5, 3e-9), color=GREY, ha='right')
     right.annotate('$e^2/10$', (2e-4, 6e-10), color=GREY)
     right.set(xlabel=r'$e_k$ / rad', ylabel=r'$e_{k+1}$ / rad')
@@ -178,7 +178,7 @@ def four_bar() -> Figure:
         pose = bars.solve(math.radians(60.0))
         o_2, a, b, o_4 = pose.points
         axes.plot(*np.array([a, o_4]).T, '--', color=GREY)
-        _bar(axes, o_2, o_4, PALE)
+        _bar(axes, o_2, o_4, PALE_BLUE)
         plot_pose(pose, ax=axes, letters=False)
         theta = [math.degrees(angle) % 360.0 for angle in (pose.theta2, pose.theta3, pose.theta4)]
         back = math.degrees(math.atan2(a[1] - o_4[1], a[0] - o_4[0]))

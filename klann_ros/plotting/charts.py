@@ -30,31 +30,31 @@ MARKERS = 'os^DvP'
 
 
 class _Quantity(NamedTuple):
-    """A quantity of a pose: its symbols and colours, its values, and its axis."""
+    """A quantity of a pose, with a curve for each of its numbers: symbol and colour."""
 
     curves: Callable[[AnyLeg], list[tuple[str, str]]]
-    values: Callable[[LinkagePose], Sequence[float]]
+    numbers: Callable[[LinkagePose], Sequence[float]]
     label: str = ''
     unit: str = ''
 
 
 def _of_bodies(leg: AnyLeg, *, slides: bool) -> list[tuple[str, str]]:
+    """Return the curves of the bodies but the crank that slide, or turn."""
     bodies = [*enumerate(leg.linkage.structure.bodies)][1:]
     return [(symbol(body.angle), colour_of(j)) for j, body in bodies if body.slides == slides]
 
 
 def _coordinates(pose: LinkagePose, *, slides: bool) -> list[float]:
-    pairs = zip(pose.linkage.structure.bodies[1:], pose.x, strict=True)
-    return [x for body, x in pairs if body.slides == slides]
+    coordinates = zip(pose.linkage.structure.bodies[1:], pose.x, strict=True)
+    return [x for body, x in coordinates if body.slides == slides]
 
 
 def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
+    """Return the curves of the transmission angles, one for each block."""
     groups = leg.linkage.structure.groups
-    several = len(groups) > 1
-    return [
-        (rf'$\mu_{{{k}}}$' if several else r'$\mu$', colour_of(group[0]))
-        for k, group in enumerate(groups, 1)
-    ]
+    if len(groups) == 1:
+        return [(r'$\mu$', colour_of(groups[0][0]))]
+    return [(rf'$\mu_{{{k}}}$', colour_of(group[0])) for k, group in enumerate(groups, 1)]
 
 
 QUANTITIES = {
@@ -78,20 +78,20 @@ QUANTITIES = {
 }
 
 
-def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 'Axes':
+def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 'Axes':
     """
     Draw a quantity over a turn of the crank, or over its reachable arcs.
 
     Parameters
     ----------
-    given : Linkage, KlannGeometry, FourBarGeometry or leg
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     what : str
         'angles', of every body but the crank, unwrapped; 'distances', of every sliding body;
         'transmission', the transmission angle of each block, over the recommended band from 40 to
         140 deg; 'condition', the condition number of Phi; 'foot', the foot's coordinates.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
+        The axes; by default those of a new figure.
 
     Returns
     -------
@@ -109,22 +109,23 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
     if what not in QUANTITIES:
         msg = f'what = {what!r} is refused: it must be one of {", ".join(QUANTITIES)}'
         raise ValueError(msg)
-    leg, quantity = leg_of(given), QUANTITIES[what]
+    leg = leg_of(linkage)
+    quantity = QUANTITIES[what]
     curves = quantity.curves(leg)
     if not curves:
         raise ValueError(f'what = {what!r} is refused: the linkage has no {what}')
     arcs = leg.reachable_arcs()
     if not arcs:
         raise NoFootPathError
-    alphas, values = _over_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
+    alphas, numbers = _over_arcs(leg, quantity, arcs, unwrapped=what == 'angles')
     ax = axes_of(ax)
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
 
     if what == 'transmission':
         ax.axhspan(*TRANSMISSION_RANGE, color=COLOURS[2], alpha=0.15, linewidth=0)
         ax.set(ylim=(0.0, 180.0), yticks=sorted((0.0, 90.0, 180.0, *TRANSMISSION_RANGE)))
-    for (name, colour), column in zip(curves, values.T, strict=True):
-        ax.plot(alphas, column, color=colour, label=name)
+    for (name, colour), curve in zip(curves, numbers.T, strict=True):
+        ax.plot(alphas, curve, color=colour, label=name)
     label = quantity.label or ', '.join(name for name, _ in curves)
     unit = f' / {quantity.unit}' if quantity.unit else ''
     ax.set(xlabel=f'{symbol(leg.joint_names[0])} / {DEG}', ylabel=label + unit)
@@ -136,7 +137,7 @@ def plot_turn(given: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -> 
 
 
 def plot_convergence(
-    given: Any,
+    linkage: Any,
     alpha: float,
     guess: Sequence[float],
     what: str = 'errors',
@@ -149,7 +150,7 @@ def plot_convergence(
 
     Parameters
     ----------
-    given : Linkage, KlannGeometry, FourBarGeometry or leg
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     alpha : float
         Crank angle [rad].
@@ -160,7 +161,7 @@ def plot_convergence(
         each the greatest of a block's angles [rad] and distances [m]; or 'residuals', the norm of
         a block's loop equations at each iterate [m].
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
+        The axes; by default those of a new figure.
     **stop
         Stopping criteria: keywords of `Leg.newton`, such as `max_iterations`.
 
@@ -180,51 +181,62 @@ def plot_convergence(
     if what not in CONVERGENCE:
         msg = f'what = {what!r} is refused: it must be one of {", ".join(CONVERGENCE)}'
         raise ValueError(msg)
-    leg = leg_of(given)
-    values, label, unit = CONVERGENCE[what]
-    if unit == 'rad' and leg.linkage.structure.slides:
-        unit = 'rad, m'
-    table = values(leg.iterations(alpha, guess, **stop))
-    structure, names = leg.linkage.structure, leg.joint_names
+    leg = leg_of(linkage)
+    structure = leg.linkage.structure
+    measure = CONVERGENCE[what]
+    unit = 'rad, m' if measure.unit == 'rad' and structure.slides else measure.unit
+    table = measure.table(leg.iterations(alpha, guess, **stop))
     ax = axes_of(ax)
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
 
-    for k, (group, loops) in enumerate(zip(structure.groups, structure.paths.rows, strict=True)):
+    for k, group in enumerate(structure.groups):
         if what == 'residuals':
-            rows = [row for loop in loops for row in (2 * loop, 2 * loop + 1)]
-            column = np.linalg.norm(table[:, rows], axis=1)
+            # Two equations of each loop.
+            loops = np.array(structure.paths.rows[k])
+            equations = np.stack([2 * loops, 2 * loops + 1], axis=1).ravel()
+            curve = np.linalg.norm(table[:, equations], axis=1)
         else:
-            column = np.abs(table[:, [j - 1 for j in group]]).max(axis=1)
-        name = ', '.join(symbol(names[j]) for j in group)
-        seen = np.where(column > 0.0, column, np.nan)
-        marker = MARKERS[k % len(MARKERS)]
-        colour = colour_of(group[0])
-        ax.semilogy(1 + np.arange(len(seen)), seen, marker + '-', color=colour, label=name)
-    ax.set(xlabel='$k$', ylabel=f'{label} / {unit}')
+            curve = np.abs(table[:, [j - 1 for j in group]]).max(axis=1)
+        name = ', '.join(symbol(leg.joint_names[j]) for j in group)
+        positive = np.where(curve > 0.0, curve, np.nan)
+        style = f'{MARKERS[k % len(MARKERS)]}-'
+        numbers = 1 + np.arange(len(curve))
+        ax.semilogy(numbers, positive, style, color=colour_of(group[0]), label=name)
+    ax.set(xlabel='$k$', ylabel=f'{measure.label} / {unit}')
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     grid(ax)
     return ax
 
 
-# Values by the iterates, symbol and unit.
-CONVERGENCE: dict[str, tuple[Callable[[Iterations], FloatArray], str, str]] = {
-    'errors': (lambda done: done.x[:-1] - done.x[-1], '$|x_k - x|$', 'rad'),
-    'corrections': (lambda done: done.corrections, '$|x_{k+1} - x_k|$', 'rad'),
-    'residuals': (lambda done: done.f, '$|f(x_k)|$', 'm'),
+class _Convergence(NamedTuple):
+    """A measure of convergence: its numbers by the iterates, its label and its unit."""
+
+    table: Callable[[Iterations], FloatArray]
+    label: str
+    unit: str
+
+
+CONVERGENCE = {
+    'errors': _Convergence(lambda run: run.x[:-1] - run.x[-1], '$|x_k - x|$', 'rad'),
+    'corrections': _Convergence(lambda run: run.corrections, '$|x_{k+1} - x_k|$', 'rad'),
+    'residuals': _Convergence(lambda run: run.f, '$|f(x_k)|$', 'm'),
 }
 
 
 def _over_arcs(
     leg: AnyLeg, quantity: _Quantity, arcs: list[Arc], *, unwrapped: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return crank angles [deg] and values, shape (n, k); NaN between arcs."""
-    alphas, values = [], []
+    """Return crank angles [deg] and a quantity's numbers, shape (n, k); NaN between arcs."""
+    alphas = []
+    numbers = []
     for start, end in arcs:
         arc = np.linspace(start, end, max(2, 1 + round((end - start) / CHART_STEP)))
-        found = np.array([quantity.values(leg.closed_form(alpha)) for alpha in arc.tolist()])
-        alphas += [np.array([np.nan]), np.degrees(arc)]
-        values += [np.full(found.shape[1:], np.nan)[None], found]
+        poses = map(leg.closed_form, arc.tolist())
+        arc_numbers = np.array([quantity.numbers(pose) for pose in poses])
         if unwrapped:
-            values[-1] = np.unwrap(found, axis=0)
+            arc_numbers = np.unwrap(arc_numbers, axis=0)
+        gap = np.full_like(arc_numbers[:1], np.nan)
+        alphas += [np.array([np.nan]), np.degrees(arc)]
+        numbers += [gap, arc_numbers]
     scale = np.degrees(1.0) if quantity.unit == DEG else 1.0
-    return np.concatenate(alphas[1:]), scale * np.concatenate(values[1:])
+    return np.concatenate(alphas[1:]), scale * np.concatenate(numbers[1:])

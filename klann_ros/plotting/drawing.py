@@ -19,75 +19,70 @@ class PoseArtists:
 
     Lines for bars, guides and the joints by their kind, polygons for the plates of bodies with
     more than two points, markers for sliding blocks, and the points' names as annotations. `width`
-    is that of the bars, to which the joints are scaled [points].
+    is the width of the bars, to which the joints are scaled [points].
     """
 
     def __init__(
         self, ax: 'Axes', pose: LinkagePose, *, letters: bool = True, width: float = BAR_WIDTH
     ) -> None:
-        drawn = drawing.PoseDrawing.of(pose)
-        self._far = 10.0 + width
-        self.bodies, self.plates, self.guides, self.blocks = [], [], [], []
-        for body in drawn.bodies:
+        pose_drawing = drawing.PoseDrawing.of(pose)
+        # Distance of a letter from its point [points].
+        self._letter_distance = 10.0 + width
+        self.bodies: list[Any] = []
+        self.plates: list[Any] = []
+        self.guides: list[Any] = []
+        self.blocks: list[Any] = []
+        for body in pose_drawing.bodies:
             colour: dict[str, Any] = {'color': body.colour}
             style: dict[str, Any] = {'lw': width, 'solid_capstyle': 'round'}
             self.bodies += ax.plot([], **colour, label=body.label, **style)
             if len(body.points) > 2:
-                self.plates += ax.fill(*drawn.outline(body).T, **colour, alpha=0.2, lw=0)
+                self.plates += ax.fill(*pose_drawing.outline(body).T, **colour, alpha=0.2, lw=0)
             if body.line:
                 self.guides += ax.plot([], ls='--', **colour, lw=0.35 * width, zorder=1)
                 self.blocks += ax.plot([], **_block_style(body, width))
-        self.joints = {
-            kind: ax.plot([], ls='', zorder=3, **_joint_style(kind, width))[0]
-            for kind in drawn.joints
-        }
-        beside: dict[str, Any] = {'ha': 'center', 'va': 'center', 'zorder': 4}
-        beside |= {'xytext': (0.0, 0.0), 'textcoords': 'offset points'}
-        self.letters = {
-            name: ax.annotate(name, (0.0, 0.0), fontsize=9 + 0.75 * width, **beside)
-            for name in (drawn.points if letters else ())
-        }
+        self.joints = {}
+        for kind in pose_drawing.joints:
+            (self.joints[kind],) = ax.plot([], ls='', zorder=3, **_joint_style(kind, width))
+        letter_style: dict[str, Any] = {'ha': 'center', 'va': 'center', 'zorder': 4}
+        letter_style |= {'xytext': (0.0, 0.0), 'textcoords': 'offset points'}
+        letter_style['fontsize'] = 9 + 0.75 * width
+        self.letters = {}
+        for name in pose_drawing.points if letters else ():
+            self.letters[name] = ax.annotate(name, (0.0, 0.0), **letter_style)
         self.move(pose)
         ax.relim()
         ax.autoscale_view()
 
     def move(self, pose: LinkagePose) -> 'list[Artist]':
         """Show another pose of the linkage; return the moved artists."""
-        drawn = drawing.PoseDrawing.of(pose)
-        for line, body in zip(self.bodies, drawn.bodies, strict=True):
-            line.set_data(*drawn.line(body).T)
-        rigid = (body for body in drawn.bodies if len(body.points) > 2)
+        pose_drawing = drawing.PoseDrawing.of(pose)
+        for line, body in zip(self.bodies, pose_drawing.bodies, strict=True):
+            line.set_data(*pose_drawing.line(body).T)
+        rigid = [body for body in pose_drawing.bodies if len(body.points) > 2]
         for plate, body in zip(self.plates, rigid, strict=True):
-            plate.set_xy(drawn.outline(body))
-        sliding = zip(self.guides, self.blocks, _sliding(drawn, pose), strict=True)
-        for guide, block, (body, ends, marker) in sliding:
-            guide.set_data(*ends.T)
-            block.set_data(*drawn.at(body.line[1:] if body.line else ()).T)
-            block.set_marker(marker)
+            plate.set_xy(pose_drawing.outline(body))
+        sliding = [body for body in pose_drawing.bodies if body.line]
+        for k, direction in enumerate(drawing.line_directions(pose)):
+            guide_ends = pose_drawing.guide(sliding[k], direction)
+            self.guides[k].set_data(*guide_ends.T)
+            block_points = (sliding[k].line or ())[1:]
+            self.blocks[k].set_data(*pose_drawing.at(block_points).T)
+            self.blocks[k].set_marker(_block(direction))
         for kind, joint in self.joints.items():
-            joint.set_data(*drawn.at(drawn.joints[kind]).T)
+            joint.set_data(*pose_drawing.at(pose_drawing.joints[kind]).T)
         for name, letter in self.letters.items():
-            letter.xy = tuple(drawn.points[name])
-            letter.set_position(self._offset(drawn, name))
-        changed = [*self.plates, *self.bodies, *self.guides, *self.blocks]
-        return [*changed, *self.joints.values(), *self.letters.values()]
+            letter.xy = tuple(pose_drawing.points[name])
+            letter.set_position(self._letter_offset(pose_drawing, name))
+        shapes = [*self.plates, *self.bodies, *self.guides, *self.blocks]
+        return [*shapes, *self.joints.values(), *self.letters.values()]
 
-    def _offset(self, drawn: drawing.PoseDrawing, name: str) -> tuple[float, float]:
-        x, y = drawn.free_side(name)
-        is_block = any(body.line and body.line[1] == name for body in drawn.bodies)
-        far = self._far * (1.3 if is_block else 1.0)
-        return far * x, far * y
-
-
-def _sliding(
-    drawn: drawing.PoseDrawing, pose: LinkagePose
-) -> list[tuple[drawing.BodyDrawing, Any, Any]]:
-    """Return each sliding body, with its line's ends and its block as a marker."""
-    bodies = [body for body in drawn.bodies if body.line]
-    return [
-        (body, drawn.guide(body, direction), _block(direction))
-        for body, direction in zip(bodies, drawing.line_directions(pose), strict=True)
-    ]
+    def _letter_offset(self, pose_drawing: drawing.PoseDrawing, name: str) -> tuple[float, float]:
+        """Return the offset of a letter from its point [points]."""
+        x, y = pose_drawing.free_side(name)
+        is_block = any(body.line and body.line[1] == name for body in pose_drawing.bodies)
+        distance = self._letter_distance * (1.3 if is_block else 1.0)
+        return distance * x, distance * y
 
 
 def _joint_style(kind: str, width: float) -> dict[str, Any]:

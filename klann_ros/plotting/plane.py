@@ -27,18 +27,20 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-GREY, PALE = '#555555', '#8d99ae'
+GREY = '#555555'
+PALE_BLUE = '#8d99ae'
 # Below this angle its name is drawn beside it [deg].
 MIN_LABEL_ANGLE = 25.0
 GREEK = 'alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|phi|psi|omega'
-# Time of a turn of an animation [ms], and its least number of frames.
-TURN_TIME, MIN_FRAMES = 4000, 2
+# Time of a turn of an animation [ms].
+TURN_TIME = 4000
+MIN_FRAMES = 2
 # Tolerance between the ends of arcs and their samples [rad].
 ARC_TOLERANCE = 1e-9
 
 
 def plot_pose(
-    given: Any,
+    linkage: Any,
     alpha: float | None = None,
     *,
     ax: 'Axes | None' = None,
@@ -53,12 +55,12 @@ def plot_pose(
 
     Parameters
     ----------
-    given : Linkage, KlannGeometry, FourBarGeometry, leg or LinkagePose
+    linkage : Linkage, KlannGeometry, FourBarGeometry, leg or LinkagePose
         The linkage, or a pose of it.
     alpha : float, optional
-        Crank angle [rad]; by default that of the pose, or the first reachable one.
+        Crank angle [rad]; by default the pose's, or the first reachable one.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
+        The axes; by default those of a new figure.
     letters, angles : bool
         Whether to label points, and to draw angles as arcs from the horizontal.
     width : float
@@ -75,10 +77,10 @@ def plot_pose(
         The linkage does not close at this crank angle.
 
     """
-    if isinstance(given, LinkagePose) and alpha is None:
-        pose = given
+    if isinstance(linkage, LinkagePose) and alpha is None:
+        pose = linkage
     else:
-        leg = leg_of(given)
+        leg = leg_of(linkage)
         pose = leg.closed_form(_crank_angles(leg, 1)[0] if alpha is None else alpha)
     ax = axes_of(ax)
     PoseArtists(ax, pose, letters=letters, width=width)
@@ -89,7 +91,7 @@ def plot_pose(
 
 
 def plot_foot_path(
-    given: Any,
+    linkage: Any,
     *,
     point: str | tuple[str, float, float] | None = None,
     ax: 'Axes | None' = None,
@@ -100,15 +102,15 @@ def plot_foot_path(
 
     Parameters
     ----------
-    given : Linkage, KlannGeometry, FourBarGeometry or leg
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     point : str, or (str, float, float), optional
         The point in place of the foot, as of `foot_path`: 'G', or ('theta3', u, v) for a coupler
         curve.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
+        The axes; by default those of a new figure.
     **style
-        Of the line, such as `color` and `label`, by default the point's letter.
+        Properties of the line, such as `color` and `label`, by default the point's letter.
 
     Returns
     -------
@@ -123,22 +125,22 @@ def plot_foot_path(
         There is no such point.
 
     """
-    leg = leg_of(given)
+    leg = leg_of(linkage)
     feet = _closed(foot_path(leg, point=point))
     ax = axes_of(ax)
     from matplotlib.cbook import normalize_kwargs  # noqa: PLC0415 - as in `axes_of`
-    from matplotlib.lines import Line2D  # noqa: PLC0415 - as above
+    from matplotlib.lines import Line2D  # noqa: PLC0415 - as in `axes_of`
 
-    look: dict[str, Any] = {'color': PALE, 'linewidth': 1.5, 'zorder': 1}
-    foot = leg.linkage.structure.foot
-    look['label'] = foot if point is None else point if isinstance(point, str) else point[0]
-    ax.plot(*feet.T, **look | normalize_kwargs(style, Line2D))
+    default_style: dict[str, Any] = {'color': PALE_BLUE, 'linewidth': 1.5, 'zorder': 1}
+    foot = leg.linkage.structure.foot if point is None else point
+    default_style['label'] = foot if isinstance(foot, str) else foot[0]
+    ax.plot(*feet.T, **default_style | normalize_kwargs(style, Line2D))
     label_plane(ax)
     return ax
 
 
 def animate(
-    given: Any, *, frames: int = 120, ax: 'Axes | None' = None, path: bool = True, **style: Any
+    linkage: Any, *, frames: int = 120, ax: 'Axes | None' = None, path: bool = True, **style: Any
 ) -> 'FuncAnimation':
     """
     Return the animation of a linkage: a turn of the crank, or back and forth over an arc.
@@ -148,12 +150,12 @@ def animate(
 
     Parameters
     ----------
-    given : Linkage, KlannGeometry, FourBarGeometry or leg
+    linkage : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage.
     frames : int
         Number of poses.
     ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
+        The axes; by default those of a new figure.
     path : bool
         Whether to draw the foot path.
     **style
@@ -172,7 +174,7 @@ def animate(
         `frames` is no whole number of at least 2.
 
     """
-    leg = leg_of(given)
+    leg = leg_of(linkage)
     frames = validation.count('frames', frames, MIN_FRAMES)
     poses = [leg.closed_form(alpha) for alpha in _crank_angles(leg, frames)]
     is_new = ax is None
@@ -181,34 +183,35 @@ def animate(
 
     if path:
         plot_foot_path(leg, ax=ax)
-    drawn = PoseArtists(ax, poses[0], **style)
+    artists = PoseArtists(ax, poses[0], **style)
     label_plane(ax)
     ax.update_datalim(np.concatenate([pose.points for pose in poses]))
     ax.autoscale_view()
     ax.autoscale(enable=False)
-    # The whole figure of a subfigure.
-    whole: Any = ax.figure.figure
+    # The figure that a subfigure belongs to.
+    root_figure: Any = ax.figure.figure
     if is_new:
         # The layout is final: to compute it for each frame would take most of the time.
-        whole.draw_without_rendering()
-        whole.set_layout_engine('none')
+        root_figure.draw_without_rendering()
+        root_figure.set_layout_engine('none')
 
     def show(frame: int) -> 'list[Artist]':
-        return drawn.move(poses[frame])
+        return artists.move(poses[frame])
 
     interval = TURN_TIME / frames
-    return FuncAnimation(whole, show, frames=frames, interval=interval)
+    return FuncAnimation(root_figure, show, frames=frames, interval=interval)
 
 
 def _closed(path: FootPath) -> FloatArray:
     """Return the points of a path, closed after a turn; NaN between arcs."""
     if path.full_turn:
         return np.vstack([path.h, path.h[:1]])
-    nothing, parts = np.full((1, 2), np.nan), []
+    gap = np.full((1, 2), np.nan)
+    lines = []
     for start, end in path.arcs:
         inside = (path.alphas >= start - ARC_TOLERANCE) & (path.alphas <= end + ARC_TOLERANCE)
-        parts += [nothing, path.h[inside]]
-    return np.concatenate(parts[1:])
+        lines += [gap, path.h[inside]]
+    return np.concatenate(lines[1:])
 
 
 def _crank_angles(leg: AnyLeg, count: int) -> list[float]:
@@ -217,10 +220,11 @@ def _crank_angles(leg: AnyLeg, count: int) -> list[float]:
     if not arcs:
         raise NoFootPathError
     start, end = arcs[0]
-    turned = TURN / count * np.arange(count)
-    swung = start + (end - start) * (1.0 - np.cos(turned)) / 2.0
-    angles: list[float] = (turned if end - start >= TURN else swung).tolist()
-    return angles
+    angles = TURN / count * np.arange(count)
+    if end - start < TURN:
+        angles = start + (end - start) * (1.0 - np.cos(angles)) / 2.0
+    crank_angles: list[float] = angles.tolist()
+    return crank_angles
 
 
 class NoMatplotlibError(ImportError):
@@ -241,9 +245,9 @@ def axes_of(ax: 'Axes | None') -> 'Axes':
     return plt.subplots(layout='constrained')[1]
 
 
-def leg_of(given: Any) -> AnyLeg:
+def leg_of(linkage: Any) -> AnyLeg:
     """Return a leg, or the leg of a linkage; raises a TypeError for anything else."""
-    return given if isinstance(given, Leg) else LinkageLeg(as_linkage(given))
+    return linkage if isinstance(linkage, Leg) else LinkageLeg(as_linkage(linkage))
 
 
 def draw_angles(ax: 'Axes', pose: LinkagePose, radius: float) -> None:
@@ -252,33 +256,40 @@ def draw_angles(ax: 'Axes', pose: LinkagePose, radius: float) -> None:
 
     Clockwise angles lead downwards.
     """
-    drawn, structure = PoseDrawing.of(pose), pose.linkage.structure
-    for body, angle in zip(structure.bodies, pose.joints, strict=True):
+    points = PoseDrawing.of(pose).points
+    for body, angle in zip(pose.linkage.structure.bodies, pose.joints, strict=True):
         if body.slides:
             continue
-        turn = body.sense * remainder(angle, tau)
-        at = drawn.points[body.bars[0].start]
-        draw_angle(ax, at, radius, (0.0, degrees(turn)), symbol(body.angle))
+        direction = degrees(body.sense * remainder(angle, tau))
+        first_point = points[body.bars[0].start]
+        draw_angle(ax, first_point, radius, (0.0, direction), symbol(body.angle))
 
 
 def draw_angle(
-    ax: 'Axes', at: Any, radius: float, ends: tuple[float, float], name: str, *, colour: str = GREY
+    ax: 'Axes',
+    centre: Any,
+    radius: float,
+    ends: tuple[float, float],
+    name: str,
+    *,
+    colour: str = GREY,
 ) -> None:
     """Draw the arc between two directions [deg] around a point, its name outside the middle."""
     from matplotlib.patches import Arc  # noqa: PLC0415 - matplotlib is optional
 
     first, last = sorted(ends)
-    x, y = at
+    x, y = centre
     ax.add_patch(Arc((x, y), 2 * radius, 2 * radius, theta1=first, theta2=last, color=colour))
     if 0.0 in ends:
         ax.plot([x, x + 1.25 * radius], [y, y], ':', color=GREY, linewidth=1)
-    # The name of a narrow angle is on the other side of its first line.
-    narrow = last - first < MIN_LABEL_ANGLE
-    half = np.radians(
-        ends[0] - np.sign(ends[1] - ends[0]) * 15.0 if narrow else (first + last) / 2
-    )
-    where = (x + 1.45 * radius * np.cos(half), y + 1.45 * radius * np.sin(half))
-    ax.annotate(name, where, ha='center', va='center', fontsize=12, color=colour)
+    if last - first < MIN_LABEL_ANGLE:
+        # The name of a narrow angle is on the other side of its first line.
+        label_direction = np.radians(ends[0] - np.sign(ends[1] - ends[0]) * 15.0)
+    else:
+        label_direction = np.radians((first + last) / 2)
+    label_x = x + 1.45 * radius * np.cos(label_direction)
+    label_y = y + 1.45 * radius * np.sin(label_direction)
+    ax.annotate(name, (label_x, label_y), ha='center', va='center', fontsize=12, color=colour)
 
 
 def label_plane(ax: 'Axes') -> None:
@@ -299,10 +310,10 @@ def grid(ax: 'Axes') -> None:
 
 def symbol(name: str) -> str:
     """Return an angle's name as a formula: a Latin or Greek letter and a number."""
-    found = re.fullmatch(rf'({GREEK}|[A-Za-z])_?(\d*)', name)
-    if not found:
+    match = re.fullmatch(rf'({GREEK}|[A-Za-z])_?(\d*)', name)
+    if not match:
         # A dollar sign would start a formula.
         return name.replace('$', r'\$')
-    letter, number = found.groups()
-    sign = letter if len(letter) == 1 else rf'\{letter}'
-    return f'${sign}_{{{number}}}$' if number else f'${sign}$'
+    letter, number = match.groups()
+    formula = letter if len(letter) == 1 else rf'\{letter}'
+    return f'${formula}_{{{number}}}$' if number else f'${formula}$'

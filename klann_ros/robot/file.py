@@ -41,7 +41,8 @@ _PARAMETERS = 'ros__parameters'
 _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
 # Keys of a crank joint, `cranks.JOINT.KEY`.
 OF_CRANK = tuple(field.name for field in fields(CrankDrive))
-_BODY = ('body_mass', 'body_size', 'body_centre')
+# Wildcards of a section's name, as patterns of node names.
+_WILDCARDS = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
 
 
 class RobotFileError(ValueError):
@@ -83,25 +84,25 @@ def robot_from_file(path: str | Path) -> Robot:
         The file cannot be read, or has no valid robot.
 
     """
-    shown = printable(str(path))
+    source = printable(str(path))
     try:
         text = read_regular(str(path), MAX_FILE_SIZE)
-        content = parse(text)
-        if is_linkage(content):
+        document = parse(text)
+        if is_linkage(document):
             linkage = linkage_from_text(text, str(path))
             masses = masses_from_text(text, linkage, str(path))
             leg = RobotLeg('', linkage, masses=masses, description=text)
-            return Robot(Path(path).stem, (leg,), source=shown)
-        parameters = solver_section(content)
+            return Robot(Path(path).stem, (leg,), source=source)
+        parameters = solver_section(document)
         robot = robot_from_parameters(parameters, folders=(Path(path).parent,))
-        return replace(robot, name=Path(path).stem or robot.name, source=shown)
+        return replace(robot, name=Path(path).stem or robot.name, source=source)
     except LinkageFileError as error:
         raise RobotFileError(str(error)) from error
     except OSError as error:
-        also = f'; shipped are {", ".join(preset_names())}' * isinstance(error, FileNotFoundError)
-        raise RobotFileError(f'{shown} cannot be read: {error.strerror}{also}') from error
+        hint = f'; shipped are {", ".join(preset_names())}' * isinstance(error, FileNotFoundError)
+        raise RobotFileError(f'{source} cannot be read: {error.strerror}{hint}') from error
     except (ValueError, TypeError) as error:
-        raise RobotFileError(f'{shown} holds no robot: {printable_line(error)}') from error
+        raise RobotFileError(f'{source} holds no robot: {printable_line(error)}') from error
 
 
 def robot_from_parameters(
@@ -128,24 +129,27 @@ def robot_from_parameters(
     flat = _flat(parameters)
     names = _names(flat.get('legs', ()))
     drives = _drives(flat)
-    legs = tuple(_leg(name, of_leg(flat, name), folders, weigh=weigh) for name in names)
+    legs = []
+    mount_lengths = {}
+    for name in names:
+        leg = _leg(name, of_leg(flat, name), folders, weigh=weigh)
+        legs.append(replace(leg, drive=drives.get(leg.crank_joint, leg.drive)))
+        mount_lengths[f'{name}.mount_xyz'.lstrip('.')] = max(leg.mount.xyz, key=abs)
     joints = {leg.crank_joint for leg in legs}
     for joint in drives:
         if joint not in joints:
             hint = did_you_mean(joint, joints)
             raise ValueError(f'cranks.{printable(joint)}: no leg has this crank_joint{hint}')
-    legs = tuple(replace(leg, drive=drives.get(leg.crank_joint, leg.drive)) for leg in legs)
-    mounts = {f'{leg.name}.mount_xyz'.lstrip('.'): max(leg.mount.xyz, key=abs) for leg in legs}
-    warn_of_lengths(mounts)
-    return Robot('robot', legs, _body(flat) if weigh else None)
+    warn_of_lengths(mount_lengths)
+    return Robot('robot', tuple(legs), _body(flat) if weigh else None)
 
 
 def _drives(flat: Mapping[str, Any]) -> dict[str, CrankDrive]:
     """Return encoders and motors that are not as by default, by their joints."""
     drives: dict[str, CrankDrive] = {}
     for name in flat:
-        family, _, rest = name.partition('.')
-        joint, _, key = rest.rpartition('.')
+        family, _, joint_and_key = name.partition('.')
+        joint, _, key = joint_and_key.rpartition('.')
         if family != 'cranks':
             continue
         if key not in OF_CRANK:
@@ -161,24 +165,23 @@ def _drives(flat: Mapping[str, Any]) -> dict[str, CrankDrive]:
 
 def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return the parameters of a leg, with dots: its own override the common ones unless ''."""
+    leg_parameters = dict(parameters)
     prefix = f'{name}.'
-    own = {
-        key.removeprefix(prefix): value
-        for key, value in parameters.items()
-        if name and key.startswith(prefix) and value != ''
-    }
-    return {**parameters, **own}
+    for key, parameter in parameters.items():
+        if name and key.startswith(prefix) and parameter != '':
+            leg_parameters[key.removeprefix(prefix)] = parameter
+    return leg_parameters
 
 
 def _flat(parameters: Mapping[Any, Any], prefix: str = '') -> dict[str, Any]:
     """Return nested parameters under their names with dots."""
-    found: dict[str, Any] = {}
-    for name, value in parameters.items():
-        if isinstance(value, Mapping):
-            found |= _flat(value, f'{prefix}{name}.')
+    flat: dict[str, Any] = {}
+    for name, parameter in parameters.items():
+        if isinstance(parameter, Mapping):
+            flat |= _flat(parameter, f'{prefix}{name}.')
         else:
-            found[f'{prefix}{name}'] = value
-    return found
+            flat[f'{prefix}{name}'] = parameter
+    return flat
 
 
 def _names(legs: Any) -> Sequence[str]:
@@ -191,93 +194,98 @@ def _names(legs: Any) -> Sequence[str]:
     return names or ('',)
 
 
-def _leg(name: str, own: Mapping[str, Any], folders: Sequence[Path], *, weigh: bool) -> RobotLeg:
+def _leg(
+    name: str, parameters: Mapping[str, Any], folders: Sequence[Path], *, weigh: bool
+) -> RobotLeg:
     prefix = f'{name}.' if name else ''
     try:
-        linkage, description, file = _linkage(own, folders)
+        linkage, description, file = _linkage(parameters, folders)
     except LinkageFileError:
         raise
     except GeometryError as error:
         raise GeometryError(f'{prefix}{error}') from error
-    masses = _masses(own, linkage, description, file) if weigh else None
-    direction = own.get('direction', 1)
+    masses = _masses(parameters, linkage, description, file) if weigh else None
+    direction = parameters.get('direction', 1)
     if direction not in (-1, 1):
         raise ValueError(refusal(f'{prefix}direction', direction, '+1 or -1'))
-    xyz = _triple(own, 'mount_xyz', Mount().xyz, prefix)
-    rpy = _triple(own, 'mount_rpy', Mount().rpy, prefix)
+    xyz = _triple(parameters, 'mount_xyz', Mount().xyz, prefix)
+    rpy = _triple(parameters, 'mount_rpy', Mount().rpy, prefix)
     if max(map(abs, rpy)) > TURN:
         allowed = 'radians, not degrees: within +-2 pi'
         raise ValueError(refusal(f'{prefix}mount_rpy', list(rpy), allowed))
-    phase = _number(own, 'phase', 0.0, prefix)
+    phase = _number(parameters, 'phase', 0.0, prefix)
     warn_of_angle(f'{prefix}phase', phase)
-    joint = str(own.get('crank_joint') or 'crank')
+    joint = str(parameters.get('crank_joint') or 'crank')
     mount = Mount(xyz, rpy)
     return RobotLeg(name, linkage, joint, phase, int(direction), mount, masses, description, file)
 
 
-def _linkage(own: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, str, str]:
+def _linkage(parameters: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Linkage, str, str]:
     """Return a leg's linkage, its text and its file's name; both '' for a Klann leg."""
-    text, file = str(own.get(_DESCRIPTION) or ''), str(own.get('linkage') or '')
+    text = str(parameters.get(_DESCRIPTION) or '')
+    file = str(parameters.get('linkage') or '')
     if file and not text:
-        beside = (folder / file for folder in folders)
-        file = str(
-            next((path for path in beside if is_regular_file(path)), Path(file).expanduser())
-        )
+        paths = [folder / file for folder in folders]
+        file = str(next(filter(is_regular_file, paths), Path(file).expanduser()))
         text = linkage_text(file)
     if text:
         return linkage_from_text(text, file or _DESCRIPTION), text, file
-    numbers = {name: own[name] for name in _GEOMETRY if name in own}
-    if not numbers and not own.get('legs'):
+    geometry = {name: parameters[name] for name in _GEOMETRY if name in parameters}
+    if not geometry and not parameters.get('legs'):
         raise TypeError(f'none of {", ".join(_GEOMETRY)} is in it')
-    return KlannGeometry(**numbers).linkage, '', ''
+    return KlannGeometry(**geometry).linkage, '', ''
 
 
-def _masses(own: Mapping[str, Any], linkage: Linkage, text: str, file: str) -> Masses | None:
+def _masses(
+    parameters: Mapping[str, Any], linkage: Linkage, text: str, file: str
+) -> Masses | None:
     """Return the masses of a leg's bodies; None without any."""
-    if 'bar_density' in own:
-        density = _number(own, 'bar_density', 0.0)
-        return rods(linkage, density, foot_mass=_number(own, 'foot_mass', 0.0))
+    if 'bar_density' in parameters:
+        density = _number(parameters, 'bar_density', 0.0)
+        return rods(linkage, density, foot_mass=_number(parameters, 'foot_mass', 0.0))
     return masses_from_text(text, linkage, file) if text else None
 
 
 def _body(flat: Mapping[str, Any]) -> WalkerBody | None:
-    if not any(name in flat for name in _BODY):
+    if flat.keys().isdisjoint(('body_mass', 'body_size', 'body_centre')):
         return None
-    missing = [name for name in _BODY[:2] if name not in flat]
-    if missing:
-        raise MassError(f'{missing[0]} is missing: a body has body_mass [kg] and body_size [m]')
+    for name in ('body_mass', 'body_size'):
+        if name not in flat:
+            raise MassError(f'{name} is missing: a body has body_mass [kg] and body_size [m]')
     body = WalkerBody(
         _number(flat, 'body_mass', 0.0),
         _triple(flat, 'body_size', (0.0, 0.0, 0.0)),
         _triple(flat, 'body_centre', (0.0, 0.0, 0.0)),
     )
-    warn_of_lengths({name: max(getattr(body, name[5:]), key=abs) for name in _BODY[1:]})
-    for name, values in (('body_mass', (body.mass,)), ('body_size', body.size)):
-        if min(values) <= 0.0:
+    max_size = max(body.size, key=abs)
+    max_offset = max(body.centre, key=abs)
+    warn_of_lengths({'body_size': max_size, 'body_centre': max_offset})
+    for name, smallest in (('body_mass', body.mass), ('body_size', min(body.size))):
+        if smallest <= 0.0:
             raise MassError(f'{name} = {flat[name]!r} is refused: it must be > 0')
     return body
 
 
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+def _is_finite(number: Any) -> bool:
+    return isinstance(number, int | float) and not isinstance(number, bool) and isfinite(number)
 
 
-def _number(own: Mapping[str, Any], name: str, otherwise: float, prefix: str = '') -> float:
-    value = own.get(name, otherwise)
-    if not _is_finite(value):
-        raise ValueError(refusal(f'{prefix}{name}', value, 'finite'))
-    return float(value)
+def _number(parameters: Mapping[str, Any], name: str, default: float, prefix: str = '') -> float:
+    number = parameters.get(name, default)
+    if not _is_finite(number):
+        raise ValueError(refusal(f'{prefix}{name}', number, 'finite'))
+    return float(number)
 
 
-def _triple(own: Mapping[str, Any], name: str, otherwise: Triple, prefix: str = '') -> Triple:
-    values = own.get(name, otherwise)
-    if not isinstance(values, list | tuple) or list(map(_is_finite, values)) != [True] * 3:
-        raise ValueError(refusal(f'{prefix}{name}', values, 'three finite numbers'))
-    x, y, z = map(float, values)
+def _triple(parameters: Mapping[str, Any], name: str, default: Triple, prefix: str = '') -> Triple:
+    triple = parameters.get(name, default)
+    if not isinstance(triple, list | tuple) or list(map(_is_finite, triple)) != [True] * 3:
+        raise ValueError(refusal(f'{prefix}{name}', triple, 'three finite numbers'))
+    x, y, z = map(float, triple)
     return x, y, z
 
 
-def solver_section(content: Any) -> dict[str, Any]:
+def solver_section(document: Any) -> dict[str, Any]:
     """
     Return the parameters of solver_node in a ROS 2 parameter file, by their names with dots.
 
@@ -292,17 +300,20 @@ def solver_section(content: Any) -> dict[str, Any]:
         The content is no mapping, or defines several robots.
 
     """
-    if not isinstance(content, dict):
+    if not isinstance(document, dict):
         raise TypeError('it must be a mapping, such as config/sem104.yaml is')
-    sections = list(_sections(content, ''))
+    sections = list(_sections(document, ''))
     if not sections:
-        return _flat(content)
-    plain = dict.fromkeys(name for name, _ in sections if '*' not in name)
-    own = [name for name in plain if name.endswith(_NODE)] or [_NODE]
-    candidates = {name: _parameters(sections, name) for name in own}
+        return _flat(document)
+    node_names = dict.fromkeys(name for name, _ in sections if '*' not in name)
+    solvers = [name for name in node_names if name.endswith(_NODE)] or [_NODE]
+    candidates = {name: _parameters(sections, name) for name in solvers}
     if not any(map(_is_robot, candidates.values())):
-        others = {name: _parameters(sections, name) for name in plain}
-        candidates = {name: given for name, given in others.items() if _is_robot(given)}
+        candidates = {}
+        for name in node_names:
+            parameters = _parameters(sections, name)
+            if _is_robot(parameters):
+                candidates[name] = parameters
     robots = list(candidates.values())
     if any(robot != robots[0] for robot in robots):
         names = printable(', '.join(candidates), 200)
@@ -310,26 +321,27 @@ def solver_section(content: Any) -> dict[str, Any]:
     return robots[0] if robots else {}
 
 
-def _sections(content: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _sections(document: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield each section's full name and parameters; namespaces may be nested."""
-    for key, value in content.items():
+    for key, section in document.items():
         name = f'{prefix}/{str(key).strip("/")}'
-        if not isinstance(value, dict):
+        if not isinstance(section, dict):
             continue
-        if isinstance(value.get(_PARAMETERS), dict):
-            yield name, value[_PARAMETERS]
-        yield from _sections({k: v for k, v in value.items() if k != _PARAMETERS}, name)
+        if isinstance(section.get(_PARAMETERS), dict):
+            yield name, section[_PARAMETERS]
+        yield from _sections({k: v for k, v in section.items() if k != _PARAMETERS}, name)
 
 
 def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dict[str, Any]:
     """Return the parameters of a node by its full name."""
-    given: dict[str, Any] = {}
-    for name, parameters in sections:
-        tokens = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
-        pattern = ''.join(tokens.get(t, re.escape(f'/{t}')) for t in name.split('/')[1:])
+    node_parameters: dict[str, Any] = {}
+    for name, section in sections:
+        pattern = ''
+        for token in name.split('/')[1:]:
+            pattern += _WILDCARDS.get(token, re.escape(f'/{token}'))
         if re.fullmatch(pattern, node):
-            given |= _flat(parameters)
-    return given
+            node_parameters |= _flat(section)
+    return node_parameters
 
 
 def _is_robot(parameters: Mapping[str, Any]) -> bool:

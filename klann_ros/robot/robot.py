@@ -30,10 +30,11 @@ class Mount:
     @property
     def rotation(self) -> FloatArray:
         """Return the rotation matrix: the plane's axes in base_link as columns, shape (3, 3)."""
-        (a, b, c), (d, e, f) = (map(trigonometry, self.rpy) for trigonometry in (cos, sin))
-        about_x = np.array([[1.0, 0.0, 0.0], [0.0, a, -d], [0.0, d, a]])
-        about_y = np.array([[b, 0.0, e], [0.0, 1.0, 0.0], [-e, 0.0, b]])
-        about_z = np.array([[c, -f, 0.0], [f, c, 0.0], [0.0, 0.0, 1.0]])
+        cos_x, cos_y, cos_z = map(cos, self.rpy)
+        sin_x, sin_y, sin_z = map(sin, self.rpy)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cos_x, -sin_x], [0.0, sin_x, cos_x]])
+        about_y = np.array([[cos_y, 0.0, sin_y], [0.0, 1.0, 0.0], [-sin_y, 0.0, cos_y]])
+        about_z = np.array([[cos_z, -sin_z, 0.0], [sin_z, cos_z, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
 
     def rotate(self, vectors: ArrayLike) -> FloatArray:
@@ -140,8 +141,8 @@ class WalkerBody:
     """
     The body of a walker: a box.
 
-    `mass` is > 0 [kg]; `size` is along x, y and z of base_link, and `centre` that of the box and
-    of its mass in base_link [m].
+    `mass` is > 0 [kg]; `size` is along x, y and z of base_link, and `centre` is the centre of the
+    box and of its mass in base_link [m].
     """
 
     mass: float
@@ -181,11 +182,11 @@ class Robot:
 
     def leg(self, name: str) -> RobotLeg | None:
         """Return the leg of a name; if there is none, the first leg of a robot with equal legs."""
-        named = [leg for leg in self.legs if leg.name == name]
+        for leg in self.legs:
+            if leg.name == name:
+                return leg
         first = self.legs[0]
-        if not named and all(leg.linkage == first.linkage for leg in self.legs):
-            return first
-        return named[0] if named else None
+        return first if all(leg.linkage == first.linkage for leg in self.legs) else None
 
     def built_as(self, built: 'Robot') -> 'Robot':
         """
@@ -204,12 +205,12 @@ class Robot:
         """
         legs = []
         for leg in self.legs:
-            own = built.leg(leg.name)
-            if own is None or own.linkage.structure != leg.linkage.structure:
+            built_leg = built.leg(leg.name)
+            if built_leg is None or built_leg.linkage.structure != leg.linkage.structure:
                 name = leg.name or 'the leg'
                 msg = f'{built.source or built.name} does not have {name}, or as another linkage'
                 raise ValueError(msg)
-            legs.append(replace(leg, linkage=own.linkage, phase=own.phase))
+            legs.append(replace(leg, linkage=built_leg.linkage, phase=built_leg.phase))
         return replace(self, legs=tuple(legs))
 
     def with_rods(self, density: float, *, slider_length: float = 0.0) -> 'Robot':
@@ -224,10 +225,12 @@ class Robot:
             The density is invalid.
 
         """
-        # An invalid density is refused even if it is unused.
-        made = [rods(leg.linkage, density, slider_length=slider_length) for leg in self.legs]
-        pairs = zip(self.legs, made, strict=True)
-        return replace(self, legs=tuple(replace(leg, masses=leg.masses or m) for leg, m in pairs))
+        legs = []
+        for leg in self.legs:
+            # An invalid density is refused even if it is unused.
+            masses = rods(leg.linkage, density, slider_length=slider_length)
+            legs.append(replace(leg, masses=leg.masses or masses))
+        return replace(self, legs=tuple(legs))
 
     def joint_names(self, separator: str) -> tuple[str, ...]:
         """
