@@ -21,7 +21,8 @@ ALLOWED = {
     'engines': set(),
     'kinematics': {'sanitize'},
     'synthesis': {'kinematics'},
-    'log': {'cli', 'lazy_face', 'sanitize'},
+    'messages': {'lazy_face', 'sanitize'},
+    'log': {'cli', 'lazy_face', 'messages', 'sanitize'},
     'dynamics': {'sanitize', 'kinematics'},
     'robot': {'sanitize', 'kinematics', 'dynamics'},
     'gait': {'kinematics', 'dynamics', 'robot'},
@@ -32,7 +33,7 @@ ALLOWED = {
     'review': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'plotting', 'log'),
         'web',
-        *('calibration', 'lazy_face'),
+        *('calibration', 'lazy_face', 'messages'),
     },
     'export': {
         *('cli', 'sanitize', 'kinematics', 'dynamics', 'plotting', 'robot', 'gait', 'walker'),
@@ -42,7 +43,9 @@ ALLOWED = {
     'datasheet': {
         *('cli', 'lazy_face', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
     },
-    'calibration': {'cli', 'sanitize', 'kinematics', 'robot', 'log', 'web', 'datasheet'},
+    'calibration': {
+        *('cli', 'sanitize', 'messages', 'kinematics', 'robot', 'log', 'web', 'datasheet'),
+    },
     'exercises': {'cli', 'sanitize', 'kinematics', 'synthesis', 'plotting', 'web'},
     'design': {
         *('cli', 'sanitize', 'engines', 'kinematics', 'dynamics', 'robot', 'gait', 'web'),
@@ -52,7 +55,7 @@ ALLOWED = {
     'nodes': {
         *('cli', 'sanitize', 'kinematics', 'dynamics', 'robot', 'gait', 'walker', 'twin'),
         'plotting',
-        *('log', 'review', 'web', 'live', 'datasheet', 'stop_signals'),
+        *('log', 'review', 'web', 'live', 'datasheet', 'stop_signals', 'messages'),
     },
     'executables': {'sanitize', 'kinematics', 'log', 'review', 'nodes', 'stop_signals'},
 }

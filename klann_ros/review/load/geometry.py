@@ -14,11 +14,11 @@ from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
 from klann_ros.kinematics.arrays import IndexArray
-from klann_ros.log import MessageBlock, SolverParameters, STRING_TYPE, Topic
+from klann_ros.log import MessageBlock, SolverParameters, Topic
+from klann_ros.messages import STRING
 from klann_ros.review.model.recording import LegRecording, LegSolver
 from klann_ros.review.model.times import nanoseconds, Series
 from klann_ros.robot import LEG_PARAMETERS, of_leg, Robot, robot_from_parameters, SEPARATORS
-from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import printable
 import numpy as np
 
@@ -149,7 +149,7 @@ def _dynamics(robot: Robot, name: str) -> Dynamics | None:
     return robot.dynamics(leg) if leg and leg.masses else None
 
 
-NAME = 'robot_description'
+DESCRIPTION = 'robot_description'
 # Longest description that is read [characters], and bytes of its message beside the text.
 MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 1024 * 1024, 16
 # Different descriptions of one namespace that are read.
@@ -172,10 +172,7 @@ class Descriptions:
 
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add the descriptions of a topic in a block."""
-        namespace, _, name = topic.name.rpartition('/')
-        if (topic.type, name) != (STRING_TYPE, NAME):
-            return
-        found = self._found[namespace]
+        found = self._found[parent(topic.name)]
         for row in rows[block.sizes[rows] <= MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD].tolist():
             data = block.message(row)
             # It is usually repeated.
@@ -195,13 +192,14 @@ class Descriptions:
         if not legs or legs[-1] is None:
             return solver
         times = [described.time for described in found]
-        source = f'{printable(f"{space}/{NAME}")}, assembly mode from its poses'
+        source = f'{printable(f"{space}/{DESCRIPTION}")}, assembly mode from its poses'
         return replace(solver, leg=legs[-1], leg_time=_last_change(times, legs), source=source)
 
 
 def _text(data: bytes) -> str:
     try:
-        return CdrCursor(data).string().decode()
+        (text,) = STRING.layout(data).texts['data']
+        return text.decode()
     except ValueError:
         return ''
 

@@ -2,197 +2,271 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
-from klann_ros.kinematics.arrays import IndexArray
-from klann_ros.log import MessageBlock, SolverParameters, Topic
-from klann_ros.review.model.recording import LegSolver, Undecoded
-from klann_ros.review.model.times import nanoseconds
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.log import SolverParameters, Topic
+from klann_ros.messages import FLOAT64, JOINT_STATE, POINT
+from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
+from klann_ros.review.model.times import is_simulated, no_series, Series
 from klann_ros.robot import Robot
 import numpy as np
 
-from .decode import (
-    COMMAND,
-    CRANK_ANGLE,
-    DecodedRows,
-    FOOT,
-    JOINT_STATE,
-    ODOMETRY,
-    TopicReader,
-)
-from .geometry import leg_solvers, parent, published_legs, REFERENCE, reference_leg
-from .series import GrowingArray, ODOMETRY_TOPICS, SeriesColumns
+from .batches import Batch
+from .collectors import COMMAND, IterationCollector
+from .geometry import Descriptions, leg_solvers, published_legs, REFERENCE, reference_leg
+from .series import ArrayPool, GrowingArray, SeriesColumns
 
-LAST_PARTS = {CRANK_ANGLE: 'crank_angle', FOOT: 'point_h'}
+LAST_NAMES = {FLOAT64.name: 'crank_angle', POINT.name: 'point_h'}
 # Key of crank_angle, the input of all legs, among the joints.
 ALL_JOINTS = ''
 
+# A namespace with a leg or a joint in it.
 LegKey = tuple[str, str]
 
 
 def is_leg_topic(topic: Topic) -> bool:
     """Return whether a topic may have data of a leg."""
-    last = topic.name.rpartition('/')[2]
-    return topic.type == JOINT_STATE or LAST_PARTS.get(topic.type) == last
+    last_name = topic.name.rpartition('/')[2]
+    return topic.type == JOINT_STATE.name or LAST_NAMES.get(topic.type) == last_name
 
 
-class LegCollector:
-    """Reads the messages of legs and walkers, and collects those of legs, block by block."""
+class LegDefinitions:
+    """The legs that the solvers of a run define, or a reference robot, or nobody."""
 
-    def __init__(
-        self,
-        records: Sequence[SolverParameters],
-        reference: Robot | None = None,
-        *,
-        rates: str = '',
-    ) -> None:
-        # By namespace and name of the leg.
-        self.poses: dict[LegKey, SeriesColumns] = {}
-        self.rates: dict[LegKey, SeriesColumns] = {}
-        self.pose_topics: dict[LegKey, set[str]] = defaultdict(set)
-        # By the namespace of the topic.
-        self.feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
-        # By namespace and joint: inputs, their topics, angles with efforts, and log times of
-        # inputs with unknown answers.
-        self.cranks: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
-        self.efforts: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
-        self.crank_topics: dict[LegKey, set[str]] = defaultdict(set)
-        self.unstamped: dict[LegKey, GrowingArray] = defaultdict(partial(GrowingArray, np.int64))
+    def __init__(self, records: Sequence[SolverParameters], reference: Robot | None) -> None:
         self._records = records
         self._reference = reference
-        self._unknowns: dict[str, LegSolver] = {}
-        self._kind_of_rates = rates
+        # By namespace and name of the leg; and by name, those that the run does not define.
         self._solvers: dict[str, dict[str, LegSolver]] = {}
-        self._readers: dict[Topic, TopicReader | None] = {}
+        self._undefined: dict[str, LegSolver] = {}
 
     def solver(self, namespace: str, name: str) -> LegSolver:
         """Return the solver of a leg; an empty one if unknown."""
-        return self._solvers_in(namespace).get(name) or self._unknown(name)
+        return self.solvers_in(namespace).get(name) or self._undefined_solver(name)
 
-    def _unknown(self, name: str) -> LegSolver:
-        """Return the solver of a leg that the run does not define."""
-        if name not in self._unknowns:
-            leg, source = reference_leg(self._reference, name), REFERENCE * bool(self._reference)
-            self._unknowns[name] = LegSolver(leg=leg, source=source)
-        return self._unknowns[name]
-
-    def _unknown_legs(self, names: Sequence[str]) -> dict[str, LegSolver]:
-        """Return the legs with all joints among the names, in a run without parameters."""
-        legs: dict[str, LegSolver] = {}
-        known = [leg.name for leg in self._reference.legs] if self._reference else ['']
-        for joints in dict.fromkeys(self._unknown(name).joint_names for name in known):
-            for name, separator in published_legs(names, joints):
-                solver = self._unknown(name)
-                if solver.joint_names == joints:
-                    legs[name] = replace(solver, joint_separator=separator)
-        return legs
-
-    def places(self) -> list[LegKey]:
-        """Return the legs with poses, and the other legs of their solvers."""
-        known = {(space, name) for space, _ in self.poses for name in self._solvers_in(space)}
-        return sorted(known | self.poses.keys())
-
-    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> list[DecodedRows]:
-        """Add the messages of a topic in a block, and return them decoded."""
-        reader = self._reader(topic)
-        if reader is None:
-            return []
-        taken = []
-        for piece in reader.read(block, rows):
-            if self._lacks_positions(parent(topic.name), piece):
-                reader.refuse(piece.times)
-            else:
-                if topic.type == CRANK_ANGLE:
-                    self._add_crank(topic.name, ALL_JOINTS, block, piece, 0)
-                elif topic.type == JOINT_STATE:
-                    self._add_joint_state(topic.name, block, piece)
-                elif topic.type == FOOT:
-                    foot = piece.values[:, :2]
-                    self.feet[parent(topic.name)].add(piece.times, piece.stamps, foot)
-                taken.append(piece)
-        return taken
-
-    def undecoded(self) -> Iterator[Undecoded]:
-        """Yield the topics with undecodable messages."""
-        for reader in filter(None, self._readers.values()):
-            yield from reader.undecoded
-
-    def _lacks_positions(self, namespace: str, piece: DecodedRows) -> bool:
-        """Return whether joints of a leg have no positions; other robots may omit them."""
-        if len(piece.names) in (0, piece.values.shape[1]):
-            return False
-        solvers = self._crank_solvers(namespace)
-        joints = {joint for solver in solvers for joint in solver.joint_names}
-        joints.update(solver.crank_joint for solver in solvers)
-        separators = {'/', *(solver.joint_separator for solver in solvers)}
-        names = {*piece.names, *(n.rpartition(s)[2] for s in separators for n in piece.names)}
-        return not joints.isdisjoint(names)
-
-    def _solvers_in(self, namespace: str) -> dict[str, LegSolver]:
+    def solvers_in(self, namespace: str) -> dict[str, LegSolver]:
+        """Return the solvers of the legs in a namespace, by their names."""
         if namespace not in self._solvers:
             self._solvers[namespace] = leg_solvers(self._records, namespace, self._reference)
         return self._solvers[namespace]
 
-    def _reader(self, topic: Topic) -> TopicReader | None:
-        if topic not in self._readers:
-            is_pose = topic.type == ODOMETRY and topic.name.rpartition('/')[2] in ODOMETRY_TOPICS
-            is_read = is_pose or is_leg_topic(topic)
-            self._readers[topic] = TopicReader(topic) if is_read else None
-        return self._readers[topic]
+    def crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
+        """Return the solvers whose cranks turn in a namespace; an empty one if unknown."""
+        return tuple(self.solvers_in(namespace).values()) or (self._undefined_solver(''),)
 
-    def _add_joint_state(self, topic: str, block: MessageBlock, piece: DecodedRows) -> None:
-        namespace, names = parent(topic), piece.names
-        legs = self._solvers_in(namespace) or self._unknown_legs(names)
-        found = False
-        for name, solver in legs.items():
+    def legs_with(self, namespace: str, joints: Sequence[str]) -> dict[str, LegSolver]:
+        """Return the legs in a namespace, or without parameters those with published joints."""
+        legs = dict(self.solvers_in(namespace))
+        if legs:
+            return legs
+        names = [leg.name for leg in self._reference.legs] if self._reference else ['']
+        for leg_joints in dict.fromkeys(self._undefined_solver(n).joint_names for n in names):
+            for name, separator in published_legs(joints, leg_joints):
+                solver = self._undefined_solver(name)
+                if solver.joint_names == leg_joints:
+                    legs[name] = replace(solver, joint_separator=separator)
+        return legs
+
+    def _undefined_solver(self, name: str) -> LegSolver:
+        """Return the solver of a leg that the run does not define."""
+        if name not in self._undefined:
+            source = REFERENCE if self._reference else ''
+            leg = reference_leg(self._reference, name)
+            self._undefined[name] = LegSolver(leg=leg, source=source)
+        return self._undefined[name]
+
+
+class _PoseColumns:
+    """The poses of a leg, with their topics, and their rates on request."""
+
+    def __init__(self, joint_count: int, rate_kind: str) -> None:
+        self.poses = SeriesColumns(joint_count)
+        self.rates = SeriesColumns(joint_count, rate_kind) if rate_kind else None
+        self.topics: set[str] = set()
+
+    def add(self, batch: Batch, columns: Sequence[int]) -> None:
+        """Add the poses in some columns of JointStates."""
+        self.topics.add(batch.topic)
+        poses = batch.numbers['position'][:, columns]
+        self.poses.add(batch.times, batch.stamps, poses)
+        if self.rates is not None:
+            rates = np.full(poses.shape, np.nan)
+            velocities = batch.numbers['velocity']
+            if velocities.shape[1] == len(batch.names):
+                rates = velocities[:, columns]
+            with np.errstate(over='ignore'):
+                self.rates.add(batch.times, batch.stamps, rates)
+
+
+@dataclass
+class _InputColumns:
+    """The inputs of a crank, their topics, and the log times of inputs with unknown answers."""
+
+    angles: SeriesColumns = field(default_factory=partial(SeriesColumns, 1))
+    topics: set[str] = field(default_factory=set)
+    unstamped: GrowingArray = field(default_factory=partial(GrowingArray, np.int64))
+
+
+class LegCollector:
+    """
+    Collects the messages of legs, block by block.
+
+    `rate_kind` is the type of the joint velocities; '' for none.
+    """
+
+    def __init__(self, definitions: LegDefinitions, rate_kind: str = '') -> None:
+        self._definitions = definitions
+        self._rate_kind = rate_kind
+        # By namespace and name of the leg.
+        self._poses: dict[LegKey, _PoseColumns] = {}
+        # By the namespace of the topic.
+        self._feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+        # By namespace and joint: inputs, and angles with efforts.
+        self._inputs: dict[LegKey, _InputColumns] = defaultdict(_InputColumns)
+        self._efforts: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+
+    @property
+    def has_efforts(self) -> bool:
+        """Return whether there are efforts of any joint."""
+        return bool(self._efforts)
+
+    def add_angles(self, batch: Batch) -> None:
+        """Add messages of crank_angle, the input of all legs."""
+        self._add_input(batch, ALL_JOINTS, batch.numbers['data'])
+
+    def add_feet(self, batch: Batch) -> None:
+        """Add positions of feet."""
+        feet = batch.numbers['point'][:, :2]
+        self._feet[batch.namespace].add(batch.times, batch.stamps, feet)
+
+    def lacks_positions(self, batch: Batch) -> bool:
+        """Return whether joints of a leg have no positions; other robots may omit them."""
+        names = set(batch.names)
+        if not names or len(batch.names) == batch.numbers['position'].shape[1]:
+            return False
+        solvers = self._definitions.crank_solvers(batch.namespace)
+        joints = {joint for solver in solvers for joint in solver.joint_names}
+        joints.update(solver.crank_joint for solver in solvers)
+        for separator in {'/', *(solver.joint_separator for solver in solvers)}:
+            names.update(name.rpartition(separator)[2] for name in batch.names)
+        return not joints.isdisjoint(names)
+
+    def add_joints(self, batch: Batch) -> None:
+        """Add JointStates: poses of legs, or measured inputs; a command is neither."""
+        namespace = batch.namespace
+        names = batch.names
+        has_poses = False
+        for name, solver in self._definitions.legs_with(namespace, names).items():
             joints = solver.published_joints(name)
             if set(joints) <= set(names):
-                found = True
-                self.pose_topics[namespace, name].add(topic)
-                self._add_pose((namespace, name), [names.index(j) for j in joints], piece)
-                self._add_effort(namespace, joints[0], piece)
-        # A command is no measured input.
-        if not found and topic.rpartition('/')[2] != COMMAND:
-            for joint in {solver.crank_joint for solver in self._crank_solvers(namespace)}:
-                if joint in names:
-                    self._add_crank(topic, joint, block, piece, names.index(joint))
-                    self._add_effort(namespace, joint, piece)
+                has_poses = True
+                columns = [names.index(joint) for joint in joints]
+                key = (namespace, name)
+                if key not in self._poses:
+                    self._poses[key] = _PoseColumns(len(columns), self._rate_kind)
+                self._poses[key].add(batch, columns)
+                self._add_efforts(batch, joints[0])
+        if has_poses or batch.last_name == COMMAND:
+            return
+        cranks = {solver.crank_joint for solver in self._definitions.crank_solvers(namespace)}
+        for joint in cranks & set(names):
+            column = names.index(joint)
+            self._add_input(batch, joint, batch.numbers['position'][:, [column]])
+            self._add_efforts(batch, joint)
 
-    def _crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
-        return tuple(self._solvers_in(namespace).values()) or (self._unknown(''),)
+    def _add_efforts(self, batch: Batch, joint: str) -> None:
+        efforts = batch.numbers['effort']
+        if efforts.shape[1] == len(batch.names):
+            column = batch.names.index(joint)
+            angles = batch.numbers['position'][:, column]
+            columns = self._efforts[batch.namespace, joint]
+            columns.add(batch.times, batch.stamps, np.column_stack([angles, efforts[:, column]]))
 
-    def _add_pose(self, place: LegKey, columns: list[int], piece: DecodedRows) -> None:
-        poses, times = self.poses.setdefault(place, SeriesColumns(len(columns))), piece.times
-        poses.add(times, piece.stamps, piece.values[:, columns])
-        if self._kind_of_rates:
-            known = piece.velocities.shape[1] == len(piece.names)
-            rates = self.rates.setdefault(place, SeriesColumns(len(columns), self._kind_of_rates))
-            missing = np.full((len(times), len(columns)), np.nan)
-            with np.errstate(over='ignore'):
-                rates.add(times, piece.stamps, piece.velocities[:, columns] if known else missing)
-
-    def _add_effort(self, namespace: str, joint: str, piece: DecodedRows) -> None:
-        if piece.efforts.shape[1] == len(piece.names):
-            column = piece.names.index(joint)
-            values = np.column_stack([piece.values[:, column], piece.efforts[:, column]])
-            self.efforts[namespace, joint].add(piece.times, piece.stamps, values)
-
-    def _add_crank(
-        self, topic: str, joint: str, block: MessageBlock, piece: DecodedRows, column: int
-    ) -> None:
+    def _add_input(self, batch: Batch, joint: str, angles: FloatArray) -> None:
         """Add crank inputs; the solver takes the source time for a stamp that is zero."""
-        namespace = parent(topic)
-        self.crank_topics[namespace, joint].add(topic)
-        stamps, values = piece.stamps, piece.values[:, slice(column, column + 1)]
-        times, unstamped = piece.times, stamps == 0
-        sources = nanoseconds(block.heads['publish_time'][piece.rows])
+        times = batch.times
+        sources = batch.publish_times
+        is_unstamped = batch.stamps == 0
         # Without a source time, recorders write the log time or 0.
-        unmatched = unstamped & ((sources == times) | (sources == 0))
-        if any(solver.sim_time for solver in self._crank_solvers(namespace)):
+        is_unmatched = is_unstamped & ((sources == times) | (sources == 0))
+        solvers = self._definitions.crank_solvers(batch.namespace)
+        if any(solver.sim_time for solver in solvers):
             # Their answers have a simulated stamp that the run does not contain.
-            unmatched = unstamped
-        stamps = np.where(unstamped, sources, stamps)
-        self.unstamped[namespace, joint].add(times[unmatched])
-        stamps, values, times = (a[~unmatched] for a in (stamps, values, times))
-        self.cranks[namespace, joint].add(times, stamps, values)
+            is_unmatched = is_unstamped
+        columns = self._inputs[batch.namespace, joint]
+        columns.topics.add(batch.topic)
+        columns.unstamped.add(times[is_unmatched])
+        stamps = np.where(is_unstamped, sources, batch.stamps)
+        columns.angles.add(times[~is_unmatched], stamps[~is_unmatched], angles[~is_unmatched])
+
+    def _leg_keys(self) -> list[LegKey]:
+        """Return legs with poses and the other legs of their solvers, or with inputs or feet."""
+        keys = set(self._poses)
+        for namespace, _ in self._poses:
+            keys.update((namespace, name) for name in self._definitions.solvers_in(namespace))
+        keys = keys or {(namespace, '') for namespace, _ in self._inputs}
+        return sorted(keys or {(namespace, '') for namespace in self._feet})
+
+    def legs(
+        self,
+        iterations: IterationCollector,
+        descriptions: Descriptions,
+        shared: ArrayPool,
+        clock: Series,
+    ) -> Iterator[LegRecording]:
+        """Yield the legs; nothing can be added any more."""
+        feet = {namespace: columns.series(shared) for namespace, columns in self._feet.items()}
+        angles = {key: columns.angles.series(shared) for key, columns in self._inputs.items()}
+        unstamped = {key: columns.unstamped.array() for key, columns in self._inputs.items()}
+        for namespace, name in self._leg_keys():
+            solver = self._definitions.solver(namespace, name)
+            columns = self._poses.get((namespace, name))
+            poses = no_series(len(solver.joint_names))
+            if columns is not None:
+                poses = columns.poses.series(shared)
+            if solver.leg is None:
+                solver = descriptions.described(solver, namespace, name, poses)
+            if is_simulated(poses, clock):
+                solver = replace(solver, sim_time=True)
+            rates = np.empty((0, 0))
+            if columns is not None and columns.rates is not None:
+                rates = columns.rates.series(shared).values
+            joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
+            joints = [joint for joint in joints if joint in self._inputs]
+            unstamped_times = [np.empty(0, dtype=np.int64)]
+            unstamped_times += [unstamped[joint] for joint in joints]
+            yield LegRecording(
+                namespace,
+                name,
+                solver,
+                pose_topics=frozenset(columns.topics if columns else ()),
+                crank_topics=frozenset().union(*(self._inputs[joint].topics for joint in joints)),
+                cranks=_merged([angles[joint] for joint in joints]),
+                poses=poses,
+                iterations=iterations.series(name),
+                feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
+                unstamped=np.sort(np.concatenate(unstamped_times)),
+                rates=rates,
+            )
+
+    def drives(self, legs: Sequence[LegRecording], shared: ArrayPool) -> Iterator[Drive]:
+        """Yield the joints with efforts, with their legs."""
+        for (namespace, joint), columns in self._efforts.items():
+            there = [(index, leg) for index, leg in enumerate(legs) if leg.namespace == namespace]
+            posed = [index for index, leg in there if leg.crank_pose_joint == joint]
+            turned = posed or [index for index, leg in there if leg.solver.crank_joint == joint]
+            if turned:
+                yield Drive(joint, tuple(turned), not posed, columns.series(shared))
+
+
+def _merged(inputs: list[Series]) -> Series:
+    """Return the inputs of several topics by their log times."""
+    if len(inputs) < 2:
+        return inputs[0] if inputs else no_series(1)
+    times = np.concatenate([series.times for series in inputs])
+    stamps = np.concatenate([series.stamps for series in inputs])
+    angles = np.concatenate([series.values for series in inputs])
+    order = np.argsort(times, kind='stable')
+    return Series(times[order], stamps[order], angles[order])

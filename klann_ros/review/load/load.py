@@ -1,8 +1,9 @@
 """From a log to a recording: messages of legs are decoded, all others counted."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from klann_ros.kinematics.arrays import IndexArray
@@ -16,30 +17,45 @@ from klann_ros.log import (
     recorded_pause,
     Topic,
 )
+from klann_ros.messages import (
+    CLOCK,
+    DIAGNOSTICS,
+    FLOAT64,
+    JOINT_STATE,
+    ODOMETRY,
+    POINT,
+    POSE,
+    POSE_WITH_COVARIANCE,
+    STRING,
+    TRANSFORM,
+)
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
-from klann_ros.review.model.recording import Drive, LegRecording, RunRecording
+from klann_ros.review.model.recording import RunRecording, Undecoded
 from klann_ros.review.model.times import (
-    is_simulated,
+    CLOCK as CLOCK_TOPIC,
     is_time_of_log,
     LAST_TIME,
     merge_intervals,
-    no_series,
-    Series,
 )
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .geometry import Descriptions, with_dynamics
-from .legs import ALL_JOINTS, LegCollector
-from .series import (
-    ArrayPool,
+from .batches import Batch, TopicReader
+from .collectors import (
     ClockCollector,
+    COMMAND,
+    COMPUTED_TOPICS,
     IterationCollector,
+    ODOMETRY_TOPICS,
     PointCollector,
+    STATE,
     WalkCollector,
 )
+from .geometry import DESCRIPTION, Descriptions, with_dynamics
+from .legs import is_leg_topic, LegCollector, LegDefinitions
+from .series import ArrayPool
 from .topics import recorded_losses, TopicCollector
 
 if TYPE_CHECKING:
@@ -50,6 +66,90 @@ if TYPE_CHECKING:
 RecordT = TypeVar('RecordT')
 # A larger latency mixes two clocks [s].
 MAX_LATENCY = 3600.0
+# The field that is a measured point, by the type.
+_POINT_FIELDS = {
+    POINT.name: (POINT, 'point'),
+    POSE.name: (POSE, 'pose.position'),
+    POSE_WITH_COVARIANCE.name: (POSE_WITH_COVARIANCE, 'pose.pose.position'),
+    TRANSFORM.name: (TRANSFORM, 'transform.translation'),
+}
+Handler = Callable[[MessageBlock, IndexArray], object]
+
+
+class _Dispatcher:
+    """Gives the messages of each topic to the collector of its type."""
+
+    def __init__(self, definitions: LegDefinitions, rate_kind: str) -> None:
+        self.legs = LegCollector(definitions, rate_kind)
+        self.walks = WalkCollector()
+        self.clock = ClockCollector()
+        self.points = PointCollector()
+        self.iterations = IterationCollector()
+        self.descriptions = Descriptions()
+        self._handlers: dict[Topic, Handler | None] = {}
+        # The readers of topics of legs and walkers, whose messages must be of their type.
+        self._required: list[TopicReader] = []
+
+    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
+        """Add the messages of a topic in a block."""
+        if topic not in self._handlers:
+            self._handlers[topic] = None if ANNOTATION in topic.extra else self._handler(topic)
+        handle = self._handlers[topic]
+        if handle is not None:
+            handle(block, rows)
+
+    def undecoded(self) -> Iterator[Undecoded]:
+        """Yield the topics of legs and walkers with undecodable messages."""
+        for reader in self._required:
+            yield from reader.undecoded()
+
+    def _handler(self, topic: Topic) -> Handler | None:
+        """Return what takes the messages of a topic; None if nothing does."""
+        name = topic.name.rpartition('/')[2]
+        handler: Handler | None = None
+        if is_leg_topic(topic) or (topic.type == ODOMETRY.name and name in ODOMETRY_TOPICS):
+            handler = self._leg_handler(topic)
+        elif (topic.type, topic.name) == (CLOCK.name, CLOCK_TOPIC):
+            handler = partial(_add_batches, TopicReader(topic, CLOCK, ()), self.clock.add)
+        elif (topic.type, name) == (STRING.name, DESCRIPTION):
+            handler = partial(self.descriptions.add, topic)
+        elif topic.type == DIAGNOSTICS.name:
+            handler = self.iterations.add
+        elif topic.type in _POINT_FIELDS and name not in COMPUTED_TOPICS:
+            message_type, path = _POINT_FIELDS[topic.type]
+            reader = TopicReader(topic, message_type, (path,))
+            handler = partial(_add_batches, reader, self.points.add)
+        return handler
+
+    def _leg_handler(self, topic: Topic) -> Handler:
+        """Return what takes the messages of a topic of a leg or a walker."""
+        message_type, paths, add = {
+            JOINT_STATE.name: (JOINT_STATE, ('position', 'velocity', 'effort'), None),
+            FLOAT64.name: (FLOAT64, ('data',), self.legs.add_angles),
+            POINT.name: (POINT, ('point',), self.legs.add_feet),
+            ODOMETRY.name: (ODOMETRY, ('pose.pose',), self.walks.add_poses),
+        }[topic.type]
+        reader = TopicReader(topic, message_type, paths, 'name')
+        self._required.append(reader)
+        if add is None:
+            return partial(self._add_joints, reader)
+        return partial(_add_batches, reader, add)
+
+    def _add_joints(self, reader: TopicReader, block: MessageBlock, rows: IndexArray) -> None:
+        for batch in reader.read(block, rows):
+            if self.legs.lacks_positions(batch):
+                reader.refuse(batch.times)
+                continue
+            self.legs.add_joints(batch)
+            if batch.last_name in (COMMAND, STATE):
+                self.walks.add_cranks(batch)
+
+
+def _add_batches(
+    reader: TopicReader, add: Callable[[Batch], object], block: MessageBlock, rows: IndexArray
+) -> None:
+    for batch in reader.read(block, rows):
+        add(batch)
 
 
 def load(
@@ -61,51 +161,43 @@ def load(
 ) -> RunRecording:
     """Decode a log, or a window; see `review_run`. `progress` gets the read share, 0 to 1."""
     records = log.solvers
-    legs_ = LegCollector(records, robot, rates=rates)
-    topics_, iterations, descriptions = TopicCollector(), IterationCollector(), Descriptions()
-    walks, simulated, points = WalkCollector(), ClockCollector(), PointCollector()
+    receptions = TopicCollector()
+    collected = _Dispatcher(LegDefinitions(records, robot), rates)
     for block in log.blocks(progress):
         for topic, rows in by_topic(block):
-            topics_.add(topic, block, rows)
-            if ANNOTATION in topic.extra:
-                continue
-            pieces = legs_.add(topic, block, rows)
-            iterations.add(topic, block, rows)
-            descriptions.add(topic, block, rows)
-            simulated.add(topic, block, rows)
-            walks.add(topic, pieces)
-            points.add(topic, block, rows)
+            receptions.add(topic, block, rows)
+            collected.add(topic, block, rows)
     # Damage is known after reading only.
     pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
     # After a stall of the recorder, the solver needs time to answer.
     paused = ((p.begin, p.end + (MAX_RESPONSE_TIME if p.reason else 0)) for p in pauses)
     unrecorded = merge_intervals([*paused, *log.gaps])
-    shared = ArrayPool()
-    topics = topics_.topics(recorded_losses(log.metadata), unrecorded)
-    clock = simulated.series()
+    topics = receptions.topics(recorded_losses(log.metadata), unrecorded)
+    clock = collected.clock.series()
     if is_time_of_log(clock):
         topics = tuple(map(_without_wall_times, topics))
-    legs = [*_legs(legs_, iterations, descriptions, shared, clock)]
+    shared = ArrayPool()
+    legs = [*collected.legs.legs(collected.iterations, collected.descriptions, shared, clock)]
     # Masses serve the efforts only.
-    if legs_.efforts:
+    if collected.legs.has_efforts:
         legs = [replace(leg, solver=with_dynamics(leg, records, robot)) for leg in legs]
     return RunRecording(
         path=str(log.path),
         files=tuple((path.name, path.stat().st_size) for path in log.paths),
         start=min(log.start_time, LAST_TIME),
         end=min(log.end_time, LAST_TIME),
-        topics=tuple(replace(topic, times=shared.one(topic.times)) for topic in topics),
+        topics=tuple(replace(topic, times=shared.share(topic.times)) for topic in topics),
         problems=log.problems,
-        undecoded=tuple(legs_.undecoded()),
+        undecoded=tuple(collected.undecoded()),
         unrecorded=unrecorded,
         stalls=tuple(pause for pause in pauses if pause.reason),
         clock=clock,
         legs=tuple(legs),
-        walks=tuple(walks.walks(shared)),
+        walks=tuple(collected.walks.walks(shared)),
         stopped=_file_faults(log, 'stopped'),
         file_fault=_file_faults(log, 'faults'),
-        drives=tuple(_drives(legs_, legs, shared)),
-        measured=points.series(shared),
+        drives=tuple(collected.legs.drives(legs, shared)),
+        measured=collected.points.series(shared),
         recorder_findings=tuple(_records(log, FINDING_RECORD, recorded_finding)),
     )
 
@@ -117,18 +209,6 @@ def _records(
     for record in log.metadata.get(name, ()):
         with suppress(ValueError):
             yield parse(record)
-
-
-def _drives(
-    legs_: LegCollector, legs: Sequence[LegRecording], shared: ArrayPool
-) -> Iterator[Drive]:
-    """Yield the joints with efforts, with their legs."""
-    for (namespace, joint), columns in legs_.efforts.items():
-        there = [(k, leg) for k, leg in enumerate(legs) if leg.namespace == namespace]
-        own = [k for k, leg in there if leg.crank_pose_joint == joint]
-        turned = own or [k for k, leg in there if leg.solver.crank_joint == joint]
-        if turned:
-            yield Drive(joint, tuple(turned), not own, columns.series(shared))
 
 
 def _file_faults(log: 'Log | Window', key: str) -> str:
@@ -147,58 +227,6 @@ def by_topic(block: MessageBlock) -> Iterator[tuple[Topic, IndexArray]]:
         topic = block.topics.get(channel)
         if topic is not None:
             yield topic, rows
-
-
-def _legs(
-    legs_: LegCollector,
-    iterations: IterationCollector,
-    descriptions: Descriptions,
-    shared: ArrayPool,
-    clock: Series,
-) -> Iterator[LegRecording]:
-    """Yield the legs of solvers with poses; without any, legs with inputs or feet only."""
-    feet = {namespace: columns.series(shared) for namespace, columns in legs_.feet.items()}
-    cranks = {place: columns.series(shared) for place, columns in legs_.cranks.items()}
-    nothing = np.empty(0, dtype=np.int64)
-    unstamped = {place: times.array() for place, times in legs_.unstamped.items()}
-    places = legs_.places() or sorted({(namespace, '') for namespace, _ in cranks})
-    for namespace, name in places or [(path, '') for path in sorted(feet)]:
-        solver = legs_.solver(namespace, name)
-        columns = legs_.poses.get((namespace, name))
-        poses = columns.series(shared) if columns else no_series(len(solver.joint_names))
-        if solver.leg is None:
-            solver = descriptions.described(solver, namespace, name, poses)
-        if is_simulated(poses, clock):
-            solver = replace(solver, sim_time=True)
-        rates = legs_.rates.get((namespace, name))
-        joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
-        yield LegRecording(
-            namespace,
-            name,
-            solver,
-            frozenset(legs_.pose_topics.get((namespace, name), ())),
-            frozenset().union(*(legs_.crank_topics.get(joint, ()) for joint in joints)),
-            cranks=_merged([cranks[joint] for joint in joints if joint in cranks]),
-            poses=poses,
-            iterations=iterations.series(name),
-            feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
-            unstamped=np.sort(
-                np.concatenate([nothing, *(unstamped.get(joint, ()) for joint in joints)])
-            ),
-            **({'rates': rates.series(shared).values} if rates else {}),
-        )
-
-
-def _merged(inputs: list[Series]) -> Series:
-    """Return the inputs of several topics by their log times."""
-    if len(inputs) < 2:
-        return inputs[0] if inputs else no_series(1)
-    times, stamps, values = (
-        np.concatenate([getattr(series, name) for series in inputs])
-        for name in ('times', 'stamps', 'values')
-    )
-    order = np.argsort(times, kind='stable')
-    return Series(times[order], stamps[order], values[order])
 
 
 def _without_wall_times(topic: TopicRecording) -> TopicRecording:

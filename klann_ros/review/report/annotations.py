@@ -4,16 +4,22 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-import struct
 
 from klann_ros.cli import output_errors
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.log import ANNOTATION, extend, Topic, TopicMessages
 from klann_ros.log.errors import LogError
+from klann_ros.messages import (
+    DIAGNOSTICS,
+    HEADER_SIZE,
+    JOINT_STATE,
+    JointStateTemplate,
+    POINT,
+    point_template,
+)
 from klann_ros.review.model.poses import solve_blocks, SolvedBlock
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review
-from klann_ros.sanitize import cdr
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +39,7 @@ def annotate(review: Review, output: str) -> None:
         It cannot be written: the output exists, the run is annotated already, or the disk refused.
 
     """
-    messages = list(_findings(review, _topic('/findings', 'diagnostic_msgs/msg/DiagnosticArray')))
+    messages = list(_findings(review, _topic('/findings', DIAGNOSTICS.name)))
     # Legs of one JointState have poses of the same times: one message has their answers, too.
     of_message = defaultdict[tuple[str, bytes], list[_Answers]](list)
     for leg in review.legs:
@@ -62,15 +68,20 @@ def _findings(review: Review, topic: Topic) -> Iterator[TopicMessages]:
 
 def _diagnostics(finding: Finding, time: int) -> bytes:
     """Return a finding as a DiagnosticArray of one status."""
-    head = cdr.aligned(cdr.append_string(b'', ''), 4) + struct.pack('<IB', 1, finding.severity)
-    name = f'review: {finding.check}'
-    for text in (name, finding.text, finding.leg or 'run'):
-        head = cdr.append_string(head, text)
-    values = {'meaning': finding.meaning, 'leg': finding.leg}
-    head = cdr.aligned(head, 4) + struct.pack('<I', len(values))
-    for key, value in values.items():
-        head = cdr.append_string(cdr.append_string(head, key), value)
-    return cdr.CDR_HEADER + struct.pack('<iI', *divmod(time, 10**9)) + head
+    sec, nanosec = divmod(time, 10**9)
+    status = {
+        'level': finding.severity,
+        'name': f'review: {finding.check}',
+        'message': finding.text,
+        'hardware_id': finding.leg or 'run',
+        'values': [
+            {'key': 'meaning', 'value': finding.meaning},
+            {'key': 'leg', 'value': finding.leg},
+        ],
+    }
+    return DIAGNOSTICS.write(
+        {'header.stamp.sec': sec, 'header.stamp.nanosec': nanosec, 'status': [status]}
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,24 +117,26 @@ def _answers(leg: LegRecording, block: SolvedBlock) -> _Answers:
 def _states(answers: Sequence[_Answers]) -> TopicMessages:
     """Return the angles of all legs of a message."""
     first = answers[0]
-    names = [name for one in answers for name in one.leg.solver.published_joints(one.leg.name)]
-    state = cdr.JointStateTemplate(names)
-    changes: dict[int, NDArray[np.generic]] = {cdr.HEADER_SIZE: first.stamps}
-    offset = state.values_at
-    for one in answers:
-        changes[offset] = one.angles
-        offset += one.angles.itemsize * one.angles.shape[1]
-    topic = _topic(f'{first.leg.namespace}/joint_states', 'sensor_msgs/msg/JointState')
+    names: list[str] = []
+    for answer in answers:
+        names += answer.leg.solver.published_joints(answer.leg.name)
+    state = JointStateTemplate(names)
+    changes: dict[int, NDArray[np.generic]] = {HEADER_SIZE: first.stamps}
+    offset = state.first_number
+    for answer in answers:
+        changes[offset] = answer.angles
+        offset += answer.angles.itemsize * answer.angles.shape[1]
+    topic = _topic(f'{first.leg.namespace}/joint_states', JOINT_STATE.name)
     return TopicMessages(topic, first.times, state.fill(0, 0, [0.0] * len(names)), changes)
 
 
 def _feet(answers: _Answers) -> TopicMessages:
     leg = answers.leg
-    foot = cdr.PointTemplate(f'{leg.name}/leg_plane'.lstrip('/'))
+    foot = point_template(f'{leg.name}/leg_plane'.lstrip('/'))
     place = f'{leg.namespace}/{leg.name}'.rstrip('/')
     return TopicMessages(
-        _topic(f'{place}/point_h', 'geometry_msgs/msg/PointStamped'),
+        _topic(f'{place}/point_h', POINT.name),
         answers.times,
         foot.fill(0, 0, 0.0, 0.0),
-        {cdr.HEADER_SIZE: answers.stamps, foot.values_at: answers.feet},
+        {HEADER_SIZE: answers.stamps, foot.first_number: answers.feet},
     )

@@ -8,7 +8,8 @@ from klann_ros.log.mcap.content import content_of
 from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
-from klann_ros.review.load.decode import CRANK_ANGLE, FOOT, JOINT_STATE, TopicReader
+from klann_ros.messages import FLOAT64, JOINT_STATE as JOINT_STATES, POINT
+from klann_ros.review.load.batches import TopicReader
 from leg_runs import make, STORE
 from mcap.reader import NonSeekingReader
 from mcap.records import Schema
@@ -16,6 +17,13 @@ from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 
+CRANK_ANGLE, FOOT, JOINT_STATE = FLOAT64.name, POINT.name, JOINT_STATES.name
+# The numbers of each type.
+READ = {
+    CRANK_ANGLE: (FLOAT64, ('data',)),
+    FOOT: (POINT, ('point',)),
+    JOINT_STATE: (JOINT_STATES, ('position', 'velocity', 'effort')),
+}
 KINDS = {
     kind: Topic(f'/{number}', kind, definition(kind))
     for number, kind in enumerate((CRANK_ANGLE, FOOT, JOINT_STATE))
@@ -78,14 +86,15 @@ def read_in_bulk(given_messages):
     """Return the content of each message, by its row, and how many failed."""
     block, contents, failed = block_of(given_messages), {}, 0
     for number, topic in enumerate(KINDS.values()):
-        reader = TopicReader(topic)
+        reader = TopicReader(topic, *READ[topic.type], 'name')
         rows = np.flatnonzero(block.heads['channel'] == number)
-        for piece in reader.read(block, rows):
-            for i, row in enumerate(piece.rows.tolist()):
-                numbers = (piece.values, piece.velocities, piece.efforts)
-                found = (each[i].tobytes() for each in numbers)
-                contents[row] = int(piece.stamps[i]), piece.names, *found
-        failed += reader.failed
+        for batch in reader.read(block, rows):
+            # The log time of a message is its row.
+            for i, row in enumerate(batch.times.tolist()):
+                fields = [numbers[i].tobytes() for numbers in batch.numbers.values()]
+                fields += [b''] * (3 - len(fields))
+                contents[row] = int(batch.stamps[i]), batch.names, *fields
+        failed += sum(undecoded.count for undecoded in reader.undecoded())
     return contents, failed
 
 
