@@ -44,11 +44,7 @@ from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from .bag_metadata import FILE_NAME
-    from .definitions import (
-        definition,
-        is_installed,
-        split_type,
-    )
+    from .definitions import definition, is_installed, split_type
     from .errors import (
         LogError,
         MalformedQosError,
@@ -62,37 +58,12 @@ if TYPE_CHECKING:
     from .extension import extend, TopicMessages
     from .loss import LossCounter
     from .mcap.growing import GrowingFile, NamedRecord
-    from .play.playback import length, Playback, Selection
-    from .play.transport import (
-        PlaybackError,
-        RATES,
-        Transport,
-    )
-    from .qos import (
-        latched_count,
-        Qos,
-        qos_to_yaml,
-        QosTexts,
-    )
-    from .read.block import (
-        block_of_messages,
-        HEAD,
-        MessageBlock,
-    )
-    from .read.run_files import (
-        is_log_name,
-        LOG_HELP,
-        natural,
-        run_files,
-        run_name,
-    )
+    from .playback import length, Playback, Selection
+    from .qos import latched_count, Qos, qos_to_yaml, QosTexts
+    from .read.run_files import is_log_name, LOG_HELP, natural, run_files, run_name
+    from .read.storage import block_of_messages, HEAD, MessageBlock
     from .reader import Log, open_log
-    from .records import (
-        ANNOTATION,
-        Attachment,
-        Message,
-        Topic,
-    )
+    from .records import ANNOTATION, Attachment, Message, Topic
     from .recovery import recover, Recovery
     from .run_parameters import (
         described_solver,
@@ -115,26 +86,12 @@ if TYPE_CHECKING:
         topic_counts,
         TopicCount,
     )
-    from .write.background_writer import (
-        BackgroundWriter,
-        QUEUE_CAPACITY,
-        SplitLimits,
-    )
-    from .write.durable_file import (
-        check_free_space,
-        is_being_written,
-        RunFaults,
-    )
-    from .write.event_session import (
-        EventSession,
-        EventSettings,
-        Recording,
-    )
+    from .transport import PlaybackError, RATES, Transport
+    from .write.background_writer import BackgroundWriter, QUEUE_CAPACITY, SplitLimits
+    from .write.durable_file import check_free_space, is_being_written, RunFaults
+    from .write.event_session import EventSession, EventSettings, Recording
     from .write.mcap_file import COMPRESSIONS
-    from .write.recording import (
-        RecordingSession,
-        RecordingState,
-    )
+    from .write.recording import RecordingSession, RecordingState
     from .write.run_folder import unfinished_runs
     from .write.writer import RunWriter
 else:
@@ -150,10 +107,10 @@ else:
             'extension': 'TopicMessages extend',
             'loss': 'LossCounter',
             'mcap.growing': 'GrowingFile NamedRecord',
-            'play.playback': 'Playback Selection length',
-            'play.transport': 'PlaybackError RATES Transport',
+            'playback': 'Playback Selection length',
+            'transport': 'PlaybackError RATES Transport',
             'qos': 'Qos QosTexts latched_count qos_to_yaml',
-            'read.block': 'HEAD MessageBlock block_of_messages',
+            'read.storage': 'HEAD MessageBlock block_of_messages',
             'read.run_files': 'LOG_HELP is_log_name natural run_files run_name',
             'reader': 'Log open_log',
             'records': 'ANNOTATION Attachment Message Topic',

@@ -44,9 +44,8 @@ from .mcap.records import (
     SUMMARY_KINDS,
 )
 from .mcap.summary import read_summary, Summary
-from .read.block import HEAD
 from .read.opening import open_files
-from .read.storage import spanned_time, Storage
+from .read.storage import HEAD, spanned_time, Storage
 from .records import Topic
 from .recovery import check_output, recover
 

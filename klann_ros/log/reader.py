@@ -16,9 +16,8 @@ from pathlib import Path
 
 from . import run_parameters
 from .errors import AnyPath
-from .read.block import MessageBlock
 from .read.opening import open_files
-from .read.storage import Source, spanned_time, Storage, Topics
+from .read.storage import MessageBlock, Source, spanned_time, Storage, Topics
 from .records import Attachment, Message
 
 # Messages that are kept beside the wanted number while the last ones are searched.

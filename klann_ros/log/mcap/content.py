@@ -13,7 +13,7 @@ import struct
 import sys
 
 from klann_ros.log.errors import DamagedError
-from klann_ros.log.read.block import HEAD, MessageBlock
+from klann_ros.log.read.storage import HEAD, MessageBlock
 from klann_ros.log.records import Topic
 from mcap.opcode import Opcode
 from mcap.records import Chunk

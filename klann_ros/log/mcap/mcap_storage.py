@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeVar
 
 from klann_ros.log.errors import DamagedError, NotALogError
-from klann_ros.log.read.block import MessageBlock
 from klann_ros.log.read.storage import (
+    MessageBlock,
     Overview,
     Problems,
     Source,

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from klann_ros.log.bag_metadata import HASH_KEY, QOS_KEY
 from klann_ros.log.errors import DamagedError
-from klann_ros.log.read.block import MessageBlock
+from klann_ros.log.read.storage import MessageBlock
 from klann_ros.log.records import Topic
 from klann_ros.sanitize.text import counted, verb
 from mcap.opcode import Opcode

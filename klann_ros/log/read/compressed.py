@@ -14,8 +14,15 @@ from klann_ros.log.records import Message, Topic
 from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import printable
 
-from .block import block_of_messages, MessageBlock
-from .storage import Overview, Source, Storage, TemporaryFile, Topics
+from .storage import (
+    block_of_messages,
+    MessageBlock,
+    Overview,
+    Source,
+    Storage,
+    TemporaryFile,
+    Topics,
+)
 
 COMPRESSED_SUFFIXES = ('.zstd', '.zst')
 """Suffixes of compressed files."""

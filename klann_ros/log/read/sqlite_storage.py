@@ -22,7 +22,6 @@ from klann_ros.sanitize.files import is_regular_file, open_regular
 from klann_ros.sanitize.text import counted, listed, printable, verb
 import numpy as np
 
-from .block import block_of_messages, HEAD, MessageBlock
 from .sqlite_database import (
     BagDescription,
     columns,
@@ -35,6 +34,9 @@ from .sqlite_database import (
     table_names,
 )
 from .storage import (
+    block_of_messages,
+    HEAD,
+    MessageBlock,
     Overview,
     Problems,
     Source,

@@ -9,9 +9,9 @@ from threading import Event, Lock, Thread
 from time import monotonic, sleep, time_ns
 
 from klann_ros.log.errors import LogError, MalformedQosError, RunIncompleteError, UnwritableError
+from klann_ros.log.loss import DropCounters
 from klann_ros.log.records import Message
 
-from .drop_counters import DropCounters
 from .writer import RunWriter
 
 QUEUE_CAPACITY = 128 * 1024 * 1024

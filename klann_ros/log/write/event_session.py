@@ -13,6 +13,7 @@ from time import monotonic, time_ns
 from typing import TypeAlias, TypeVar
 
 from klann_ros.log.errors import LogError
+from klann_ros.log.loss import Counts, DropCounters, StoredCounts
 from klann_ros.log.records import Message
 from klann_ros.log.run_parameters import (
     EVENT_RECORD,
@@ -24,7 +25,6 @@ from klann_ros.log.run_parameters import (
 from klann_ros.sanitize.text import counted, printable
 
 from .background_writer import BackgroundWriter, RunEntry
-from .drop_counters import Counts, DropCounters, StoredCounts
 from .durable_file import free_space
 from .recording import known, Pauses, RecordingSession, RecordingState
 from .ring_buffer import RingBuffer, SEGMENT_SECONDS

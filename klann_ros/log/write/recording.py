@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
+from klann_ros.log.loss import DropCounters, TopicCounters
 from klann_ros.log.run_parameters import (
     FAULT_RECORD,
     fault_record,
@@ -25,7 +26,6 @@ from klann_ros.log.run_parameters import (
 from klann_ros.sanitize.text import counted, listed, printable, verb
 
 from .background_writer import BackgroundWriter
-from .drop_counters import DropCounters, TopicCounters
 from .writer import RunWriter
 
 MAX_FINDINGS = 1000

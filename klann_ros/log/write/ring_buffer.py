@@ -4,10 +4,10 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+from klann_ros.log.loss import Counts
 from klann_ros.log.records import Message, Topic
 
 from .background_writer import MESSAGE_OVERHEAD
-from .drop_counters import Counts
 
 SEGMENT_SECONDS = 0.25
 """Duration of a segment; old messages are removed by segments [s]."""

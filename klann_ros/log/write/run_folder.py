@@ -13,11 +13,11 @@ import stat
 
 from klann_ros.log.bag_metadata import FileSummary
 from klann_ros.log.errors import RunExistsError
+from klann_ros.log.loss import StoredCounts
 from klann_ros.log.mcap.records import find_footer, MAGIC
 from klann_ros.log.records import Topic
 from klann_ros.sanitize.files import open_regular
 
-from .drop_counters import StoredCounts
 from .durable_file import DiskReserve, is_being_written, NOT_FOUND
 from .mcap_file import McapFile
 

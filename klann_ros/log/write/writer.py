@@ -25,10 +25,10 @@ from klann_ros.log.errors import (
     RunLostError,
     UnwritableError,
 )
+from klann_ros.log.loss import StoredCounts
 from klann_ros.log.records import Attachment, Message
 from klann_ros.sanitize.text import counted, verb
 
-from .drop_counters import StoredCounts
 from .durable_file import FileFault, RESERVE_SIZE, RunFaults
 from .mcap_file import COMPRESSIONS, McapFile
 from .run_folder import RunContent, RunFolder
@@ -104,10 +104,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self.path = Path(folder).absolute()
         self.faults = faults or RunFaults()
         self._open_file = partial(
-            McapFile,
-            compression=compression,
-            chunk_size=chunk_size,
-            library=_LIBRARY,
+            McapFile, compression=compression, chunk_size=chunk_size, library=_LIBRARY
         )
         self._repeated: list[Callable[[McapFile], None]] = []
         self._number = self._checks = self._flushes = 0

@@ -3,7 +3,7 @@
 from math import inf
 
 from hypothesis import given, strategies as st
-from klann_ros.log.play.transport import RATES, Timeline
+from klann_ros.log.transport import RATES, Timeline
 import pytest
 
 positions = st.floats(0.0, 1e5)

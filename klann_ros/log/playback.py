@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from math import inf
 from threading import Condition, Thread
 
-from klann_ros.log.reader import Log
-from klann_ros.log.records import Message
-
+from .reader import Log
+from .records import Message
 from .transport import Transport
 
 NS = 1e9

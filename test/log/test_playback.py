@@ -6,9 +6,9 @@ from threading import Thread
 import time
 
 from crank_runs import make_messages, MESSAGES, write_run
-from klann_ros.log.play.playback import Playback, Selection
-from klann_ros.log.play.transport import PlaybackError
+from klann_ros.log.playback import Playback, Selection
 from klann_ros.log.reader import open_log
+from klann_ros.log.transport import PlaybackError
 import pytest
 
 NAME = '/crank_angle'

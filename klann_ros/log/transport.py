@@ -6,7 +6,7 @@ from math import inf
 from threading import Condition
 from time import monotonic
 
-from klann_ros.log.errors import LogError
+from .errors import LogError
 
 # Minimum duration of a loop [s].
 _MIN_LOOP_DURATION = 0.1

@@ -3,8 +3,8 @@
 from collections import Counter
 
 from hypothesis import given, strategies as st
+from klann_ros.log.loss import DropCounters, StoredCounts
 from klann_ros.log.run_parameters import Pause, TopicCount
-from klann_ros.log.write.drop_counters import DropCounters, StoredCounts
 from klann_ros.log.write.recording import Pauses
 import pytest
 

@@ -1,1 +1,0 @@
-"""The schedule of a playback: its timeline, its controls, and reading ahead."""
