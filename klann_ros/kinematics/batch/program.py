@@ -21,7 +21,7 @@ four-bar has 24. Its foot is the joint; `cos` and `sin` are those of the crank a
 >>> from klann_ros.kinematics import FourBar
 >>> print(compile_program(FourBar(180, 80, 200, 150).linkage.structure, links=False))
 k0 = crank.x; k1 = fixed.x; k2 = fixed.y; k3 = half; k4 = folded; k5 = stretched
-k6 = f1.x; k7 = f2.y; k8 = f0.x; k9 = fixed.x; k10 = fixed.y
+k6 = f0.x; k7 = f1.x; k8 = f2.y; k9 = fixed.x; k10 = fixed.y
 t0 = cos * k0
 t1 = sin * k0
 t2 = t0 + k1
@@ -34,15 +34,15 @@ t8 = t6 - k4
 t9 = k5 - t6
 t10 = t9 * t8
 t11 = sqrt(t10)
-t12 = k7 * t11
-t13 = k6 * t7
-t14 = t12 * t7
-t15 = t13 + k8
-t16 = t2 * t15
-t17 = t3 * t14
+t12 = k7 * t7
+t13 = t12 + k6
+t14 = k8 * t11
+t15 = t14 * t7
+t16 = t2 * t13
+t17 = t3 * t15
 t18 = t16 - t17
-t19 = t3 * t15
-t20 = t2 * t14
+t19 = t3 * t13
+t20 = t2 * t15
 t21 = t19 + t20
 t22 = t18 + k9
 t23 = t21 + k10
@@ -499,11 +499,15 @@ class _Compiler:
         loop = self._structure.dyad_loop(k)
         is_straight = self._is_straight(path, [a, b]) and self._is_straight(loop, [a, b])
         real, imaginary = ('x', 'y') if is_straight else ('xy', 'xy')
-        key = k, path
-        vector = self._recorder.vector
-        odd = vector('f1', f_1, key, axes=real)
-        odd += vector('f2', f_2, key, axes=imaginary).scaled(self._dyads[k].r)
-        return odd.scaled(self._dyads[k].w) + vector('f0', f_0, key, axes=real)
+        c_0 = self._recorder.vector('f0', f_0, (k, path), axes=real)
+        c_1 = self._recorder.vector('f1', f_1, (k, path), axes=real)
+        c_2 = self._recorder.vector('f2', f_2, (k, path), axes=imaginary)
+        w = self._dyads[k].w
+        r = self._dyads[k].r
+        # First x, then y: NumPy needs fewer buffers.
+        x = (c_2.x * r + c_1.x) * w + c_0.x
+        y = (c_2.y * r + c_1.y) * w + c_0.y
+        return Vector(x, y)
 
     def _place_links(self, k: int) -> None:
         """Place the links W_a u_a = z M and W_b u_b = M - z M of a dyad."""

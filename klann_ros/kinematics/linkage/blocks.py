@@ -32,13 +32,13 @@ Terms = Mapping[int, Any]
 class Block:
     """Loops that are solved together: one of a dyad, several where they are coupled."""
 
-    # Its number in the linkage, from 1.
+    # The block's number in the linkage, from 1.
     number: int
     # The coefficients of the bodies, and the constant, of each loop [m].
     rows: tuple[tuple[Terms, complex], ...]
     # The bodies that it places.
     unknowns: tuple[int, ...]
-    # The linkage's.
+    # The structure of the linkage.
     structure: Structure
     # Names of the two ends and the two links of a dyad.
     names: tuple[str, str, str, str]
@@ -64,16 +64,16 @@ class Block:
     @property
     def sense(self) -> int:
         """Return the product of its angles' senses: their sign convention is no assembly mode."""
-        own = self.structure
-        return prod(own.senses[j] for j in self.unknowns if not own.bodies[j].slides)
+        turning = [j for j in self.unknowns if not self.structure.bodies[j].slides]
+        return prod(self.structure.senses[j] for j in turning)
 
     @cached_property
     def _dyad(self) -> DyadSolver | None:
         """Return the solver of a dyad; None where loops are coupled."""
         if len(self.rows) > 1:
             return None
-        (terms, constant), (a, b) = self.rows[0], self.unknowns
-        return dyad_solver(Dyad(self.structure, (a, b), terms, constant))
+        a, b = self.unknowns
+        return dyad_solver(Dyad(self.structure, (a, b), *self.rows[0]))
 
     @property
     def dyad_solver(self) -> DyadSolver:
@@ -92,10 +92,12 @@ class Block:
         """Return the ratio of its determinant to its sine; of two circles r_a r_b."""
         if self._dyad is not None:
             return self._dyad.scale
-        own = np.array([[abs(terms.get(j, 0.0)) for j in self.unknowns] for terms, _ in self.rows])
+        lengths = np.zeros((len(self.rows), len(self.unknowns)))
+        for k, (terms, _) in enumerate(self.rows):
+            lengths[k] = [abs(terms.get(j, 0.0)) for j in self.unknowns]
         # Rows first: a small loop would make all of it look singular.
-        longest = own.max(axis=1)
-        columns = np.linalg.norm(own / longest[:, None], axis=0)
+        longest = lengths.max(axis=1)
+        columns = np.linalg.norm(lengths / longest[:, None], axis=0)
         return float(np.prod(longest**2) * np.prod(columns))
 
     @cached_property
@@ -103,8 +105,10 @@ class Block:
         """Return the rounding of the sine near the middle of the reach."""
         if self._dyad is not None:
             return self.rounding / self._dyad.min_length
-        links = [abs(terms[j]) for terms, _ in self.rows for j in self.unknowns if j in terms]
-        return self.rounding / max(links)
+        longest = 0.0
+        for terms, _ in self.rows:
+            longest = max(longest, *(abs(terms[j]) for j in self.unknowns if j in terms))
+        return self.rounding / longest
 
     @property
     def singular_sine(self) -> Any:
@@ -115,17 +119,17 @@ class Block:
         """
         return self.rounding_of_sine**0.5
 
-    # Of a dyad.
+    # The geometric method of a dyad.
 
     def closure_vector(self, u: Vectors) -> Any:
         """Return a dyad's W_a u_a + W_b u_b as the other bodies require it [m]."""
-        known, closure = self._known
-        for j, w in known:
+        placed_terms, closure = self._placed_terms
+        for j, w in placed_terms:
             closure = closure + w * u[j]
         return -closure
 
     @cached_property
-    def _known(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
+    def _placed_terms(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
         """Return a dyad's loop without its own two bodies: coefficients and constant [m]."""
         terms, constant = self.rows[0]
         return tuple((j, w) for j, w in terms.items() if j not in self.unknowns), constant
@@ -138,24 +142,24 @@ class Block:
         linkage, such as a parallelogram, passes such poses. An UnreachableError if they do not
         meet, or everywhere.
         """
-        closure, found = self.closure_vector(u), self.dyad_solver
-        u_a, u_b = found.place(u, closure, sign)
+        closure = self.closure_vector(u)
+        solver = self.dyad_solver
+        u_a, u_b = solver.place(u, closure, sign)
         if u_a != u_a or u_b != u_b:  # noqa: PLR0124 - NaN
-            short = max(0.0, -float(found.clearance(closure, u)))
-            far = bool(found.is_too_far(closure))
-            raise UnreachableError(alpha, self.number, short, far, self.names)
+            shortfall = max(0.0, -float(solver.clearance(closure, u)))
+            is_too_far = bool(solver.is_too_far(closure))
+            raise UnreachableError(alpha, self.number, shortfall, is_too_far, self.names)
         return complex(u_a), complex(u_b)
 
     # Figures of a pose, given the vectors of all bodies; or of many, given arrays of them.
 
     def jacobian(self, u: Any) -> Any:
         """Return its part of Phi, shape (..., 2 k, 2 k) [m/rad]: of each loop x, then y."""
-        rows = [
-            [jacobian_column(self.structure, terms, u, i) for i in self.unknowns]
-            for terms, _ in self.rows
-        ]
-        table = np.array([part for r in rows for part in (np.real(r), np.imag(r))])
-        return np.moveaxis(table, (0, 1), (-2, -1))
+        rows = []
+        for terms, _ in self.rows:
+            columns = [jacobian_column(self.structure, terms, u, i) for i in self.unknowns]
+            rows += [np.real(columns), np.imag(columns)]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     def sine(self, u: Any) -> Any:
         """Return the determinant over `scale`, in [-1, 1]; its sign is the assembly."""
@@ -199,7 +203,10 @@ class Block:
 
     def closure_error(self, u: Vectors) -> float:
         """Return the norm of its loops' closure errors [m]."""
-        return hypot(*(part for gap in self.openings(u) for part in (gap.real, gap.imag)))
+        coordinates = []
+        for opening in self.openings(u):
+            coordinates += [opening.real, opening.imag]
+        return hypot(*coordinates)
 
     def closing(self, u: Vectors) -> Closing:
         """Return its bodies, and what closes its loops again at many poses: see `Closing`."""
@@ -212,9 +219,11 @@ class Block:
             changes = partial(solve_openings, matrix)
 
         def close(du: Vectors, further: Sequence[Any] = ()) -> Any:
-            sums = [sum((w * du[j] for j, w in t.items()), 0j * du[0]) for t, _ in self.rows]
-            pairs = zip(sums, further or [0.0] * len(sums), strict=True)
-            return changes(np.array([one + other for one, other in pairs]))
+            openings = []
+            for k, (terms, _) in enumerate(self.rows):
+                opening = sum((w * du[j] for j, w in terms.items()), 0j * du[0])
+                openings.append(opening + (further[k] if further else 0.0))
+            return changes(np.array(openings))
 
         return self.unknowns, close
 
@@ -232,15 +241,17 @@ class Block:
 def solve_openings(matrix: FloatArray, opened: ComplexArray) -> FloatArray:
     """Return the changes, shape (2 k, ...), that undo the openings of k loops by their Phi."""
     right: Any = np.stack([opened.real, opened.imag], axis=1).reshape(-1, *opened.shape[1:])
-    found: Any = np.linalg.solve(matrix, -np.moveaxis(right, 0, -1)[..., None])
-    changes: FloatArray = np.moveaxis(found[..., 0], -1, 0)
+    solution: Any = np.linalg.solve(matrix, -np.moveaxis(right, 0, -1)[..., None])
+    changes: FloatArray = np.moveaxis(solution[..., 0], -1, 0)
     return changes
 
 
 def blocks_of(structure: Structure, rows: Sequence[tuple[Terms, Any]]) -> tuple[Block, ...]:
     """Return the blocks of a structure, in the order of their solution, by its loops' terms."""
-    made = zip(structure.groups, structure.paths.rows, structure.dyad_names, strict=True)
-    return tuple(
-        Block(k, tuple(rows[i] for i in loops), group, structure, names, k in structure.outside)
-        for k, (group, loops, names) in enumerate(made, 1)
-    )
+    blocks = []
+    for k, group in enumerate(structure.groups, 1):
+        block_rows = tuple(rows[i] for i in structure.paths.rows[k - 1])
+        names = structure.dyad_names[k - 1]
+        is_outside = k in structure.outside
+        blocks.append(Block(k, block_rows, group, structure, names, is_outside))
+    return tuple(blocks)

@@ -28,9 +28,10 @@ def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
     if dimension.kind in ('x', 'y'):
         return ()
     body, bar = structure.bars[dimension.place]
-    moved, ends = [dimension.place], {bar.end}
-    for number, (other, later) in enumerate(structure.bars):
-        if other != body or number <= dimension.place:
+    moved = [dimension.place]
+    ends = {bar.end}
+    for number, (later_body, later) in enumerate(structure.bars):
+        if later_body != body or number <= dimension.place:
             continue
         braced = later.brace is not None and not ends.isdisjoint((later.start, later.brace.start))
         if braced:
@@ -48,25 +49,28 @@ def vector_derivatives(
 
     Given the bars z: numbers, or arrays of some shapes that broadcast [m].
     """
-    shape, count = np.broadcast_shapes(*map(np.shape, bars)), len(dimensions)
+    shape = np.broadcast_shapes(*map(np.shape, bars))
+    count = len(dimensions)
     pivots = np.zeros((len(structure.pivots), count, *[1] * len(shape)), dtype=np.complex128)
     moved = np.zeros((len(bars), count, *shape), dtype=np.complex128)
     for n, dimension in enumerate(dimensions):
         if dimension.kind in ('x', 'y'):
             pivots[dimension.place, n] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)
         for number in moved_bars(structure, dimension):
-            z, (body, bar) = bars[number], structure.bars[number]
-            own = number == dimension.place
+            z = bars[number]
+            body, bar = structure.bars[number]
+            is_of_bar = number == dimension.place
             if bar.brace is None:
                 is_length = dimension.kind == 'length'
                 moved[number, n] = z / abs(z) if is_length else dimension.sense * 1j * z
                 continue
-            places, changed = (body_points(structure, [*some]) for some in (bars, moved[:, n]))
-            z_q = z - (places[body, bar.brace.start] - places[body, bar.start])
-            d_base = changed[body, bar.brace.start] - changed[body, bar.start]
-            p = abs(z) if own and dimension.kind == 'length' else 0.0
+            points = body_points(structure, bars)
+            changes = body_points(structure, [*moved[:, n]])
+            z_q = z - (points[body, bar.brace.start] - points[body, bar.start])
+            d_base = changes[body, bar.brace.start] - changes[body, bar.start]
+            p = abs(z) if is_of_bar and dimension.kind == 'length' else 0.0
             q = np.real(np.conj(z_q) * d_base)
-            if own and dimension.kind == 'brace':
+            if is_of_bar and dimension.kind == 'brace':
                 q = q + abs(z_q)
             moved[number, n] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
     return pivots, moved

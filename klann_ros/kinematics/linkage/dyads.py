@@ -56,9 +56,9 @@ TANGENCY_TOLERANCE = 0.75
 class Dyad(NamedTuple):
     """Two bodies that close a loop."""
 
-    # Whose bodies they are.
+    # The structure of the linkage.
     structure: Structure
-    # a and b.
+    # The indices a and b of the bodies.
     bodies: tuple[int, int]
     # The loop's coefficients W_j [m].
     terms: Mapping[int, complex]
@@ -78,8 +78,8 @@ class Dyad(NamedTuple):
     @property
     def slides(self) -> tuple[bool, bool]:
         """Return which of the two slide."""
-        a, b = (self.structure.bodies[j].slides for j in self.bodies)
-        return a, b
+        a, b = self.bodies
+        return self.structure.bodies[a].slides, self.structure.bodies[b].slides
 
     def order_turning_first(self, sign: Any) -> tuple[int, int, Any]:
         """Return the body that turns, the one that slides, and the sign for this order."""
@@ -88,8 +88,9 @@ class Dyad(NamedTuple):
 
     def jacobian_columns(self, u: Vectors) -> tuple[Any, Any]:
         """Return the Jacobian's columns of the loop for a and b."""
-        a, b = (jacobian_column(self.structure, self.terms, u, i) for i in self.bodies)
-        return a, b
+        a, b = self.bodies
+        column_a = jacobian_column(self.structure, self.terms, u, a)
+        return column_a, jacobian_column(self.structure, self.terms, u, b)
 
 
 class TwoCircles:
@@ -114,7 +115,9 @@ class TwoCircles:
 
     def place(self, _: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close."""
-        (a, b), terms, (r_a, r_b) = self.dyad.bodies, self.dyad.terms, self.radii
+        a, b = self.dyad.bodies
+        terms = self.dyad.terms
+        r_a, r_b = self.radii
         if isinstance(closure, np.ndarray):
             d = closure.real**2 + closure.imag**2
             heron = ((r_a + r_b) ** 2 - d) * (d - (r_a - r_b) ** 2)
@@ -123,18 +126,19 @@ class TwoCircles:
             return joint / terms[a], (closure - joint) / terms[b]
         meet = dyad_joint((0.0, 0.0), (closure.real, closure.imag), r_a, r_b, sign)
         if meet is not None:
-            at = complex(*meet)
+            joint = complex(*meet)
         elif -self.clearance(closure) <= TANGENCY_TOLERANCE * self.dyad.rounding < abs(closure):
             # In line: a change-point linkage, such as a parallelogram, passes such poses.
             folded_back = abs(closure) < max(r_a, r_b) and r_a < r_b
-            at = (-r_a if folded_back else r_a) * closure / abs(closure)
+            joint = (-r_a if folded_back else r_a) * closure / abs(closure)
         else:
             return complex(np.nan), complex(np.nan)
-        return at / terms[a], (closure - at) / terms[b]
+        return joint / terms[a], (closure - joint) / terms[b]
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return the clearance of the ends within its reach [m]; negative outside."""
-        (r_a, r_b), d = self.radii, abs(closure)
+        r_a, r_b = self.radii
+        d = abs(closure)
         return np.minimum(r_a + r_b - d, d - abs(r_a - r_b))
 
     def is_too_far(self, closure: Any) -> Any:
@@ -147,9 +151,10 @@ class TwoCircles:
 
     def transmission_angle(self, u: Vectors, *, outside: bool) -> Any:
         """Return the angle between the links at their joint, or outside of it [rad]."""
-        (a, b), terms = self.dyad.bodies, self.dyad.terms
-        along = np.abs(np.angle(terms[b] * u[b] * np.conj(terms[a] * u[a])))
-        return along if outside else np.pi - along
+        a, b = self.dyad.bodies
+        terms = self.dyad.terms
+        deviation = np.abs(np.angle(terms[b] * u[b] * np.conj(terms[a] * u[a])))
+        return deviation if outside else np.pi - deviation
 
 
 class _SlidingDyad:
@@ -185,19 +190,18 @@ class CircleAndLine(_SlidingDyad):
 
     def place(self, u: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close."""
-        dyad, r = self.dyad, self.scale
-        f = carrier_rotation(dyad.structure, u, self._slider)
-        line = dyad.terms[self._slider] * f
+        dyad = self.dyad
+        rotation = carrier_rotation(dyad.structure, u, self._slider)
+        line = dyad.terms[self._slider] * rotation
         m = closure * np.conj(line)
-        on = -self._order * sign * _clamped_root(dyad, r, abs(m.imag))
-        link = (on + 1j * m.imag) * line / dyad.terms[self._link]
-        return _ordered(dyad, link, (m.real - on) * f)
+        along_line = -self._order * sign * _clamped_root(dyad, self.scale, abs(m.imag))
+        link = (along_line + 1j * m.imag) * line / dyad.terms[self._link]
+        return _ordered(dyad, link, (m.real - along_line) * rotation)
 
     def clearance(self, closure: Any, u: Vectors = ()) -> Any:
         """Return the excess of the link's length over its distance to the line [m]."""
-        line = self.dyad.terms[self._slider] * carrier_rotation(
-            self.dyad.structure, u, self._slider
-        )
+        rotation = carrier_rotation(self.dyad.structure, u, self._slider)
+        line = self.dyad.terms[self._slider] * rotation
         return self.scale - abs((closure * np.conj(line)).imag)
 
     def is_too_far(self, closure: Any) -> Any:
@@ -226,11 +230,11 @@ class LineOnLink(_SlidingDyad):
     def place(self, _: Vectors, closure: Any, sign: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where it does not close, or everywhere."""
         dyad = self.dyad
-        on = -self._order * sign * _clamped_root(dyad, abs(closure), abs(self._c.imag))
+        along_line = -self._order * sign * _clamped_root(dyad, abs(closure), abs(self._c.imag))
         with np.errstate(invalid='ignore', divide='ignore'):
-            turned = closure / ((on + 1j * self._c.imag) * dyad.terms[self._slider])
-            turned = turned / abs(turned)
-        return _ordered(dyad, turned, (on - self._c.real) * turned)
+            link = closure / ((along_line + 1j * self._c.imag) * dyad.terms[self._slider])
+            link = link / abs(link)
+        return _ordered(dyad, link, (along_line - self._c.real) * link)
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return the distance of the end from the link's pivot less that of the line [m]."""
@@ -254,11 +258,15 @@ class TwoLines(_SlidingDyad):
     def place(self, u: Vectors, closure: Any, _: Any) -> tuple[Any, Any]:
         """Return u_a and u_b; NaN where the lines are parallel."""
         dyad = self.dyad
-        frames = [carrier_rotation(dyad.structure, u, j) for j in dyad.bodies]
-        a, b = (dyad.terms[j] * f for j, f in zip(dyad.bodies, frames, strict=True))
-        sine = cross(a, b)
+        a, b = dyad.bodies
+        rotation_a = carrier_rotation(dyad.structure, u, a)
+        rotation_b = carrier_rotation(dyad.structure, u, b)
+        line_a = dyad.terms[a] * rotation_a
+        line_b = dyad.terms[b] * rotation_b
+        sine = cross(line_a, line_b)
         sine = np.where(abs(sine) <= 1e-12, np.nan, sine)
-        return cross(closure, b) / sine * frames[0], cross(a, closure) / sine * frames[1]
+        u_a = cross(closure, line_b) / sine * rotation_a
+        return u_a, cross(line_a, closure) / sine * rotation_b
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
         """Return infinity: two lines always meet."""
@@ -290,11 +298,10 @@ def _ordered(dyad: Dyad, link: Any, slider: Any) -> tuple[Any, Any]:
 
 def _clamped_root(dyad: Dyad, p: Any, q: Any) -> Any:
     """Return the root of p^2 - q^2; NaN where q is longer by more than rounding."""
-    beyond = p - q
-    beyond = np.where(
-        (-TANGENCY_TOLERANCE * dyad.rounding <= beyond) & (beyond < 0.0), 0.0, beyond
-    )
-    return np.sqrt(np.where(beyond < 0.0, np.nan, beyond * (p + q)))
+    excess = p - q
+    is_tangent = (-TANGENCY_TOLERANCE * dyad.rounding <= excess) & (excess < 0.0)
+    excess = np.where(is_tangent, 0.0, excess)
+    return np.sqrt(np.where(excess < 0.0, np.nan, excess * (p + q)))
 
 
 def cross(p: Any, q: Any) -> Any:
@@ -306,9 +313,9 @@ def max_vector_length(
     structure: Structure, rows: Sequence[tuple[Mapping[int, complex], complex]]
 ) -> Any:
     """Return the longest vector of loops [m]; those along lines have no length of their own."""
-    if structure.slides:
-        bodies = structure.bodies
-        rows = [({j: w for j, w in t.items() if not bodies[j].slides}, c) for t, c in rows]
-        # Of many linkages there are arrays.
-        return reduce(np.maximum, [abs(v) for terms, c in rows for v in (c, *terms.values())])
-    return max(abs(value) for terms, c in rows for value in (c, *terms.values()))
+    lengths = []
+    for terms, constant in rows:
+        lengths.append(abs(constant))
+        lengths += [abs(w) for j, w in terms.items() if not structure.bodies[j].slides]
+    # Many linkages have arrays of lengths.
+    return reduce(np.maximum, lengths) if structure.slides else max(lengths)

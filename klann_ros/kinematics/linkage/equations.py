@@ -35,10 +35,11 @@ def link_vectors(
     `numbers` are the dimensions in their order, floats or arrays of shape (n,) [m, rad]. A brace
     that is too short or too long for its triangle gives NaN.
     """
-    pairs = zip(structure.dimensions, numbers, strict=True)
-    given = {(d.kind, d.place): v if d.sense > 0 else -v for d, v in pairs}
+    signed: dict[tuple[str, int], Any] = {}
+    for d, number in zip(structure.dimensions, numbers, strict=True):
+        signed[d.kind, d.place] = number if d.sense > 0 else -number
     pivots = [
-        given.get(('x', place), 0.0) + 1j * given.get(('y', place), 0.0)
+        signed.get(('x', place), 0.0) + 1j * signed.get(('y', place), 0.0)
         for place in range(len(structure.pivots))
     ]
     bars: list[Vector] = []
@@ -46,17 +47,17 @@ def link_vectors(
     for number, (body, bar) in enumerate(structure.bars):
         if number in structure.lines:
             # Its length is the sliding distance: see `joints`.
-            bars.append(polar(1.0, given.get(('bend', number), 0.0)))
+            bars.append(polar(1.0, signed.get(('bend', number), 0.0)))
             places[body, bar.end] = 0j
             continue
-        length = given['length', number]
+        length = signed['length', number]
         start = places.setdefault((body, bar.start), 0j)
         if bar.brace is None:
-            vector = polar(length, given.get(('bend', number), 0.0))
+            vector = polar(length, signed.get(('bend', number), 0.0))
         else:
-            other = places[body, bar.brace.start] - start
+            base = places[body, bar.brace.start] - start
             side = 1 if bar.brace.side == 'left' else -1
-            vector = triangle_apex(other, length, given['brace', number], side)
+            vector = triangle_apex(base, length, signed['brace', number], side)
         bars.append(vector)
         places[body, bar.end] = start + vector
     return pivots, bars
@@ -90,8 +91,8 @@ def triangle_apex(base: Vector, r_p: Any, r_q: Any, side: int) -> Vector:
         d_2 = abs(base) ** 2
         r = np.sqrt(((r_p + r_q) ** 2 - d_2) * (d_2 - (r_p - r_q) ** 2))
         z = 0.5 + ((r_p - r_q) * (r_p + r_q) + 1j * side * r) / (2.0 * d_2)
-        found = z * base
-    return found if isinstance(found, np.ndarray) else complex(found)
+        apex = z * base
+    return apex if isinstance(apex, np.ndarray) else complex(apex)
 
 
 def path_terms(
@@ -114,8 +115,8 @@ def term_matrix(
     c = np.zeros((len(rows), *shape), dtype=np.complex128)
     for k, (terms, constant) in enumerate(rows):
         c[k] = constant
-        for j, value in terms.items():
-            w[k, j] = value
+        for j, coefficient in terms.items():
+            w[k, j] = coefficient
     return w, c
 
 
@@ -191,26 +192,27 @@ class LoopEquations:
         """Return its longest vector [m], the scale of sliding distances."""
         return float(max_vector_length(self.structure, self.rows))
 
-    # Of poses.
+    # Poses.
 
     def line(self, u: joints.Vectors, j: int) -> Any:
         """Return the unit vector along the line that a body slides along."""
         structure = self.structure
         return self.bars[structure.line_of[j]] * joints.carrier_rotation(structure, u, j)
 
-    def coordinate_differences(self, x: Sequence[float], other: Sequence[float]) -> list[float]:
+    def coordinate_differences(self, x: Sequence[float], y: Sequence[float]) -> list[float]:
         """Return the differences of two poses' other coordinates [rad]; lengths by its size."""
-        return [
-            (a - b) / self.size if body.slides else wrap(a - b)
-            for body, a, b in zip(self.structure.bodies[1:], x, other, strict=True)
-        ]
+        differences = []
+        for n, body in enumerate(self.structure.bodies[1:]):
+            difference = x[n] - y[n]
+            differences.append(difference / self.size if body.slides else wrap(difference))
+        return differences
 
     def wrapped(self, x: FloatArray) -> list[float]:
         """Return a pose's other coordinates, its angles in (-pi, pi]."""
         bodies = zip(self.structure.bodies[1:], x.tolist(), strict=True)
         return [x if body.slides else wrap(x) for body, x in bodies]
 
-    # Its equations, as matrices.
+    # The equations as matrices.
 
     @cached_property
     def equations(self) -> tuple[ComplexArray, ComplexArray]:
@@ -257,7 +259,8 @@ class LoopEquations:
         return 1j * np.array(self.structure.senses)
 
     def _jacobian(self, alpha: float, x: Sequence[float] | FloatArray) -> FloatArray:
-        u, w = self.vectors(alpha, x), self.equations[0]
+        u = self.vectors(alpha, x)
+        w, _ = self.equations
         if self.structure.slides:
             return real_rows(w @ joints.vector_jacobian(self.structure, u))
         return real_rows(w * (self._i_s * u))
@@ -272,21 +275,22 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
         if type(number) is float and validation.MIN_MAGNITUDE <= number <= largest:
             checked.append(number)
             continue
-        value = validation.finite(dimension.name, number)
+        finite = validation.finite(dimension.name, number)
         if dimension.is_length:
-            validation.positive(dimension.name, value)
+            validation.positive(dimension.name, finite)
         if dimension.unit == 'm':
-            validation.representable(dimension.name, value)
+            validation.representable(dimension.name, finite)
         else:
-            validation.bend(dimension.name, value)
-        checked.append(value)
+            validation.bend(dimension.name, finite)
+        checked.append(finite)
     return tuple(checked)
 
 
-def real_rows(values: ComplexArray) -> FloatArray:
+def real_rows(equations: ComplexArray) -> FloatArray:
     """Return complex equations as real ones: of each its x, then its y."""
-    return np.stack([values.real, values.imag], axis=1).reshape(-1, *values.shape[1:])
+    planes = np.stack([equations.real, equations.imag], axis=1)
+    return planes.reshape(-1, *equations.shape[1:])
 
 
-def _plane(values: ComplexArray) -> FloatArray:
-    return np.stack([values.real, values.imag], axis=-1)
+def _plane(vectors: ComplexArray) -> FloatArray:
+    return np.stack([vectors.real, vectors.imag], axis=-1)

@@ -44,8 +44,8 @@ def body_vector(structure: Structure, u: Vectors, j: int, x: Any) -> Any:
 
 def carrier_rotation(structure: Structure, u: Vectors, j: int) -> Any:
     """Return the rotation of the carrier of a sliding body, as a unit vector."""
-    own = structure.frames[j]
-    return 1.0 if own == FIXED else u[own]
+    frame = structure.frames[j]
+    return 1.0 if frame == FIXED else u[frame]
 
 
 def coordinate(structure: Structure, u: Vectors, j: int) -> Any:
@@ -73,54 +73,61 @@ def jacobian_column(structure: Structure, terms: Mapping[int, complex], u: Vecto
     """Return the derivative of a sum of W_j u_j by the coordinate of body i."""
     if not structure.slides:
         return 1j * structure.senses[i] * terms.get(i, 0.0) * u[i]
-    parts = (w * partial_derivative(structure, u, j, i) for j, w in terms.items())
-    return sum(parts) + np.zeros(np.shape(u[i]))
+    column = 0.0
+    for j, w in terms.items():
+        column = column + w * partial_derivative(structure, u, j, i)
+    return column + np.zeros(np.shape(u[i]))
 
 
 def vector_jacobian(structure: Structure, u: Vectors) -> Any:
     """Return du_j/dx_i for every j and i of one pose, shape (n, n)."""
-    n = range(len(structure.bodies))
-    table = np.zeros((len(n), len(n)), dtype=np.complex128)
-    for j in n:
+    count = len(structure.bodies)
+    jacobian = np.zeros((count, count), dtype=np.complex128)
+    for j in range(count):
         for i in {j, structure.frames[j]} - {FIXED}:
-            table[j, i] = partial_derivative(structure, u, j, i)
-    return table
+            jacobian[j, i] = partial_derivative(structure, u, j, i)
+    return jacobian
 
 
 def vector_velocity(structure: Structure, u: Vectors, x_1: Any, j: int) -> Any:
     """Return du_j of a body by the derivatives of the coordinates."""
-    own = {j, structure.frames[j]} - {FIXED}
-    return sum(partial_derivative(structure, u, j, i) * x_1[i] for i in own)
+    moving = {j, structure.frames[j]} - {FIXED}
+    return sum(partial_derivative(structure, u, j, i) * x_1[i] for i in moving)
 
 
 def known_velocity(
     structure: Structure, u: Vectors, x_1: Any, j: int, unknown: Sequence[int]
 ) -> Any:
     """Return the part of du_j that follows from the bodies already solved."""
-    f = structure.frames[j]
-    known = f not in {j, FIXED, *unknown}
-    return partial_derivative(structure, u, j, f) * x_1[f] if known else 0.0
+    frame = structure.frames[j]
+    if frame in {j, FIXED, *unknown}:
+        return 0.0
+    return partial_derivative(structure, u, j, frame) * x_1[frame]
 
 
 def velocity_product(
-    structure: Structure, u: Vectors, rates: Any, others: Any = None
+    structure: Structure, u: Vectors, rates: Any, further_rates: Any = None
 ) -> list[Any]:
     """
     Return the part of d2u_j that is bilinear in two rates of the coordinates.
 
     Both are dx/dt for an acceleration; for a mixed derivative they are those by two parameters.
     """
-    found = []
-    others = rates if others is None else others
+    products = []
+    further_rates = rates if further_rates is None else further_rates
     for j, body in enumerate(structure.bodies):
-        own = structure.frames[j]
-        one, other = (x[own] if own != FIXED else 0.0 for x in (rates, others))
-        part = -u[j] * (one * other)
-        if body.slides and own != FIXED:
-            slid = rates[j] * other + others[j] * one
-            part = part + 1j * structure.senses[own] * slid * u[own]
-        found.append(part)
-    return found
+        frame = structure.frames[j]
+        if frame == FIXED:
+            products.append(-u[j] * 0.0)
+            continue
+        rate = rates[frame]
+        further_rate = further_rates[frame]
+        product = -u[j] * (rate * further_rate)
+        if body.slides:
+            slid = rates[j] * further_rate + further_rates[j] * rate
+            product = product + 1j * structure.senses[frame] * slid * u[frame]
+        products.append(product)
+    return products
 
 
 # The bodies of a block, and a function of du of all bodies and of further openings of its loops:
@@ -144,16 +151,17 @@ def solve_rates(
     coordinates [m], `bent` of each body the part of du that dx does not determine.
     """
     zero = np.zeros(np.shape(u[-1]))
-    x, du = [zero] * len(u), list(bent) or [zero] * len(u)
-    x[0] = zero + crank
-    du[0] = du[0] + vector_velocity(structure, u, x, 0)
-    for number, (own, closing) in enumerate(blocks):
-        free = [du[j] for j in own]
-        for j, part in zip(own, free, strict=True):
-            du[j] = part + known_velocity(structure, u, x, j, own)
+    dx = [zero] * len(u)
+    du = list(bent) or [zero] * len(u)
+    dx[0] = zero + crank
+    du[0] = du[0] + vector_velocity(structure, u, dx, 0)
+    for number, (bodies, closing) in enumerate(blocks):
+        bent_of = {j: du[j] for j in bodies}
+        for j in bodies:
+            du[j] = bent_of[j] + known_velocity(structure, u, dx, j, bodies)
         changes = closing(du, opened[number] if opened else ())
-        for j, change in zip(own, changes, strict=True):
-            x[j] = change
-        for j, part in zip(own, free, strict=True):
-            du[j] = part + vector_velocity(structure, u, x, j)
-    return x, du
+        for j, change in zip(bodies, changes, strict=True):
+            dx[j] = change
+        for j in bodies:
+            du[j] = bent_of[j] + vector_velocity(structure, u, dx, j)
+    return dx, du

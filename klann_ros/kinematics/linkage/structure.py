@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
@@ -47,7 +47,7 @@ class Body(NamedTuple):
     bars: tuple[Bar, ...]
     # Whether its angle is measured clockwise.
     clockwise: bool = False
-    # Its label; its angle's name by default.
+    # The label of the body; its angle's name by default.
     label: str = ''
     # The body that it slides along, or GROUND, with whose angle its bars turn; empty for a body
     # that turns by an angle of its own.
@@ -81,8 +81,8 @@ class Body(NamedTuple):
     @property
     def points(self) -> tuple[str, ...]:
         """Return its points; of one that turns the one that it starts from first."""
-        start = () if self.slides else (self.bars[0].start,)
-        return (*start, *(bar.end for bar in self.bars))
+        ends = [bar.end for bar in self.bars]
+        return tuple(ends) if self.slides else (self.bars[0].start, *ends)
 
 
 class Dimension(NamedTuple):
@@ -142,18 +142,18 @@ class Structure:
         for name in names:
             _require(names.count(name) == 1, f'there are two bodies called {name}')
         self._check_slides()
-        moving = (point for body in self.bodies for point in body.points)
-        points = tuple(dict.fromkeys([*self.pivots, *moving]))
-        crank, known, fixed = self.crank.points[0], ', '.join(points), ', '.join(self.pivots)
-        turns = crank in self.pivots
-        slides = self.crank.slides
-        _require(not slides, f'the crank {self.crank.angle} slides: a driven link must turn')
-        _require(turns, f'the crank starts from {crank}, which is no pivot: these are {fixed}')
+        points = tuple(dict.fromkeys(chain(self.pivots, *(body.points for body in self.bodies))))
+        crank = self.crank
+        _require(not crank.slides, f'the crank {crank.angle} slides: a driven link must turn')
+        start = crank.points[0]
+        pivots = ', '.join(self.pivots)
+        no_pivot = f'the crank starts from {start}, which is no pivot: these are {pivots}'
+        _require(start in self.pivots, no_pivot)
         _require(
             self.foot not in self.pivots, f'the foot {self.foot} is a pivot and does not move'
         )
-        near = did_you_mean(self.foot, points)
-        _require(self.foot in points, f'the foot {self.foot} is none of the points: {known}{near}')
+        there_are = f'{", ".join(points)}{did_you_mean(self.foot, points)}'
+        _require(self.foot in points, f'the foot {self.foot} is none of the points: {there_are}')
         object.__setattr__(self, 'points', self.points or points)
         object.__setattr__(self, 'dimensions', self.dimensions or tuple(_dimensions(self)))
         object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
@@ -216,13 +216,11 @@ class Structure:
     @cached_property
     def owners(self) -> dict[str, tuple[int, ...]]:
         """Return the bodies that have each point; FIXED first for a pivot."""
-        return {
-            point: (
-                *([FIXED] if point in self.pivots else []),
-                *(j for j, body in enumerate(self.bodies) if point in body.points),
-            )
-            for point in self.points
-        }
+        owners = {}
+        for point in self.points:
+            bodies = [j for j, body in enumerate(self.bodies) if point in body.points]
+            owners[point] = (FIXED, *bodies) if point in self.pivots else tuple(bodies)
+        return owners
 
     def first_owner(self, point: str) -> int:
         """Return the first of the bodies that have a point."""
@@ -273,15 +271,16 @@ class Structure:
     def paths(self) -> 'Paths':
         """Return the loops and the paths to the points, along bars."""
         bars = [(body, bar.start, bar.end) for body, bar in self.bars]
-        loops, points = loop_paths(self.pivots, bars, [(0,), *self.groups])
-        closing = [[(name, path) for name, path in group] for group in loops[1:]]
-        ends = [sum(map(len, closing[:k])) for k in range(len(closing) + 1)]
-        return Paths(
-            loops=tuple(path for group in closing for _, path in group),
-            closing=tuple(name for group in closing for name, _ in group),
-            rows=tuple(tuple(range(a, b)) for a, b in pairwise(ends)),
-            points=tuple(points[name] for name in self.points),
-        )
+        group_loops, points = loop_paths(self.pivots, bars, [(0,), *self.groups])
+        loops: list[Path] = []
+        closing: list[str] = []
+        rows = []
+        for group in group_loops[1:]:
+            rows.append(tuple(range(len(loops), len(loops) + len(group))))
+            closing += [name for name, _ in group]
+            loops += [path for _, path in group]
+        ends = tuple(points[name] for name in self.points)
+        return Paths(tuple(loops), tuple(closing), tuple(rows), ends)
 
     def dyad_loop(self, k: int) -> Path:
         """Return the loop that a dyad closes."""
@@ -292,12 +291,12 @@ class Structure:
     def dyad_names(self) -> tuple[tuple[str, str, str, str], ...]:
         """Return the names of the ends and links of each block, made of their points."""
         placed = {*self.pivots, *self.crank.points}
-        found = []
+        names = []
         for group in self.groups:
-            bodies = [self.bodies[j] for j in group]
-            found.append(_names(bodies[0], bodies[1], placed))
-            placed.update(*(body.points for body in bodies))
-        return tuple(found)
+            names.append(_names(self.bodies[group[0]], self.bodies[group[1]], placed))
+            for j in group:
+                placed.update(self.bodies[j].points)
+        return tuple(names)
 
     def with_foot(self, foot: str) -> 'Structure':
         """Return it with another point as foot; raises a GeometryError if it has no such point."""
@@ -310,57 +309,58 @@ class Structure:
         The bar's length and bend are its last two dimensions. A GeometryError says that there is
         no such body, that the name is taken, or that the body does not have the start.
         """
-        near = did_you_mean(angle, self.angles)
-        there_are = f'there are {", ".join(self.angles)}{near}'
+        there_are = f'there are {", ".join(self.angles)}{did_you_mean(angle, self.angles)}'
         _require(angle in self.angles, f'{angle}: no such body; {there_are}')
         _require(name not in self.points, f'the point {name} is there already')
         j = self.angles.index(angle)
-        own = self.bodies[j]
-        added = 1 + max(n for n, (body, _) in enumerate(self.bars) if body == j)
+        body = self.bodies[j]
         bodies = [*self.bodies]
-        bodies[j] = own._replace(bars=(*own.bars, Bar(start, name)))
-        moved = [
-            d._replace(place=d.place + 1) if d.kind not in ('x', 'y') and d.place >= added else d
-            for d in self.dimensions
-        ]
+        bodies[j] = body._replace(bars=(*body.bars, Bar(start, name)))
+        added = sum(len(body.bars) for body in self.bodies[: j + 1])
+        dimensions = []
+        for d in self.dimensions:
+            is_later = d.kind not in ('x', 'y') and d.place >= added
+            dimensions.append(d._replace(place=d.place + 1) if is_later else d)
         ends = f'{start}-{name}'
-        new = Dimension(ends, 'length', added), Dimension(f'bend of {ends}', 'bend', added)
+        dimensions.append(Dimension(ends, 'length', added))
+        dimensions.append(Dimension(f'bend of {ends}', 'bend', added))
         points = (*self.points, name)
-        return Structure(self.pivots, tuple(bodies), name, points, (*moved, *new), self.outside)
+        return Structure(self.pivots, tuple(bodies), name, points, tuple(dimensions), self.outside)
 
     def mirrored(self) -> 'Structure':
         """Return it with every brace on the other side of its bar."""
-        turned = (
-            [bar._replace(brace=_opposite_brace(bar.brace)) for bar in b.bars] for b in self.bodies
-        )
-        pairs = zip(self.bodies, turned, strict=True)
-        return replace(self, bodies=tuple(body._replace(bars=tuple(bars)) for body, bars in pairs))
+        bodies = []
+        for body in self.bodies:
+            bars = [bar._replace(brace=_opposite_brace(bar.brace)) for bar in body.bars]
+            bodies.append(body._replace(bars=tuple(bars)))
+        return replace(self, bodies=tuple(bodies))
 
     def prefix(self, blocks: int) -> 'Structure':
         """Return the subchain of the first blocks."""
-        placed = (0, *(j for group in self.groups[:blocks] for j in group))
+        placed = {0, *chain(*self.groups[:blocks])}
         bodies = tuple(body for j, body in enumerate(self.bodies) if j in placed)
         return Structure(self.pivots, bodies, bodies[0].points[-1])
 
     def _check_slides(self) -> None:
         """Refuse a line that starts nowhere, or that leads round to where it started."""
-        owners = {body.angle: body for body in self.bodies}
-        known = ', '.join([GROUND, *owners])
+        bodies = {body.angle: body for body in self.bodies}
+        there_are = ', '.join([GROUND, *bodies])
         for body in self.bodies:
             if not body.slides:
                 continue
-            text, along = f'{body.angle} slides along {body.along}', body.along
+            along = body.along
+            text = f'{body.angle} slides along {along}'
             seen = {body.angle}
             _require(body.angle != GROUND, f'a body cannot be called {GROUND}')
-            _require(along == GROUND or along in owners, f'{text}, which is no body: {known}')
-            points = self.pivots if along == GROUND else owners[along].points
+            _require(along == GROUND or along in bodies, f'{text}, which is no body: {there_are}')
+            points = self.pivots if along == GROUND else bodies[along].points
             start = body.bars[0].start
-            there = ', '.join(points)
-            _require(start in points, f'{text} from {start}, which is none of its points: {there}')
-            while along != GROUND and owners[along].slides:
+            elsewhere = f'{text} from {start}, which is none of its points: {", ".join(points)}'
+            _require(start in points, elsewhere)
+            while along != GROUND and bodies[along].slides:
                 _require(along not in seen, f'{text}, which slides along it in turn')
                 seen.add(along)
-                along = owners[along].along
+                along = bodies[along].along
 
 
 class Paths(NamedTuple):
@@ -378,22 +378,22 @@ class Paths(NamedTuple):
 
 def _dimensions(structure: Structure) -> list[Dimension]:
     """Return all dimensions, named by points, and by bodies where names coincide."""
-    found = []
-    for number, (body, bar) in enumerate(structure.bars):
-        angle = structure.bodies[body].angle
+    dimensions = []
+    for number, (_, bar) in enumerate(structure.bars):
+        ends = f'{bar.start}-{bar.end}'
         if number in structure.lines:
-            found.append((f'direction of {bar.start}-{bar.end}', angle, 'bend', number))
+            dimensions.append(Dimension(f'direction of {ends}', 'bend', number))
             continue
-        found.append((f'{bar.start}-{bar.end}', angle, 'length', number))
+        dimensions.append(Dimension(ends, 'length', number))
         if bar.brace is not None:
-            found.append((f'{bar.brace.start}-{bar.end}', angle, 'brace', number))
+            dimensions.append(Dimension(f'{bar.brace.start}-{bar.end}', 'brace', number))
         elif number not in structure.straight:
-            found.append((f'bend of {bar.start}-{bar.end}', angle, 'bend', number))
-    names = [name for name, *_ in found]
-    dimensions = [
-        Dimension(name if names.count(name) == 1 else f'{name} of {angle}', kind, number)
-        for name, angle, kind, number in found
-    ]
+            dimensions.append(Dimension(f'bend of {ends}', 'bend', number))
+    names = [dimension.name for dimension in dimensions]
+    for n, dimension in enumerate(dimensions):
+        if names.count(dimension.name) > 1:
+            angle = structure.bodies[structure.bars[dimension.place][0]].angle
+            dimensions[n] = dimension._replace(name=f'{dimension.name} of {angle}')
     for place, name in enumerate(structure.pivots):
         dimensions += [Dimension(f'{name}.x', 'x', place), Dimension(f'{name}.y', 'y', place)]
     return dimensions
@@ -403,11 +403,12 @@ def _names(a: Body, b: Body, placed: AbstractSet[str]) -> tuple[str, str, str, s
     if a.slides or b.slides:
         link, slider = sorted((a, b), key=lambda body: body.slides)
         return _names_of_slide(link, slider, placed)
-    one, other = a.points, b.points
-    joint = next((point for point in one if point in other and point not in placed), '')
-    p, q = (next((point for point in body if point in placed), '?') for body in (one, other))
-    links = (''.join(name for name in body if name in (p, q, joint)) for body in (one, other))
-    return p, q, *links  # type: ignore[return-value]  # two links
+    joint = next((point for point in a.points if point in b.points and point not in placed), '')
+    p = next((point for point in a.points if point in placed), '?')
+    q = next((point for point in b.points if point in placed), '?')
+    link_a = ''.join(point for point in a.points if point in (p, q, joint))
+    link_b = ''.join(point for point in b.points if point in (p, q, joint))
+    return p, q, link_a, link_b
 
 
 def _names_of_slide(
@@ -428,22 +429,23 @@ def _opposite_brace(brace: Brace | None) -> Brace | None:
 def _check_body(body: Body) -> None:
     _require(bool(body.bars), f'body {body.angle} has no bars')
     line = body.bars[0]
-    have = [line.end if body.slides else line.start]
+    points = [line.end if body.slides else line.start]
     if body.slides:
         text = f'the line {line.start}-{line.end} of body {body.angle}'
         _require(line.brace is None, f'{text} has a brace: it needs a direction')
         _require(line.start != line.end, f'{text} has only one point')
     for bar in body.rigid:
         text = f'bar {bar.start}-{bar.end} of body {body.angle}'
-        known = f'it has {", ".join(have)}{did_you_mean(bar.start, have)}'
-        missing = f'{text} starts from a point that the body does not have yet: {known}'
-        _require(bar.start in have, missing)
-        _require(bar.end not in have, f'{text} ends at a point that the body has already')
+        it_has = f'it has {", ".join(points)}{did_you_mean(bar.start, points)}'
+        missing = f'{text} starts from a point that the body does not have yet: {it_has}'
+        _require(bar.start in points, missing)
+        _require(bar.end not in points, f'{text} ends at a point that the body has already')
         if bar.brace is not None:
-            near = did_you_mean(bar.brace.start, have)
+            hint = did_you_mean(bar.brace.start, points)
             missing = f'bodies.{body.angle}: {bar.brace.start} is no point of it yet'
-            _require(bar.brace.start in have, f'{missing}, so nothing can be braced from it{near}')
-        have.append(bar.end)
+            no_brace = f'{missing}, so nothing can be braced from it{hint}'
+            _require(bar.brace.start in points, no_brace)
+        points.append(bar.end)
 
 
 def _require(condition: bool, otherwise: str) -> None:

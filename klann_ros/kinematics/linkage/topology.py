@@ -53,56 +53,56 @@ def assembly_order(
     """
     graph = _Graph(pivots, bodies, names, along)
     _check_connected(graph)
-    if _loops(graph, (0,)):
+    if _count_loops(graph, (0,)):
         raise GeometryError(f'the crank {names[0]} holds two pivots and cannot turn')
-    known: Group = (0,)
-    rest = tuple(range(1, len(bodies)))
+    placed: Group = (0,)
+    waiting = tuple(range(1, len(bodies)))
     groups = []
-    while rest:
-        group = _next_group(graph, known, rest)
+    while waiting:
+        group = _next_group(graph, placed, waiting)
         groups.append(group)
-        known += group
-        rest = tuple(j for j in rest if j not in group)
+        placed += group
+        waiting = tuple(j for j in waiting if j not in group)
     if not groups:
         raise GeometryError('no loop closes: two bodies must lead to the same point')
     return groups
 
 
-def _next_group(graph: _Graph, known: Group, rest: Group) -> Group:
+def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
     """Return the fewest bodies that close a loop for every two of them."""
-    before = _loops(graph, known)
-    for size in range(1, len(rest) + 1):
-        for group in combinations(rest, size):
-            if not _stands(graph, (*known, *group)):
+    loop_count = _count_loops(graph, placed)
+    for size in range(1, len(waiting) + 1):
+        for group in combinations(waiting, size):
+            if not _are_carriers_placed(graph, (*placed, *group)):
                 continue
-            closed = _loops(graph, known + group) - before
-            if 2 * closed > size:
+            equations = 2 * (_count_loops(graph, placed + group) - loop_count)
+            if equations > size:
                 names = ', '.join(graph.names[j] for j in group)
                 raise GeometryError(
-                    f'{names}: cannot move, since {2 * closed} loop equations stand against '
+                    f'{names}: cannot move, since {equations} loop equations stand against '
                     f'{size} unknown angle{"s" if size > 1 else ""}'
                 )
-            if 2 * closed == size:
+            if equations == size:
                 return group
-    closed = _loops(graph, known + rest) - before
-    loose = [j for j in rest if _loops(graph, set(known + rest) - {j}) - before == closed]
-    names = ', '.join(graph.names[j] for j in loose or rest)
+    total = _count_loops(graph, placed + waiting)
+    loose = [j for j in waiting if _count_loops(graph, {*placed, *waiting} - {j}) == total]
+    names = ', '.join(graph.names[j] for j in loose or waiting)
     if loose:
         msg = f'{names}: turns freely, since no loop closes over it'
     else:
         msg = (
-            f'the crank alone does not move it in one definite way: {len(rest)} unknown angles '
-            f'({names}) and {2 * closed} loop equations'
+            f'the crank alone does not move it in one definite way: {len(waiting)} unknown angles '
+            f'({names}) and {2 * (total - loop_count)} loop equations'
         )
     raise GeometryError(msg)
 
 
-def _stands(graph: _Graph, bodies: Group) -> bool:
+def _are_carriers_placed(graph: _Graph, bodies: Group) -> bool:
     """Return whether the carriers of all sliding bodies are among them."""
     return all(graph.along[j] in {None, -1, *bodies} for j in bodies)
 
 
-def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
+def _count_loops(graph: _Graph, bodies: Iterable[int]) -> int:
     """Return the number of independent loops of some bodies and the ground."""
     parent: dict[str, str] = {}
 
@@ -111,15 +111,18 @@ def _loops(graph: _Graph, bodies: Iterable[int]) -> int:
             node = parent[node]
         return node
 
-    loops = 0
     # The space keeps a body's node apart from every point's name; the ground is body -1.
-    joined = [(-1, point) for point in graph.pivots]
-    joined += [(j, point) for j in bodies for point in graph.bodies[j]]
-    joined += [(j, f'body {graph.along[j]}') for j in bodies if graph.along[j] is not None]
-    for body, other in joined:
-        body_root, other_root = root(f'body {body}'), root(other)
-        loops += body_root == other_root
-        parent[body_root] = other_root
+    edges = [(-1, point) for point in graph.pivots]
+    for j in bodies:
+        edges += [(j, point) for point in graph.bodies[j]]
+        if graph.along[j] is not None:
+            edges.append((j, f'body {graph.along[j]}'))
+    loops = 0
+    for body, node in edges:
+        body_root = root(f'body {body}')
+        node_root = root(node)
+        loops += body_root == node_root
+        parent[body_root] = node_root
     return loops
 
 
@@ -128,30 +131,31 @@ def _check_connected(graph: _Graph) -> None:
         msg = f'there are {len(graph.bodies)} bodies: more than {MAX_BODIES} are not solved'
         raise GeometryError(msg)
     reached: set[str | int] = {-1, *graph.pivots}
-    rest = list(range(len(graph.bodies)))
-    while rest:
-        joined = [
-            j for j in rest if graph.along[j] in reached or not reached.isdisjoint(graph.bodies[j])
-        ]
+    apart = list(range(len(graph.bodies)))
+    while apart:
+        on_reached_carrier = [j for j in apart if graph.along[j] in reached]
+        joined = [j for j in apart if not reached.isdisjoint(graph.bodies[j])]
+        joined += [j for j in on_reached_carrier if j not in joined]
         if not joined:
             raise GeometryError(
-                f'body {graph.names[rest[0]]} ({"-".join(graph.bodies[rest[0]])}) is connected to '
-                f'no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
+                f'body {graph.names[apart[0]]} ({"-".join(graph.bodies[apart[0]])}) is connected '
+                f'to no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
             )
-        reached.update(joined, *(graph.bodies[j] for j in joined))
-        rest = [j for j in rest if j not in joined]
+        for j in joined:
+            reached |= {j, *graph.bodies[j]}
+            apart.remove(j)
 
 
 class Path(NamedTuple):
     """A sum of pivots and bars, each forward (+1) or backward (-1)."""
 
-    # Which ones, rising, with their signs.
+    # The indices of the pivots and of the bars, rising, with their signs.
     pivots: tuple[tuple[int, int], ...]
     bars: tuple[tuple[int, int], ...]
 
-    def plus(self, other: 'Path', sign: int = 1) -> 'Path':
+    def plus(self, path: 'Path', sign: int = 1) -> 'Path':
         """Return the sum with another path, or the difference."""
-        return Path(_sum(self.pivots, other.pivots, sign), _sum(self.bars, other.bars, sign))
+        return Path(_sum(self.pivots, path.pivots, sign), _sum(self.bars, path.bars, sign))
 
 
 def loop_paths(
@@ -172,16 +176,17 @@ def _grow(
     bars: Sequence[tuple[int, str, str]], group: Group, paths: dict[str, Path]
 ) -> list[tuple[str, Path]]:
     """Reach the points of a group; return the loops that are closed on the way."""
-    rest = [number for number, (body, _, _) in enumerate(bars) if body in group]
-    rest.sort(key=lambda number: group.index(bars[number][0]))
+    waiting = [number for number, (body, _, _) in enumerate(bars) if body in group]
+    waiting.sort(key=lambda number: group.index(bars[number][0]))
     loops = []
-    while rest:
-        reached = [n for n in rest if bars[n][1] in paths or bars[n][2] in paths]
+    while waiting:
+        reached = [n for n in waiting if bars[n][1] in paths or bars[n][2] in paths]
         number = min(reached, key=lambda n: _bars_away(bars[n], paths))
-        rest.remove(number)
+        waiting.remove(number)
         _, start, end = bars[number]
-        begin, point, sign = (start, end, 1) if start in paths else (end, start, -1)
-        path = paths[begin].plus(Path((), ((number, sign),)))
+        sign = 1 if start in paths else -1
+        near, point = (start, end) if start in paths else (end, start)
+        path = paths[near].plus(Path((), ((number, sign),)))
         if point in paths:
             loops.append((point, path.plus(paths[point], -1)))
         else:
@@ -195,9 +200,9 @@ def _bars_away(bar: tuple[int, str, str], paths: Mapping[str, Path]) -> int:
 
 
 def _sum(
-    one: tuple[tuple[int, int], ...], other: tuple[tuple[int, int], ...], sign: int
+    terms: tuple[tuple[int, int], ...], addends: tuple[tuple[int, int], ...], sign: int
 ) -> tuple[tuple[int, int], ...]:
-    total = dict(one)
-    for number, times in other:
+    total = dict(terms)
+    for number, times in addends:
         total[number] = total.get(number, 0) + sign * times
     return tuple((number, times) for number, times in sorted(total.items()) if times)
