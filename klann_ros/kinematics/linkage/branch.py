@@ -51,7 +51,8 @@ class Branch:
     """
 
     def __init__(self, linkage: LoopEquations, start: Sequence[float], block: int) -> None:
-        self._block, self._correct = block, step_functions(linkage, tuple).correct
+        self._block = block
+        self._correct = step_functions(linkage, tuple).correct
         alpha, *x = start
         first = self._sample(alpha, tuple(x))
         if first is None:
@@ -63,7 +64,8 @@ class Branch:
         if not _is_closed_turn(linkage, samples):
             samples = _one_turn([*reversed(self._follow(first, -1.0)[1:]), *samples], alpha)
         self._samples = samples
-        self._first, self._last = samples[0].alpha, samples[-1].alpha
+        self._first = samples[0].alpha
+        self._last = samples[-1].alpha
         self._is_turn = _is_closed_turn(linkage, samples)
         self._check_seam()
 
@@ -74,24 +76,23 @@ class Branch:
 
     def x(self, alpha: float) -> tuple[float, ...]:
         """Return the angles at a crank angle [rad]; a LoopsOpenError beyond the branch."""
-        at = self._within(alpha)
-        near = self._nearest_sample(at)
-        if self._first <= at <= self._last:
-            sample = self._corrected(alpha, near.predict(at - near.alpha))
+        branch_alpha = self._within(alpha)
+        nearest = self._nearest_sample(branch_alpha)
+        if self._first <= branch_alpha <= self._last:
+            sample = self._corrected(alpha, nearest.predict(branch_alpha - nearest.alpha))
             if sample is not None:
                 return sample.x
-        raise LoopsOpenError(alpha, self._block, alpha + near.alpha - at)
+        raise LoopsOpenError(alpha, self._block, alpha + nearest.alpha - branch_alpha)
 
     def guesses(self, alphas: FloatArray) -> FloatArray:
         """Return guesses of the angles at many crank angles, shape (n - 1, k); NaN beyond it."""
-        samples = [np.array(column) for column in zip(*self._samples, strict=True)]
-        at = self._first + np.remainder(alphas - self._first, TURN)
-        right = np.searchsorted(samples[0], at).clip(1, len(self._samples) - 1)
-        near = right - (at - samples[0][right - 1] < samples[0][right] - at)
-        found = samples[1][near] + (at - samples[0][near])[:, None] * samples[2][near]
-        found[at > self._last] = np.nan
-        angles: FloatArray = found.T
-        return angles
+        samples, x, x_1 = map(np.array, zip(*self._samples, strict=True))
+        angles = self._first + np.remainder(alphas - self._first, TURN)
+        right = np.searchsorted(samples, angles).clip(1, len(samples) - 1)
+        nearest = right - (angles - samples[right - 1] < samples[right] - angles)
+        guesses = x[nearest] + (angles - samples[nearest])[:, None] * x_1[nearest]
+        guesses[angles > self._last] = np.nan
+        return np.asarray(guesses.T)
 
     def _sample(self, alpha: float, guess: tuple[float, ...]) -> BranchSample | None:
         """Return the pose at a crank angle; None if the guess fails or it is singular."""
@@ -99,12 +100,13 @@ class Branch:
         return None if sample is None or isnan(sample.x_1[0]) else sample
 
     def _corrected(self, alpha: float, guess: tuple[float, ...]) -> BranchSample | None:
-        found = self._correct(alpha, guess, TOLERANCE, ITERATIONS)
-        return None if found is None else BranchSample(alpha, *_X_AND_COEFFICIENTS(found))
+        pose = self._correct(alpha, guess, TOLERANCE, ITERATIONS)
+        return None if pose is None else BranchSample(alpha, *_X_AND_COEFFICIENTS(pose))
 
     def _follow(self, first: BranchSample, direction: float) -> list[BranchSample]:
         """Return the poses from the first on, for a whole turn or until the branch ends."""
-        samples, length = [first], BRANCH_STEP
+        samples = [first]
+        length = BRANCH_STEP
         while abs(samples[-1].alpha - first.alpha) < TURN and length > MIN_BRANCH_STEP:
             guess = samples[-1].predict(direction * length)
             sample = self._sample(samples[-1].alpha + direction * length, guess)
@@ -134,15 +136,16 @@ class Branch:
         middle = (self._first + self._last) / 2.0
         return alpha - TURN * round((alpha - middle) / TURN)
 
-    def _nearest_sample(self, at: float) -> BranchSample:
-        i = bisect_left(self._samples, at, key=lambda sample: sample.alpha)
+    def _nearest_sample(self, alpha: float) -> BranchSample:
+        i = bisect_left(self._samples, alpha, key=lambda sample: sample.alpha)
         neighbours = self._samples[slice(max(0, i - 1), i + 1)]
-        return min(neighbours, key=lambda sample: abs(sample.alpha - at))
+        return min(neighbours, key=lambda sample: abs(sample.alpha - alpha))
 
 
 def _is_closed_turn(linkage: LoopEquations, samples: Sequence[BranchSample]) -> bool:
     """Return whether samples are a whole turn, after which the loops are back where they were."""
-    start, end = samples[0], samples[-1]
+    start = samples[0]
+    end = samples[-1]
     if end.alpha - start.alpha < TURN:
         return False
     back = end.predict(start.alpha + TURN - end.alpha)

@@ -82,18 +82,23 @@ class Linkage(LoopEquations):
         return f'<Linkage {self.name!r}: {", ".join(self.joint_names)}>'
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(Linkage, **self._parts), ()
+        return partial(Linkage, **self._arguments), ()
 
     @property
-    def _parts(self) -> dict[str, Any]:
+    def _arguments(self) -> dict[str, Any]:
         """Return the constructor's arguments."""
-        signs, start = self.assembly, self.start_guess
-        own = {'structure': self.structure, 'numbers': self.numbers}
-        return own | {'assembly': signs, 'start': start, 'name': self.name, 'source': self.source}
+        return {
+            'structure': self.structure,
+            'numbers': self.numbers,
+            'assembly': self.assembly,
+            'start': self.start_guess,
+            'name': self.name,
+            'source': self.source,
+        }
 
     def _with(self, **changes: Any) -> 'Linkage':
-        """Return the linkage with some of its parts replaced."""
-        return Linkage(**self._parts | changes)
+        """Return the linkage with some of the constructor's arguments replaced."""
+        return Linkage(**self._arguments | changes)
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -113,8 +118,8 @@ class Linkage(LoopEquations):
             The result is no linkage, or there is no such dimension.
 
         """
-        new = {**(changes or {}), **named}
-        return self._varied(new, () if self.is_dyadic else self.start)
+        numbers = {**(changes or {}), **named}
+        return self._varied(numbers, () if self.is_dyadic else self.start)
 
     def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
         """
@@ -168,10 +173,11 @@ class Linkage(LoopEquations):
 
         """
         place = complex(validation.finite('u', u), validation.finite('v', v))
-        own = next((each for each in self.structure.bodies if each.angle == body), None)
-        start = own.points[0] if own else ''
-        if own and place == 0.0:
-            return self.with_foot(start)
+        start = ''
+        if body in self.structure.angles:
+            start = self.structure.bodies[self.structure.angles.index(body)].points[0]
+            if place == 0.0:
+                return self.with_foot(start)
         numbers = (*self.numbers, abs(place), phase(place))
         return self._with(structure=self.structure.with_point(name, body, start), numbers=numbers)
 
@@ -185,37 +191,43 @@ class Linkage(LoopEquations):
             The factor is not positive, or a length gets too large or too small.
 
         """
-        lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
         factor = validation.factor(factor)
+        dimensions = self.structure.dimensions
+        lengths = [d.name for d in dimensions if d.unit == 'm']
         changes = {name: factor * self.dimensions[name] for name in lengths}
-        start = zip(self.structure.bodies, () if self.is_dyadic else self.start, strict=False)
-        return self._varied(changes, [factor * x if body.slides else x for body, x in start])
+        start = [] if self.is_dyadic else [*self.start]
+        for j in self.structure.line_of if start else ():
+            start[j] *= factor
+        return self._varied(changes, start)
 
     def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
-        """Return it with some numbers replaced; the start is that of coupled loops."""
-        numbers, places = list(self.numbers), dimension_places(self.structure.dimensions, changes)
-        for name, value in changes.items():
-            numbers[places[name]] = value
+        """Return it with some numbers replaced, and a start for coupled loops."""
+        numbers = list(self.numbers)
+        places = dimension_places(self.structure.dimensions, changes)
+        for name, number in changes.items():
+            numbers[places[name]] = number
         return self._with(numbers=numbers, **self._mode(start, self.assembly))
 
     def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:
-        """Return the parts that define an assembly mode: signs, or of coupled loops a start."""
+        """Return the arguments for an assembly mode: signs, or a start for coupled loops."""
         if self.is_dyadic:
             return {'assembly': assembly, 'start': None}
         return {'assembly': None, 'start': start}
 
     def mirrored(self) -> 'Linkage':
         """Return the linkage mirrored in the x axis: every angle has the other sign."""
-        turned = {'y': -1.0, 'bend': -1.0}
-        pairs = zip(self.structure.dimensions, self.numbers, strict=True)
-        numbers = [turned.get(dimension.kind, 1.0) * number for dimension, number in pairs]
-        bodies = zip(self.structure.bodies, () if self.is_dyadic else self.start, strict=False)
-        start = [x if body.slides else -x for body, x in bodies]
+        numbers = [*self.numbers]
+        for n, dimension in enumerate(self.structure.dimensions):
+            numbers[n] *= -1.0 if dimension.kind in ('y', 'bend') else 1.0
         # A mirror keeps distances and reverses angles.
-        blocks = zip(self.blocks, self.assembly, strict=True)
-        signs = [sign if block.slides else -sign for block, sign in blocks]
-        made = self.structure.mirrored()
-        return self._with(structure=made, numbers=numbers, **self._mode(start, signs))
+        start = [] if self.is_dyadic else [*self.start]
+        for j, body in enumerate(self.structure.bodies if start else ()):
+            start[j] *= 1.0 if body.slides else -1.0
+        signs = [*self.assembly]
+        for b, block in enumerate(self.blocks):
+            signs[b] *= 1 if block.slides else -1
+        structure = self.structure.mirrored()
+        return self._with(structure=structure, numbers=numbers, **self._mode(start, signs))
 
     @cached_property
     def start(self) -> tuple[float, ...]:
@@ -244,8 +256,9 @@ class Linkage(LoopEquations):
         self, alpha: float, x: Sequence[float] | FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """
-        Return those of the other coordinates and of the foot, shapes (n - 1, d) and (2, d).
+        Return the derivatives of the other coordinates and of the foot by each dimension.
 
+        Their shapes are (n - 1, d) and (2, d).
         The loops stay closed, Phi dx = -df: see `dimension_derivatives`.
         """
         rows, moved, changed = self._row_derivatives
@@ -258,10 +271,11 @@ class Linkage(LoopEquations):
     @cached_property
     def _row_derivatives(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return W over Q of the foot, and the derivatives of these and of their constants."""
-        structure, bodies = self.structure, len(self.structure.bodies)
-        moved = vector_derivatives(structure, self.bars, structure.dimensions)
+        structure = self.structure
+        bodies = len(structure.bodies)
+        pivots, bars = vector_derivatives(structure, self.bars, structure.dimensions)
         paths = (*structure.paths.loops, structure.paths.points[self.foot])
-        terms = [path_terms(structure, path, *map(list, moved)) for path in paths]
+        terms = [path_terms(structure, path, [*pivots], [*bars]) for path in paths]
         rows, _ = term_matrix((*self.rows, self.point_rows[self.foot]), bodies)
         return rows, *term_matrix(terms, bodies, len(structure.dimensions))
 
@@ -270,9 +284,13 @@ class Linkage(LoopEquations):
     @cached_property
     def prefix_bodies(self) -> tuple[int, ...]:
         """Return the bodies placed up to the last coupled loops, the crank first."""
-        coupled = [k for k, rows in enumerate(self.structure.paths.rows) if len(rows) > 1]
-        placed = self.structure.groups[: coupled[-1] + 1] if coupled else ()
-        return tuple(sorted({0, *(j for group in placed for j in group)}))
+        bodies = {0}
+        prefix = {0}
+        for group, rows in zip(self.structure.groups, self.structure.paths.rows, strict=True):
+            bodies |= {*group}
+            if len(rows) > 1:
+                prefix = {*bodies}
+        return tuple(sorted(prefix))
 
     @cached_property
     def branch(self) -> Branch:
@@ -286,23 +304,25 @@ class Linkage(LoopEquations):
         if count == len(self.blocks):
             return self
         structure = self.structure.prefix(count)
-        given = dict(zip(self.structure.slots, self.numbers, strict=True))
+        number_of = dict(zip(self.structure.slots, self.numbers, strict=True))
         bars = [n for n, (body, _) in enumerate(self.structure.bars) if body in self.prefix_bodies]
-        numbers = [
-            given.get((d.kind, d.place if d.kind in ('x', 'y') else bars[d.place]), 0.0)
-            for d in structure.dimensions
-        ]
+        numbers = []
+        for d in structure.dimensions:
+            place = d.place if d.kind in ('x', 'y') else bars[d.place]
+            numbers.append(number_of.get((d.kind, place), 0.0))
         start = [self.start[j] for j in self.prefix_bodies]
         return Linkage(structure, numbers, assembly=self.assembly[:count], start=start)
 
     def _signs(self) -> tuple[int, ...]:
         u = self.vectors(self.start[0], self.start[1:])
-        sines = [block.sine(u) for block in self.blocks]
-        pairs = zip(sines, self.blocks, strict=True)
-        if any(abs(s) <= max(MIN_START_SINE, b.singular_sine) for s, b in pairs):
-            msg = 'its start pose is singular, which leaves the branch open: give another'
-            raise NotAssembledError(msg)
-        return tuple(1 if sine > 0.0 else -1 for sine in sines)
+        signs = []
+        for block in self.blocks:
+            sine = block.sine(u)
+            if abs(sine) <= max(MIN_START_SINE, block.singular_sine):
+                msg = 'its start pose is singular, which leaves the branch open: give another'
+                raise NotAssembledError(msg)
+            signs.append(1 if sine > 0.0 else -1)
+        return tuple(signs)
 
 
 @dataclass(frozen=True)
@@ -330,9 +350,9 @@ class NamedGeometry:
             It is no such linkage any more, or there is no such number.
 
         """
-        new: dict[str, Any] = {**(changes or {}), **numbers}
-        dimension_places(self.structure.dimensions, new)
-        return replace(self, **new)
+        replaced: dict[str, Any] = {**(changes or {}), **numbers}
+        dimension_places(self.structure.dimensions, replaced)
+        return replace(self, **replaced)
 
     def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - as above
         """Return it scaled by a factor; raises a GeometryError unless it is positive."""
@@ -345,11 +365,11 @@ class NamedGeometry:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-def as_linkage(given: Any) -> Linkage:
-    """Return a linkage itself, or that of a geometry or a leg; a TypeError for anything else."""
-    linkage = given if isinstance(given, Linkage) else getattr(given, 'linkage', None)
+def as_linkage(source: Any) -> Linkage:
+    """Return a linkage itself, or the one of a geometry or a leg; a TypeError for others."""
+    linkage = source if isinstance(source, Linkage) else getattr(source, 'linkage', None)
     if not isinstance(linkage, Linkage):
-        hint = '; a file has one: linkage_from_file, shipped_linkage' * isinstance(given, str)
-        msg = f'{given!r} is refused: it must be a Linkage, a KlannGeometry or a leg{hint}'
+        hint = '; a file has one: linkage_from_file, shipped_linkage' * isinstance(source, str)
+        msg = f'{source!r} is refused: it must be a Linkage, a KlannGeometry or a leg{hint}'
         raise TypeError(msg)
     return linkage

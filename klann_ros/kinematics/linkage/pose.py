@@ -17,21 +17,26 @@ def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
     """Return the bodies' vectors at a crank angle [rad]; an UnreachableError or LoopsOpenError."""
     senses = linkage.structure.senses
     u = [rect(1.0, senses[0] * alpha), *[0j] * (len(senses) - 1)]
-    known: tuple[float, ...] | None = None
+    prefix: list[complex] = []
     for block, sign in zip(linkage.blocks, linkage.assembly, strict=True):
         if block.is_dyad:
             a, b = block.unknowns
             u[a], u[b] = block.place(u, alpha, sign)
             continue
-        if known is None:
-            known = linkage.branch.x(alpha)
-        x = [alpha, *[0.0] * (len(senses) - 1)]
-        for j in linkage.prefix_bodies[1:]:
-            x[j] = known[linkage.prefix_bodies.index(j) - 1]
-        moved = joints.body_vectors(linkage.structure, x)
+        prefix = prefix or _branch_vectors(linkage, alpha)
         for j in block.unknowns:
-            u[j] = complex(moved[j])
+            u[j] = prefix[j]
     return u
+
+
+def _branch_vectors(linkage: Linkage, alpha: float) -> list[complex]:
+    """Return the vectors of the bodies up to the last coupled loops; of others a unit vector."""
+    x = [0.0] * len(linkage.structure.bodies)
+    for j, coordinate in zip(
+        linkage.prefix_bodies, (alpha, *linkage.branch.x(alpha)), strict=True
+    ):
+        x[j] = coordinate
+    return [complex(vector) for vector in joints.body_vectors(linkage.structure, x)]
 
 
 def initial_guess(linkage: Linkage, alpha: float) -> tuple[float, ...]:
@@ -47,7 +52,8 @@ class PoseEntry:
     """A name for one number of a pose or a motion: which of `x` or `joints` it is."""
 
     def __init__(self, field: str, place: int) -> None:
-        self._field, self._place = field, place
+        self._field = field
+        self._place = place
 
     def __get__(self, owner: Any, _: Any = None) -> float:
         number: float = getattr(owner, self._field)[self._place]
@@ -99,7 +105,7 @@ class LinkagePose(NamedTuple):
     @property
     def crank_angle(self) -> float:
         """Return the crank's angle as given, whatever the linkage calls it [rad]."""
-        # By place: a four-bar's course has an alpha of its own.
+        # By its place: a four-bar's course has an alpha of its own.
         return self[0]
 
     @property
@@ -153,9 +159,9 @@ class LinkageMotion(NamedTuple):
     """
     The velocity, or the acceleration, of a pose.
 
-    `joints` is that of every coordinate, the crank's first [rad/s, m/s] or [rad/s^2, m/s^2], `h`
-    that of the foot (x, y) [m/s] or [m/s^2]. `velocity` is the one that goes with an acceleration,
-    or None.
+    `joints` has the derivative of every coordinate, the crank's first [rad/s, m/s] or [rad/s^2,
+    m/s^2], `h` that of the foot (x, y) [m/s] or [m/s^2]. `velocity` is the one that goes with an
+    acceleration, or None.
     """
 
     joints: tuple[float, ...]
@@ -168,38 +174,39 @@ class LinkageMotion(NamedTuple):
 
     @property
     def vectors(self) -> ComplexArray:
-        """Return that of the bodies' vectors, shape (n,): see `joints`."""
-        structure, u = self.pose.linkage.structure, self.pose.vectors
-        moved: ComplexArray = joints.vector_jacobian(structure, u) @ np.array(self.joints)
+        """Return the derivative of the bodies' vectors, shape (n,): see `joints`."""
+        structure = self.pose.linkage.structure
+        u = self.pose.vectors
+        derivative: ComplexArray = joints.vector_jacobian(structure, u) @ np.array(self.joints)
         if self.velocity is not None:
-            moved += joints.velocity_product(structure, u, self.velocity.joints)
-        return moved
+            derivative += joints.velocity_product(structure, u, self.velocity.joints)
+        return derivative
 
     @property
     def points(self) -> FloatArray:
-        """Return that of every point, shape (p, 2) [m/s] or [m/s^2]; made at each use."""
+        """Return the derivative of every point, shape (p, 2) [m/s, m/s^2]; made at each use."""
         return self.pose.linkage.point_velocities(self.vectors)
 
 
-def _format(shown: Any, linkage: Linkage) -> str:
-    """Return a pose or a motion with its joints by name, to 7 digits; the rest is left out."""
-    pairs = zip(linkage.joint_names, shown.joints, strict=True)
-    joints = ', '.join(f'{name}={number:.7g}' for name, number in pairs)
-    return f'{type(shown).__name__}({joints}, h=({shown.h[0]:.7g}, {shown.h[1]:.7g}))'
+def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
+    """Return a pose or a motion as its joints by name and its foot, to 7 digits."""
+    names = linkage.joint_names
+    numbers = [f'{name}={number:.7g}' for name, number in zip(names, state.joints, strict=True)]
+    x, y = state.h
+    return f'{type(state).__name__}({", ".join(numbers)}, h=({x:.7g}, {y:.7g}))'
 
 
 def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
     """Return the pose of body vectors from the geometric method."""
     structure = linkage.structure
     x = tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
-    rows, constant = linkage.point_rows[linkage.foot]
-    foot = sum((w * u[j] for j, w in rows.items()), constant)
+    terms, constant = linkage.point_rows[linkage.foot]
+    foot = sum((w * u[j] for j, w in terms.items()), constant)
     sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
     residual = float(np.hypot.reduce([block.closure_error(u) for block in linkage.blocks]))
     rates = (nan,) * len(x)
-    pairs = zip(sines, linkage.blocks, strict=True)
-    if all(sine > block.singular_sine for sine, block in pairs):
+    if all(sines[b] > block.singular_sine for b, block in enumerate(linkage.blocks)):
         # Phi dx/dalpha = -df/dalpha
-        solved = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
-        rates = tuple(solved.tolist())
+        x_1 = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
+        rates = tuple(x_1.tolist())
     return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)

@@ -2,7 +2,7 @@
 
 from cmath import phase
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import cos, inf, pi
 from sys import float_info
 from typing import Any
@@ -47,19 +47,19 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
 
     """
     linkage = as_linkage(linkage)
-    first, rest = linkage.blocks[0], linkage.blocks[1:]
+    blocks = linkage.blocks
+    arcs = [(0.0, TURN)]
     if not linkage.is_dyadic:
         arcs = [linkage.branch.arc]
-        rest = tuple(block for block in linkage.blocks if block.is_dyad)
-    elif is_driven(first):
-        arcs = driven_arcs(first)
-    else:
-        arcs, rest = [(0.0, TURN)], linkage.blocks
-    if not rest:
+        blocks = tuple(block for block in blocks if block.is_dyad)
+    elif is_driven(blocks[0]):
+        arcs = driven_arcs(blocks[0])
+        blocks = blocks[1:]
+    if not blocks:
         return normalize_arcs([_trim_ends(arc) for arc in arcs] if linkage.is_dyadic else arcs)
 
     def clearance(alpha: float) -> float:
-        """Return the clearance of the dyad that fails [m], else the least of all."""
+        """Return the clearance of the dyad that fails [m], else the smallest of all."""
         try:
             u = closed_form_vectors(linkage, alpha)
         except UnreachableError as error:
@@ -67,9 +67,9 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
             return min(-error.shortfall, -float_info.min)
         except LoopsOpenError:
             return -float_info.min
-        return float(max(0.0, min(block.clearance(u) for block in rest)))
+        return float(max(0.0, min(block.clearance(u) for block in blocks)))
 
-    return normalize_arcs([found for arc in arcs for found in arcs_inside(clearance, arc)])
+    return normalize_arcs([*chain(*(arcs_inside(clearance, arc) for arc in arcs))])
 
 
 def closes_somewhere(linkage: Linkage) -> bool:
@@ -93,16 +93,16 @@ def driven_arcs(block: Block) -> list[Arc]:
     lengths = abs(constant), abs(terms[0]), abs(terms[a]), abs(terms[b])
     if not four_bar_closes(lengths):
         return []
-    least, greatest = crank_limits(lengths) if constant else (0.0, pi)
-    # Where the crank points to the fixed end.
-    toward = block.structure.senses[0] * phase(-constant / terms[0])
-    if least == 0.0 and greatest == pi:
+    start, end = crank_limits(lengths) if constant else (0.0, pi)
+    # The crank angle at which the crank points to the fixed end.
+    ground = block.structure.senses[0] * phase(-constant / terms[0])
+    if start == 0.0 and end == pi:
         return [(0.0, TURN)]
-    if least == 0.0:
-        return [(toward - greatest, toward + greatest)]
-    if greatest == pi:
-        return [(toward + least, toward + TURN - least)]
-    return [(toward + least, toward + greatest), (toward - greatest, toward - least)]
+    if start == 0.0:
+        return [(ground - end, ground + end)]
+    if end == pi:
+        return [(ground + start, ground + TURN - start)]
+    return [(ground + start, ground + end), (ground - end, ground - start)]
 
 
 def four_bar_closes(lengths: Lengths) -> bool:
@@ -114,19 +114,22 @@ def four_bar_closes(lengths: Lengths) -> bool:
 
 def crank_limits(lengths: Lengths) -> tuple[float, float]:
     """
-    Return the least and the greatest crank angle of a four-bar, from the ground, in [0, pi] [rad].
+    Return the smallest and the largest crank angle of a four-bar, from the ground, in [0, pi].
 
-    |A O4| grows with the angle: at the least coupler and rocker are folded, |A O4| = |L3 - L4|,
-    at the greatest stretched out, |A O4| = L3 + L4; 0 and pi without such a limit, and at a change
-    point, which the crank passes. The reversed linkage, L1, L4, L3, L2, has limits of pi - theta4.
+    |A O4| grows with the angle [rad]: at the smallest coupler and rocker are folded,
+    |A O4| = |L3 - L4|, at the largest stretched out, |A O4| = L3 + L4; 0 and pi without such a
+    limit, and at a change point, which the crank passes. The reversed linkage, L1, L4, L3, L2,
+    has limits of pi - theta4.
     """
     l_1, l_2, l_3, l_4 = lengths
-    folded, stretched, rounding = abs(l_3 - l_4), l_3 + l_4, length_rounding(lengths)
+    folded = abs(l_3 - l_4)
+    stretched = l_3 + l_4
+    rounding = length_rounding(lengths)
     passes_folded = abs(l_1 - l_2) >= folded - rounding
     passes_stretched = l_1 + l_2 <= stretched + rounding
-    least = 0.0 if passes_folded else float(triangle_angle(l_1, l_2, folded))
-    greatest = pi if passes_stretched else float(triangle_angle(l_1, l_2, stretched))
-    return least, greatest
+    smallest = 0.0 if passes_folded else float(triangle_angle(l_1, l_2, folded))
+    largest = pi if passes_stretched else float(triangle_angle(l_1, l_2, stretched))
+    return smallest, largest
 
 
 def length_rounding(lengths: Lengths) -> float:
@@ -156,9 +159,10 @@ def triangle_angle(p: Any, q: Any, opposite: Any) -> Any:
     From tan(angle / 2)^2 = (o - (p - q)) (o + (p - q)) / ((p + q - o) (p + q + o)), which keeps
     its digits near 0 and pi; the law of cosines loses half of them there.
     """
-    near = (opposite - (p - q)) * (opposite + (p - q))
-    far = (p + q - opposite) * (p + q + opposite)
-    return 2.0 * np.arctan2(np.sqrt(np.maximum(0.0, near)), np.sqrt(np.maximum(0.0, far)))
+    numerator = (opposite - (p - q)) * (opposite + (p - q))
+    denominator = (p + q - opposite) * (p + q + opposite)
+    sine = np.sqrt(np.maximum(0.0, numerator))
+    return 2.0 * np.arctan2(sine, np.sqrt(np.maximum(0.0, denominator)))
 
 
 def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> list[Arc]:
@@ -184,7 +188,8 @@ def arcs_inside(clearance: Callable[[float], float], arc: Arc = (0.0, TURN)) -> 
 
 def _samples(arc: Arc) -> list[float]:
     """Return angles over an arc: the denser the nearer its ends, where clearances are steep."""
-    middle, half = (arc[0] + arc[1]) / 2.0, (arc[1] - arc[0]) / 2.0
+    middle = (arc[0] + arc[1]) / 2.0
+    half = (arc[1] - arc[0]) / 2.0
     if 2.0 * half >= TURN:
         return [arc[0] + k * TURN / SAMPLES_PER_ARC for k in range(SAMPLES_PER_ARC + 1)]
     # At the very ends the first dyad is singular, and rounding decides whether it closes.
@@ -198,23 +203,26 @@ def _with_extrema(clearance: Callable[[float], float], arc: Arc) -> list[tuple[f
 
     They include the peaks and dips that two neighbours may hide.
     """
-    angles = own = _samples(arc)
-    if own[-1] - own[0] >= TURN:
+    angles = _samples(arc)
+    start = angles[0]
+    is_turn = angles[-1] - start >= TURN
+    if is_turn:
         # A whole turn goes on before its first sample.
-        angles = [own[-2] - TURN, *own]
-    values = [clearance(alpha) for alpha in angles]
-    found = []
-    neighbours = zip(angles, angles[2:], values, values[1:], values[2:], strict=False)
-    for left, right, before, value, after in neighbours:
-        if value < 0.0 and before <= value >= after:
-            found.append(peak(clearance, left, right))
+        angles.insert(0, angles[-2] - TURN)
+    clearances = [clearance(alpha) for alpha in angles]
+    samples = [(alpha, c >= 0.0) for alpha, c in zip(angles, clearances, strict=True)][is_turn:]
+    for n in range(1, len(angles) - 1):
+        left, middle, right = clearances[slice(n - 1, n + 2)]
+        if middle < 0.0 and left <= middle >= right:
+            extremum = peak(clearance, angles[n - 1], angles[n + 1])
         # An infinite clearance, as of two lines, has no dip.
-        elif 0.0 <= value < inf and before >= value <= after:
-            found.append(peak(lambda alpha: -clearance(alpha), left, right))
-    turned = (alpha if alpha >= own[0] else alpha + TURN for alpha in found)
-    first = len(values) - len(own)
-    closes = zip(own, (value >= 0.0 for value in values[first:]), strict=True)
-    return sorted([*closes, *((alpha, clearance(alpha) >= 0.0) for alpha in turned)])
+        elif 0.0 <= middle < inf and left >= middle <= right:
+            extremum = peak(lambda alpha: -clearance(alpha), angles[n - 1], angles[n + 1])
+        else:
+            continue
+        alpha = extremum if extremum >= start else extremum + TURN
+        samples.append((alpha, clearance(alpha) >= 0.0))
+    return sorted(samples)
 
 
 def _boundary(clearance: Callable[[float], float], closes: float, fails: float) -> float:
@@ -223,18 +231,25 @@ def _boundary(clearance: Callable[[float], float], closes: float, fails: float) 
         middle = (closes + fails) / 2.0
         if middle in (closes, fails):
             break
-        closes, fails = (middle, fails) if clearance(middle) >= 0.0 else (closes, middle)
+        if clearance(middle) >= 0.0:
+            closes = middle
+        else:
+            fails = middle
     return closes
 
 
 def normalize_arcs(arcs: list[Arc]) -> list[Arc]:
     """Bring the arcs' starts into [0, 2 pi), sort them, and join the two ends of the turn."""
-    turned = sorted(
+    normalized = []
+    for start, end in arcs:
         # A turn added and taken away again would cost the last digit.
-        (start, end) if 0.0 <= start < TURN else (start % TURN, start % TURN + (end - start))
-        for start, end in arcs
-    )
-    if len(turned) > 1 and turned[0][0] == 0.0 and turned[-1][1] >= TURN:
-        first, last = turned[0], turned[-1]
-        turned = [*turned[1:-1], (last[0], first[1] + TURN)]
-    return turned
+        is_within = 0.0 <= start < TURN
+        normalized.append(
+            (start, end) if is_within else (start % TURN, start % TURN + (end - start))
+        )
+    normalized.sort()
+    if len(normalized) > 1 and normalized[0][0] == 0.0 and normalized[-1][1] >= TURN:
+        first_end = normalized[0][1]
+        last_start = normalized[-1][0]
+        normalized = [*normalized[1:-1], (last_start, first_end + TURN)]
+    return normalized
