@@ -9,18 +9,30 @@ rates of the cranks and back. The estimator and the controller of `klann_ros.wal
 
 from .feet import Feet, NoWalkerError
 from .figures import GaitFigures, walk_figures
-from .stance import Facet, gravity_aligned, Point, Support, Triple
+from .stance import (
+    Facet,
+    FootMotion,
+    gravity_aligned,
+    Point,
+    StancePose,
+    Support,
+    Symmetric,
+    Triple,
+)
 from .steering import Rates, Steering, Twist2D
 
 __all__ = [
     'Facet',
     'Feet',
+    'FootMotion',
     'GaitFigures',
     'NoWalkerError',
     'Point',
     'Rates',
+    'StancePose',
     'Steering',
     'Support',
+    'Symmetric',
     'Triple',
     'Twist2D',
     'gravity_aligned',

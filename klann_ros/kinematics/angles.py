@@ -26,8 +26,8 @@ def wrap(angle: float) -> float:
 
 
 def yaw_of(x: float, y: float, z: float, w: float) -> float:
-    """Return the yaw of a unit quaternion [rad]."""
-    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    """Return the yaw of a quaternion of any norm [rad]."""
+    return atan2(2.0 * (x * y + w * z), w * w + x * x - y * y - z * z)
 
 
 def crank_angle(alpha: SupportsFloat) -> float:

@@ -6,6 +6,7 @@ from math import exp, hypot
 from klann_ros.dynamics import GRAVITY
 
 from .imu import ImuIncrement
+from .low_pass import low_pass_gain, mean_gain
 from .settings import OdometryNoise
 
 
@@ -33,7 +34,7 @@ class AccelerometerMonitor:
     innovation_square : float
         Mean square of `innovation` over `slope_time`.
     noise_factor : float
-        Of the variance of its noise.
+        Factor of the variance of its noise.
 
     """
 
@@ -42,52 +43,53 @@ class AccelerometerMonitor:
         self.innovation_square = 0.0
         self.noise_factor = 1.0
         # Mean force that friction adds to the accelerometer, by the largest.
-        self._force = 0j
+        self._mean_force = 0j
         # Mean size of the measured horizontal acceleration [m/s^2].
         self._shaking = 0.0
         # Time at standstill [s], and the mean specific force less gravity there [m/s^2].
-        self._rested = 0.0
-        self._mean = [0.0, 0.0, 0.0]
-        # Time for which it is rejected, and that of the next rejection [s].
+        self._rest_time = 0.0
+        self._rest_force = [0.0, 0.0, 0.0]
+        # Time for which it is rejected, and the time of the next rejection [s].
         self._wait = 0.0
         self._next_wait = 2.0 * noise.settling_time
 
     @property
     def innovation(self) -> float:
         """Return the friction that the measured motion needs in the mean, by the largest."""
-        return abs(self._force)
+        return abs(self._mean_force)
 
     @property
     def state(self) -> AccelerometerState:
         """Return the state of an accelerometer."""
         if self._wait > 0.0:
             return AccelerometerState.NOT_BELIEVED
-        if self._rested < self._noise.settling_time:
+        if self._rest_time < self._noise.settling_time:
             return AccelerometerState.UNKNOWN
-        is_plausible = max(map(abs, self._mean)) < self._noise.max_accelerometer_bias
+        is_plausible = max(map(abs, self._rest_force)) < self._noise.max_accelerometer_bias
         return AccelerometerState.USED if is_plausible else AccelerometerState.NOT_BELIEVED
 
     def stop(self) -> None:
         """Forget the mean correction."""
-        self._force = 0j
+        self._mean_force = 0j
 
-    def rest(self, taken: ImuIncrement) -> None:
+    def rest(self, increment: ImuIncrement) -> None:
         """Take a measurement at standstill."""
-        if taken.delta_velocity is None or not taken.span:
+        if increment.delta_velocity is None or not increment.span:
             return
-        self._rested += taken.span
+        self._rest_time += increment.span
         # The mean of the last seconds.
-        share = min(1.0, taken.span / min(self._rested, 4.0 * self._noise.settling_time))
-        both = zip(self._mean, taken.delta_velocity, strict=True)
-        self._mean = [mean + share * (part / taken.span - mean) for mean, part in both]
+        gain = mean_gain(increment.span, self._rest_time, 4.0 * self._noise.settling_time)
+        for axis, delta_velocity in enumerate(increment.delta_velocity):
+            force = delta_velocity / increment.span
+            self._rest_force[axis] += gain * (force - self._rest_force[axis])
 
     def reject(self, *, is_at_rest: bool) -> None:
         """Reject it for a while; at standstill until it has rested again."""
-        self._force = 0j
+        self._mean_force = 0j
         self.noise_factor = self._noise.max_noise_factor / 10.0
         if is_at_rest:
             # While a body settles on its feet its acceleration is mistaken for a bias.
-            self._rested = 0.0
+            self._rest_time = 0.0
         else:
             self._wait = self._next_wait
             self._next_wait = min(2.0 * self._wait, self._noise.max_rejection)
@@ -97,25 +99,25 @@ class AccelerometerMonitor:
         self._wait = max(0.0, self._wait - seconds)
         if not self._wait:
             min_wait = 2.0 * self._noise.settling_time
-            share = exp(-seconds / self._noise.max_rejection)
-            self._next_wait = max(min_wait, share * self._next_wait)
+            decay = exp(-seconds / self._noise.max_rejection)
+            self._next_wait = max(min_wait, decay * self._next_wait)
 
     def is_contradicted(self, force: complex, dt: float) -> bool:
         """Learn by which friction the feet correct it; return whether that is too much."""
         n = self._noise
-        self._force += (1.0 - exp(-dt / n.innovation_time)) * (force - self._force)
-        square = self.innovation**2 - self.innovation_square
-        self.innovation_square += min(1.0, dt / n.slope_time) * square
+        self._mean_force += low_pass_gain(dt, n.innovation_time) * (force - self._mean_force)
+        square_change = self.innovation**2 - self.innovation_square
+        self.innovation_square += min(1.0, dt / n.slope_time) * square_change
         excess = (self.innovation / n.expected_innovation) ** 2 - 1.0
         self.noise_factor *= exp(dt / n.innovation_time * min(excess, 3.0))
         self.noise_factor = max(1.0, self.noise_factor)
         return self.noise_factor > n.max_noise_factor
 
-    def is_shaken(self, taken: ImuIncrement, seconds: float) -> bool:
+    def is_shaken(self, increment: ImuIncrement, seconds: float) -> bool:
         """Return whether it measures for a second what no feet can do."""
-        if taken.delta_velocity is None or not taken.span:
+        if increment.delta_velocity is None or not increment.span:
             return False
-        size = hypot(*taken.delta_velocity[:2]) / taken.span
-        share = min(1.0, seconds / self._noise.innovation_time)
-        self._shaking += share * (size - self._shaking)
+        acceleration = hypot(*increment.delta_velocity[:2]) / increment.span
+        gain = min(1.0, seconds / self._noise.innovation_time)
+        self._shaking += gain * (acceleration - self._shaking)
         return self._shaking > GRAVITY

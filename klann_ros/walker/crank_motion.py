@@ -1,9 +1,13 @@
-"""The cranks and the centre of mass of a walker from reading to reading."""
+"""From readings of the cranks to the stance of a walker: angles, centre of mass, feet."""
 
 from collections.abc import Sequence
 from math import exp
 
+from klann_ros.gait import Feet, FootMotion, Point, stance, StancePose, Support
+
+from .low_pass import low_pass_gain
 from .settings import OdometryNoise
+from .slope import Attitude, SlopeEstimator, SupportCheck
 
 
 class CrankFilter:
@@ -18,14 +22,20 @@ class CrankFilter:
         self, cranks: Sequence[float], rates: Sequence[float], seconds: float
     ) -> tuple[list[float], list[float]]:
         """Return the angles before and after a reading; noise would be slip of the feet."""
+        noise = self._noise
         before = list(cranks) if self.angles is None else self.angles
-        last, self._rates = self._rates or rates, list(rates)
-        both = zip(before, last, rates, cranks, strict=True)
-        away = [was + (p + q) / 2.0 * seconds - is_ for was, p, q, is_ in both]
-        n, self.angles = self._noise, list(cranks)
-        if 0.0 < seconds < n.max_step_time and max(map(abs, away)) < n.encoder_gate:
-            share = exp(-seconds / n.encoder_filter_time)
-            self.angles = [is_ + share * by for is_, by in zip(cranks, away, strict=True)]
+        last_rates = self._rates or rates
+        self._rates = list(rates)
+        self.angles = list(cranks)
+        differences = []
+        for crank, angle in enumerate(before):
+            predicted = angle + (last_rates[crank] + rates[crank]) / 2.0 * seconds
+            differences.append(predicted - cranks[crank])
+        is_smooth = max(map(abs, differences)) < noise.encoder_gate
+        if 0.0 < seconds < noise.max_step_time and is_smooth:
+            decay = exp(-seconds / noise.encoder_filter_time)
+            for crank, difference in enumerate(differences):
+                self.angles[crank] += decay * difference
         return before, self.angles
 
 
@@ -45,7 +55,7 @@ class CentreMotion:
     """
 
     def __init__(self, noise: OdometryNoise) -> None:
-        self._time = noise.load_shift_time
+        self._filter_time = noise.load_shift_time
         self.height = 0.0
         self.stop()
 
@@ -56,11 +66,107 @@ class CentreMotion:
         # Velocity over ground [m/s].
         self._ground_velocity: complex | None = None
 
-    def accelerate(self, motion: complex, w: float, dt: float) -> None:
-        """Follow its acceleration; base_link moves by `motion` [m/s] and turns by w [rad/s]."""
-        velocity = motion + (self.velocity or 0j)
+    def accelerate(self, base_velocity: complex, yaw_rate: float, dt: float) -> None:
+        """Follow its acceleration; velocity [m/s] and yaw rate [rad/s] are those of base_link."""
+        velocity = base_velocity + (self.velocity or 0j)
         last = velocity if self._ground_velocity is None else self._ground_velocity
-        acceleration = (velocity - last) / dt + 1j * w * velocity
+        acceleration = (velocity - last) / dt + 1j * yaw_rate * velocity
         self._ground_velocity = velocity
-        share = 1.0 - exp(-dt / self._time)
-        self.acceleration += share * (acceleration - self.acceleration)
+        self.acceleration += low_pass_gain(dt, self._filter_time) * (
+            acceleration - self.acceleration
+        )
+
+
+class StanceEstimator:
+    """
+    The feet on which a walker stands, and its pose on them.
+
+    Attributes
+    ----------
+    feet : Feet
+        Its feet.
+    support : Support, optional
+        None before the first angles, and where its centre of mass is not above its feet.
+    pose : StancePose, optional
+        None where it has no support, and after a jump of the encoders.
+    centre : CentreMotion
+        Its centre of mass.
+    slope : SlopeEstimator
+        The ground below it.
+    support_check : SupportCheck
+        Whether its feet can carry it.
+
+    """
+
+    def __init__(self, feet: Feet, noise: OdometryNoise) -> None:
+        self.feet = feet
+        self._noise = noise
+        self.support: Support | None = None
+        self.pose: StancePose | None = None
+        self.centre = CentreMotion(noise)
+        self.slope = SlopeEstimator(noise)
+        self.support_check = SupportCheck(noise)
+        self._last_pose: StancePose | None = None
+        # Heights of the feet above the plane of their support [m].
+        self._heights: list[float] = []
+
+    def update(
+        self,
+        angles: Sequence[float],
+        attitude: Attitude | None,
+        dt: float,
+        *,
+        is_acceleration_measured: bool,
+    ) -> complex | None:
+        """
+        Place the walker at angles of the cranks [rad] after a step [s].
+
+        Returns the displacement of its centre of mass in base_link [m], None if a pose is unknown.
+        """
+        feet, rolled, centre = self.feet.pose(angles)
+        load_point = self._zero_moment_point(centre, is_accelerated=is_acceleration_measured)
+        slope = self.slope
+        level = slope.above(attitude) if attitude and slope.is_known else None
+        facet = self.support and self.support.facet
+        tolerance = 3.0 * self._noise.tilt_error
+        self.support = support = stance.support(feet, load_point, facet, level, tolerance)
+        self._last_pose = self.pose
+        self.pose = None
+        if support is None:
+            return None
+        slope.update(support, attitude, dt)
+        if attitude and slope.is_known:
+            level = slope.above(attitude)
+            self.support_check.update(feet, load_point, support.facet, level, dt)
+        self.pose = stance.stance_pose(feet, rolled, support, slope.attitude, centre)
+        if self._last_pose is None:
+            return None
+        self.centre.height = support.height_of(centre)
+        nx, ny, nz = support.normal
+        height = support.height
+        self._heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
+        return self.pose.centre - self._last_pose.centre
+
+    def _zero_moment_point(self, centre: Point, *, is_accelerated: bool) -> Point:
+        """Return the centre of mass, shifted by the slope and an acceleration that is measured."""
+        acceleration = -self.slope.acceleration
+        if is_accelerated:
+            acceleration += self.centre.acceleration
+        point = stance.zero_moment_point(complex(*centre[:2]), self.centre.height, acceleration)
+        return point.real, point.imag, centre[2]
+
+    def standing_feet(self, dt: float) -> list[FootMotion]:
+        """Return the motions of the feet that carry it, in a step [s] between two poses."""
+        if self.pose is None or self._last_pose is None:
+            return []
+        # The acceleration of the body shifts the load between the feet.
+        load_point = stance.zero_moment_point(
+            self.pose.centre, self.centre.height, self.centre.acceleration
+        )
+        loads = stance.spring_loads(self.pose.flat, self._heights, load_point)
+        standing = []
+        for foot, load in enumerate(loads):
+            if load > 0.0:
+                before, after = self._last_pose.flat[foot], self.pose.flat[foot]
+                standing.append(stance.foot_motion(before, after, load, dt))
+        return standing

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import gravity_aligned, Triple
-from klann_ros.kinematics.angles import wrap
+from klann_ros.kinematics.angles import wrap, yaw_of
 
 from .settings import OdometryNoise
 
@@ -49,14 +49,18 @@ def imu_reading(
         return ImuReading(None, angular[2], at, force=force)
     x, y, z, w = orientation
     # The vertical in base_link; any norm.
-    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z
-    roll, pitch = atan2(up[1], up[2]), atan2(-up[0], hypot(up[1], up[2]))
-    yaw = atan2(2.0 * (x * y + w * z), w * w + x * x - y * y - z * z)
-    a, b, c = angular
+    up_x = 2.0 * (x * z - w * y)
+    up_y = 2.0 * (y * z + w * x)
+    up_z = w * w - x * x - y * y + z * z
+    roll = atan2(up_y, up_z)
+    pitch = atan2(-up_x, hypot(up_y, up_z))
+    rate_x, rate_y, rate_z = angular
     # About the vertical of a body that is not rolled, and about its y axis.
-    turning, tilting = sin(roll) * b + cos(roll) * c, cos(roll) * b - sin(roll) * c
-    rate = cos(pitch) * turning - sin(pitch) * a
-    return ImuReading(yaw, rate, at, (roll, pitch), (a + tan(pitch) * turning, tilting), force)
+    turning = sin(roll) * rate_y + cos(roll) * rate_z
+    pitch_rate = cos(roll) * rate_y - sin(roll) * rate_z
+    yaw_rate = cos(pitch) * turning - sin(pitch) * rate_x
+    attitude_rates = rate_x + tan(pitch) * turning, pitch_rate
+    return ImuReading(yaw_of(x, y, z, w), yaw_rate, at, (roll, pitch), attitude_rates, force)
 
 
 class ImuIncrement(NamedTuple):
@@ -73,91 +77,161 @@ class ImuIncrement(NamedTuple):
     body_rate: float
 
 
-class ImuPreintegration:
-    """Accumulate readings of an IMU from one reading of the cranks to the next."""
+class OrientationFilter:
+    """
+    The complementary filter of heading and attitude.
 
-    def __init__(self, noise: OdometryNoise) -> None:
-        self._noise = noise
-        self.last: ImuReading | None = None
-        # Variance of the heading [rad^2].
-        self.heading_variance = 0.0
-        # Whether a reading had a specific force that could be used.
-        self.has_accelerometer = False
+    `attitude` is roll and pitch [rad], None without an orientation.
+    """
+
+    def __init__(self, time_constant: float) -> None:
+        self._time_constant = time_constant
+        self.attitude: tuple[float, float] | None = None
+        # The filtered yaw of the readings [rad].
         self._heading: float | None = None
-        self._attitude: tuple[float, float] | None = None
+        # Number of readings.
         self._count = 0
-        # Usual time between readings, and the time without one [s].
-        self.period = self._silent = 0.0
-        self._clear(is_complete=False)
 
-    def _clear(self, *, is_complete: bool = True) -> None:
-        self._turn = self._span = 0.0
-        self._sum: Triple = (0.0, 0.0, 0.0)
-        self._is_complete = is_complete
-
-    def read(self, reading: ImuReading) -> None:
-        """Take a reading."""
-        last, self.last = self.last or reading, reading
+    def update(self, last: ImuReading, reading: ImuReading) -> float:
+        """Take the next reading; return the change of the heading since the last one [rad]."""
         self._count += 1
         dt = max(0.0, reading.at - last.at)
         # The mean of the first readings, then a mean over the time constant.
-        time = self._noise.orientation_filter_time
-        share = min(1.0, max(dt / time, 1.0 / self._count))
+        gain = min(1.0, max(dt / self._time_constant, 1.0 / self._count))
         # After a longer gap the rates are unknown.
-        known = dt if dt < time else 0.0
-        turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * known
+        covered_time = dt if dt < self._time_constant else 0.0
+        turn = (reading.yaw_rate + last.yaw_rate) / 2.0 * covered_time
         if reading.yaw is not None:
             heading = reading.yaw if self._heading is None else self._heading + turn
-            correction = share * wrap(reading.yaw - heading)
+            correction = gain * wrap(reading.yaw - heading)
             turn += correction
             self._heading = heading + correction
-        self._turn += turn
         if reading.attitude is None:
-            self._attitude = None
-        else:
-            before = self._attitude or reading.attitude
-            rates = zip(before, last.attitude_rates, reading.attitude_rates, strict=True)
-            moved = [angle + (p + q) / 2.0 * known for angle, p, q in rates]
-            roll, pitch = (
-                angle + share * (measured - angle)
-                for angle, measured in zip(moved, reading.attitude, strict=True)
-            )
-            self._attitude = roll, pitch
-        if reading.at != last.at:
-            self._integrate_force(last, reading)
+            self.attitude = None
+            return turn
+        attitude = list(self.attitude or reading.attitude)
+        for axis, measured in enumerate(reading.attitude):
+            rate = (last.attitude_rates[axis] + reading.attitude_rates[axis]) / 2.0
+            predicted = attitude[axis] + rate * covered_time
+            attitude[axis] = predicted + gain * (measured - predicted)
+        self.attitude = attitude[0], attitude[1]
+        return turn
 
-    def _integrate_force(self, last: ImuReading, reading: ImuReading) -> None:
-        dt, force, noise = reading.at - last.at, reading.force, self._noise
+
+class VelocityIntegral:
+    """
+    The integral of the specific force less gravity, in the level frame of base_link.
+
+    Attributes
+    ----------
+    is_available : bool
+        Whether a reading had a specific force that could be used.
+    period : float
+        Usual time between readings [s].
+    span : float
+        The time that the integral covers [s].
+
+    """
+
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._noise = noise
+        self.is_available = False
+        self.period = 0.0
+        # Time without a reading [s].
+        self._silent_time = 0.0
+        self.clear()
+        self._is_complete = False
+
+    def clear(self) -> None:
+        """Begin the next interval."""
+        self.span = 0.0
+        self._velocity: Triple = (0.0, 0.0, 0.0)
+        # Whether no reading is missing or invalid.
+        self._is_complete = True
+
+    def read(self, last: ImuReading, reading: ImuReading) -> None:
+        """Integrate from reading to reading."""
+        noise, dt, force = self._noise, reading.at - last.at, reading.force
         if not (
             force
             and last.attitude
             and reading.attitude
             and 0.0 < dt < noise.max_reading_gap
             # NaN compares with nothing.
-            and all(abs(part) * dt < noise.max_impulse for part in force)
+            and all(abs(component) * dt < noise.max_impulse for component in force)
         ):
             self._is_complete = False
             return
-        self.has_accelerometer = True
+        self.is_available = True
         self._is_complete &= dt <= noise.dropout_ratio * (self.period or dt)
         self.period += 0.05 * (dt - self.period) if self.period else dt
-        roll, pitch = ((a + b) / 2.0 for a, b in zip(last.attitude, reading.attitude, strict=True))
+        roll = (last.attitude[0] + reading.attitude[0]) / 2.0
+        pitch = (last.attitude[1] + reading.attitude[1]) / 2.0
         (level,) = gravity_aligned([force], roll, pitch)
         x, y, z = force
         up = -sin(pitch) * x + cos(pitch) * (sin(roll) * y + cos(roll) * z) - GRAVITY
-        sx, sy, sz = self._sum
-        self._sum = sx + level.real * dt, sy + level.imag * dt, sz + up * dt
-        self._span += dt
+        vx, vy, vz = self._velocity
+        self._velocity = vx + level.real * dt, vy + level.imag * dt, vz + up * dt
+        self.span += dt
+
+    def take(self, seconds: float) -> Triple | None:
+        """Return it over an interval [m/s]; None where readings are missing or invalid."""
+        self._silent_time = 0.0 if self.span else self._silent_time + seconds
+        is_valid = self._is_complete and self._silent_time <= self._noise.max_reading_gap
+        return self._velocity if is_valid else None
+
+
+class ImuPreintegration:
+    """
+    Accumulate readings of an IMU from one reading of the cranks to the next.
+
+    Attributes
+    ----------
+    last : ImuReading, optional
+        The last reading.
+    heading_variance : float
+        Variance of the yaw in its messages [rad^2].
+    velocity : VelocityIntegral
+        What its accelerometer measures.
+
+    """
+
+    def __init__(self, noise: OdometryNoise) -> None:
+        self._filter_time = noise.orientation_filter_time
+        self.last: ImuReading | None = None
+        self.heading_variance = 0.0
+        self.velocity = VelocityIntegral(noise)
+        self._orientation = OrientationFilter(noise.orientation_filter_time)
+        # Change of the heading since the last reading of the cranks [rad].
+        self._turn = 0.0
+
+    @property
+    def filtered_heading_variance(self) -> float:
+        """Return the variance of the heading after the filter [rad^2]; 0 without one."""
+        if self.last is None or self.last.yaw is None:
+            return 0.0
+        return self.heading_variance * (self.velocity.period / (2.0 * self._filter_time))
+
+    def read(self, reading: ImuReading) -> None:
+        """Take a reading."""
+        last = self.last or reading
+        self.last = reading
+        self._turn += self._orientation.update(last, reading)
+        if reading.at != last.at:
+            self.velocity.read(last, reading)
 
     def take(self, seconds: float) -> ImuIncrement | None:
         """Return the measurements since the last call, `seconds` ago; None without an IMU."""
         last = self.last
         if last is None:
             return None
-        self._silent = 0.0 if self._span else self._silent + seconds
-        is_valid = self._is_complete and self._silent <= self._noise.max_reading_gap
-        delta_velocity = self._sum if is_valid else None
-        body_rate = max(map(abs, (last.yaw_rate, *last.attitude_rates)))
-        taken = ImuIncrement(self._turn, self._attitude, delta_velocity, self._span, body_rate)
-        self._clear()
-        return taken
+        increment = ImuIncrement(
+            self._turn,
+            self._orientation.attitude,
+            self.velocity.take(seconds),
+            self.velocity.span,
+            max(map(abs, (last.yaw_rate, *last.attitude_rates))),
+        )
+        self._turn = 0.0
+        self.velocity.clear()
+        return increment

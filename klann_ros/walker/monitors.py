@@ -1,7 +1,7 @@
 """Monitors of a walker: does each crank follow its command, and is the body upright."""
 
 from collections import deque
-from math import acos, atan2, copysign, cos, degrees, exp, hypot, inf, isfinite, nan, pi
+from math import acos, atan2, copysign, cos, degrees, hypot, inf, isfinite, nan, pi
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
@@ -10,6 +10,7 @@ from klann_ros.gait import Triple
 from .faults import Fault, FaultKind
 from .feedback import CrankFeedback
 from .imu import ImuReading
+from .low_pass import low_pass_gain
 
 # Part of the commanded path that a crank moves at the least, in the window of the following error,
 # and in one of half a turn; a healthy motor of an empty battery reaches half of its speed.
@@ -286,13 +287,13 @@ class BodyMonitor:
         # NaN compares with nothing: the first reading, and one of another clock, begin the means.
         if not 0.0 <= passed < VERTICAL_TIME:
             self._force, self._norm = force, norm
-        share = 1.0 - exp(-passed / VERTICAL_TIME) if passed > 0.0 else 0.0
-        x, y, z = (
-            mean + share * (part - mean) for mean, part in zip(self._force, force, strict=True)
-        )
+        gain = low_pass_gain(passed, VERTICAL_TIME)
+        x, y, z = self._force
+        x += gain * (force[0] - x)
+        y += gain * (force[1] - y)
+        z += gain * (force[2] - z)
         self._force = x, y, z
-        share = 1.0 - exp(-passed / FREE_FALL_TIME) if passed > 0.0 else 0.0
-        self._norm += share * (norm - self._norm)
+        self._norm += low_pass_gain(passed, FREE_FALL_TIME) * (norm - self._norm)
         # The mean of accelerations alone is 0.
         self._has_gravity |= hypot(x, y, z) > GRAVITY / 2.0
         self._time = time

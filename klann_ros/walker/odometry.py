@@ -64,22 +64,33 @@ from operator import mul
 from typing import NamedTuple
 
 from klann_ros.dynamics import GRAVITY
-from klann_ros.gait import Feet, Point, stance, Support, Triple
-from klann_ros.kinematics.angles import wrap
+from klann_ros.gait import Feet, FootMotion, stance, Support, Symmetric, Triple
 from klann_ros.kinematics.arrays import FloatArray
-import numpy as np
 
 from .accelerometer import AccelerometerMonitor, AccelerometerState
-from .crank_motion import CentreMotion, CrankFilter
-from .filter_state import ContactErrors, FilterState, GYRO_BIAS, GYRO_STATES
-from .imu import ImuIncrement, ImuPreintegration, ImuReading
-from .imu_monitor import ImuMonitor, ImuState
+from .crank_motion import CrankFilter, StanceEstimator
+from .filter_state import (
+    BIAS_X,
+    BIAS_Y,
+    ContactErrors,
+    FilterState,
+    GYRO_BIAS,
+    POSE,
+    VELOCITY,
+    VX,
+    VY,
+    YAW,
+    YAW_RATE,
+)
+from .imu import ImuIncrement, ImuReading
+from .imu_monitor import ImuInput
 from .settings import OdometryNoise
-from .slope import SlopeEstimator, SupportCheck
 from .standstill import GyroCalibration, StandstillDetector
 
 # Variance of a yaw rate that is known [rad^2/s^2].
 KNOWN_YAW_VARIANCE = 1e-18
+# Largest number of integration steps between two readings.
+MAX_STEPS = 500
 
 
 class OdometryEstimate(NamedTuple):
@@ -103,13 +114,21 @@ class OdometryEstimate(NamedTuple):
     rate_variances: Triple
 
 
+class StepMeasurement(NamedTuple):
+    """Measurements of an IMU over an integration step; None without one."""
+
+    # Change of the velocity, with the bias of the accelerometer [m/s].
+    velocity_change: complex | None = None
+    # Without the bias of the gyro [rad/s].
+    yaw_rate: float | None = None
+
+
+UNMEASURED = StepMeasurement()
+
+
 class Odometry:
     """
     Estimate the motion of a walker.
-
-    `support` is that of the feet which carry it: None before the first angles, and where its
-    centre of mass is not above its feet. `travelled` and `slid` are the distances that it moved,
-    and that its feet slid [m].
 
     Parameters
     ----------
@@ -118,69 +137,81 @@ class Odometry:
     noise : OdometryNoise, optional
         Uncertainties.
 
+    Attributes
+    ----------
+    state : FilterState
+        Pose, velocity and biases.
+    contact_errors : ContactErrors
+        The part of the pose's covariance that the contact model causes.
+    stance : StanceEstimator
+        Its feet, and the ground below them.
+    imu_input : ImuInput
+        Its IMU.
+    accelerometer : AccelerometerMonitor
+        Whether it is believed.
+    standstill : StandstillDetector
+        Whether it stands.
+    gyro : GyroCalibration
+        Measures the gyro's bias at standstill.
+    slid : float
+        The distance that its feet slid [m].
+
     """
 
     def __init__(self, feet: Feet, noise: OdometryNoise | None = None) -> None:
-        self.noise = n = noise or OdometryNoise()
-        self._feet = feet
-        self.support: Support | None = None
-        self.travelled = 0.0
+        self.noise = noise = noise or OdometryNoise()
+        self.state = FilterState(noise)
+        self.contact_errors = ContactErrors(noise)
+        self.cranks = CrankFilter(noise)
+        self.stance = StanceEstimator(feet, noise)
+        self.imu_input = ImuInput(noise)
+        self.accelerometer = AccelerometerMonitor(noise)
+        self.standstill = StandstillDetector(noise)
+        self.gyro = GyroCalibration(noise)
         self.slid = 0.0
-        self.state = FilterState(n)
-        self.contact_errors = ContactErrors(n)
-        self.slope = SlopeEstimator(n)
-        self.support_check = SupportCheck(n)
-        self.standstill = StandstillDetector(n)
-        self.gyro = GyroCalibration(n)
-        self.accelerometer = AccelerometerMonitor(n)
-        self.cranks = CrankFilter(n)
-        self.centre = CentreMotion(n)
-        self.imu_monitor = ImuMonitor(n)
-        self._imu = ImuPreintegration(n)
-        self._pose: stance.StancePose | None = None
-        # Turn of the feet by least squares since the last reading, and their slip by the reach
-        # [rad].
-        self._feet_turn = 0.0, 0.0
         self._stop()
 
     def _stop(self) -> None:
         """Forget the velocity."""
-        self.state.mean[3:6] = 0.0
-        self.centre.stop()
+        self.state.mean[VELOCITY] = 0.0
+        self.stance.centre.stop()
         self.accelerometer.stop()
         # Mean slip of the feet [m/s].
         self._slip = 0.0
-        # Measured change of the velocity [m/s], and the yaw rate [rad/s].
-        self._push: complex | None = None
-        self._yaw_rate: float | None = None
+        # Of the last step.
+        self._measured = UNMEASURED
+
+    @property
+    def support(self) -> Support | None:
+        """Return the feet that carry it; None where its centre of mass is not above them."""
+        return self.stance.support
+
+    @property
+    def travelled(self) -> float:
+        """Return the distance that it moved [m]."""
+        return self.state.travelled
 
     @property
     def gyro_bias(self) -> float:
         """Return the drift of the heading [rad/s]."""
-        return float(self.state.mean[GYRO_BIAS])
+        return self.state.gyro_bias
 
     @property
     def accelerometer_state(self) -> AccelerometerState:
         """Return the state of the accelerometer."""
-        has_one = self._imu.has_accelerometer
+        has_one = self.imu_input.readings.velocity.is_available
         return self.accelerometer.state if has_one else AccelerometerState.NONE
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""
-        if self._imu.last is None:
+        if self.imu_input.readings.last is None:
             self.standstill.restart()
-        self.imu_monitor.read(reading)
-        self._imu.heading_variance = variance or self.noise.heading_error**2
-        self._imu.read(reading)
+        self.imu_input.read(reading, variance)
 
     def forget_imu(self) -> None:
         """Go on without the IMU."""
-        self.imu_monitor = ImuMonitor(self.noise)
-        self._restart_imu()
-
-    def _restart_imu(self) -> None:
-        self._imu = ImuPreintegration(self.noise)
-        self.slope.forget()
+        self.imu_input.forget()
+        self.stance.slope.forget()
 
     def set_pose(self, pose: Sequence[float], covariance: FloatArray) -> None:
         """Go on at x, y [m] and yaw [rad]; what is known of velocity and biases stays."""
@@ -189,7 +220,8 @@ class Odometry:
 
     def jump(self) -> None:
         """Take the next angles as a new start: encoders jumped, the robot did not move."""
-        self.cranks.angles = self._pose = None
+        self.cranks.angles = None
+        self.stance.pose = None
 
     def update(
         self,
@@ -207,83 +239,77 @@ class Odometry:
         commanded it does not stand, however slow its cranks are.
         """
         before, angles = self.cranks.read(cranks, rates, seconds)
-        turned = [is_ - was for is_, was in zip(angles, before, strict=True)]
-        n = self.noise
-        steps = min(500, 1 + int(max(map(abs, turned)) / n.longest_step))
+        turns = [after - angle for angle, after in zip(before, angles, strict=True)]
+        steps = min(MAX_STEPS, 1 + int(max(map(abs, turns)) / self.noise.longest_step))
         if seconds <= 0.0:
-            along = sum(map(mul, turned, rates))
-            squares = sum(map(mul, rates, rates))
-            seconds = along / squares if along > 0.0 else n.max_step_time * steps
-        is_moving = is_commanded or max(map(abs, rates)) > n.stationary_rate
-        taken = self._taken(cranks, seconds, is_moving=is_moving)
-        if taken is not None:
+            dot_product = sum(map(mul, turns, rates))
+            square = sum(map(mul, rates, rates))
+            is_forwards = dot_product > 0.0
+            seconds = dot_product / square if is_forwards else self.noise.max_step_time * steps
+        increment = self._take_imu(cranks, rates, seconds, is_commanded=is_commanded)
+        if increment is not None:
             stands = self.standstill.update(
-                cranks, rates, taken.body_rate, seconds, is_commanded=is_commanded
+                cranks, rates, increment.body_rate, seconds, is_commanded=is_commanded
             )
             if stands:
-                self._calibrate(taken, seconds)
+                self._calibrate(increment, seconds)
             else:
                 self.gyro.restart()
             self.accelerometer.elapse(seconds)
-            if self.accelerometer.is_shaken(taken, seconds) and self._has_accelerometer:
+            if self.accelerometer.is_shaken(increment, seconds) and self._has_accelerometer:
                 self._reject_accelerometer()
-        for k in range(1, steps + 1):
-            at = [was + k / steps * by for was, by in zip(before, turned, strict=True)]
-            self._follow(at, taken, seconds / steps, 1.0 / steps)
+        for step in range(1, steps + 1):
+            share = step / steps
+            step_angles = [angle + share * turn for angle, turn in zip(before, turns, strict=True)]
+            self._step(step_angles, increment, seconds / steps, 1.0 / steps)
         return self._estimate()
 
-    def _taken(
-        self, cranks: Sequence[float], seconds: float, *, is_moving: bool
+    def _take_imu(
+        self,
+        cranks: Sequence[float],
+        rates: Sequence[float],
+        seconds: float,
+        *,
+        is_commanded: bool,
     ) -> ImuIncrement | None:
         """Return what the IMU measured since the last reading of the cranks, if it is used."""
-        taken = self._imu.take(seconds)
-        if taken is None:
-            return None
-        feet_turn, slip = self._feet_turn
-        self._feet_turn = 0.0, 0.0
-        if is_moving:
-            turn = taken.turn - self.gyro_bias * seconds
-            self.imu_monitor.compare(feet_turn, turn, slip, seconds)
-        was_used = self.imu_monitor.state is ImuState.USED
-        is_used = self.imu_monitor.update(cranks, seconds) is ImuState.USED
-        if was_used and is_used:
-            return taken
-        if is_used:
-            # What it did meanwhile is no turn of the body.
-            self._restart_imu()
-        elif was_used:
-            # The feet go on with a yaw rate of their own.
-            self.state.mean[5] = feet_turn / seconds if seconds else 0.0
-            self.slope.forget()
-        self.standstill.restart()
-        return None
+        was_used = self.imu_input.is_used
+        is_moving = is_commanded or max(map(abs, rates)) > self.noise.stationary_rate
+        increment = self.imu_input.take(cranks, seconds, self.gyro_bias, is_moving=is_moving)
+        if self.imu_input.is_used is not was_used:
+            if was_used:
+                # The feet go on with a yaw rate of their own.
+                self.state.mean[YAW_RATE] = self.imu_input.feet_yaw_rate
+            self.stance.slope.forget()
+            self.standstill.restart()
+        return increment
 
     @property
     def _has_accelerometer(self) -> bool:
         return self.accelerometer.state is AccelerometerState.USED
 
-    def _calibrate(self, taken: ImuIncrement, seconds: float) -> None:
+    def _calibrate(self, increment: ImuIncrement, seconds: float) -> None:
         """Update the biases at standstill: neither rotation nor acceleration."""
-        # After the filter of heading and gyro.
-        heading = 0.0
-        if self._imu.last and self._imu.last.yaw is not None:
-            share = self._imu.period / (2.0 * self.noise.orientation_filter_time)
-            heading = self._imu.heading_variance * share
-        self.accelerometer.rest(taken)
+        self.accelerometer.rest(increment)
         # The filter of heading and gyro settles first.
         if self.standstill.time >= self.noise.settling_time:
-            confirmed = self.standstill.is_confirmed
-            drift = self.gyro.update(taken, seconds, heading, is_confirmed=confirmed)
+            drift = self.gyro.update(
+                increment,
+                seconds,
+                self.imu_input.readings.filtered_heading_variance,
+                is_confirmed=self.standstill.is_confirmed,
+            )
             if drift is not None:
                 self._learn_gyro_bias(*drift)
-        if taken.delta_velocity is not None and taken.span:
-            variance = self.noise.accelerometer_noise**2 / taken.span
-            for k in (0, 1):
-                self.state.measure(7 + k, taken.delta_velocity[k] / taken.span, variance)
+        if increment.delta_velocity is not None and increment.span:
+            variance = self.noise.accelerometer_noise**2 / increment.span
+            x, y, _ = increment.delta_velocity
+            self.state.measure(BIAS_X, x / increment.span, variance)
+            self.state.measure(BIAS_Y, y / increment.span, variance)
 
     def _learn_gyro_bias(self, rate: float, variance: float) -> None:
-        spread = float(self.state.covariance[GYRO_BIAS, GYRO_BIAS]) + variance
-        innovation = abs(rate - self.gyro_bias) / sqrt(spread)
+        innovation_variance = float(self.state.covariance[GYRO_BIAS, GYRO_BIAS]) + variance
+        innovation = abs(rate - self.gyro_bias) / sqrt(innovation_variance)
         self.gyro.is_steady = innovation <= self.noise.bias_gate
         if self.gyro.is_steady:
             self.state.measure(GYRO_BIAS, rate, variance)
@@ -291,222 +317,224 @@ class Odometry:
             self.standstill.restart()
             self.gyro.restart()
 
-    def _follow(
-        self, angles: Sequence[float], taken: ImuIncrement | None, dt: float, part: float
+    def _step(
+        self, angles: Sequence[float], increment: ImuIncrement | None, dt: float, share: float
     ) -> None:
-        """Predict and update over a step, a part of the interval, to new angles of the cranks."""
-        feet, rolled, centre = self._feet.pose(angles)
-        over = self._zero_moment_point(centre)
-        measured, facet = taken.attitude if taken else None, self.support and self.support.facet
-        level = self.slope.above(measured) if measured and self.slope.is_known else None
-        tolerance = 3.0 * self.noise.tilt_error
-        self.support = rest = stance.support(feet, over, facet, level, tolerance)
-        before, self._pose = self._pose, None
-        if rest is None:
+        """Predict and update over a share of the interval, to new angles of the cranks."""
+        displacement = self.stance.update(
+            angles,
+            increment and increment.attitude,
+            dt,
+            is_acceleration_measured=self._measured.velocity_change is not None,
+        )
+        if self.support is None:
             self._stop()
-            return
-        self.slope.update(rest, measured, dt)
-        if measured and self.slope.is_known:
-            self.support_check.update(feet, over, rest.facet, self.slope.above(measured), dt)
-        self._pose = pose = stance.stance_pose(feet, rolled, rest, self.slope.attitude, centre)
-        if before is None:
+        if displacement is None:
             return
         if dt >= self.noise.max_step_time:
             self._stop()
-        push = None
-        self._yaw_rate = taken.turn * part / dt - self.gyro_bias if taken else None
-        if taken and taken.delta_velocity is not None and self._has_accelerometer:
-            push = part * complex(*taken.delta_velocity[:2])
-        friction_share = self._predict((pose.centre - before.centre) / dt, push, dt)
-        # The acceleration of the body shifts the load between the feet.
-        self.centre.height = rest.height_of(centre)
-        (nx, ny, nz), height = rest.normal, rest.height
-        heights = [max(0.0, nx * x + ny * y + nz * z + height) for x, y, z in feet]
-        acts = stance.zero_moment_point(pose.centre, self.centre.height, self.centre.acceleration)
-        loads = stance.spring_loads(pose.flat, heights, acts)
-        both = zip(before.flat, pose.flat, loads, strict=True)
-        standing = [stance.foot_motion(p, q, load, dt) for p, q, load in both if load > 0.0]
-        self._update(standing, friction_share, dt)
-        if standing and self._imu.last is not None:
-            _, rate = stance.least_squares(standing)
-            turn, slip = self._feet_turn
-            self._feet_turn = turn + rate * dt, slip + self._slip * dt / self._feet.reach
+        last_change = self._measured.velocity_change
+        self._measured = self._step_measurement(increment, dt, share)
+        friction_share = self._predict(displacement / dt, last_change, dt)
+        standing = self.stance.standing_feet(dt)
+        self._correct(standing, friction_share, dt)
+        if standing:
+            _, feet_yaw_rate = stance.least_squares(standing)
+            slip_angle = self._slip * dt / self.stance.feet.reach
+            self.imu_input.add_feet_motion(feet_yaw_rate * dt, slip_angle)
         self._move(standing, dt)
 
-    def _zero_moment_point(self, centre: Point) -> Point:
-        """Return the centre of mass, shifted by the slope and an acceleration that is measured."""
-        acceleration = -self.slope.acceleration
-        if self._push is not None:
-            acceleration += self.centre.acceleration
-        over = stance.zero_moment_point(complex(*centre[:2]), self.centre.height, acceleration)
-        return over.real, over.imag, centre[2]
+    def _step_measurement(
+        self, increment: ImuIncrement | None, dt: float, share: float
+    ) -> StepMeasurement:
+        if increment is None:
+            return UNMEASURED
+        yaw_rate = increment.turn * share / dt - self.gyro_bias
+        if increment.delta_velocity is None or not self._has_accelerometer:
+            return StepMeasurement(None, yaw_rate)
+        return StepMeasurement(share * complex(*increment.delta_velocity[:2]), yaw_rate)
 
-    def _predict(self, moves: complex, push: complex | None, dt: float) -> complex:
+    def _predict(
+        self, centre_velocity: complex, last_change: complex | None, dt: float
+    ) -> complex:
         """
         Predict the velocity; return the friction that balances the measured one, by the largest.
 
-        The centre of mass has the velocity `moves` in base_link [m/s].
+        `centre_velocity` is the velocity of the centre of mass in base_link, and `last_change` the
+        measured change of velocity of the step before [m/s].
         """
-        n, p = self.noise, self.state.covariance
-        vx, vy, w, _, bx, by = self.state.mean[3:].tolist()
-        w = w if self._yaw_rate is None else self._yaw_rate
-        share = 0j
-        if push is None:
+        noise, measured = self.noise, self._measured
+        centre, slope = self.stance.centre, self.stance.slope
+        friction_share = 0j
+        # Without an accelerometer friction may change the velocity within the step.
+        friction_variance = noise.friction * GRAVITY / noise.friction_information
+        # Growth of the variances, by component.
+        growths = dict[int, float]()
+        if measured.velocity_change is None:
             # The centre of mass keeps its velocity over ground.
-            last = moves if self.centre.velocity is None else self.centre.velocity
-            change = self.slope.acceleration * dt - moves + last
+            last_velocity = centre_velocity if centre.velocity is None else centre.velocity
+            change = slope.acceleration * dt - centre_velocity + last_velocity
+            growths[VX] = growths[VY] = friction_variance
         else:
             # From the middle of the last step to that of this one: velocities are means of steps.
-            last = push if self._push is None else self._push
-            change = (last + push) / 2.0 - complex(bx, by) * dt
+            last = measured.velocity_change if last_change is None else last_change
+            bias = self.state.accelerometer_bias
+            change = (last + measured.velocity_change) / 2.0 - bias * dt
             # The force that friction balances, by the greatest friction.
-            share = (self.slope.acceleration - change / dt) / (n.friction * GRAVITY)
-            share /= max(1.0, abs(share))
-        self._push = push
-        self.centre.velocity = moves
-        motion = complex(vx, vy)
-        turns, bias = rect(1.0, -w * dt), 0.0 if push is None else -dt
-        predicted = motion * turns + change
-        self.state.mean[3:6] = predicted.real, predicted.imag, w
-        row = [0, 0, 0, turns, 1j * turns, -1j * motion * dt, 0, bias, 1j * bias]
-        # With a gyro the error of the yaw rate is that of the bias.
-        yaw = [0, 0, 0, 0, 0, 1] if self._yaw_rate is None else [0, 0, 0, 0, 0, 0, -1]
-        # Without an accelerometer friction may change the velocity within the step.
-        noise = n.friction * GRAVITY / n.friction_information
-        spread = noise
-        if push is not None:
-            spread = self.accelerometer.noise_factor * n.accelerometer_noise**2 * dt
-        self.state.propagate(3, row, yaw)
-        p[3, 3] += spread
-        p[4, 4] += spread
-        if push is not None:
-            p[7, 7] += n.accelerometer_drift**2 * dt
-            p[8, 8] += n.accelerometer_drift**2 * dt
-        if self._yaw_rate is None:
-            p[5, 5] += noise / self._feet.gyration**2
+            friction_share = (slope.acceleration - change / dt) / (noise.friction * GRAVITY)
+            friction_share /= max(1.0, abs(friction_share))
+            noise_factor = self.accelerometer.noise_factor
+            growths[VX] = growths[VY] = noise_factor * noise.accelerometer_noise**2 * dt
+            growths[BIAS_X] = growths[BIAS_Y] = noise.accelerometer_drift**2 * dt
+        centre.velocity = centre_velocity
+        if measured.yaw_rate is None:
+            growths[YAW_RATE] = friction_variance / self.stance.feet.gyration**2
         else:
-            p[6, 6] += n.gyro_drift**2 * dt
-            if self._imu.last and self._imu.last.yaw is None:
-                p[2, 2] += n.gyro_noise**2 * dt
-        return share
+            growths[GYRO_BIAS] = noise.gyro_drift**2 * dt
+            reading = self.imu_input.readings.last
+            if reading is not None and reading.yaw is None:
+                growths[YAW] = noise.gyro_noise**2 * dt
+        has_accelerometer = measured.velocity_change is not None
+        self.state.predict(
+            change, measured.yaw_rate, dt, growths, has_accelerometer=has_accelerometer
+        )
+        return friction_share
 
-    def _update(
-        self, standing: Sequence[stance.FootMotion], friction_share: complex, dt: float
-    ) -> None:
-        """Update by the slip of the feet, whose likelihood is dry friction."""
+    def _correct(self, standing: Sequence[FootMotion], friction_share: complex, dt: float) -> None:
+        """Correct the velocity by the slip of the feet, whose likelihood is dry friction."""
         self._slip = 0.0
         if not standing:
             return
-        p, size = self.state.covariance, 3 if self._yaw_rate is None else 2
-        seen, weight = slice(3, 3 + size), self.noise.friction_information * dt
-        (a, b, c), (_, d, e), (_, _, f) = p[3:6, 3:6].tolist()
-        if size == 2:
-            c, e, f = 0.0, 0.0, KNOWN_YAW_VARIANCE
-        held, force = weight, 0j
-        # With an accelerometer, which measures the motion without the feet.
-        if self._push is not None:
-            noise = self.noise.foot_velocity_noise**2 / dt
-            a, d, f = a + noise, d + noise, f + noise / self._feet.reach**2
-            held *= self.slope.contact_weight
-            force = held * friction_share
-        covariance = a, b, c, d, e, f
+        noise, state, weight = self.noise, self.state, self.noise.friction_information * dt
+        has_accelerometer = self._measured.velocity_change is not None
+        covariance = self._velocity_covariance(dt)
+        slip_weight = weight
+        force = 0j
+        if has_accelerometer:
+            slip_weight *= self.stance.slope.contact_weight
+            force = slip_weight * friction_share
         information = stance.inverse(covariance)
-        vx, vy, w = self.state.mean[3:6].tolist()
-        prior = stance.MotionPrior(complex(vx, vy), w, information, force)
-        feet = [stance.FootMotion(moves, arm, held * load) for moves, arm, load in standing]
-        creep = self.noise.stiction_speed
-        found = stance.minimize_slip(feet, creep, prior)
-        posterior = found.covariance
-        if self._push is not None:
-            after = stance.dissipation_hessian(feet, found, creep, information)
-            posterior = stance.inverse(after)
-        by = found.motion.real - vx, found.motion.imag - vy, found.yaw - w
-        learned = [prior - after for prior, after in zip(covariance, posterior, strict=True)]
-        gain = p[:, seen].dot(_square(information, size))
-        saved = self.state.mean[GYRO_STATES].copy(), p[GYRO_STATES, GYRO_STATES].copy()
-        p -= gain.dot(_square(learned, size)).dot(gain.T)
-        self.state.mean += gain.dot(by[:size])
-        if size == 2:
-            self.state.mean[GYRO_STATES], p[GYRO_STATES, GYRO_STATES] = saved
-        self._slip = found.slid / held
-        if self._push is not None:
-            a, b, c, d, e, _ = information
-            x, y, turn = by
-            friction = complex(a * x + b * y + c * turn, b * x + d * y + e * turn) / weight
-            if self.accelerometer.is_contradicted(friction, dt):
+        vx, vy, yaw_rate = state.mean[VELOCITY].tolist()
+        prior = stance.MotionPrior(complex(vx, vy), yaw_rate, information, force)
+        feet = [FootMotion(motion, arm, slip_weight * load) for motion, arm, load in standing]
+        step = stance.minimize_slip(feet, noise.stiction_speed, prior)
+        posterior = step.covariance
+        if has_accelerometer:
+            hessian = stance.dissipation_hessian(feet, step, noise.stiction_speed, information)
+            posterior = stance.inverse(hessian)
+        self._slip = step.slid / slip_weight
+        correction = step.motion.real - vx, step.motion.imag - vy, step.yaw - yaw_rate
+        state.correct_velocity(
+            correction,
+            information,
+            [before - after for before, after in zip(covariance, posterior, strict=True)],
+            with_yaw_rate=self._measured.yaw_rate is None,
+        )
+        if has_accelerometer:
+            xx, xy, x_yaw, yy, y_yaw, _ = information
+            x, y, yaw = correction
+            force_x = xx * x + xy * y + x_yaw * yaw
+            force_y = xy * x + yy * y + y_yaw * yaw
+            if self.accelerometer.is_contradicted(complex(force_x, force_y) / weight, dt):
                 self._reject_accelerometer()
+
+    def _velocity_covariance(self, dt: float) -> Symmetric:
+        """Return the covariance of velocity and yaw rate before the slip is taken into account."""
+        (xx, xy, x_yaw), (_, yy, y_yaw), (_, _, yaw) = self.state.covariance[
+            VELOCITY, VELOCITY
+        ].tolist()
+        if self._measured.yaw_rate is not None:
+            x_yaw = y_yaw = 0.0
+            yaw = KNOWN_YAW_VARIANCE
+        if self._measured.velocity_change is not None:
+            # The accelerometer measures the motion without the feet, whose noise counts then.
+            feet_variance = self.noise.foot_velocity_noise**2 / dt
+            xx += feet_variance
+            yy += feet_variance
+            yaw += feet_variance / self.stance.feet.reach**2
+        return xx, xy, x_yaw, yy, y_yaw, yaw
 
     def _reject_accelerometer(self) -> None:
         self.accelerometer.reject(is_at_rest=self.standstill.time > 0.0)
         self.state.forget_accelerometer(self.noise.accelerometer_bias)
 
-    def _move(self, standing: Sequence[stance.FootMotion], dt: float) -> None:
+    def _move(self, standing: Sequence[FootMotion], dt: float) -> None:
         """Move the pose by the velocity, and its covariance by the errors of the contact model."""
-        n, errors = self.noise, self.contact_errors
-        _, _, yaw, vx, vy, w = self.state.mean[:6].tolist()
-        motion, along = complex(vx, vy), rect(1.0, yaw + w * dt / 2.0)
-        step = along * motion * dt
-        self.state.mean[:2] += step.real, step.imag
-        self.state.mean[2] = wrap(yaw + w * dt)
-        self.travelled += abs(step)
+        noise, measured, slope = self.noise, self._measured, self.stance.slope
+        vx, vy, yaw_rate = self.state.mean[VELOCITY].tolist()
+        velocity = complex(vx, vy)
+        direction = self.state.move(dt)
         self.slid += self._slip * dt
         # The acceleration of the centre of mass shifts the load.
-        self.centre.accelerate(motion, w, dt)
-        self.slope.turn(rect(1.0, -w * dt))
-        scale, doubt, creep, has_gyro = 1.0, 1.0, 0.0, self._yaw_rate is not None
-        if self._push is not None:
+        self.stance.centre.accelerate(velocity, yaw_rate, dt)
+        slope.turn(rect(1.0, -yaw_rate * dt))
+        scale = doubt = 1.0
+        creep = 0.0
+        if measured.velocity_change is not None:
             # Adaptive errors (R. K. Mehra, Approaches to adaptive filtering, IEEE Trans. Automatic
             # Control 17, 1972): by the square of what attitude and accelerometer contradict.
-            rough = self.slope.roughness / n.usual_tilt**2
-            shaken = self.accelerometer.innovation_square / n.usual_innovation**2
-            doubt = max(1.0, rough, shaken)
-            scale = n.slip_scale_with_accelerometer * doubt
-            creep = n.creep_error * min(self._slip, n.stiction_speed) / n.slip_error
-        elif has_gyro:
-            scale = n.slip_scale_with_gyro
-        errors.scale = scale
-        least, turn = stance.least_squares(standing, self._yaw_rate) if standing else (motion, w)
-        side, yaw_row = along * dt, [0, 0, 1, 0, 0, dt]
-        self.state.propagate(0, [1, 1j, 1j * step, side, 1j * side, 0.5j * step * dt], yaw_row)
-        # The pose by the errors of the contact model.
-        slip, contact = scale * self._slip, scale * (least - motion)
-        effects = doubt * motion, slip + creep, 1j * (slip + creep), 0.0, contact
-        turns = () if has_gyro else (0.0, 0.0, 0.0, slip / self._feet.reach, turn - w)
-        errors.move(along, motion, effects, turns, dt)
+            tilt_doubt = slope.roughness / noise.usual_tilt**2
+            force_doubt = self.accelerometer.innovation_square / noise.usual_innovation**2
+            doubt = max(1.0, tilt_doubt, force_doubt)
+            scale = noise.slip_scale_with_accelerometer * doubt
+            creep = noise.creep_error * min(self._slip, noise.stiction_speed) / noise.slip_error
+        elif measured.yaw_rate is not None:
+            scale = noise.slip_scale_with_gyro
+        self.contact_errors.scale = scale
+        least_squares_velocity, least_squares_yaw_rate = velocity, yaw_rate
+        if standing:
+            least_squares_velocity, least_squares_yaw_rate = stance.least_squares(
+                standing, measured.yaw_rate
+            )
+        slip = scale * self._slip
+        velocity_errors = (
+            doubt * velocity,
+            slip + creep,
+            1j * (slip + creep),
+            0.0,
+            scale * (least_squares_velocity - velocity),
+        )
+        yaw_rate_errors: tuple[float, ...] = ()
+        if measured.yaw_rate is None:
+            yaw_rate_difference = least_squares_yaw_rate - yaw_rate
+            yaw_rate_errors = 0.0, 0.0, 0.0, slip / self.stance.feet.reach, yaw_rate_difference
+        self.contact_errors.move(direction, velocity, velocity_errors, yaw_rate_errors, dt)
 
     def _estimate(self) -> OdometryEstimate:
-        rest, n = self.support, self.noise
-        reading = self._imu.last if self.imu_monitor.state is ImuState.USED else None
-        px, py, yaw, vx, vy, angular = self.state.mean[:6].tolist()
-        covariance = self.state.covariance
-        p = (covariance[:3, :3] + self.contact_errors.covariance()).tolist()
-        p[2][2] += self._imu.heading_variance if reading else 0.0
-        roll, pitch = (rest.roll, rest.pitch) if rest else (0.0, 0.0)
-        var_x, var_y, var_w = (float(covariance[k, k]) for k in (3, 4, 5))
-        slip, reach = self.contact_errors.scale * self._slip, self._feet.reach
-        rocks = n.rocking_error * hypot(vx, vy, angular * reach)
-        rocks *= 1.0 if self._push is None else self.contact_errors.scale
-        common = (n.slip_error * slip) ** 2 + rocks * rocks
-        if reading is None:
-            var_w += (n.slip_yaw_error * slip / reach) ** 2 + (rocks / 2.0 / reach) ** 2
-        else:
-            # That of one reading.
-            angular = reading.yaw_rate - self.gyro_bias
-            var_w += n.gyro_noise**2 / self._imu.period if self._imu.period else 0.0
+        support, imu = self.support, self.imu_input
+        x, y, yaw, vx, vy, yaw_rate = self.state.mean[:6].tolist()
+        covariance = self.state.covariance[POSE, POSE] + self.contact_errors.covariance()
+        x_row, y_row, yaw_row = covariance.tolist()
+        roll, pitch = (support.roll, support.pitch) if support else (0.0, 0.0)
+        if imu.is_used and imu.readings.last:
+            reading = imu.readings.last
+            yaw_row[2] += imu.readings.heading_variance
+            yaw_rate = reading.yaw_rate - self.gyro_bias
             roll, pitch = reading.attitude or (roll, pitch)
         return OdometryEstimate(
-            px, py, rest.height if rest else nan, roll, pitch, yaw, (vx, vy), angular,
-            (tuple(p[0]), tuple(p[1]), tuple(p[2])),
-            (
-                var_x + (n.advance_error * vx) ** 2 + common,
-                var_y + (n.advance_error * vy) ** 2 + common,
-                var_w,
-            ),
+            x, y, support.height if support else nan, roll, pitch, yaw, (vx, vy), yaw_rate,
+            (tuple(x_row), tuple(y_row), tuple(yaw_row)), self._rate_variances(),
         )  # fmt: skip
 
-
-def _square(matrix: Sequence[float], size: int) -> FloatArray:
-    """Return the first rows and columns of a `stance.Symmetric`."""
-    a, b, c, d, e, f = matrix
-    rows = ((a, b), (b, d)) if size == 2 else ((a, b, c), (b, d, e), (c, e, f))
-    return np.array(rows)
+    def _rate_variances(self) -> Triple:
+        """Return the variances of the velocity [m^2/s^2] and the yaw rate [rad^2/s^2]."""
+        noise, imu, reach = self.noise, self.imu_input, self.stance.feet.reach
+        vx, vy, yaw_rate = self.state.mean[VELOCITY].tolist()
+        x_variance, y_variance, yaw_variance = self.state.covariance.diagonal()[VELOCITY].tolist()
+        slip = self.contact_errors.scale * self._slip
+        # Rocking of the body at an instant [m/s].
+        rocking = noise.rocking_error * hypot(vx, vy, yaw_rate * reach)
+        if self._measured.velocity_change is not None:
+            rocking *= self.contact_errors.scale
+        common = (noise.slip_error * slip) ** 2 + rocking * rocking
+        if not imu.is_used or imu.readings.last is None:
+            slip_yaw_rate = noise.slip_yaw_error * slip / reach
+            yaw_variance += slip_yaw_rate**2 + (rocking / 2.0 / reach) ** 2
+        elif imu.readings.velocity.period:
+            # The variance of one reading.
+            yaw_variance += noise.gyro_noise**2 / imu.readings.velocity.period
+        return (
+            x_variance + (noise.advance_error * vx) ** 2 + common,
+            y_variance + (noise.advance_error * vy) ** 2 + common,
+            yaw_variance,
+        )

@@ -1,11 +1,12 @@
 """What a measured attitude tells beyond the feet: the slope, bumps, and feet that cannot carry."""
 
 from collections.abc import Sequence
-from math import exp, sin, sqrt
+from math import sin, sqrt
 
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Facet, Point, stance, Support
 
+from .low_pass import low_pass_gain, mean_gain
 from .settings import OdometryNoise
 
 Attitude = tuple[float, float]
@@ -66,31 +67,32 @@ class SlopeEstimator:
         """Take an attitude, None without an IMU, that lasted for `dt` [s]."""
         n = self._noise
         if measured is None:
-            share = 1.0 - exp(-dt / n.tilt_time)
+            gain = low_pass_gain(dt, n.tilt_time)
             roll, pitch = self.attitude or (support.roll, support.pitch)
-            self.attitude = (
-                roll + share * (support.roll - roll), pitch + share * (support.pitch - pitch)
-            )  # fmt: skip
+            roll += gain * (support.roll - roll)
+            pitch += gain * (support.pitch - pitch)
+            self.attitude = roll, pitch
             return
         self.attitude = measured
         self._time += dt
-        roll, pitch = measured[0] - support.roll, measured[1] - support.pitch
-        away, variance = complex(pitch, -roll) - self.acceleration / GRAVITY, n.tilt_error**2
-        square = abs(away) ** 2 / (2.0 * variance)
-        latest = min(1.0, dt / n.slope_time)
-        self._innovation_square += latest * (square - self._innovation_square)
-        self.roughness += latest * (min(square, n.tipping_innovation**2) - self.roughness)
-        share = min(1.0, dt / min(self._time, n.slope_time)) if dt else 1.0
+        ground_roll = measured[0] - support.roll
+        ground_pitch = measured[1] - support.pitch
+        innovation = complex(ground_pitch, -ground_roll) - self.acceleration / GRAVITY
+        square = abs(innovation) ** 2 / (2.0 * n.tilt_error**2)
+        gain = min(1.0, dt / n.slope_time)
+        self._innovation_square += gain * (square - self._innovation_square)
+        self.roughness += gain * (min(square, n.tipping_innovation**2) - self.roughness)
+        slope_gain = mean_gain(dt, self._time, n.slope_time)
         # A body that rocks, jumps or stands on other feet measures no slope.
         self.contact_weight = 1.0 / max(1.0, square)
         if self.is_known:
-            share *= self.contact_weight
-        downhill = GRAVITY * complex(sin(pitch), -sin(roll))
-        self.acceleration += share * (downhill - self.acceleration)
+            slope_gain *= self.contact_weight
+        downhill = GRAVITY * complex(sin(ground_pitch), -sin(ground_roll))
+        self.acceleration += slope_gain * (downhill - self.acceleration)
 
 
 class SupportCheck:
-    """`violation` is the part of the last 10 s on feet that cannot carry the body."""
+    """`violation` is the part of the last `slope_time` on feet that cannot carry the body."""
 
     period = 0.1
 
@@ -101,13 +103,13 @@ class SupportCheck:
         self._wait = 0.0
 
     def update(
-        self, feet: Sequence[Point], over: Point, facet: Facet, level: Attitude, dt: float
+        self, feet: Sequence[Point], load_point: Point, facet: Facet, level: Attitude, dt: float
     ) -> None:
-        """Check now and then; `over` is what the feet carry, `level` its attitude above ground."""
+        """Check now and then; `level` is the attitude above ground, `load_point` is carried."""
         self._wait -= dt
         if self._wait > 0.0:
             return
         self._wait = self.period
-        is_off = stance.outside_feet(feet, over, level, facet) > self._noise.max_outside
-        share = self.period / self._noise.slope_time
-        self.violation += share * (is_off - self.violation)
+        is_outside = stance.outside_feet(feet, load_point, level, facet) > self._noise.max_outside
+        gain = self.period / self._noise.slope_time
+        self.violation += gain * (is_outside - self.violation)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import sqrt
 
 from .imu import ImuIncrement
+from .low_pass import mean_gain
 from .settings import OdometryNoise
 
 
@@ -66,31 +67,35 @@ class StandstillDetector:
     def _has_moved(self, angles: Sequence[float]) -> bool:
         if not self._means:
             return False
-        away = max(abs(a - b) for a, b in zip(angles, self._means, strict=True))
-        if away > self._noise.stationary_angle:
+        distance = max(abs(angle - mean) for angle, mean in zip(angles, self._means, strict=True))
+        if distance > self._noise.stationary_angle:
             return True
         gate = self._noise.stationary_shift + self._noise.standstill_gate * sqrt(self._variance)
-        shifts = [a - b for a, b in zip(self._means, self._first_means, strict=True)]
-        return max(map(abs, shifts)) > gate
+        means = zip(self._means, self._first_means, strict=True)
+        return max(abs(mean - first) for mean, first in means) > gate
 
     def _average(self, angles: Sequence[float], seconds: float) -> None:
         self.time += seconds
         settling = self._noise.settling_time
-        share = min(1.0, seconds / min(self.time, settling)) if self.time else 1.0
+        gain = mean_gain(seconds, self.time, settling) if self.time else 1.0
         if self._last:
-            steps = [a - b for a, b in zip(angles, self._last, strict=True)]
+            largest = max(
+                abs(angle - last) for angle, last in zip(angles, self._last, strict=True)
+            )
             # White noise is in both angles of a step, and in two means of `settling_time`.
-            square = max(step * step for step in steps) / 2.0
-            self._variance += share * (square * 2.0 * seconds / settling - self._variance)
+            square = largest * largest / 2.0
+            self._variance += gain * (square * 2.0 * seconds / settling - self._variance)
         self._last = list(angles)
-        before = self._means or self._last
-        self._means = [m + share * (a - m) for m, a in zip(before, angles, strict=True)]
+        self._means = _low_passed(self._means or self._last, angles, gain)
         if self.time <= settling or not self._first_means:
             self._first_means = self._means
         elif self.is_confirmed:
             # Motors that are not held give way under the weight: the means may move, but slowly.
-            pairs = zip(self._first_means, self._means, strict=True)
-            self._first_means = [first + share * (mean - first) for first, mean in pairs]
+            self._first_means = _low_passed(self._first_means, self._means, gain)
+
+
+def _low_passed(means: Sequence[float], angles: Sequence[float], gain: float) -> list[float]:
+    return [mean + gain * (angle - mean) for mean, angle in zip(means, angles, strict=True)]
 
 
 class GyroCalibration:
@@ -107,15 +112,15 @@ class GyroCalibration:
 
     def restart(self) -> None:
         """Begin the standstill again."""
-        # What was measured [rad] in which time [s], and what waits for the cranks to confirm it.
-        self._turned = 0.0
+        # The measured turn [rad] and its time [s], and those that wait for the cranks to confirm.
+        self._turn = 0.0
         self._time = 0.0
         self._waiting_turn = 0.0
         self._waiting_time = 0.0
 
     def update(
         self,
-        taken: ImuIncrement,
+        increment: ImuIncrement,
         seconds: float,
         heading_variance: float,
         *,
@@ -127,27 +132,30 @@ class GyroCalibration:
         They are independent of those before; None where nothing is measured yet.
         `heading_variance` is 0 without an orientation.
         """
-        self._waiting_turn += taken.turn
+        self._waiting_turn += increment.turn
         self._waiting_time += seconds
         if not is_confirmed or not self._waiting_time:
             return None
         # The mean rate since the standstill began is known with this information; what the
         # interval adds is that after it less that before it.
-        before, weighted = self._information(heading_variance)
+        information_before, vector_before = self._information(heading_variance)
         self._time += self._waiting_time
-        self._turned += self._waiting_turn
-        self._waiting_turn = self._waiting_time = 0.0
-        after, total = self._information(heading_variance)
-        return (total - weighted) / (after - before), 1.0 / (after - before)
+        self._turn += self._waiting_turn
+        self._waiting_turn = 0.0
+        self._waiting_time = 0.0
+        information, vector = self._information(heading_variance)
+        gained = information - information_before
+        return (vector - vector_before) / gained, 1.0 / gained
 
     def _information(self, heading_variance: float) -> tuple[float, float]:
         """Return the information on the mean rate, by noise and creeping feet, and its vector."""
-        white, time = self._noise.gyro_noise**2, self._time
+        time = self._time
         if not time:
             return 0.0, 0.0
-        noise = white / time
+        white = self._noise.gyro_noise**2
+        variance = white / time
         if heading_variance:
             filtered = white * self._noise.orientation_filter_time / 2.0
-            noise = 2.0 * (heading_variance + filtered) / time**2
-        information = 1.0 / (noise + self._noise.standstill_yaw_rate**2)
-        return information, information * self._turned / time
+            variance = 2.0 * (heading_variance + filtered) / time**2
+        information = 1.0 / (variance + self._noise.standstill_yaw_rate**2)
+        return information, information * self._turn / time

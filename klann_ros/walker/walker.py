@@ -204,13 +204,15 @@ class Walker:
             problem = 'its centre of mass is not above its feet'
         elif offset is not None:
             problem = offset.text
-        elif odometry.support_check.violation > odometry.noise.max_support_violation:
-            share = f'{odometry.support_check.violation:.0%} of the time'
+        elif odometry.stance.support_check.violation > odometry.noise.max_support_violation:
+            share = f'{odometry.stance.support_check.violation:.0%} of the time'
             problem = f'it stands on feet that cannot carry it {share}: check body_centre'
-        elif odometry.slope.innovation > odometry.noise.max_tilt_innovation:
+        elif odometry.stance.slope.innovation > odometry.noise.max_tilt_innovation:
             problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
-        elif odometry.imu_monitor.state in IMU_PROBLEMS:
-            problem = f'{IMU_PROBLEMS[odometry.imu_monitor.state]}; odom goes on without the IMU'
+        elif odometry.imu_input.monitor.state in IMU_PROBLEMS:
+            problem = (
+                f'{IMU_PROBLEMS[odometry.imu_input.monitor.state]}; odom goes on without the IMU'
+            )
         elif odometry.accelerometer_state is AccelerometerState.NOT_BELIEVED:
             problem = (
                 'its accelerometer is not believed: check its units and axes, or the feet slip'
@@ -262,12 +264,12 @@ class Walker:
             'cmd_vel_late': str(controller.late),
             'cmd_vel_refused': str(controller.refused),
             'travelled': f'{odometry.travelled:.3f}',
-            'imu': (odometry.imu_monitor.state if has_imu else ImuState.NONE).value,
+            'imu': (odometry.imu_input.monitor.state if has_imu else ImuState.NONE).value,
             'tilt': f'{self._body.tilt:.3f}',
             'accelerometer': accelerometer.value,
             'velocity_innovation': f'{odometry.accelerometer.innovation:.3f}',
-            'tilt_innovation': f'{odometry.slope.innovation:.3f}',
-            'support_violation': f'{odometry.support_check.violation:.3f}',
+            'tilt_innovation': f'{odometry.stance.slope.innovation:.3f}',
+            'support_violation': f'{odometry.stance.support_check.violation:.3f}',
             'gyro_bias': f'{odometry.gyro_bias:.5f}',
         }
 

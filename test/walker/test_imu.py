@@ -108,7 +108,7 @@ def test_a_dropped_message_is_not_interpolated_and_a_slow_imu_is_not_used() -> N
     slow = Readings(period=0.04)
     slow.read()
     assert slow.change() is None
-    assert not slow.imu.has_accelerometer
+    assert not slow.imu.velocity.is_available
 
 
 @pytest.mark.parametrize(
@@ -351,7 +351,7 @@ def turned(
         at += PERIOD * (stamp if is_faulty else 1.0)
         odometry.imu(ImuReading(*measured, at))
         pose = odometry.update((-angle, angle), (-rate, rate), PERIOD)
-        states.add(odometry.imu_monitor.state)
+        states.add(odometry.imu_input.monitor.state)
     return states, odometry, abs(wrap(pose.yaw - yaw))
 
 
@@ -372,12 +372,12 @@ def test_an_imu_that_is_wrong_about_a_turn_is_named_and_not_used(
 ) -> None:
     states, odometry, error = turned(two_motors, fault, stamp=stamp)
     assert states == {ImuState.USED, state}
-    assert odometry.imu_monitor.state is state
+    assert odometry.imu_input.monitor.state is state
     # The feet are wrong by 10 %, in units of degrees the gyro is by half a turn in a second.
     assert error < 0.8
     states, odometry, _ = turned(two_motors, fault, stamp=stamp, until=4.0)
     assert state in states
-    assert odometry.imu_monitor.state is ImuState.USED
+    assert odometry.imu_input.monitor.state is ImuState.USED
 
 
 def test_an_imu_that_is_right_is_used_all_the_time(two_motors: Feet) -> None:
@@ -429,5 +429,5 @@ def test_a_body_that_is_turned_by_hand_turns_as_its_gyro(two_motors: Feet) -> No
         odometry.imu(ImuReading(yaw, rate + 1e-9 * (k % 2), time))
         angle, speed = (time - 8.0, 1.0) if time > 8.0 else (0.0, 0.0)
         pose = odometry.update((angle, angle), (speed, speed), PERIOD)
-        assert odometry.imu_monitor.state is ImuState.USED
+        assert odometry.imu_input.monitor.state is ImuState.USED
     assert wrap(pose.yaw - yaw) == pytest.approx(0.0, abs=0.01)

@@ -1,6 +1,7 @@
 """Where a walker is, from the angles of its cranks alone."""
 
 from math import atan, hypot, inf, nan, pi
+from operator import attrgetter
 from pathlib import Path
 
 from klann_ros.dynamics import GRAVITY
@@ -17,6 +18,7 @@ from klann_ros.walker import (
     Walker,
 )
 from klann_ros.walker.accelerometer import AccelerometerState
+from klann_ros.walker.crank_motion import StanceEstimator
 import numpy as np
 import pytest
 
@@ -360,11 +362,12 @@ def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
     two_motors: Feet, acceleration: float, slope: float, facet: tuple[int, int, int]
 ) -> None:
     # Forwards it leans back, and downhill forwards.
-    odometry = Odometry(two_motors)
-    odometry._push, odometry.centre.height = 0j, 0.3
-    odometry.centre.acceleration = acceleration + 0j
-    odometry.slope.acceleration = slope + 0j
-    rest = support(SEESAW, odometry._zero_moment_point((0.0, 0.0, 0.0)))
+    stance = StanceEstimator(two_motors, OdometryNoise())
+    stance.centre.height = 0.3
+    stance.centre.acceleration = acceleration + 0j
+    stance.slope.acceleration = slope + 0j
+    load_point = stance._zero_moment_point((0.0, 0.0, 0.0), is_accelerated=True)
+    rest = support(SEESAW, load_point)
     assert rest is not None
     assert rest.facet == facet
 
@@ -403,7 +406,7 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
 @pytest.mark.parametrize(
     ('part', 'contradicted', 'usual'),
     [
-        ('slope', 'roughness', 'usual_tilt'),
+        ('stance.slope', 'roughness', 'usual_tilt'),
         ('accelerometer', 'innovation_square', 'usual_innovation'),
     ],
 )
@@ -417,7 +420,7 @@ def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
             angle = max(0.0, 0.01 * (k - 300))
             odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
             if k >= 300:
-                setattr(getattr(odometry, part), contradicted, times * square)
+                setattr(attrgetter(part)(odometry), contradicted, times * square)
             at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
         assert odometry.accelerometer_state is AccelerometerState.USED
         return float(np.sqrt(at.covariance[0][0]))
@@ -434,14 +437,14 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
     assert outside_feet(SEESAW, centre, leans) == pytest.approx(away, abs=1e-9)
     walker = Walker(steering)
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
-    check = walker.odometry.support_check
+    check = walker.odometry.stance.support_check
     for _ in range(400):
         check.update(SEESAW, centre, (1, 2, 3), leans, 0.01)
     level, text = walker.verdict(0.0)
     assert ('check body_centre' in text) == bool(away)
     assert (level == DiagnosticLevel.WARN) == bool(away)
     check.violation = 0.0
-    walker.odometry.slope._innovation_square = 7.1**2
+    walker.odometry.stance.slope._innovation_square = 7.1**2
     assert 'attitude is not that of a body on its feet' in walker.verdict(0.0)[1]
     # An attitude of no feet is that of a body that tips.
     assert outside_feet(SEESAW, centre, (0.3, 0.0)) == 0.0
@@ -512,7 +515,7 @@ def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> 
         pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), at - last)
         last = at
         assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
-        assert odometry.slope.innovation < 3.0
+        assert odometry.stance.slope.innovation < 3.0
     assert hypot(pose.x, pose.y) < 0.6
 
 
