@@ -24,11 +24,12 @@ class CdrCursor:
     A ValueError refuses a message that is not CDR, or ends too early.
     """
 
-    def __init__(self, data: bytes, at: int = HEADER_SIZE) -> None:
+    def __init__(self, data: bytes) -> None:
         if data[:2] not in ORDERS:
             raise ValueError(f'{data[:2]!r} is not how a message begins')
-        # The byte order in struct's notation, and the position [bytes].
-        self.order, self.at = ORDERS[data[:2]], at
+        # The byte order in struct's notation.
+        self.order = ORDERS[data[:2]]
+        self.position = HEADER_SIZE  # [bytes]
         # The ranges of lengths and texts, which define the message's layout [bytes].
         self.structure: list[slice] = []
         self._data = data
@@ -36,14 +37,15 @@ class CdrCursor:
 
     def skip(self, size: int) -> int:
         """Skip `size` bytes; return the offset of the first."""
-        begin, self.at = self.at, self.at + size
-        if self.at > len(self._data):
+        begin = self.position
+        self.position += size
+        if self.position > len(self._data):
             raise ValueError('the message ends too early')
         return begin
 
     def align(self, size: int) -> None:
         """Advance to the alignment of a value of `size` bytes."""
-        self.at += -(self.at - HEADER_SIZE) % size
+        self.position += -(self.position - HEADER_SIZE) % size
 
     def length(self) -> int:
         """Read the length of a sequence or a string."""
@@ -55,7 +57,7 @@ class CdrCursor:
     def string(self) -> bytes:
         """Read a string; it ends at its first zero."""
         begin = self._structural(self.length())
-        return self._data[slice(begin, self.at)].partition(b'\0')[0]
+        return self._data[slice(begin, self.position)].partition(b'\0')[0]
 
     def strings(self) -> list[bytes]:
         """Read a sequence of strings."""
@@ -85,7 +87,7 @@ class CdrCursor:
 
     def _structural(self, size: int) -> int:
         begin = self.skip(size)
-        self.structure.append(slice(begin, self.at))
+        self.structure.append(slice(begin, self.position))
         return begin
 
 
@@ -104,34 +106,30 @@ class JointStateTemplate:
         for name in names:
             head = append_string(head, name)
         self._head = aligned(aligned(head, 4) + struct.pack('<I', count), 8)
-        # Offset of the first position [bytes].
-        self.values_at = HEADER_SIZE + STAMP_SIZE + len(self._head)
         self._middle = struct.pack('<I4x', count)
         layout = f'<4siI{len(self._head)}s{count}d'
-        self._without = struct.Struct(f'{layout}8x')
-        self._with = struct.Struct(f'{layout}8s{count}d4x')
+        self._positions_layout = struct.Struct(f'{layout}8x')
+        self._full_layout = struct.Struct(f'{layout}8s{count}d4x')
 
     def fill(
         self, sec: int, nanosec: int, positions: Sequence[float], velocities: Sequence[float] = ()
     ) -> bytes:
         """Return the message; there are as many velocities as names, or none."""
         if velocities:
-            return self._with.pack(
+            return self._full_layout.pack(
                 CDR_HEADER, sec, nanosec, self._head, *positions, self._middle, *velocities
             )
-        return self._without.pack(CDR_HEADER, sec, nanosec, self._head, *positions)
+        return self._positions_layout.pack(CDR_HEADER, sec, nanosec, self._head, *positions)
 
 
 class PointTemplate:
     """A geometry_msgs/PointStamped of which only stamp, x and y change; z is 0."""
 
-    _rest = 8
+    _zeros_size = 8
 
     def __init__(self, frame_id: str) -> None:
         self._head = aligned(append_string(b'', frame_id), 8)
-        # Offset of x [bytes].
-        self.values_at = HEADER_SIZE + STAMP_SIZE + len(self._head)
-        self._layout = struct.Struct(f'<4siI{len(self._head)}s2d{self._rest}x')
+        self._layout = struct.Struct(f'<4siI{len(self._head)}s2d{self._zeros_size}x')
 
     def fill(self, sec: int, nanosec: int, x: float, y: float) -> bytes:
         """Return the message."""
@@ -141,7 +139,7 @@ class PointTemplate:
 class TwistTemplate(PointTemplate):
     """A geometry_msgs/TwistStamped of which only stamp, linear x and y change; the rest is 0."""
 
-    _rest = 32
+    _zeros_size = 32
 
 
 def append_string(head: bytes, text: str) -> bytes:
