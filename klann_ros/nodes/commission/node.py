@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -13,22 +14,11 @@ from klann_ros.gait import Feet, NoWalkerError
 from klann_ros.nodes.cdr_readers import JointReading
 from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
-from klann_ros.nodes.endpoints import (
-    create_steady_timer,
-    node_of,
-    QOS_USAGE,
-    TypeCheck,
-)
+from klann_ros.nodes.endpoints import create_steady_timer, node_of, QOS_USAGE, TypeCheck
 from klann_ros.nodes.keyboard import Keyboard
 from klann_ros.nodes.leg_declarations import ENCODER_REMEDIES
 from klann_ros.nodes.parameters import declare, require, StartError, usage
-from klann_ros.nodes.process import (
-    arguments,
-    Finish,
-    parameter_files,
-    ProcessNode,
-    run,
-)
+from klann_ros.nodes.process import arguments, Finish, parameter_files, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.robot import CrankDrive, Robot
@@ -42,8 +32,49 @@ from std_msgs.msg import Bool
 
 from .declarations import COMMISSION_PARAMETERS
 
-# Period of the commands; other nodes are discovered first, and a driver is waited for [s].
-PERIOD, DISCOVERY, PATIENCE = 0.01, 2.0, 10.0
+# Period of the commands [s].
+PERIOD = 0.01
+# Time in which other nodes are discovered before a crank turns [s].
+DISCOVERY_TIME = 2.0
+# Time for which a driver is waited for [s].
+DRIVER_TIMEOUT = 10.0
+
+
+class StartPermission:
+    """
+    The user's permission to turn the cranks.
+
+    The space bar gives it once it was requested; pressed again it stops the cranks.
+    """
+
+    def __init__(self, *, is_given: bool) -> None:
+        self.is_given = is_given
+        self.is_withdrawn = False
+        self._is_requested = False
+        self._keyboard = Keyboard()
+        self._keyboard.start(self._on_key, lambda: None)
+
+    def request(self, joints: Sequence[str], angle: float) -> None:
+        """Say once which joints will turn, and by which angle [rad]."""
+        if self._is_requested:
+            return
+        self._is_requested = True
+        print(
+            f'{", ".join(map(printable, joints))} will turn by {degrees(angle):.0f} deg, '
+            'one after the other, '
+            'forwards first (feet on the ground go back) and then back. Look which way.\n'
+            'Keep clear. The space bar begins, and stops.',
+            flush=True,
+        )
+
+    def close(self) -> None:
+        """Restore the terminal."""
+        self._keyboard.close()
+
+    def _on_key(self, key: str) -> None:
+        if key == 'space':
+            self.is_withdrawn = self.is_given
+            self.is_given = self.is_given or self._is_requested
 
 
 class CommissionNode(ProcessNode):
@@ -52,69 +83,80 @@ class CommissionNode(ProcessNode):
     def __init__(self, options: argparse.Namespace, finish: Finish) -> None:
         """Declare, validate and connect; a StartError names what is refused."""
         super().__init__('commission_node')
-        values = declare(self, COMMISSION_PARAMETERS)
+        parameters = declare(self, COMMISSION_PARAMETERS)
         robot = declared_robot(self, described=True)
         self._joints = robot.crank_joints
-        backwards = options.backwards
-        for joint in set(backwards or ()) - {'none'}:
-            allowed = f'of {", ".join(self._joints)}, or none'
-            require(joint in self._joints, '--backwards', joint, allowed)
-        self._options, self._finish = options, finish
-        self._settings = CommissioningSettings(
-            values['angle'],
-            values['max_angle'],
-            values['rate'],
-            timeout=values['feedback_timeout'],
-        )
-        self._commissioning = Commissioning(self._joints, self._settings, backwards)
-        self._feet = _feet(robot)
-        drives = CrankDrives(dict.fromkeys(self._joints, CrankDrive()))
-        self._commands = CrankOutput(self, drives, values['command_type'])
-        self._types = TypeCheck(self, ENCODER_REMEDIES)
-        subscribe_cranks(self, self._joints, values, self._feed_back)
-        self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
-        self._closed = dict.fromkeys(self._joints if options.home else (), False)
-        for joint in self._closed:
-            topic = f'{options.home}/{joint}'
-            self.create_subscription(Bool, topic, partial(self._on_switch, joint), 10)
-        self._begun = monotonic()
-        # Time of the last crank_state [s].
-        self._heard = 0.0
-        self._is_permitted, self._is_stopped = options.yes, False
-        self._has_asked = False
-        self._steps: Iterator[Rates] | None = None
+        for joint in set(options.backwards or ()) - {'none'}:
+            requirement = f'of {", ".join(self._joints)}, or none'
+            require(joint in self._joints, '--backwards', joint, requirement)
+        self._output_path: str | None = options.output
+        self._finish = finish
         self._is_complete = False
+        self._angle: float = parameters['angle']
+        settings = CommissioningSettings(
+            self._angle,
+            parameters['max_angle'],
+            parameters['rate'],
+            timeout=parameters['feedback_timeout'],
+        )
+        self._commissioning = Commissioning(self._joints, settings, options.backwards)
+        # The rates of the cranks, step by step.
+        self._steps = self._procedure(robot, options)
+        drives = CrankDrives(dict.fromkeys(self._joints, CrankDrive()))
+        self._commands = CrankOutput(self, drives, parameters['command_type'])
+        self._types = TypeCheck(self, ENCODER_REMEDIES)
+        subscribe_cranks(self, self._joints, parameters, self._on_crank_state)
+        self.create_subscription(Imu, 'imu', self._on_imu, qos_profile_sensor_data)
+        self._start_time = monotonic()
+        self._has_feedback = False
         # The crank whose turn was announced last.
         self._announced = ''
-        self._keyboard = Keyboard()
-        self._keyboard.start(self._on_key, lambda: None)
+        self._permission = StartPermission(is_given=options.yes)
         create_steady_timer(self, PERIOD, self._on_timer)
 
     def close(self) -> int:
         """Stop the cranks, and restore the terminal; 1 if a signal came before the report."""
         self._commands.end(self._command({}), 0, 0)
-        self._keyboard.close()
+        self._permission.close()
         return 0 if self._is_complete else 1
+
+    def _procedure(self, robot: Robot, options: argparse.Namespace) -> Iterator[Rates]:
+        """Subscribe to the home switches, and return the steps of all turns."""
+        is_closed = dict.fromkeys(self._joints if options.home else (), False)
+
+        def on_switch(joint: str, message: Bool) -> None:
+            is_closed[joint] = message.data
+
+        for joint in is_closed:
+            topic = f'{options.home}/{joint}'
+            self.create_subscription(Bool, topic, partial(on_switch, joint), 10)
+        feet = None
+        with suppress(NoWalkerError):
+            feet = Feet(robot)
+        commissioning = self._commissioning
+
+        def steps() -> Iterator[Rates]:
+            yield from commissioning.turn_all()
+            commissioning.judge_imu(feet)
+            if options.zero:
+                commissioning.set_zero()
+            for joint in is_closed:
+                if joint in commissioning.drives:
+                    yield from commissioning.home(joint, partial(is_closed.__getitem__, joint))
+
+        return steps()
 
     def _command(self, rates: Rates) -> CrankCommand:
         velocities = tuple(rates.get(joint, 0.0) for joint in self._joints)
         return CrankCommand((0.0,) * len(velocities), velocities)
 
-    # Inputs.
-
-    def _on_key(self, key: str) -> None:
-        """Begin by the space bar, and stop by it."""
-        if key == 'space':
-            self._is_stopped = self._is_permitted
-            self._is_permitted = self._is_permitted or self._has_asked
-
-    def _feed_back(self, readings: Mapping[str, JointReading], info: Info) -> None:
-        last = next(iter(readings.values()))
-        stamp = last.sec + last.nanosec / 1e9 or info['source_timestamp'] / 1e9
-        self._heard = self._commissioning.now = monotonic()
-        encoders = {
-            joint: (reading.position, reading.velocity) for joint, reading in readings.items()
-        }
+    def _on_crank_state(self, readings: Mapping[str, JointReading], info: Info) -> None:
+        self._commissioning.now = monotonic()
+        self._has_feedback = True
+        encoders = {}
+        for joint, reading in readings.items():
+            encoders[joint] = reading.position, reading.velocity
+        stamp = reading.sec + reading.nanosec / 1e9 or info['source_timestamp'] / 1e9
         self._commissioning.feedback(encoders, stamp)
 
     def _on_imu(self, message: Imu) -> None:
@@ -122,86 +164,58 @@ class CommissionNode(ProcessNode):
         force, rates = message.linear_acceleration, message.angular_velocity
         self._commissioning.imu((force.x, force.y, force.z), (rates.x, rates.y, rates.z))
 
-    def _on_switch(self, joint: str, message: Bool) -> None:
-        self._closed[joint] = message.data
-
-    # The procedure.
-
     def _on_timer(self) -> None:
         self._types.check()
         now = self._commissioning.now = monotonic()
         problem = self._problem(now)
         if problem:
             self._end(problem)
-        elif self._steps is not None:
-            rates = next(self._steps, None)
-            if rates is None:
-                self._end('')
-            else:
-                self._announce(rates)
-                self._commands.publish(self._command(rates), 0, 0)
-        elif now - self._begun > DISCOVERY and self._heard:
-            self._ask()
+        elif not self._has_feedback or now - self._start_time <= DISCOVERY_TIME:
+            return
+        elif self._permission.is_given:
+            self._step()
+        else:
+            self._permission.request(self._joints, self._angle)
 
     def _problem(self, now: float) -> str:
         """Return why no crank may turn, '' if it may."""
+        waiting_time = now - self._start_time
         topic = self.resolve_topic_name('crank_command')
-        own_name = self.get_fully_qualified_name()
-        nodes = {*map(node_of, self.get_publishers_info_by_topic(topic))} - {own_name}
+        publishers = {*map(node_of, self.get_publishers_info_by_topic(topic))}
+        publishers.discard(self.get_fully_qualified_name())
         # Discovery knows a publisher before its node; no crank turns before its end.
-        is_discovered = '' not in nodes or now - self._begun > DISCOVERY
-        if is_discovered and (nodes or self.count_publishers(topic) > 1):
-            names = printable_line(', '.join(sorted(nodes)) or 'another node of this name')
-            return f'{names} publishes {topic}: end it first'
-        if self._is_stopped:
+        is_discovered = '' not in publishers or waiting_time > DISCOVERY_TIME
+        if is_discovered and (publishers or self.count_publishers(topic) > 1):
+            names = ', '.join(sorted(publishers)) or 'another node of this name'
+            return f'{printable_line(names)} publishes {topic}: end it first'
+        if self._permission.is_withdrawn:
             return 'stopped by a key'
-        if not self._heard and now - self._begun > PATIENCE:
+        if not self._has_feedback and waiting_time > DRIVER_TIMEOUT:
             return f'no crank_state of {", ".join(map(printable, self._joints))}: start the driver'
         return ''
 
-    def _ask(self) -> None:
-        """Begin if it is permitted; say once what will move."""
-        if self._is_permitted:
-            self._steps = self._procedure()
-        elif not self._has_asked:
-            self._has_asked = True
-            joints = ', '.join(map(printable, self._joints))
-            angle = degrees(self._settings.angle)
-            print(
-                f'{joints} will turn by {angle:.0f} deg, one after the other, '
-                'forwards first (feet on the ground go back) and then back. Look which way.\n'
-                'Keep clear. The space bar begins, and stops.',
-                flush=True,
-            )
-
-    def _announce(self, rates: Rates) -> None:
-        """Print which crank begins to turn."""
+    def _step(self) -> None:
+        """Command the next rates, and print which crank begins to turn."""
+        rates = next(self._steps, None)
+        if rates is None:
+            self._end('')
+            return
         for joint in rates:
             if joint != self._announced:
                 print(f'{printable(joint)} turns', flush=True)
             self._announced = joint
-
-    def _procedure(self) -> Iterator[Rates]:
-        commissioning = self._commissioning
-        yield from commissioning.turn_all()
-        commissioning.judge_imu(self._feet)
-        if self._options.zero:
-            commissioning.set_zero()
-        for joint in self._closed:
-            if joint in commissioning.drives:
-                yield from commissioning.home(joint, partial(self._closed.__getitem__, joint))
+        self._commands.publish(self._command(rates), 0, 0)
 
     def _end(self, problem: str) -> None:
         """Stop the cranks, report, write, and finish."""
         self._commands.publish(self._command({}), 0, 0)
-        commissioning = self._commissioning
-        for finding in commissioning.findings:
+        for finding in self._commissioning.findings:
             print(printable_line(f'{finding.subject}: {finding.verdict.value}: {finding.text}'))
-        problem = problem or commissioning.problem
+        problem = problem or self._commissioning.problem
         if problem:
             print(f'commission_node: {problem}', flush=True)
-        elif self._options.output:
-            problem = self._write(self._options.output)
+        elif self._output_path:
+            problem = self._write(self._output_path)
         self._is_complete = True
         self._finish(1 if problem else 0)
 
@@ -215,13 +229,6 @@ class CommissionNode(ProcessNode):
             return str(error)
         print(f'{printable(path)}: a second --params-file, after that of the robot')
         return ''
-
-
-def _feet(robot: Robot) -> Feet | None:
-    try:
-        return Feet(robot)
-    except NoWalkerError:
-        return None
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
@@ -263,7 +270,6 @@ def main(argv: Sequence[str], stop: StopSignals) -> int:
 
 
 def _make(options: argparse.Namespace, finish: Finish) -> Any:
-    keyboard = Keyboard()
-    if not options.yes and not keyboard.is_available:
+    if not options.yes and not Keyboard().is_available:
         raise StartError('there is no terminal to ask: --yes turns the cranks without a question')
     return CommissionNode(options, finish)

@@ -12,11 +12,7 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
 from klann_ros.gait import Triple, Twist2D
 from klann_ros.kinematics.angles import yaw_of
-from klann_ros.nodes.endpoints import (
-    create_publisher,
-    message_class,
-    UnknownMessageTypeError,
-)
+from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
 from klann_ros.sanitize.text import printable
 from klann_ros.walker import OdometryEstimate
