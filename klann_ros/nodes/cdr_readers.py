@@ -1,5 +1,5 @@
 """
-Serialized messages (CDR), read and written by `struct` alone.
+Serialized messages (CDR), read by `struct` alone.
 
 Conversion between bytes and a Python message costs more than the solution of a pose. Here only the
 needed numbers are unpacked and packed; constant parts are read, or made, once.
@@ -18,8 +18,10 @@ from typing import NamedTuple
 from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, ORDERS, read_joint_state, STAMP_SIZE
 from klann_ros.sanitize.text import printable
 
-# Names in the refusal of a message without the joint, and their length [characters].
-_MAX_NAMES, _MAX_NAME_LENGTH = 5, 40
+# Maximum number of names in the refusal of a message without the joint, and their maximum length
+# [characters].
+_MAX_NAMES = 5
+_MAX_NAME_LENGTH = 40
 # The numbers of std_msgs that angles come in, in struct's notation.
 _NUMBERS = {'std_msgs/msg/Float64': 'd', 'std_msgs/msg/Float32': 'f', 'std_msgs/msg/Int32': 'i'}
 
@@ -41,7 +43,8 @@ class NumberReader:
     """Read the number in messages of a type: Float64, Float32 or Int32 of std_msgs."""
 
     def __init__(self, kind: str) -> None:
-        self._kind, code = kind, _NUMBERS[kind]
+        self._kind = kind
+        code = _NUMBERS[kind]
         self._layouts = {begin: struct.Struct(order + code) for begin, order in ORDERS.items()}
 
     def read(self, data: bytes) -> float:
@@ -61,9 +64,10 @@ class JointsReader:
 
     def read(self, data: bytes) -> dict[str, JointReading]:
         """Return the joints that are in a message; a ValueError without any, or if malformed."""
-        found, problem = {}, ValueError()
-        for joint, known in self._layouts.items():
-            layout = known
+        readings = {}
+        problem = ValueError()
+        for joint, last_layout in self._layouts.items():
+            layout = last_layout
             # Most messages differ from the last one in their numbers only.
             if layout is None or not layout.fits(data):
                 try:
@@ -71,10 +75,10 @@ class JointsReader:
                 except ValueError as error:
                     problem = error
                     continue
-            found[joint] = layout.joint(data)
-        if not found:
+            readings[joint] = layout.joint(data)
+        if not readings:
             raise problem
-        return found
+        return readings
 
 
 class _Layout(NamedTuple):
@@ -98,9 +102,9 @@ class _Layout(NamedTuple):
 
 
 def _listed(names: Sequence[bytes]) -> str:
-    decoded = (name.decode(errors='replace') for name in names[:_MAX_NAMES])
-    shown = [printable(name, _MAX_NAME_LENGTH) for name in decoded]
-    return ', '.join(shown if len(names) <= _MAX_NAMES else [*shown, '...'])
+    first_names = [name.decode(errors='replace') for name in names[:_MAX_NAMES]]
+    text = ', '.join(printable(name, _MAX_NAME_LENGTH) for name in first_names)
+    return text if len(names) <= _MAX_NAMES else f'{text}, ...'
 
 
 def _layout(data: bytes, joint: str) -> _Layout:
@@ -115,29 +119,24 @@ def _layout(data: bytes, joint: str) -> _Layout:
             f'{len(names)} names and {counts[0]} positions: there must be as many of each'
         )
     if joint.encode() not in names:
-        shown = printable(joint, _MAX_NAME_LENGTH)
-        raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
+        text = printable(joint, _MAX_NAME_LENGTH)
+        raise ValueError(f'there is no joint {text} among its {len(names)} ({_listed(names)})')
     offset = 8 * names.index(joint.encode())
     numbers = f'{cursor.order}{HEADER_SIZE}xiI'
-    last_end = HEADER_SIZE + STAMP_SIZE
-    is_given = [count == len(names) for count in counts]
-    for begin, has_number in zip(begins, is_given, strict=True):
-        if has_number:
+    stamp_end = HEADER_SIZE + STAMP_SIZE
+    last_end = stamp_end
+    for begin, count in sequences:
+        if count == len(names):
             numbers += f'{begin + offset - last_end}xd'
             last_end = begin + offset + 8
-    ends = [begin + 8 * count for count, begin in zip(counts, begins, strict=True)]
-    # All but stamp, positions, velocities and efforts.
-    spans = [
-        (0, 2),
-        (HEADER_SIZE + STAMP_SIZE, begins[0]),
-        (ends[0], begins[1]),
-        (ends[1], begins[2]),
-    ]
+    # All but stamp, positions, velocities and efforts is fixed.
+    places = (0, stamp_end, begins[0] + 8 * counts[0], begins[1] + 8 * counts[1])
+    ends = (2, *begins)
     return _Layout(
         len(data),
-        tuple(data[begin:end] for begin, end in spans),
-        tuple(begin for begin, _ in spans),
+        tuple(data[begin:end] for begin, end in zip(places, ends, strict=True)),
+        places,
         struct.Struct(numbers),
-        has_velocity=is_given[1],
-        has_effort=is_given[2],
+        has_velocity=counts[1] == len(names),
+        has_effort=counts[2] == len(names),
     )

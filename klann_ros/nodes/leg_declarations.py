@@ -76,7 +76,8 @@ ENCODERS = (
     ),
     number('counts_per_turn', 0.0, 'ticks in a turn of a crank; ticks need it', 0.0, 1e9),
 )
-_JOINT_STATE, _TICKS = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Int32'
+_JOINT_STATE = 'sensor_msgs/msg/JointState'
+_TICKS = 'std_msgs/msg/Int32'
 # What to do about a publisher of another type, by the type that is taken and the published one.
 ENCODER_REMEDIES = {
     (_JOINT_STATE, _TICKS): 'crank_state_type:=ticks and counts_per_turn',
@@ -117,15 +118,14 @@ def place(name: str) -> tuple[Declaration, ...]:
 
 def named_leg(name: str, common: Mapping[str, Any]) -> tuple[Declaration, ...]:
     """Return the parameters of a named leg; its geometry defaults to the common one."""
-    geometry = (
-        replace(
-            p,
-            name=f'{name}.{p.name}',
-            default=common[p.name],
-            description=f'{name}: {p.description}',
+    geometry = []
+    for parameter in GEOMETRY:
+        description = f'{name}: {parameter.description}'
+        default = common[parameter.name]
+        own_name = f'{name}.{parameter.name}'
+        geometry.append(
+            replace(parameter, name=own_name, default=default, description=description)
         )
-        for p in GEOMETRY
-    )
     return (*geometry, *drive(f'{name}.'), *place(name))
 
 

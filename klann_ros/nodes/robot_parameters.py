@@ -27,25 +27,26 @@ def declared_robot(node: Node, *, described: bool = False) -> Robot:
     `described`: wait for a solver's leg_description where no robot is given.
     """
     legs = plain(overrides(node)['legs'].value) if 'legs' in overrides(node) else ()
-    names = {str(leg) for leg in legs} if isinstance(legs, list) else set()
-    given = {}
+    leg_names = {str(leg) for leg in legs} if isinstance(legs, list) else set()
+    parameters = {}
     for name, parameter in sorted(overrides(node).items()):
         family, _, last = name.rpartition('.')
-        is_of_leg = family in names and last in _OF_NAMED_LEG
+        is_of_leg = family in leg_names and last in _OF_NAMED_LEG
         if name in _OF_ROBOT or is_of_leg or name.startswith('cranks.'):
-            given[name] = plain(parameter.value)
-    declare_given(node, given, 'of the robot: see solver_node --help')
+            parameters[name] = plain(parameter.value)
+    declare_given(node, parameters, 'of the robot: see solver_node --help')
     source = 'the parameters are'
-    if not given and described:
-        given, source = _described_parameters(node), f'{DESCRIPTION_TOPIC} is'
-    if not given:
+    if not parameters and described:
+        parameters = _described_parameters(node)
+        source = f'{DESCRIPTION_TOPIC} is'
+    if not parameters:
         nor = f', nor by {DESCRIPTION_TOPIC}' * described
         raise StartError(
             f'no robot is given{nor}: --ros-args --params-file FILE, such as '
             'share/klann_ros/config/walker6_two_motors.yaml'
         )
     try:
-        return robot_from_parameters(given, folders=parameter_folders())
+        return robot_from_parameters(parameters, folders=parameter_folders())
     except (ValueError, TypeError, OSError) as error:
         raise StartError(f'{source} no robot: {printable_line(error)}') from error
 
@@ -53,10 +54,10 @@ def declared_robot(node: Node, *, described: bool = False) -> Robot:
 def _described_parameters(node: Node) -> dict[str, Any]:
     """Return the parameters in a solver's description (untrusted); none before the timeout."""
     node.get_logger().info(f'waiting for {node.resolve_topic_name(DESCRIPTION_TOPIC)}')
-    found, message = wait_for_message(
+    is_received, message = wait_for_message(
         String, node, DESCRIPTION_TOPIC, qos_profile=LATCHED, time_to_wait=_DESCRIPTION_TIMEOUT
     )
     try:
-        return described_solver(message.data, 0).without_files if found else {}
+        return described_solver(message.data, 0).without_files if is_received else {}
     except ValueError as error:
         raise StartError(str(error)) from error

@@ -58,11 +58,13 @@ class CrankInputs:
         # The number of messages older than their predecessor.
         self.out_of_order = 0
         self._clock = node.get_clock()
-        self._joints, self._turn, self._reject = joints, turn, reject
+        self._joints = joints
+        self._turn = turn
+        self._reject = reject
         self._last_stamp = (0, 0)
-        angle = _ANGLES[values['crank_angle_type']]
-        self._number = NumberReader(type_name(angle))
-        self._angles = _Source(node, angle, 'crank_angle', self._on_crank_angle)
+        angle_type = _ANGLES[values['crank_angle_type']]
+        self._angle_reader = NumberReader(type_name(angle_type))
+        self._angles = _Source(node, angle_type, 'crank_angle', self._on_crank_angle)
         self._states: list[_Source] = []
         for index, topic in enumerate(crank_topics(joints, values)):
             on_crank_state = partial(self._on_crank_state, topic, index)
@@ -93,19 +95,22 @@ class CrankInputs:
 
     def sources(self) -> str:
         """Return the publishers of the crank if there are several; call it once a report."""
-        angles = self._angles.active_publishers()
-        states = [(source.active_publishers(), source.topic) for source in self._states]
-        # Topics of ticks are of a crank each.
-        count, topic = max(states)
-        if angles + count < 2:
+        angle_count = self._angles.active_publishers()
+        # Each topic of ticks turns one crank.
+        state_count, state_topic = max((s.active_publishers(), s.topic) for s in self._states)
+        if angle_count + state_count < 2:
             return ''
-        active = ((angles, self._angles.topic), (count, topic))
-        return ' and '.join(f'{topic} ({count})' for count, topic in active if count)
+        sources = []
+        if angle_count:
+            sources.append(f'{self._angles.topic} ({angle_count})')
+        if state_count:
+            sources.append(f'{state_topic} ({state_count})')
+        return ' and '.join(sources)
 
     def _on_crank_angle(self, data: bytes, info: Info) -> None:
         self._angles.count(info)
         try:
-            crank = CrankInput(self._number.read(data), None)
+            crank = CrankInput(self._angle_reader.read(data), None)
         except ValueError as error:
             self._reject(BadMessageError(f'crank_angle: {error}'))
         else:
@@ -122,12 +127,14 @@ class CrankInputs:
                 text = f'{source.topic}: {error}'
             self._reject(BadMessageError(text))
             return
-        cranks, stamp = {}, (0, 0)
+        cranks = {}
+        stamp = (0, 0)
         for joint, reading in readings.items():
-            velocity = reading.velocity
-            known = velocity is not None and isfinite(velocity)
-            cranks[joint] = CrankInput(reading.position, velocity if known else None)
-            stamp = reading.sec, reading.nanosec
+            rate = reading.velocity
+            if rate is not None and not isfinite(rate):
+                rate = None
+            cranks[joint] = CrankInput(reading.position, rate)
+            stamp = (reading.sec, reading.nanosec)
         self._answer(cranks, stamp, info)
 
     def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
@@ -140,9 +147,10 @@ class CrankInputs:
 
     def _now(self, info: Info) -> Stamp:
         """Return the source's time for a message without a stamp, or simulated time."""
-        active = self._clock.ros_time_is_active
-        now = self._clock.now().nanoseconds if active else info['source_timestamp']
-        seconds, nanoseconds = divmod(int(now), 10**9)
+        time = info['source_timestamp']
+        if self._clock.ros_time_is_active:
+            time = self._clock.now().nanoseconds
+        seconds, nanoseconds = divmod(int(time), 10**9)
         return seconds, nanoseconds
 
 
@@ -157,7 +165,7 @@ class _Source:
         self._had_message = False
         # The number of gaps in the sequence numbers, and the last number.
         self._alternations = 0
-        self._number: int | None = None
+        self._sequence: int | None = None
         self._node = node
         self._profile = overridden(node, topic, 'subscription', INPUT)
         self._arguments = (kind, topic, callback, self._profile)
@@ -188,11 +196,11 @@ class _Source:
 
     def count(self, info: Info) -> None:
         self._had_message = True
-        number = info['publication_sequence_number']
-        if number is None or number - 1 != self._number:
+        sequence = info['publication_sequence_number']
+        if sequence is None or sequence - 1 != self._sequence:
             self._alternations += 1
-        self._number = number
-        self.loss.count(number, self.publishers)
+        self._sequence = sequence
+        self.loss.count(sequence, self.publishers)
 
     def active_publishers(self) -> int:
         """
@@ -201,10 +209,12 @@ class _Source:
         Simultaneous publishers alternate, and each numbers its own messages; a silent one, such as
         a node that yields to a driver, does not. One alternation is a change of drivers.
         """
-        most = self.publishers if self._alternations >= _MIN_ALTERNATIONS else 1
-        active = min(self.publishers, most) if self._had_message else 0
-        self._had_message, self._alternations = False, 0
-        return active
+        count = self.publishers if self._had_message else 0
+        if self._alternations < _MIN_ALTERNATIONS:
+            count = min(count, 1)
+        self._had_message = False
+        self._alternations = 0
+        return count
 
     def _on_matched(self, status: Any) -> None:
         self.loss.publishers_changed()

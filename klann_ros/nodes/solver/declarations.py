@@ -27,7 +27,8 @@ INPUTS = (
     ),
     *ENCODERS,
 )
-_FLOAT64, _FLOAT32 = 'std_msgs/msg/Float64', 'std_msgs/msg/Float32'
+_FLOAT64 = 'std_msgs/msg/Float64'
+_FLOAT32 = 'std_msgs/msg/Float32'
 # What to do about a publisher of another type, by the type that is taken and the published one.
 INPUT_TYPE_REMEDIES = {
     (_FLOAT64, _FLOAT32): 'crank_angle_type:=float32',

@@ -17,7 +17,7 @@ class SolverStatistics:
     """Counts since the start, and the worst values since the last report."""
 
     def __init__(self) -> None:
-        # Since the start: published answers, refused inputs, and unsolvable crank angles.
+        # Counts since the start of published answers, refused inputs, and unsolvable crank angles.
         self.solved = self.rejected = self.failed = 0
         self.begin_report()
 
@@ -41,10 +41,12 @@ class SolverStatistics:
         self.residual = max(pose.residual, self.residual)
         sines = pose.sines
         if not self.worst:
-            self.worst, self._min_sines = [pose] * len(sines), list(sines)
+            self.worst = [pose] * len(sines)
+            self._min_sines = list(sines)
         for i, sine in enumerate(sines):
             if sine < self._min_sines[i]:
-                self._min_sines[i], self.worst[i] = sine, pose
+                self._min_sines[i] = sine
+                self.worst[i] = pose
 
     def reject(self, reason: str) -> None:
         """Count an input without a valid crank angle."""
@@ -60,8 +62,8 @@ class SolverStatistics:
 
     def transmission_angles(self, count: int) -> tuple[float, ...]:
         """Return the worst transmission angle of each dyad [rad]; NaN without any pose."""
-        worst = (pose.transmission_angles[i] for i, pose in enumerate(self.worst))
-        return tuple(worst) or (nan,) * count
+        angles = tuple(pose.transmission_angles[i] for i, pose in enumerate(self.worst))
+        return angles or (nan,) * count
 
     @property
     def min_transmission_angle(self) -> float:
@@ -81,10 +83,11 @@ class DrivenLeg:
     def __init__(self, robot_leg: RobotLeg, leg: AnyLeg, joint_separator: str = '/') -> None:
         # Replaced when its lengths are changed.
         self.leg = leg
-        self.name, self.crank_joint = robot_leg.name, robot_leg.crank_joint
-        # Before the names of its topics and frames.
+        self.name = robot_leg.name
+        self.crank_joint = robot_leg.crank_joint
+        # It stands before the names of the leg's topics and frames.
         self.prefix = robot_leg.prefix
-        # As published, the crank's first.
+        # The published names, the crank's first.
         self.joint_names = [robot_leg.joint_name(j, joint_separator) for j in leg.joint_names]
         self._direction = robot_leg.encoder_direction
         self._phase = robot_leg.encoder_phase

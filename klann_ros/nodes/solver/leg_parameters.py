@@ -54,39 +54,35 @@ class LegParameters:
                 values.update(declare(node, named_leg(name, values)))
         if not any(values['legs']):
             values.update(declare(node, drive()))
-        # A dump of the parameters holds the text of each linkage.
-        texts = {
-            name: parameter.value
-            for name, parameter in overrides(node).items()
-            if name.rpartition('.')[2] == LINKAGE_PARAMETER
-        }
-        cranks = {
-            name: parameter.value
-            for name, parameter in overrides(node).items()
-            if name.startswith('cranks.')
-        }
+        parameters = {name: plain(values[name]) for name in values}
+        for name, parameter in overrides(node).items():
+            # A dump of the parameters holds the text of each linkage.
+            if name.rpartition('.')[2] == LINKAGE_PARAMETER or name.startswith('cranks.'):
+                parameters[name] = plain(parameter.value)
+        cranks = [name for name in parameters if name.startswith('cranks.')]
         declare_given(node, cranks, 'encoder or motor of a crank joint')
+        # The legs, by the order of their names; their prefixes of parameters, by name.
+        self.legs: list[DrivenLeg] = []
+        self._prefixes: dict[str, str] = {}
+        # The linkage's file of each leg that is no Klann leg.
+        self._files: dict[str, str] = {}
         try:
-            robot = robot_from_parameters(
-                {name: plain(value) for name, value in {**values, **texts, **cranks}.items()},
-                folders=parameter_folders(),
-                weigh=False,
-            )
+            robot = robot_from_parameters(parameters, folders=parameter_folders(), weigh=False)
             separator = values['joint_separator']
             robot.joint_names(separator)
-            self._prefixes = {leg.name: f'{leg.name}.' * bool(leg.name) for leg in robot.legs}
-            self._files = {leg.name: leg.linkage_file for leg in robot.legs if leg.description}
-            self.legs = [
-                DrivenLeg(leg, LinkageLeg(leg.linkage, **self._settings), separator)
-                for leg in robot.legs
-            ]
+            for leg in robot.legs:
+                self._prefixes[leg.name] = f'{leg.name}.' if leg.name else ''
+                if leg.description:
+                    self._files[leg.name] = leg.linkage_file
+                solver = LinkageLeg(leg.linkage, **self._settings)
+                self.legs.append(DrivenLeg(leg, solver, separator))
         except ValueError as error:
             # Also a GeometryError, and the solver's refusal of tolerance or max_crank_step.
             raise StartError(str(error)) from error
         self._declare_descriptions(node, robot)
-        prefixes = {'', *self._prefixes.values()}
-        others = [prefix + name for prefix in prefixes for name in FOR_OTHERS]
-        declare_given(node, others, 'unused by the solver, described for other programs')
+        for prefix in {'', *self._prefixes.values()}:
+            names = [prefix + name for name in FOR_OTHERS]
+            declare_given(node, names, 'unused by the solver, described for other programs')
 
     def _declare_descriptions(self, node: Node, robot: Robot) -> None:
         """Declare the text of the legs' linkage, and of each leg's where they differ."""
@@ -94,8 +90,8 @@ class LegParameters:
         if len(set(texts.values())) == 1:
             texts = {'': robot.legs[0].description}
         for prefix, text in {'': '', **texts}.items():
-            what = "content of the linkage's file; empty for Klann legs"
-            declare_constant(node, f'{prefix}{LINKAGE_PARAMETER}', text, what)
+            description = "content of the linkage's file; empty for Klann legs"
+            declare_constant(node, f'{prefix}{LINKAGE_PARAMETER}', text, description)
 
     @property
     def summary(self) -> str:
@@ -112,8 +108,10 @@ class LegParameters:
     def _kind(self, driven: DrivenLeg) -> str:
         linkage = driven.leg.linkage
         if driven.name not in self._files:
-            names = [name for name, preset in _PRESETS.items() if preset.linkage == linkage]
-            return f'Klann leg {names[0]}' if names else 'Klann leg of its own lengths'
+            for name, preset in _PRESETS.items():
+                if preset.linkage == linkage:
+                    return f'Klann leg {name}'
+            return 'Klann leg of its own lengths'
         file = self._files[driven.name] or LINKAGE_PARAMETER
         return f'linkage {printable(linkage.name)} ({printable(file)})'
 
@@ -123,30 +121,30 @@ class LegParameters:
 
         A GeometryError says why they are no leg, or cannot be changed.
         """
-        changed: dict[str, AnyLeg] = {}
-        rest = {p.name: p.value for p in parameters if not self._is_unchanged_constant(p)}
+        changed_legs: dict[str, AnyLeg] = {}
+        values = {p.name: p.value for p in parameters if not self._is_unchanged_constant(p)}
         for driven in self.legs:
             prefix = self._prefixes[driven.name]
-            changes = {
-                name: rest.pop(prefix + name) for name in GEOMETRY_NAMES if prefix + name in rest
-            }
+            changes = {}
+            for name in GEOMETRY_NAMES:
+                if prefix + name in values:
+                    changes[name] = plain(values.pop(prefix + name))
             if changes:
                 leg = self._changed(driven, changes)
                 if leg is not driven.leg:
-                    changed[driven.name] = leg
-        common = [name for name in rest if name in GEOMETRY_NAMES]
+                    changed_legs[driven.name] = leg
+        common = [name for name in values if name in GEOMETRY_NAMES]
         if common:
-            first = next(iter(self._prefixes.values()))
+            example = next(iter(self._prefixes.values())) + common[0]
             raise GeometryError(
-                f'{", ".join(common)}: each leg has its own, which can be changed: '
-                f'{first}{common[0]}'
+                f'{", ".join(common)}: each leg has its own, which can be changed: {example}'
             )
-        return changed
+        return changed_legs
 
     def _is_unchanged_constant(self, parameter: Parameter) -> bool:
         """Return whether a length that cannot be changed is set to its present value."""
-        leg, _, length = parameter.name.rpartition('.')
-        if length not in GEOMETRY_NAMES or (leg in self._prefixes and leg not in self._files):
+        leg, _, name = parameter.name.rpartition('.')
+        if name not in GEOMETRY_NAMES or (leg in self._prefixes and leg not in self._files):
             return False
         return bool(plain(self._start_values.get(parameter.name)) == plain(parameter.value))
 
@@ -157,7 +155,5 @@ class LegParameters:
                 f'{", ".join(changes)} cannot be changed: the leg is the linkage in {file}'
             )
         leg = driven.leg
-        changes = {name: plain(value) for name, value in changes.items()}
-        values = {**leg.linkage.dimensions, 'assembly': leg.assembly, **changes}
-        geometry = KlannGeometry(**values)
+        geometry = KlannGeometry(**{**leg.linkage.dimensions, 'assembly': leg.assembly, **changes})
         return leg if geometry.linkage == leg.linkage else KlannLeg(geometry, **self._settings)

@@ -33,8 +33,8 @@ Answer = tuple[DrivenLeg, LinkagePose, LinkageMotion | None]
 _MARKERS_PERIOD = 0.05
 # Sizes of pivots, joints and bars, and of the path, relative to the leg's size.
 _PIVOT_SIZE, _JOINT_SIZE, _BAR_SIZE, _PATH_SIZE = 0.035, 0.03, 0.018, 0.005
-# Markers' numbers; the bodies' follow from the last.
-_PATH_ID, _PIVOTS_ID, _JOINTS_ID, _BODIES_ID = 0, 1, 2, 3
+# Numbers of markers; the bodies' follow from the last.
+_PATH_ID, _PIVOTS_ID, _JOINTS_ID, _BODIES_ID = range(4)
 _GREY, _DARK, _WHITE = '#8d99ae', '#404040', '#f0f0f0'
 
 
@@ -57,8 +57,8 @@ class LegMessages:
             return send
 
         self._send_joint_state = publisher(JointState, 'joint_states')
-        # By the solved legs in it.
-        self._joint_state: dict[tuple[str, ...], JointStateTemplate] = {}
+        # The templates by the names of the solved legs in them.
+        self._templates: dict[tuple[str, ...], JointStateTemplate] = {}
         self._feet = {}
         for leg in legs:
             self._feet[leg.name] = _Foot(
@@ -70,22 +70,29 @@ class LegMessages:
 
     def publish(self, answers: Sequence[Answer], stamp: Stamp) -> None:
         """Publish one JointState and each leg's foot; velocities if every answer has one."""
-        positions = tuple(chain.from_iterable(pose.joints for _, pose, _ in answers))
-        known = [velocity.joints for _, _, velocity in answers if velocity is not None]
-        velocities = tuple(chain(*known)) if len(known) == len(answers) else ()
+        positions: list[float] = []
+        velocities: list[float] = []
+        for _, pose, motion in answers:
+            positions += pose.joints
+            if motion is not None:
+                velocities += motion.joints
+        if len(velocities) < len(positions):
+            velocities = []
         self._send_joint_state(self._template(answers).fill(*stamp, positions, velocities))
-        for leg, pose, velocity in answers:
+        for leg, pose, motion in answers:
             foot = self._feet[leg.name]
             foot.send_point(foot.point.fill(*stamp, *pose.h))
-            if velocity is not None:
-                foot.send_velocity(foot.velocity.fill(*stamp, *velocity.h))
+            if motion is not None:
+                foot.send_velocity(foot.velocity.fill(*stamp, *motion.h))
 
     def _template(self, answers: Sequence[Answer]) -> JointStateTemplate:
         legs = tuple(leg.name for leg, _, _ in answers)
-        template = self._joint_state.get(legs)
+        template = self._templates.get(legs)
         if template is None:
-            names = [name for leg, _, _ in answers for name in leg.joint_names]
-            template = self._joint_state[legs] = JointStateTemplate(names)
+            names: list[str] = []
+            for leg, _, _ in answers:
+                names += leg.joint_names
+            template = self._templates[legs] = JointStateTemplate(names)
         return template
 
 
@@ -99,11 +106,10 @@ class LegDescription:
 
     def publish(self) -> None:
         """Publish the present parameters."""
-        parameters = {
-            name: plain(parameter.value)
-            for name, parameter in self._node.get_parameters_by_prefix('').items()
-            if name.rpartition('.')[2] in DESCRIBED
-        }
+        parameters = {}
+        for name, parameter in self._node.get_parameters_by_prefix('').items():
+            if name.rpartition('.')[2] in DESCRIBED:
+                parameters[name] = plain(parameter.value)
         solver = SolverParameters(self._node.get_fully_qualified_name(), 0, parameters)
         self._publisher.publish(String(data=leg_description(solver)))
 
@@ -162,22 +168,24 @@ class LegMarkers:
         feet = path.h.tolist()
         line = self._marker(leg, _PATH_ID, Marker.LINE_STRIP, _PATH_SIZE * size, _GREY, stamp)
         line.points = _points([*feet, feet[0]] if path.full_turn else feet)
-        drawn = PoseDrawing.of(pose)
+        drawing = PoseDrawing.of(pose)
         pivots = self._marker(leg, _PIVOTS_ID, Marker.CUBE_LIST, _PIVOT_SIZE * size, _DARK, stamp)
-        pivots.points = _points(drawn.points[name] for name in drawn.pivots)
+        pivots.points = _points(drawing.points[name] for name in drawing.pivots)
         return [line, pivots]
 
     def _moving_parts(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
-        drawn = PoseDrawing.of(pose)
-        places = list(drawn.points.values())
-        size = max(float(max(p[k] for p in places) - min(p[k] for p in places)) for k in (0, 1))
-        diameter, width = _JOINT_SIZE * size, _BAR_SIZE * size
+        drawing = PoseDrawing.of(pose)
+        points = list(drawing.points.values())
+        x_values, y_values = zip(*points, strict=True)
+        size = float(max(max(x_values) - min(x_values), max(y_values) - min(y_values)))
+        diameter = _JOINT_SIZE * size
+        width = _BAR_SIZE * size
         joints = self._marker(leg, _JOINTS_ID, Marker.SPHERE_LIST, diameter, _WHITE, stamp)
-        joints.points = _points(places)
+        joints.points = _points(points)
         markers = [joints]
-        for number, body in enumerate(drawn.bodies, start=_BODIES_ID):
+        for number, body in enumerate(drawing.bodies, start=_BODIES_ID):
             bars = self._marker(leg, number, Marker.LINE_LIST, width, body.colour, stamp)
-            bars.points = _points(drawn.points[name] for bar in body.strokes for name in bar)
+            bars.points = _points(drawing.points[name] for name in chain(*body.strokes))
             markers.append(bars)
         return markers
 
@@ -189,10 +197,10 @@ class LegMarkers:
         marker.header.frame_id = leg.prefix + self._frame_id
         marker.pose.orientation.w = 1.0
         marker.scale.x = marker.scale.y = marker.scale.z = size
-        red, green, blue = (part / 255 for part in bytes.fromhex(colour[1:]))
+        red, green, blue = (byte / 255 for byte in bytes.fromhex(colour[1:]))
         marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
         return marker
 
 
-def _points(places: Iterable[Any]) -> list[Point]:
-    return [Point(x=float(x), y=float(y)) for x, y in places]
+def _points(coordinates: Iterable[Any]) -> list[Point]:
+    return [Point(x=float(x), y=float(y)) for x, y in coordinates]

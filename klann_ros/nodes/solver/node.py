@@ -162,10 +162,10 @@ class ManagedSolverNode(LifecycleNode):
         self._solver.inputs.unsubscribe()
         return self._logged('shut down: it answers no more', TransitionCallbackReturn.SUCCESS)
 
-    def _logged(self, text: str, result: TransitionCallbackReturn) -> TransitionCallbackReturn:
-        if result == TransitionCallbackReturn.SUCCESS:
+    def _logged(self, text: str, outcome: TransitionCallbackReturn) -> TransitionCallbackReturn:
+        if outcome == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(text)
-        return result
+        return outcome
 
 
 # Inputs are stale after this time without one [s].
@@ -184,10 +184,12 @@ class SolverDiagnostics:
         period: float,
         min_transmission_angle: float,
     ) -> None:
-        self._node, self._legs, self._inputs = node, legs, inputs
+        self._node = node
+        self._legs = legs
+        self._inputs = inputs
         self._min_transmission_angle = min_transmission_angle
         self._lost_reported = 0
-        # On the steady clock [s].
+        # Times of the last report, and of each leg's last input, on the steady clock [s].
         self._last_report = monotonic()
         self._last_inputs = [self._last_report] * len(legs)
         self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics')
@@ -217,7 +219,8 @@ class SolverDiagnostics:
             statuses.append(diagnostic_status(self._node, name, level, text, values))
             leg.statistics.begin_report()
         self._publisher.publish(diagnostic_array(self._node, statuses))
-        self._lost_reported, self._last_report = lost, now
+        self._lost_reported = lost
+        self._last_report = now
 
     def _level_and_message(
         self, statistics: SolverStatistics, silence: float, input_problem: str
@@ -237,15 +240,18 @@ class SolverDiagnostics:
 
 def _input_problem(lost: int, sources: str) -> str:
     """Return the inputs lost since the last report, and simultaneous publishers of the crank."""
-    were = verb(lost, 'input was', 'inputs were')
-    turned = f'the crank is turned by more than one: {sources}'
-    return '; '.join([f'{lost} {were} lost'] * bool(lost) + [turned] * bool(sources))
+    problems = []
+    if lost:
+        problems.append(f'{lost} {verb(lost, "input was", "inputs were")} lost')
+    if sources:
+        problems.append(f'the crank is turned by more than one: {sources}')
+    return '; '.join(problems)
 
 
 def _values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, object]:
-    statistics, assembly = leg.statistics, leg.leg.assembly
-    angles = enumerate(statistics.transmission_angles(len(assembly)), start=1)
-    return {
+    statistics = leg.statistics
+    assembly = leg.leg.assembly
+    values: dict[str, object] = {
         'solved': statistics.solved,
         'rejected': statistics.rejected,
         'failed': statistics.failed,
@@ -255,17 +261,21 @@ def _values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, obj
         'iterations': statistics.iterations,
         'residual': f'{statistics.residual:.3e}',
         'condition': f'{statistics.condition:.4g}',
-        **{f'transmission_angle_{i}': f'{mu:.6f}' for i, mu in angles},
-        'branch': ' '.join(f'{sign:+d}' for sign in assembly),
     }
+    for i, mu in enumerate(statistics.transmission_angles(len(assembly)), start=1):
+        values[f'transmission_angle_{i}'] = f'{mu:.6f}'
+    values['branch'] = ' '.join(f'{sign:+d}' for sign in assembly)
+    return values
 
 
 def _missing_arcs(arcs: Sequence[tuple[float, float]]) -> str:
     """Return the crank angles outside a leg's arcs in words; '' for a full turn."""
-    ends = [(end, arcs[(i + 1) % len(arcs)][0]) for i, (_, end) in enumerate(arcs)]
-    gaps = [f'{degrees(a) % 360:.2f} .. {degrees(b) % 360:.2f}' for a, b in ends]
     if len(arcs) == 1 and arcs[0][1] - arcs[0][0] >= tau:
         return ''
+    gaps = []
+    for i, (_, gap_begin) in enumerate(arcs):
+        gap_end = arcs[(i + 1) % len(arcs)][0]
+        gaps.append(f'{degrees(gap_begin) % 360:.2f} .. {degrees(gap_end) % 360:.2f}')
     return f'the crank does not turn fully, it cannot reach {", ".join(gaps)} deg'
 
 
