@@ -1,7 +1,7 @@
 """The motion of a crank: parameters, and angle and rate as functions of time alone."""
 
 from dataclasses import dataclass
-from math import cos, floor, isfinite, pi, sin
+from math import copysign, cos, floor, isfinite, pi, remainder, sin
 
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.errors import KinematicsError
@@ -10,6 +10,8 @@ from klann_ros.nodes.parameters import Declaration
 MODES = ('constant', 'sine', 'sweep', 'step')
 # Periods of sine, sweep and step [s].
 _MIN_PERIOD, _MAX_PERIOD = 1e-6, 1e9
+# Rate at which a bounded motion returns to its bounds after a driver [rad/s].
+_RETURN_RATE = 1.0
 
 
 class CrankMotionError(KinematicsError, ValueError):
@@ -78,11 +80,41 @@ class CrankMotion:
             rate = TURN * self.frequency * self.amplitude * cos(phase)
             return self.start + self.amplitude * sin(phase), rate
         if self.mode == 'sweep':
-            half_turns = (t / self.period) % 1.0 * 2.0
-            way, rate = min(half_turns, 2.0 - half_turns), 2.0 * self.amplitude / self.period
-            return self.start + self.amplitude * way, rate if half_turns < 1.0 else -rate
+            half_periods = (t / self.period) % 1.0 * 2.0
+            share = min(half_periods, 2.0 - half_periods)
+            rate = 2.0 * self.amplitude / self.period
+            return self.start + self.amplitude * share, rate if half_periods < 1.0 else -rate
         # Rounding of t must not postpone a jump.
         return self.start + self.amplitude * floor(self.frequency * t + 1e-9), 0.0
+
+
+class ResumableMotion:
+    """
+    A motion that goes on where a driver has left the crank.
+
+    `constant` goes on without bounds; the others return to theirs, step by step.
+    """
+
+    def __init__(self, motion: CrankMotion, steps_per_second: float) -> None:
+        self._motion = motion
+        self._steps_per_second = steps_per_second
+        # Offset of the motion since a driver has turned the crank [rad].
+        self._offset = 0.0
+
+    def resume(self, t: float, angle: float) -> None:
+        """Go on at a time [s] from an angle [rad]."""
+        self._offset = angle - self._motion.at(t)[0]
+
+    def step(self, t: float) -> tuple[float, float]:
+        """Return angle [rad] and rate [rad/s] at the time of the next step [s]."""
+        angle, rate = self._motion.at(t)
+        if self._offset and self._motion.mode != 'constant':
+            # Whole turns are not unwound.
+            excess = remainder(self._offset, TURN)
+            size = min(_RETURN_RATE / self._steps_per_second, abs(excess))
+            self._offset -= copysign(size, excess)
+            rate -= copysign(size * self._steps_per_second, excess)
+        return angle + self._offset, rate
 
 
 _DEFAULT = CrankMotion()

@@ -2,12 +2,11 @@
 
 from array import array
 from collections.abc import Mapping, Sequence
-from math import copysign, inf, isfinite, remainder
+from math import inf, isfinite
 from time import monotonic
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from klann_ros.cli import ArgumentParser
-from klann_ros.kinematics.angles import TURN
 from klann_ros.nodes.endpoints import create_publisher, create_steady_timer, flush, QOS_USAGE
 from klann_ros.nodes.lease import LeaseListener
 from klann_ros.nodes.parameters import declare, require, StartError, usage
@@ -15,21 +14,54 @@ from klann_ros.nodes.process import arguments, Finish, run
 from klann_ros.stop_signals import StopSignals
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from .motion import CRANK_PARAMETERS, CrankMotion, CrankMotionError, MOTION
-
-if TYPE_CHECKING:
-    from rclpy.subscription import Subscription
+from .motion import CRANK_PARAMETERS, CrankMotion, CrankMotionError, MOTION, ResumableMotion
 
 # Time for a subscriber to match the publisher once the publisher knows of it, and for a driver's
 # lease to be heard before the first message [s].
 DISCOVERY_TIME = 0.3
 # After a longer stop the motion continues from its last angle, without a burst [s].
 _MAX_CATCH_UP = 0.5
-# Rate of a bounded motion's return to its bounds after a driver [rad/s].
-_RETURN_RATE = 1.0
+
+
+class CrankPublisher:
+    """Publisher of the crank's angle, or of angle and rate as a joint's state."""
+
+    def __init__(self, node: Node, output: str, crank_joint: str) -> None:
+        self.is_state = output == 'crank_state'
+        kind = JointState if self.is_state else Float64
+        self.publisher: Any = create_publisher(node, kind, output)
+        self._state = JointState(name=[crank_joint])
+
+    def publish(self, angle: float, rate: float, time: Time) -> None:
+        """Publish angle [rad] and rate [rad/s] at a time."""
+        if not self.is_state:
+            self.publisher.publish(Float64(data=angle))
+            return
+        self._state.header.stamp = time.to_msg()
+        self._state.position = array('d', [angle])
+        self._state.velocity = array('d', [rate])
+        self.publisher.publish(self._state)
+
+
+class DriverListener:
+    """The last angle that a driver has published, until `close`; None before the first [rad]."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        self.angle: float | None = None
+        self._node = node
+        self._subscription = node.create_subscription(Float64, topic, self._on_angle, 1)
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _on_angle(self, message: Float64) -> None:
+        if isfinite(message.data):
+            self.angle = message.data
 
 
 class CrankNode(Node):
@@ -37,138 +69,105 @@ class CrankNode(Node):
     Publish the crank's angle, the n-th as a function of n / rate alone, then finish.
 
     While a driver holds the lease of the topic nothing is published. Afterwards the motion
-    continues from the driver's last angle: `constant` without bounds; the others return to theirs.
+    continues from the driver's last angle.
     """
 
     def __init__(self, finish: Finish, **options: Any) -> None:
         """Declare and validate the parameters; a StartError names a refused one."""
         super().__init__('crank_node', **options)
         self._finish = finish
-        values = declare(self, [*MOTION, *CRANK_PARAMETERS])
+        parameters = declare(self, [*MOTION, *CRANK_PARAMETERS])
         try:
-            self._motion = CrankMotion(**{p.name: values[p.name] for p in MOTION})
+            motion = CrankMotion(**{p.name: parameters[p.name] for p in MOTION})
         except CrankMotionError as error:
             raise StartError(str(error)) from error
-        self._rate: float = values['rate']
-        self._count = self._messages(values['revolutions'])
-        self._min_subscribers = values['min_subscribers']
-        self._make_output(values['output'], values['crank_joint'])
-        self._n = 0
-        # Steady time [s]: simulated time may stand still or jump; the crank turns all the same.
+        self._rate: float = parameters['rate']
+        self._motion = ResumableMotion(motion, self._rate)
+        # The number of messages, and of those that were sent.
+        self._count = self._message_count(parameters['revolutions'], motion.period)
+        self._sent_count = 0
+        self._min_subscribers: int = parameters['min_subscribers']
+        self._output = CrankPublisher(self, parameters['output'], parameters['crank_joint'])
+        # Steady time of the first message [s], infinite before, and its time by the node's clock:
+        # simulated time may stand still or jump; the crank turns all the same.
         self._begin = inf
-        # Offset of the motion since a driver has turned the crank [rad].
-        self._offset = 0.0
-        self._is_bounded = values['mode'] != 'constant'
-        self._driver_angle: float | None = None
-        self._driver_input: Subscription | None = None
-        self._lease = LeaseListener(self, self._publisher.topic_name, self._on_lease)
-        self._waiting = create_steady_timer(self, 0.02, self._wait)
-        self.get_logger().info(f'ready: {self._summary(values)}')
+        self._begin_stamp = self.get_clock().now()
+        self._driver: DriverListener | None = None
+        self._lease = LeaseListener(self, self._output.publisher.topic_name, self._on_lease)
+        self._start_timer = create_steady_timer(self, 0.02, self._start_if_ready)
+        self.get_logger().info(f'ready: {self._summary(parameters)}')
 
-    def _summary(self, values: Mapping[str, Any]) -> str:
-        kind = f'{values["speed"]:g} rad/s'
-        if values['mode'] in ('sine', 'step'):
-            kind = f'{values["amplitude"]:g} rad at {values["frequency"]:g} Hz'
-        until = f'{values["revolutions"]:g} revolutions' if self._count < inf else 'endless'
-        least = self._min_subscribers
-        condition = f', as soon as {least} subscribe' if least else ''
+    def _summary(self, parameters: Mapping[str, Any]) -> str:
+        mode = parameters['mode']
+        size = f'{parameters["speed"]:g} rad/s'
+        if mode in ('sine', 'step'):
+            size = f'{parameters["amplitude"]:g} rad at {parameters["frequency"]:g} Hz'
+        end = f'{parameters["revolutions"]:g} revolutions' if self._count < inf else 'endless'
+        condition = ''
+        if self._min_subscribers:
+            condition = f', as soon as {self._min_subscribers} subscribe'
         return (
-            f'{values["mode"]} ({kind}), {until}, {self._rate:g} messages a second on '
-            f'{self._publisher.topic_name}{condition}'
+            f'{mode} ({size}), {end}, {self._rate:g} messages a second on '
+            f'{self._output.publisher.topic_name}{condition}'
         )
 
-    def _messages(self, revolutions: float) -> float:
+    def _message_count(self, revolutions: float, period: float) -> float:
         require(0.0 <= revolutions < inf, 'revolutions', revolutions, 'finite and >= 0')
         if revolutions == 0.0:
             return inf
-        duration = revolutions * self._motion.period
+        duration = revolutions * period
         require(isfinite(duration), 'revolutions', revolutions, '0 where speed is 0')
         return float(round(duration * self._rate) + 1)
 
-    def _make_output(self, output: str, crank_joint: str) -> None:
-        is_state = output == 'crank_state'
-        self._publisher = create_publisher(self, JointState if is_state else Float64, output)
-        self._publish = self._publish_state if is_state else self._publish_angle
-        self._angle, self._state = Float64(), JointState(name=[crank_joint])
-
-    def _wait(self) -> None:
+    def _start_if_ready(self) -> None:
         now = monotonic()
-        has_too_few = self._publisher.get_subscription_count() < self._min_subscribers
-        if has_too_few or self._lease.holder:
+        subscriber_count = self._output.publisher.get_subscription_count()
+        if subscriber_count < self._min_subscribers or self._lease.holder:
             self._begin = inf
         elif self._begin == inf:
             self._begin = now + DISCOVERY_TIME
         if now >= self._begin:
-            self._waiting.cancel()
+            self._start_timer.cancel()
             self._begin = now
-            self._origin = self.get_clock().now()
-            create_steady_timer(self, 1.0 / self._rate, self._tick)
-            self._tick()
+            self._begin_stamp = self.get_clock().now()
+            create_steady_timer(self, 1.0 / self._rate, self._publish_due)
+            self._publish_due()
 
-    def _tick(self) -> None:
+    def _publish_due(self) -> None:
         """Publish the due angles: a late timer catches up, so that no angle is skipped."""
         if self._lease.holder:
             return
-        late = self._elapsed() - self._n / self._rate
-        if late > _MAX_CATCH_UP:
-            self._begin += late
-            self._origin += Duration(seconds=late)
-        due = int(self._elapsed() * self._rate + 1e-6) + 1
-        while self._n < min(due, self._count):
-            angle, rate = self._motion.at(self._n / self._rate)
-            return_rate = self._return()
-            self._publish(angle + self._offset, rate + return_rate, self._n / self._rate)
-            self._n += 1
-        if self._n >= self._count:
-            flush([self._publisher])
+        delay = monotonic() - self._begin - self._sent_count / self._rate
+        if delay > _MAX_CATCH_UP:
+            self._begin += delay
+            self._begin_stamp += Duration(seconds=delay)
+        due_count = int((monotonic() - self._begin) * self._rate + 1e-6) + 1
+        while self._sent_count < min(due_count, self._count):
+            t = self._sent_count / self._rate
+            angle, rate = self._motion.step(t)
+            self._output.publish(angle, rate, self._begin_stamp + Duration(seconds=t))
+            self._sent_count += 1
+        if self._sent_count >= self._count:
+            flush([self._output.publisher])
             self._finish()
 
     def _on_lease(self, driver: str) -> None:
         """Yield to a driver, or resume at its last angle."""
+        topic = self._lease.topic
         if driver:
-            topic = self._lease.topic
             self.get_logger().info(f'yields to {driver}, which drives {topic}')
-            self._driver_input = self.create_subscription(Float64, topic, self._on_driver_angle, 1)
+            self._driver = self._driver or DriverListener(self, topic)
             return
-        if self._driver_input is not None:
-            self.destroy_subscription(self._driver_input)
-        self._driver_input = None
-        t = self._n / self._rate
-        if self._driver_angle is not None:
-            self._offset = self._driver_angle - self._motion.at(t)[0]
-            self._driver_angle = None
+        t = self._sent_count / self._rate
+        if self._driver is not None:
+            self._driver.close()
+            if self._driver.angle is not None:
+                self._motion.resume(t, self._driver.angle)
+            self._driver = None
         if self._begin < inf:
             self._begin = monotonic() - t
-            self._origin = self.get_clock().now() - Duration(seconds=t)
+            self._begin_stamp = self.get_clock().now() - Duration(seconds=t)
         self.get_logger().info('the driver has left: resumes where the crank is')
-
-    def _on_driver_angle(self, message: Float64) -> None:
-        if isfinite(message.data):
-            self._driver_angle = message.data
-
-    def _return(self) -> float:
-        """Step back towards the motion's bounds; return the rate of the step [rad/s]."""
-        if not (self._offset and self._is_bounded):
-            return 0.0
-        # Whole turns are not unwound.
-        excess = remainder(self._offset, TURN)
-        step = min(_RETURN_RATE / self._rate, abs(excess))
-        self._offset -= copysign(step, excess)
-        return -copysign(step * self._rate, excess) if step else 0.0
-
-    def _elapsed(self) -> float:
-        return monotonic() - self._begin
-
-    def _publish_angle(self, angle: float, *_: float) -> None:
-        self._angle.data = angle
-        self._publisher.publish(self._angle)
-
-    def _publish_state(self, angle: float, rate: float, t: float) -> None:
-        message = self._state
-        message.header.stamp = (self._origin + Duration(seconds=t)).to_msg()
-        message.position = array('d', [angle])
-        message.velocity = array('d', [rate])
-        self._publisher.publish(message)
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
