@@ -97,14 +97,13 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
     (-1,) [285.78, 235.2]
 
     """
-    given, alpha = as_linkage(linkage), crank_angle(alpha)
-    return list(_of_dyads(given, alpha) if given.is_dyadic else _of_coupled_loops(given, alpha))
+    return list(_poses(as_linkage(linkage), crank_angle(alpha)))
 
 
 def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
     """Yield `assemblies` one by one: ten dyads have a thousand."""
-    signs = product(*_block_signs(linkage))
-    return (one for one in signs if closes_somewhere(linkage.in_assembly(one)))
+    modes = product(*_block_signs(linkage))
+    return (signs for signs in modes if closes_somewhere(linkage.in_assembly(signs)))
 
 
 def _block_signs(linkage: Linkage) -> list[tuple[int, ...]]:
@@ -112,34 +111,42 @@ def _block_signs(linkage: Linkage) -> list[tuple[int, ...]]:
     return [(1, -1) if block.two_branches else (1,) for block in linkage.blocks]
 
 
-def _of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+def _poses(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+    if linkage.is_dyadic:
+        return _poses_of_dyads(linkage, alpha)
+    return _poses_of_coupled_loops(linkage, alpha)
+
+
+def _poses_of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
     failed: tuple[int, ...] = ()
     for signs in product(*_block_signs(linkage)):
         # What fails at a dyad fails whatever the signs from there on.
         if failed and signs[: len(failed) - 1] == failed[:-1]:
             continue
-        one = linkage.in_assembly(signs)
+        assembled = linkage.in_assembly(signs)
         try:
-            u = closed_form_vectors(one, alpha)
+            u = closed_form_vectors(assembled, alpha)
         except errors.UnreachableError as error:
             failed = signs[: error.dyad]
             continue
-        yield closed_pose(one, u, alpha)
+        yield closed_pose(assembled, u, alpha)
 
 
-def _of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
-    found: list[FloatArray] = []
+def _poses_of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+    solutions: list[FloatArray] = []
     for guess in _guesses(linkage):
         x = _newton(linkage, alpha, guess)
-        if x is None or any(
-            _max_difference(linkage, x, other) <= SAME_POSE_TOLERANCE for other in found
-        ):
+        if x is None:
             continue
-        found.append(x)
+        differences = [_max_difference(linkage, x, solution) for solution in solutions]
+        if min(differences, default=np.inf) <= SAME_POSE_TOLERANCE:
+            continue
+        solutions.append(x)
         # At a singular pose two assemblies meet.
         with suppress(errors.GeometryError):
-            one = linkage.from_start([alpha, *x.tolist()])
-            yield closed_pose(one, one.vectors(one.start[0], one.start[1:]).tolist(), alpha)
+            assembled = linkage.from_start([alpha, *x.tolist()])
+            u = assembled.vectors(assembled.start[0], assembled.start[1:])
+            yield closed_pose(assembled, u.tolist(), alpha)
 
 
 def _guesses(linkage: Linkage) -> FloatArray:
@@ -165,44 +172,47 @@ def _newton(linkage: Linkage, alpha: float, guess: FloatArray) -> FloatArray | N
     return np.array(linkage.wrapped(x))
 
 
-def _max_difference(linkage: Linkage, x: Any, other: Any) -> float:
+def _max_difference(linkage: Linkage, x: Any, y: Any) -> float:
     """Return the largest coordinate difference of two poses, modulo whole turns [rad]."""
-    return max(map(abs, linkage.coordinate_differences(x, other)))
+    return max(map(abs, linkage.coordinate_differences(x, y)))
 
 
 def distance_to_assembly(linkage: Linkage, start: tuple[float, ...]) -> float:
     """Return the distance of a start to the nearest assembly at its crank angle; inf for none."""
     alpha, *x = start
     # Newton-Raphson first: there may be thousands of assemblies.
-    reached = _newton(linkage, alpha, np.array(x))
-    nearest = [_max_difference(linkage, reached, x)] if reached is not None else []
+    solution = _newton(linkage, alpha, np.array(x))
+    distances = [_max_difference(linkage, solution, x)] if solution is not None else []
     if linkage.is_dyadic and len(linkage.structure.groups) <= 8:
-        nearest += [_max_difference(linkage, pose.x, x) for pose in _of_dyads(linkage, alpha)]
-    return float(min(nearest, default=np.inf))
+        distances += [_max_difference(linkage, pose.x, x) for pose in _poses(linkage, alpha)]
+    return float(min(distances, default=np.inf))
 
 
 def describe_assemblies(linkage: Linkage, alpha: float, *, in_degrees: bool) -> str:
     """Return in words which assemblies there are at a crank angle, and their angles."""
-    shown: Callable[[float], float] = degrees if in_degrees else float
+    in_unit: Callable[[float], float] = degrees if in_degrees else float
     unit = 'deg' if in_degrees else 'rad'
-    at = f'{linkage.joint_names[0]} = {shown(alpha):g} {unit}'
-    every = _of_dyads(linkage, alpha) if linkage.is_dyadic else _of_coupled_loops(linkage, alpha)
-    poses = list(islice(every, MAX_NAMED + 1))
+    crank = f'{linkage.joint_names[0]} = {in_unit(alpha):g} {unit}'
+    poses = list(islice(_poses(linkage, alpha), MAX_NAMED + 1))
     if not poses:
-        text = f'in no assembly it closes at {at}'
+        text = f'in no assembly it closes at {crank}'
         possible = next(possible_assemblies(linkage), None) if linkage.is_dyadic else None
         if possible is None:
             return text
         arcs = reachable_arcs(linkage.in_assembly(possible))
-        ends = (f'{shown(start):.4g} .. {shown(end):.4g} {unit}' for start, end in arcs)
-        return f'{text}, in {list(possible)} it does at {" and ".join(ends)}'
+        spans = [f'{in_unit(start):.4g} .. {in_unit(end):.4g} {unit}' for start, end in arcs]
+        return f'{text}, in {list(possible)} it does at {" and ".join(spans)}'
     texts = []
     for pose in poses[:MAX_NAMED]:
-        pairs = list(zip(linkage.structure.bodies[1:], pose.x, strict=True))
-        angles = [f'{body.angle} {shown(x):.4g}' for body, x in pairs if not body.slides]
-        lengths = [f'{body.angle} {x:.4g}' for body, x in pairs if body.slides]
-        shown_x = [', '.join(angles) + f' {unit}'] if angles else []
-        shown_x += [', '.join(lengths) + ' m'] if lengths else []
-        texts.append(f'{list(pose.linkage.assembly)} ({", ".join(shown_x)})')
+        angles = []
+        lengths = []
+        for body, x in zip(linkage.structure.bodies[1:], pose.x, strict=True):
+            if body.slides:
+                lengths.append(f'{body.angle} {x:.4g}')
+            else:
+                angles.append(f'{body.angle} {in_unit(x):.4g}')
+        coordinates = [', '.join(angles) + f' {unit}'] if angles else []
+        coordinates += [', '.join(lengths) + ' m'] if lengths else []
+        texts.append(f'{list(pose.linkage.assembly)} ({", ".join(coordinates)})')
     more = ' and others' if len(poses) > MAX_NAMED else ''
-    return f'at {at} there are the assemblies {"; ".join(texts)}{more}'
+    return f'at {crank} there are the assemblies {"; ".join(texts)}{more}'

@@ -1,9 +1,10 @@
 """A linkage from a YAML file, by its schema: the only place in the kinematics that reads files."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from importlib import resources
-from itertools import islice
+from itertools import chain, islice
 import json
 from math import radians
 from pathlib import Path
@@ -37,8 +38,8 @@ class LinkageFileError(GeometryError):
 
 def shipped_linkages() -> list[str]:
     """Return the names of the linkages that come with the package."""
-    names = (entry.name for entry in SHIPPED.iterdir() if entry.name.endswith('.yaml'))
-    return sorted(name.removesuffix('.yaml') for name in names)
+    files = [file.name for file in SHIPPED.iterdir()]
+    return sorted(name.removesuffix('.yaml') for name in files if name.endswith('.yaml'))
 
 
 def shipped_linkage(name: str) -> Linkage:
@@ -133,28 +134,27 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     radian = radians(1.0) if units.get('angle', 'rad') == 'deg' else 1.0
-    order = [body.angle for body in linkage.structure.bodies]
-    bars: list[Any] = [bar for name in order for bar in _body_bars(content['bodies'][name])]
+    bars: list[Any] = _all_bars(content, linkage.structure.angles)
     for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
         place = dimension.place
         scale = radian if dimension.kind == 'bend' else metre
-        value = round(number / scale, NUMBER_DIGITS)
+        rounded = round(number / scale, NUMBER_DIGITS)
         if dimension.kind in {'x', 'y'}:
             pivot = content['pivots'][linkage.structure.pivots[place]]
-            pivot['xy'.index(dimension.kind)] = value
+            pivot['xy'.index(dimension.kind)] = rounded
         elif dimension.kind == 'brace':
-            bars[place]['brace']['length'] = value
+            bars[place]['brace']['length'] = rounded
         elif dimension.kind == 'bend':
-            bars[place]['direction' if 'along' in bars[place] else 'bend'] = value
+            bars[place]['direction' if 'along' in bars[place] else 'bend'] = rounded
         else:
-            bars[place]['length'] = value
+            bars[place]['length'] = rounded
     return content
 
 
 def _linkage(content: Any) -> Linkage:
-    wrong = schema_error(content)
-    if wrong:
-        raise GeometryError(wrong)
+    problem = schema_error(content)
+    if problem:
+        raise GeometryError(problem)
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     turn = radians if units.get('angle', 'rad') == 'deg' else float
@@ -170,17 +170,17 @@ def _linkage(content: Any) -> Linkage:
         _ = structure.groups
     except GeometryError as error:
         raise GeometryError(f'{error}{_describe_misspelling(content)}') from error
-    bars = [bar for name in order for bar in _body_bars(bodies[name])]
+    bars = _all_bars(content, order)
     _check_bends(content, turn)
-    given: dict[str, Callable[[int], float]] = {
+    number_of: dict[str, Callable[[int], float]] = {
         'length': lambda place: metre * bars[place]['length'],
         'brace': lambda place: metre * bars[place]['brace']['length'],
         'bend': lambda place: turn(bars[place].get('bend', bars[place].get('direction', 0.0))),
         'x': lambda place: metre * content['pivots'][structure.pivots[place]][0],
         'y': lambda place: metre * content['pivots'][structure.pivots[place]][1],
     }
-    _warn_of_lengths(structure, given, units)
-    numbers = [given[dimension.kind](dimension.place) for dimension in structure.dimensions]
+    numbers = [number_of[dimension.kind](dimension.place) for dimension in structure.dimensions]
+    _warn_of_lengths(structure, numbers, units)
     # In any assembly: its numbers are checked before its start.
     plain = Linkage(
         structure,
@@ -192,21 +192,20 @@ def _linkage(content: Any) -> Linkage:
     signs = content.get('assembly')
     if start is None:
         return _linkage_from_signs(plain, signs or ())
-    start_guess = [
-        metre * start[body.angle] if body.slides else turn(start[body.angle])
-        for body in structure.bodies
-    ]
+    start_guess = []
+    for body in structure.bodies:
+        coordinate = start[body.angle]
+        start_guess.append(metre * coordinate if body.slides else turn(coordinate))
     return _linkage_from_start(plain, start_guess, signs, in_degrees=turn is radians)
 
 
 def _warn_of_lengths(
-    structure: Structure, given: Mapping[str, Callable[[int], float]], units: Mapping[str, str]
+    structure: Structure, numbers: Sequence[float], units: Mapping[str, str]
 ) -> None:
-    lengths = {
-        dimension.name: given[dimension.kind](dimension.place)
-        for dimension in structure.dimensions
-        if dimension.kind != 'bend'
-    }
+    lengths = {}
+    for dimension, number in zip(structure.dimensions, numbers, strict=True):
+        if dimension.kind != 'bend':
+            lengths[dimension.name] = number
     angle = f', angle: {units["angle"]}' if 'angle' in units else ''
     warn_of_lengths(lengths, '' if 'length' in units else f'write units: {{length: mm{angle}}}')
 
@@ -218,8 +217,8 @@ def _order(content: Mapping[str, Any]) -> list[str]:
 
 def structure_of(content: Mapping[str, Any]) -> Structure:
     """Return the structure of a file's content, which may lack numbers; or a GeometryError."""
-    made = tuple(_body(name, content['bodies'][name]) for name in _order(content))
-    return Structure(tuple(content['pivots']), made, content['foot'])
+    bodies = tuple(_body(name, content['bodies'][name]) for name in _order(content))
+    return Structure(tuple(content['pivots']), bodies, content['foot'])
 
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
@@ -233,9 +232,9 @@ def _body(name: str, content: Mapping[str, Any]) -> Body:
 
 def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:
     for name, body in content['bodies'].items():
-        given = {f'bars[{n}].bend': bar.get('bend') for n, bar in enumerate(body.get('bars', ()))}
-        given['slides.direction'] = body.get('slides', {}).get('direction')
-        for place, angle in given.items():
+        angles = {f'bars[{n}].bend': bar.get('bend') for n, bar in enumerate(body.get('bars', ()))}
+        angles['slides.direction'] = body.get('slides', {}).get('direction')
+        for place, angle in angles.items():
             if angle is not None and abs(turn(angle)) > TURN:
                 limit = '+-360 deg' if turn is radians else f'+-2 pi rad; {DEGREES_HINT}'
                 raise GeometryError(f'bodies.{name}.{place}: {angle:g} must be within {limit}')
@@ -260,24 +259,33 @@ def _check_start_names(start: Mapping[str, float], bodies: Sequence[str]) -> Non
 def _describe_misspelling(content: Mapping[str, Any]) -> str:
     """Return a hint at points of a file in one body alone, which join nothing; empty for none."""
     points = {name: _points(body) for name, body in content['bodies'].items()}
-    places = [content['foot'], *content['pivots'], *(p for own in points.values() for p in own)]
-    alone = [(name, p) for name, own in points.items() for p in own if places.count(p) == 1]
-    for name, point in alone:
-        others = [other for other in dict.fromkeys(places) if other not in points[name]]
+    uses = Counter(chain([content['foot'], *content['pivots']], *points.values()))
+    loose = []
+    for name, body_points in points.items():
+        loose += [(name, point) for point in body_points if uses[point] == 1]
+    for name, point in loose:
+        elsewhere = [use for use in uses if use not in points[name]]
         # Above all one that nothing else leads to, such as a pivot.
-        single = [other for other in others if places.count(other) == 1]
-        hint = did_you_mean(point, single) or did_you_mean(point, others)
+        single = [use for use in elsewhere if uses[use] == 1]
+        hint = did_you_mean(point, single) or did_you_mean(point, elsewhere)
         if not hint and len(single) == 1:
             hint = f'; did you mean {single[0]}?'
         if hint:
             return f'; the point {point} is in the body {name} alone{hint}'
-    shown = listed((f'{point} of {name}' for name, point in alone), 5)
-    return f'; in one body alone, and so joining nothing, are the points {shown}' if alone else ''
+    if not loose:
+        return ''
+    names = listed((f'{point} of {name}' for name, point in loose), 5)
+    return f'; in one body alone, and so joining nothing, are the points {names}'
 
 
 def _points(body: Mapping[str, Any]) -> list[str]:
-    bars = _body_bars(body)
-    return list(dict.fromkeys(point for bar in bars for point in (bar['from'], bar['to'])))
+    ends = [(bar['from'], bar['to']) for bar in _body_bars(body)]
+    return list(dict.fromkeys(chain(*ends)))
+
+
+def _all_bars(content: Mapping[str, Any], names: Sequence[str]) -> list[Mapping[str, Any]]:
+    """Return the bars of bodies in a file, by their names."""
+    return [*chain(*(_body_bars(content['bodies'][name]) for name in names))]
 
 
 def _body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -290,7 +298,7 @@ def _linkage_from_start(
     plain: Linkage, start: Sequence[float], signs: Sequence[int] | None, *, in_degrees: bool
 ) -> Linkage:
     """
-    Return a linkage, given in whatever assembly, in the one that its start leads to.
+    Return a linkage, which is in any assembly, in the one that its start leads to.
 
     `start` is an angle for every body, the crank's first [rad], or a distance [m]; `signs` is the
     assembly that the file states beside it. A GeometryError says that the start can only be
@@ -298,19 +306,18 @@ def _linkage_from_start(
     """
     if not in_degrees:
         _check_degrees(plain, tuple(start))
-    words = plain.name, plain.source
     try:
-        made = Linkage(plain.structure, plain.numbers, start=start, name=words[0], source=words[1])
+        linkage = plain.from_start(start)
     except NotAssembledError as error:
-        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
-        raise GeometryError(f'{error}; {there}') from error
-    if signs is not None and made.assembly != tuple(signs):
-        there = describe_assemblies(plain, start[0], in_degrees=in_degrees)
+        assemblies = describe_assemblies(plain, start[0], in_degrees=in_degrees)
+        raise GeometryError(f'{error}; {assemblies}') from error
+    if signs is not None and linkage.assembly != tuple(signs):
+        assemblies = describe_assemblies(plain, start[0], in_degrees=in_degrees)
         raise GeometryError(
-            f'the start leads to the assembly {list(made.assembly)}, and {list(signs)} is stated: '
-            f'leave one of them out; {there}'
+            f'the start leads to the assembly {list(linkage.assembly)}, and {list(signs)} is '
+            f'stated: leave one of them out; {assemblies}'
         )
-    return made
+    return linkage
 
 
 def _linkage_from_signs(plain: Linkage, signs: Sequence[int]) -> Linkage:
@@ -321,34 +328,36 @@ def _linkage_from_signs(plain: Linkage, signs: Sequence[int]) -> Linkage:
     count = len(plain.structure.groups)
     if len(signs) == count and closes_somewhere(plain.in_assembly(signs)):
         return plain.in_assembly(signs)
-    possible = ', '.join(str(list(one)) for one in islice(possible_assemblies(plain), MAX_NAMED))
+    some_modes = islice(possible_assemblies(plain), MAX_NAMED)
+    possible = ', '.join(str(list(mode)) for mode in some_modes)
     if not possible:
         raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
     msg = f'assembly {signs} is refused: possible are {possible}'
     if len(signs) != count:
         names = plain.structure.angles
-        groups = ([names[j] for j in group] for group in plain.structure.groups)
-        blocks = '; '.join(map(', '.join, groups))
+        blocks = '; '.join(', '.join(names[j] for j in group) for group in plain.structure.groups)
         msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
     raise GeometryError(msg)
 
 
 def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     """Refuse a start [rad] that can only be degrees."""
-    slides = [body.slides for body in linkage.structure.bodies]
-    beyond = any(abs(x) > TURN for x, slide in zip(start, slides, strict=True) if not slide)
-    near = distance_to_assembly(linkage, start) <= MAX_START_ERROR
-    if near and not beyond:
+    turning = [j for j, body in enumerate(linkage.structure.bodies) if not body.slides]
+    is_large = any(abs(start[j]) > TURN for j in turning)
+    closes = distance_to_assembly(linkage, start) <= MAX_START_ERROR
+    if closes and not is_large:
         return
-    pairs = zip(start, slides, strict=True)
-    as_degrees = tuple(x if slide else radians(x) for x, slide in pairs)
-    near_in_degrees = distance_to_assembly(linkage, as_degrees) <= MAX_START_ERROR
-    if near_in_degrees or (beyond and not near):
-        given = ', '.join(f'{n} {a:g}' for n, a in zip(linkage.joint_names, start, strict=True))
-        there = describe_assemblies(linkage, as_degrees[0], in_degrees=True)
+    from_degrees = [*start]
+    for j in turning:
+        from_degrees[j] = radians(start[j])
+    closes_in_degrees = distance_to_assembly(linkage, tuple(from_degrees)) <= MAX_START_ERROR
+    if closes_in_degrees or (is_large and not closes):
+        names = linkage.joint_names
+        coordinates = ', '.join(f'{n} {x:g}' for n, x in zip(names, start, strict=True))
+        assemblies = describe_assemblies(linkage, from_degrees[0], in_degrees=True)
         raise GeometryError(
-            f'the start ({given}) is in radians near no pose in which it closes; {DEGREES_HINT}; '
-            f'{there}'
+            f'the start ({coordinates}) is in radians near no pose in which it closes; '
+            f'{DEGREES_HINT}; {assemblies}'
         )
 
 
@@ -381,10 +390,10 @@ def schema_error(content: Any, package: str = __package__) -> str:
     if error is None:
         return ''
     place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
-    shown = _shown(error.instance)
-    text = f'{shown} is not allowed by the rule {error.validator}'
+    instance = _shortened(error.instance)
+    text = f'{instance} is not allowed by the rule {error.validator}'
     if error.validator in _TEXTS:
-        text = _TEXTS[error.validator](error, shown)
+        text = _TEXTS[error.validator](error, instance)
     return f'{place.lstrip(".")}: {text}' if place else text
 
 
@@ -395,7 +404,7 @@ def _schema(package: str) -> dict[str, Any]:
     return schema
 
 
-def _shown(instance: Any) -> str:
+def _shortened(instance: Any) -> str:
     shortener = Repr()
     shortener.maxstring = shortener.maxother = shortener.maxlong = 40
     return shortener.repr(instance)
@@ -407,37 +416,37 @@ def _missing(error: Any, _: str) -> str:
 
 
 def _unknown(error: Any, _: str) -> str:
-    known = list(error.schema['properties'])
-    unknown = [key for key in error.instance if key not in known]
-    hint = did_you_mean(unknown[0], known)
-    shown = ', '.join(map(_shown, unknown))
-    return f'{shown} is unknown here: there can be {", ".join(known)}{hint}'
+    allowed = list(error.schema['properties'])
+    unknown = [key for key in error.instance if key not in allowed]
+    hint = did_you_mean(unknown[0], allowed)
+    names = ', '.join(map(_shortened, unknown))
+    return f'{names} is unknown here: there can be {", ".join(allowed)}{hint}'
 
 
-def _type(error: Any, shown: str) -> str:
+def _type(error: Any, instance: str) -> str:
     if 'propertyNames' in error.absolute_schema_path:
-        return f'the name {shown} is no text: write it in quotation marks'
+        return f'the name {instance} is no text: write it in quotation marks'
     kinds = error.validator_value
     names = [TYPES[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds)]
-    return f'{shown} must be {" or ".join(names)}'
+    return f'{instance} must be {" or ".join(names)}'
 
 
-def _count(error: Any, shown: str) -> str:
+def _count(error: Any, instance: str) -> str:
     limits = error.schema
     if limits.get('minItems') == limits.get('maxItems'):
-        return f'{shown} must be [x, y]'
+        return f'{instance} must be [x, y]'
     return f'there must be {limits.get("minItems", limits.get("minProperties"))} or more'
 
 
-# By the rule of the schema: of an error, and of the value as shown.
+# Texts by the rule of the schema: of an error, and of the shortened instance.
 _TEXTS: dict[str, Callable[[Any, str], str]] = {
     'required': _missing,
     'additionalProperties': _unknown,
     'type': _type,
-    'exclusiveMinimum': lambda error, shown: f'{shown} must be > {error.validator_value:g}',
-    'minimum': lambda error, shown: f'{shown} must be >= {error.validator_value:g}',
-    'maximum': lambda error, shown: f'{shown} must be <= {error.validator_value:g}',
-    'enum': lambda e, shown: f'{shown} must be one of {", ".join(map(str, e.validator_value))}',
+    'exclusiveMinimum': lambda error, text: f'{text} must be > {error.validator_value:g}',
+    'minimum': lambda error, text: f'{text} must be >= {error.validator_value:g}',
+    'maximum': lambda error, text: f'{text} must be <= {error.validator_value:g}',
+    'enum': lambda e, text: f'{text} must be one of {", ".join(map(str, e.validator_value))}',
     'not': lambda *_: 'bend and brace exclude each other',
     'anyOf': lambda *_: (
         'start is missing: an angle for every body, or in its place assembly: a sign for each dyad'
@@ -445,6 +454,6 @@ _TEXTS: dict[str, Callable[[Any, str], str]] = {
     **dict.fromkeys(('minItems', 'maxItems', 'minProperties'), _count),
     **dict.fromkeys(
         ('pattern', 'minLength', 'maxLength'),
-        lambda _, shown: f'{shown} is no name: letters, digits and _, a letter first',
+        lambda _, text: f'{text} is no name: letters, digits and _, a letter first',
     ),
 }

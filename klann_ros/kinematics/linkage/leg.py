@@ -73,13 +73,14 @@ class Leg(Generic[PoseT, MotionT]):
             raise TypeError(f'linkage = {linkage!r} is refused: it must be a Linkage')
         self._linkage = linkage
         tolerance = validation.setting('tolerance', tolerance, COARSE_LIMITS[0])
-        largest = validation.setting('max_crank_step', max_crank_step)
+        max_crank_step = validation.setting('max_crank_step', max_crank_step)
         if not linkage.is_dyadic:
             # Coupled loops leave their tangents sooner; their branch is followed once.
-            largest = min(largest, BRANCH_STEP)
+            max_crank_step = min(max_crank_step, BRANCH_STEP)
             _ = linkage.branch
         # A seed of coupled loops costs less than two parts.
-        self._settings = tolerance, largest, MAX_SUBSTEPS if linkage.is_dyadic else 1
+        max_parts = MAX_SUBSTEPS if linkage.is_dyadic else 1
+        self._settings = tolerance, max_crank_step, max_parts
         self._last: PoseT | None = None
         self._make()
 
@@ -96,8 +97,10 @@ class Leg(Generic[PoseT, MotionT]):
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the functions: `__setstate__` makes them."""
-        made = ('_correct', '_predict', '_velocity', '_acceleration')
-        return {name: value for name, value in self.__dict__.items() if name not in made}
+        state = dict(self.__dict__)
+        for name in ('_correct', '_predict', '_velocity', '_acceleration'):
+            del state[name]
+        return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the functions again."""
@@ -155,12 +158,13 @@ class Leg(Generic[PoseT, MotionT]):
             Newton-Raphson does not confirm its initial guess.
 
         """
-        last, settings = self._last, self._settings
+        last = self._last
         # The hot path: a small step from a pose that is not singular.
         if last is not None and type(alpha) is float and abs(alpha) <= MAX_CRANK_ANGLE:
-            by, largest = alpha - last[0], settings[1]
-            if -largest <= by <= largest:
-                pose = self._predict(alpha, by, last[1], last[5], settings[0], MAX_ITERATIONS)
+            tolerance, max_crank_step, _ = self._settings
+            step = alpha - last[0]
+            if -max_crank_step <= step <= max_crank_step:
+                pose = self._predict(alpha, step, last[1], last[5], tolerance, MAX_ITERATIONS)
                 # The derivatives of a singular pose are NaN, which is not itself.
                 if pose is not None and pose[5][0] == pose[5][0]:
                     self._last = pose
@@ -196,15 +200,16 @@ class Leg(Generic[PoseT, MotionT]):
         """Return the pose at a crank angle, a step from the last; None if a part fails."""
         tolerance, max_crank_step, _ = self._settings
         parts = max(1, ceil(abs(step) / max_crank_step))
-        step, spent = step / parts, 0
+        step = step / parts
+        iterations = 0
         for remaining in reversed(range(parts)):
             limits = COARSE_LIMITS if remaining else (tolerance, MAX_ITERATIONS)
-            between = alpha - remaining * step
-            last = self._predict(between, step, last.x, last.coefficients, *limits)
+            part_alpha = alpha - remaining * step
+            last = self._predict(part_alpha, step, last.x, last.coefficients, *limits)
             if last is None:
                 return None
-            spent += last.iterations
-        return last if parts == 1 else last._replace(iterations=spent)
+            iterations += last.iterations
+        return last if parts == 1 else last._replace(iterations=iterations)
 
     def closed_form(self, alpha: float) -> PoseT:
         """
@@ -214,8 +219,8 @@ class Leg(Generic[PoseT, MotionT]):
         Errors as for `solve`, but NotConvergedError.
         """
         alpha = crank_angle(alpha)
-        found = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
-        return self.pose_class(*found)  # type: ignore[return-value]  # of its class
+        pose = closed_pose(self._linkage, closed_form_vectors(self._linkage, alpha), alpha)
+        return self.pose_class(*pose)  # type: ignore[return-value]  # of its class
 
     def reachable_arcs(self) -> list[Arc]:
         """
@@ -244,22 +249,21 @@ class Leg(Generic[PoseT, MotionT]):
             The rate is not finite, or the pose is one of another linkage.
 
         """
-        if pose.linkage is not self._linkage:
-            self._check_own(pose)
-        if isnan(pose.coefficients[0]):
-            raise errors.SingularPoseError(pose.crank_angle)
+        self._check_pose(pose)
         validation.rate('alpha_rate', alpha_rate)
-        found = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
-        moving: Any = self.motion_class._make((*found, pose, None))
-        return moving  # type: ignore[no-any-return]  # its own
+        rates = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
+        motion: Any = self.motion_class._make((*rates, pose, None))
+        return motion  # type: ignore[no-any-return]  # of its class
 
-    def _check_own(self, pose: LinkagePose) -> None:
-        """Refuse a pose of another linkage; of an equal one it may be."""
-        if pose.linkage != self._linkage:
+    def _check_pose(self, pose: LinkagePose) -> None:
+        """Refuse a pose of another linkage, unless it is equal, and a singular one."""
+        if pose.linkage is not self._linkage and pose.linkage != self._linkage:
             raise ValueError(
                 f'the pose is one of another linkage, {pose.linkage.name!r} with '
                 f'{listed(pose.linkage.joint_names, 8)}: take one that this leg has solved'
             )
+        if isnan(pose.coefficients[0]):
+            raise errors.SingularPoseError(pose.crank_angle)
 
     def gradient(self, pose: PoseT) -> LinkagePoses:
         """
@@ -275,14 +279,15 @@ class Leg(Generic[PoseT, MotionT]):
             The pose is one of another linkage.
 
         """
-        if pose.linkage is not self._linkage:
-            self._check_own(pose)
-        if isnan(pose.coefficients[0]):
-            raise errors.SingularPoseError(pose.crank_angle)
-        x, h = self._linkage.derivatives(pose.crank_angle, pose.x)
-        names = tuple(self._linkage.dimensions)
-        given: Any = {'angles_gradient': x, 'h_gradient': h, 'dimension_names': names}
-        return LinkagePoses(np.array(pose.h), np.zeros((), dtype=np.uint8), **given)
+        self._check_pose(pose)
+        x_gradient, h_gradient = self._linkage.derivatives(pose.crank_angle, pose.x)
+        return LinkagePoses(
+            np.array(pose.h),
+            np.zeros((), dtype=np.uint8),
+            h_gradient=h_gradient,
+            angles_gradient=x_gradient,
+            dimension_names=tuple(self._linkage.dimensions),
+        )
 
     def acceleration(self, pose: PoseT, alpha_rate: float, alpha_acceleration: float) -> MotionT:
         """
@@ -308,12 +313,11 @@ class Leg(Generic[PoseT, MotionT]):
             The rate or its change is not finite.
 
         """
-        moving = self.velocity(pose, alpha_rate)
+        velocity = self.velocity(pose, alpha_rate)
         validation.rate('alpha_acceleration', alpha_acceleration)
         state = pose.crank_angle, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
-        found = self._acceleration(*state)
-        changing: Any = self.motion_class._make((*found, pose, moving))
-        return changing  # type: ignore[no-any-return]  # its own
+        motion: Any = self.motion_class._make((*self._acceleration(*state), pose, velocity))
+        return motion  # type: ignore[no-any-return]  # of its class
 
     def crank_torque(self, pose: PoseT, force: Sequence[float]) -> float:
         """
@@ -464,7 +468,8 @@ class Leg(Generic[PoseT, MotionT]):
             `tolerance` or `residual` not finite and > 0.
 
         """
-        alpha, linkage = crank_angle(alpha), self._linkage
+        alpha = crank_angle(alpha)
+        linkage = self._linkage
         if tolerance is not None:
             tolerance = validation.setting('tolerance', tolerance)
         if residual is not None:
@@ -492,11 +497,12 @@ class Leg(Generic[PoseT, MotionT]):
         `residual`.
         """
         x = self.newton(alpha, guess, **stop)
-        found = [np.array([of(alpha, row) for row in x]) for of in (self.f, self.phi)]
-        for array in (x, *found):
+        f = np.array([self.f(alpha, iterate) for iterate in x])
+        phi = np.array([self.phi(alpha, iterate) for iterate in x])
+        for array in (x, f, phi):
             array.setflags(write=False)
         units = tuple(body.unit for body in self._linkage.structure.bodies[1:])
-        return Iterations(crank_angle(alpha), self.joint_names[1:], units, x, *found)
+        return Iterations(crank_angle(alpha), self.joint_names[1:], units, x, f, phi)
 
 
 class LinkageLeg(Leg[LinkagePose, LinkageMotion]):

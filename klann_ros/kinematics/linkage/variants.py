@@ -60,20 +60,19 @@ class Variants:
         self.base = base
         places = dimension_places(base.structure.dimensions, changes)
         try:
-            arrays = [np.asarray(values, dtype=np.float64) for values in changes.values()]
-            given = np.broadcast_arrays(*arrays) if arrays else []
+            arrays = [np.asarray(numbers, dtype=np.float64) for numbers in changes.values()]
+            arrays = [*np.broadcast_arrays(*arrays)]
         except (TypeError, ValueError) as error:
             msg = f'the dimensions {", ".join(changes)} are no arrays of one shape: {error}'
             raise GeometryError(msg) from None
-        count = np.broadcast_shapes((1,), *(array.shape for array in given))
-        if len(count) != 1:
-            raise GeometryError(f'the dimensions have {len(count)} axes, not one')
-        self.numbers = np.repeat(np.array(base.numbers)[:, None], count[0], axis=1)
-        for name, values in zip(changes, given, strict=True):
-            self.numbers[places[name]] = values
-        signs = base.assembly if assembly is None else assembly
-        table = np.asarray(signs, dtype=np.float64)
-        self.signs = np.repeat(table[:, None], count[0], axis=1) if table.ndim == 1 else table
+        shape = np.broadcast_shapes((1,), *(array.shape for array in arrays))
+        if len(shape) != 1:
+            raise GeometryError(f'the dimensions have {len(shape)} axes, not one')
+        self.numbers = np.repeat(np.array(base.numbers)[:, None], shape[0], axis=1)
+        for name, numbers in zip(changes, arrays, strict=True):
+            self.numbers[places[name]] = numbers
+        signs = np.asarray(base.assembly if assembly is None else assembly, dtype=np.float64)
+        self.signs = np.repeat(signs[:, None], shape[0], axis=1) if signs.ndim == 1 else signs
         self.refused = self._refused()
 
     @classmethod
@@ -83,20 +82,20 @@ class Variants:
 
         A GeometryError says that there are none, or that they have several structures.
         """
-        every = list(linkages)
-        if not every:
+        checked = list(linkages)
+        if not checked:
             raise GeometryError('there are no linkages')
-        first = every[0]
-        own = first.structure
-        if any(one.structure is not own and one.structure != own for one in every):
-            raise GeometryError('the linkages are of several structures: give them one by one')
-        made = cls.__new__(cls)
-        made.base = first
-        made.numbers = np.array([one.numbers for one in every]).T
-        made.signs = np.array([one.assembly for one in every], dtype=np.float64).T
+        structure = checked[0].structure
+        for linkage in checked:
+            if linkage.structure is not structure and linkage.structure != structure:
+                raise GeometryError('the linkages are of several structures: give them one by one')
+        variants = cls.__new__(cls)
+        variants.base = checked[0]
+        variants.numbers = np.array([linkage.numbers for linkage in checked]).T
+        variants.signs = np.array([linkage.assembly for linkage in checked], dtype=np.float64).T
         # Each was checked when it was made.
-        made.refused = np.zeros(len(every), dtype=bool)
-        return made
+        variants.refused = np.zeros(len(checked), dtype=bool)
+        return variants
 
     def __len__(self) -> int:
         """Return their number."""
@@ -105,9 +104,9 @@ class Variants:
     def __getitem__(self, i: int) -> Linkage:
         """Return one of them; a GeometryError if it is invalid."""
         changes = dict(zip(self.base.dimensions, self.numbers[:, i].tolist(), strict=True))
-        made = self.base.varied(changes)
-        signs = [int(sign) for sign in self.signs[:, i]]
-        return made if signs == [*made.assembly] else made.in_assembly(signs)
+        linkage = self.base.varied(changes)
+        signs = tuple(self.signs[:, i].astype(int).tolist())
+        return linkage if signs == linkage.assembly else linkage.in_assembly(signs)
 
     def reason(self, i: int) -> str:
         """Return the error message of one of them; empty for a valid linkage."""
@@ -127,11 +126,12 @@ class Variants:
 
     def _refused(self) -> BoolArray:
         """Return whether each is invalid, by the rules of a single linkage."""
-        structure, refused = self.base.structure, np.zeros(len(self), dtype=bool)
+        structure = self.base.structure
+        refused = np.zeros(len(self), dtype=bool)
         with np.errstate(all='ignore'):
             _, bars = link_vectors(structure, [*self.numbers])
-        for dimension, values in zip(structure.dimensions, self.numbers, strict=True):
-            size = values if dimension.is_length else np.abs(values)
+        for dimension, numbers in zip(structure.dimensions, self.numbers, strict=True):
+            size = numbers if dimension.is_length else np.abs(numbers)
             if dimension.unit == 'rad':
                 valid = size <= TURN
             else:
