@@ -8,7 +8,9 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.web import element, joined, Markup
 import numpy as np
 
-WIDTH, HEIGHT = 420.0, 210.0
+WIDTH = 420.0
+HEIGHT = 210.0
+# Margins around the curves [px].
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 8.0, 10.0, 34.0
 # Maximum number of points drawn of a line.
 _MAX_POINTS = 361
@@ -23,10 +25,10 @@ _STEP_WIDTH = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ChartLine:
-    """A line of a chart: its name, its values, and the number of its colour."""
+    """A line of a chart: its name, its heights, and the number of its colour."""
 
     name: str
-    values: FloatArray
+    heights: FloatArray
     colour: int = 0
     is_dashed: bool = False
 
@@ -36,7 +38,7 @@ class Chart:
     """
     A chart over an angle.
 
-    `spans` are shaded angles [rad], `limits` are named values, each drawn as a line. With `moves`
+    `spans` are shaded angles [rad], `limits` are named heights, each drawn as a line. With `moves`
     a cursor marks the crank angle of the animation.
     """
 
@@ -62,31 +64,28 @@ class Chart:
         )
 
     def _legend(self) -> Markup:
-        keys = [
-            (line.name, f'colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}')
-            for line in self.lines
-        ]
-        keys += [(name, 'limit') for name, _ in self.limits if name]
-        keys += [('foot on the ground', 'span')] if self.spans else []
-        return element('p', *(_key(name, kind) for name, kind in keys), class_='legend')
+        keys = [_key(line.name, _line_style(line)) for line in self.lines]
+        keys += [_key(name, 'limit') for name, _ in self.limits if name]
+        if self.spans:
+            keys.append(_key('foot on the ground', 'span'))
+        return element('p', *keys, class_='legend')
 
     def _drawn(self) -> Markup:
         x_0, x_1 = self._reach
         low, high = self._range()
-        rows = ticks(low, high)
-        low, high = min(low, rows[0]), max(high, rows[-1])
-        frame = _Frame(x_0, x_1, low, high)
+        height_ticks = ticks(low, high)
+        frame = _Frame(x_0, x_1, min(low, height_ticks[0]), max(high, height_ticks[-1]))
+        shapes = [_shade(frame, *span) for span in self.spans]
+        shapes += [_horizontal(frame, height, height_ticks) for height in height_ticks]
+        shapes += [_vertical(frame, degrees) for degrees in angle_ticks(x_0, x_1)]
+        for _, limit in self.limits:
+            if frame.low <= limit <= frame.high:
+                path = f'M{LEFT} {frame.y(limit):.1f}H{WIDTH - RIGHT}'
+                shapes.append(element('path', d=path, class_='limit'))
+        shapes += [self._path(frame, line) for line in self.lines]
         return element(
             'svg',
-            *(_shade(frame, *span) for span in self.spans),
-            *(_row(frame, value, rows) for value in rows),
-            *(_column(frame, value) for value in angle_ticks(x_0, x_1)),
-            *(
-                element('path', d=f'M{LEFT} {frame.y(y):.1f}H{WIDTH - RIGHT}', class_='limit')
-                for _, y in self.limits
-                if low <= y <= high
-            ),
-            *(self._path(frame, line) for line in self.lines),
+            *shapes,
             _text(self.axis, (LEFT + WIDTH - RIGHT) / 2.0, HEIGHT - 3.0, 'middle'),
             self._cursor(frame),
             viewBox=f'0 0 {WIDTH:g} {HEIGHT:g}',
@@ -101,40 +100,45 @@ class Chart:
             return 0.0, 360.0
         ends = np.degrees([self.angles.min(), self.angles.max()])
         step = np.degrees(np.diff(self.angles).max(initial=0.0))
-        whole = abs(ends[1] - ends[0] + step - 360.0) < 1e-6
-        return (0.0, 360.0) if whole else (float(ends[0]), float(ends[1]))
+        is_turn = abs(ends[1] - ends[0] + step - 360.0) < 1e-6
+        return (0.0, 360.0) if is_turn else (float(ends[0]), float(ends[1]))
 
     def _range(self) -> tuple[float, float]:
-        values = np.concatenate([np.empty(0), *(line.values for line in self.lines)])
-        values = values[np.isfinite(values)]
-        if not values.size:
+        heights = np.concatenate([np.empty(0), *(line.heights for line in self.lines)])
+        heights = heights[np.isfinite(heights)]
+        if not heights.size:
             return 0.0, 1.0
-        low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+        low = min(0.0, float(heights.min()))
+        high = max(0.0, float(heights.max()))
         # A limit far beyond the curves would flatten them.
-        near = [value for _, value in self.limits if abs(value) < 2.0 * max(high, -low)]
-        low, high = min([low, *near]), max([high, *near])
+        max_limit = 2.0 * max(high, -low)
+        limits = [limit for _, limit in self.limits if abs(limit) < max_limit]
+        low = min([low, *limits])
+        high = max([high, *limits])
         return (low, high) if high > low else (0.0, 1.0)
 
     def _path(self, frame: '_Frame', line: ChartLine) -> Markup:
         step = max(1, len(self.angles) // (_MAX_POINTS - 1))
         indices = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
         # Both sides of a step are drawn.
-        before = np.flatnonzero(np.diff(self.angles) < _STEP_WIDTH)
-        indices = np.union1d(indices, [*before, *before + 1]).astype(int)
-        degrees, values = np.degrees(self.angles)[indices].tolist(), line.values[indices].tolist()
+        steps = np.flatnonzero(np.diff(self.angles) < _STEP_WIDTH)
+        indices = np.union1d(indices, [*steps, *steps + 1]).astype(int)
+        degrees = np.degrees(self.angles)[indices].tolist()
+        heights = line.heights[indices].tolist()
         if self._reach == (0.0, 360.0):
-            degrees, values = [*degrees, 360.0], [*values, values[0]]
-        gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
-        parts, last = [], -inf
-        for x, y in zip(degrees, values, strict=True):
+            degrees.append(360.0)
+            heights.append(heights[0])
+        min_gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
+        path = ''
+        last_x = -inf
+        for x, y in zip(degrees, heights, strict=True):
             if not isfinite(y):
-                last = -inf
+                last_x = -inf
                 continue
-            pen = 'L' if x - last < gap else 'M'
-            parts.append(f'{pen}{frame.x(x):.1f} {frame.y(y):.1f}')
-            last = x
-        kind = f'curve colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}'
-        return element('path', d=''.join(parts), class_=kind)
+            pen = 'L' if x - last_x < min_gap else 'M'
+            path += f'{pen}{frame.x(x):.1f} {frame.y(y):.1f}'
+            last_x = x
+        return element('path', d=path, class_=f'curve {_line_style(line)}')
 
     def _cursor(self, frame: '_Frame') -> Markup:
         if not self.moves:
@@ -151,20 +155,20 @@ class Chart:
 
 @dataclass(frozen=True)
 class _Frame:
-    """The mapping of angles [deg] and values to the drawing."""
+    """The mapping of angles [deg] and heights to the drawing."""
 
     x_0: float
     x_1: float
     low: float
     high: float
 
-    def x(self, value: float) -> float:
-        part = (value - self.x_0) / (self.x_1 - self.x_0 or 1.0)
-        return LEFT + part * (WIDTH - LEFT - RIGHT)
+    def x(self, degrees: float) -> float:
+        fraction = (degrees - self.x_0) / (self.x_1 - self.x_0 or 1.0)
+        return LEFT + fraction * (WIDTH - LEFT - RIGHT)
 
-    def y(self, value: float) -> float:
-        part = (value - self.low) / (self.high - self.low)
-        return HEIGHT - BOTTOM - part * (HEIGHT - TOP - BOTTOM)
+    def y(self, height: float) -> float:
+        fraction = (height - self.low) / (self.high - self.low)
+        return HEIGHT - BOTTOM - fraction * (HEIGHT - TOP - BOTTOM)
 
 
 def ticks(low: float, high: float) -> list[float]:
@@ -183,45 +187,51 @@ def angle_ticks(low: float, high: float) -> list[float]:
 
 def _shade(frame: _Frame, start: float, end: float) -> Markup:
     """Return the shade over angles [rad], which may extend beyond the turn."""
-    a, b = to_degrees(start), to_degrees(end)
-    height, parts = HEIGHT - TOP - BOTTOM, []
+    height = f'{HEIGHT - TOP - BOTTOM:.1f}'
+    rectangles = []
     for turn in (-360.0, 0.0, 360.0):
-        left, right = max(a + turn, frame.x_0), min(b + turn, frame.x_1)
+        left = max(to_degrees(start) + turn, frame.x_0)
+        right = min(to_degrees(end) + turn, frame.x_1)
         if left < right:
-            x, width = frame.x(left), frame.x(right) - frame.x(left)
-            box = {'x': f'{x:.1f}', 'y': f'{TOP:.1f}', 'width': f'{width:.1f}'}
-            parts.append(element('rect', **box, height=f'{height:.1f}', class_='span'))
-    return joined(parts)
+            x = f'{frame.x(left):.1f}'
+            width = f'{frame.x(right) - frame.x(left):.1f}'
+            size = {'x': x, 'y': f'{TOP:.1f}', 'width': width, 'height': height}
+            rectangles.append(element('rect', **size, class_='span'))
+    return joined(rectangles)
 
 
-def _row(frame: _Frame, value: float, rows: Sequence[float]) -> Markup:
-    y = frame.y(value)
-    kind = 'grid zero' if value == 0.0 else 'grid'
-    line = element('path', d=f'M{LEFT} {y:.1f}H{WIDTH - RIGHT}', class_=kind)
-    return joined([line, _text(tick_label(value, rows), LEFT - 5.0, y + 3.5, 'end')])
+def _horizontal(frame: _Frame, height: float, height_ticks: Sequence[float]) -> Markup:
+    y = frame.y(height)
+    style = 'grid zero' if height == 0.0 else 'grid'
+    line = element('path', d=f'M{LEFT} {y:.1f}H{WIDTH - RIGHT}', class_=style)
+    return joined([line, _text(tick_label(height, height_ticks), LEFT - 5.0, y + 3.5, 'end')])
 
 
-def tick_label(value: float, rows: Sequence[float]) -> str:
+def tick_label(tick: float, all_ticks: Sequence[float]) -> str:
     """Return a label with the digits that the steps between labels need."""
-    step = rows[1] - rows[0]
+    step = all_ticks[1] - all_ticks[0]
     if not 1e-4 <= step < 1e5:
-        return f'{value:.0e}' if value else '0'
-    return f'{value:.{max(0, -floor(log10(step) + 1e-9))}f}'
+        return f'{tick:.0e}' if tick else '0'
+    return f'{tick:.{max(0, -floor(log10(step) + 1e-9))}f}'
 
 
-def _column(frame: _Frame, value: float) -> Markup:
-    x = frame.x(value)
+def _vertical(frame: _Frame, degrees: float) -> Markup:
+    x = frame.x(degrees)
     line = element('path', d=f'M{x:.1f} {TOP}V{HEIGHT - BOTTOM}', class_='grid')
-    return joined([line, _text(f'{value:g}', x, HEIGHT - BOTTOM + 13.0, 'middle')])
+    return joined([line, _text(f'{degrees:g}', x, HEIGHT - BOTTOM + 13.0, 'middle')])
 
 
-def _text(content: str, x: float, y: float, anchor: str) -> Markup:
-    return element('text', content, x=f'{x:.1f}', y=f'{y:.1f}', text_anchor=anchor)
+def _text(text: str, x: float, y: float, anchor: str) -> Markup:
+    return element('text', text, x=f'{x:.1f}', y=f'{y:.1f}', text_anchor=anchor)
 
 
-def _key(name: str, kind: str) -> Markup:
-    shown = 'M1 4H25' if kind != 'span' else 'M1 0H25V8H1Z'
-    path = element('path', d=shown, class_=kind)
+def _line_style(line: ChartLine) -> str:
+    return f'colour-{line.colour % _LINE_COLOURS}{" dashed" * line.is_dashed}'
+
+
+def _key(name: str, style: str) -> Markup:
+    sample = 'M1 4H25' if style != 'span' else 'M1 0H25V8H1Z'
+    path = element('path', d=sample, class_=style)
     return element('span', element('svg', path, viewBox='0 0 26 8', aria_hidden='true'), name)
 
 

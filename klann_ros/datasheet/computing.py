@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from math import pi
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot, RobotLeg
 import numpy as np
 
-from .load import crank_load, CrankLoad, foot_load, turn_angles, with_extremes
+from .load import crank_load, CrankLoad, foot_load, LoadedLeg, turn_angles, with_extremes
 from .motor import Motor, verdict
 from .sheet import (
     BarFigures,
@@ -46,10 +45,12 @@ from .sheet import (
 DEFAULT_SPEED = TURN
 SHEET_SAMPLES = 720
 # Limits of the crank's rate [rad/s] and of the load [N].
-MIN_SPEED, MAX_SPEED, MAX_LOAD = 1e-6, 1e6, 1e9
+MIN_SPEED, MAX_SPEED = 1e-6, 1e6
+MAX_LOAD = 1e9
 # A robot with fewer legs cannot stand; the supports of one with more take minutes, as they grow
 # with the third power.
-MIN_WALKING_LEGS, MAX_WALKING_LEGS = 3, 24
+MIN_WALKING_LEGS = 3
+MAX_WALKING_LEGS = 24
 # A sheet takes a time proportional to the legs that differ.
 MAX_SHEET_LEGS = 100
 COUPLED = 'of coupled loops they take seconds: --margins'
@@ -108,15 +109,16 @@ def data_sheet(
     missing = _missing_masses(robot)
     if motor is not None and missing and not load:
         raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
-    by_name = {name: sheet for sheet in sheets for name in sheet.names}
+    sheets_by_name = {name: sheet for sheet in sheets for name in sheet.names}
     walk, no_walk = _walk(robot)
+    cranks = [_crank(request, joint, sheets_by_name) for joint in robot.crank_joints]
     return DataSheet(
         name=robot.name,
         source=robot.source,
         speed=request.speed,
         load=request.load,
         legs=tuple(sheets),
-        cranks=tuple(_crank(request, joint, by_name) for joint in robot.crank_joints),
+        cranks=tuple(cranks),
         motor=motor,
         no_forces=_no_forces(sheets, missing, load),
         walk=walk,
@@ -149,12 +151,11 @@ class _Request(NamedTuple):
 
 def _missing_masses(robot: Robot) -> str:
     """Return a message about legs without masses; '' without any."""
-    without = [leg for leg in robot.legs if leg.masses is None]
-    if not without:
+    massless = [leg.name for leg in robot.legs if leg.masses is None]
+    if not massless:
         return ''
-    is_all = len(without) == len(robot.legs)
-    which = '' if is_all else f' for {", ".join(leg.name for leg in without)}'
-    return f'no masses: bar_density [kg/m] (a linkage: density) is missing{which}'
+    legs = f' for {", ".join(massless)}' if len(massless) < len(robot.legs) else ''
+    return f'no masses: bar_density [kg/m] (a linkage: density) is missing{legs}'
 
 
 def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
@@ -163,7 +164,8 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
         reasons.append('the crank does not turn fully: there are no forces over a turn')
     if missing:
         reasons.append(f'{missing}; the figures are of the load alone' if load else missing)
-    if any(np.isnan(of.torque).any() for leg in legs for _, of in cases(leg)):
+    forces = [leg_forces for leg in legs for _, leg_forces in cases(leg)]
+    if any(np.isnan(leg_forces.torque).any() for leg_forces in forces):
         reasons.append(
             'links are in line at a crank angle, where no force follows from the motion'
         )
@@ -171,43 +173,48 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
 
 
 def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
-    robot, speed, load, motor, _, samples = request
-    (first, *others) = legs = robot.on_joint(joint)
-    bare = CrankSheet(
+    robot = request.robot
+    speed = request.speed
+    legs = robot.on_joint(joint)
+    crank_sheet = CrankSheet(
         joint=joint,
         legs=tuple(leg.name for leg in legs),
-        is_own=not others and (first.direction, first.phase) == (1, 0.0),
+        is_own=len(legs) == 1 and (legs[0].direction, legs[0].phase) == (1, 0.0),
         empty=None,
         loaded=None,
         motor=None,
     )
     if not all(sheets[leg.name].turns_fully for leg in legs):
-        return bare
-    loaded = [(leg, _dynamics(robot, leg), sheets[leg.name].stance) for leg in legs]
-    edges = [
-        leg.direction * (alpha - leg.phase)
-        for leg, _, stance in loaded
-        for alpha in ((stance.start, stance.end) if load and stance else ())
-    ]
+        return crank_sheet
+    loaded_legs: list[LoadedLeg] = []
+    load_steps = []
+    for leg in legs:
+        stance = sheets[leg.name].stance
+        loaded_legs.append((leg, _dynamics(robot, leg), stance))
+        if request.load and stance:
+            load_steps.append(leg.direction * (stance.start - leg.phase))
+            load_steps.append(leg.direction * (stance.end - leg.phase))
     has_masses = all(leg.masses is not None for leg in legs)
-    angles = turn_angles(samples, edges)
 
-    def loads() -> list[CrankLoad | None]:
-        return [
-            crank_load(loaded, 0.0, angles) if has_masses else None,
-            crank_load(loaded, load, angles) if load else None,
-        ]
+    def loads(angles: FloatArray) -> tuple[CrankLoad | None, CrankLoad | None]:
+        """Return the crank's load at angles [rad], without and with the load on the feet."""
+        empty = crank_load(loaded_legs, 0.0, angles) if has_masses else None
+        full = crank_load(loaded_legs, request.load, angles) if request.load else None
+        return empty, full
 
-    known = filter(None, loads())
-    curves = [(case.still, case.per_speed_squared, case.torque(speed)) for case in known]
-    angles = with_extremes(angles, chain.from_iterable(curves))
-    empty, full = loads()
-    judged = full or empty
+    angles = turn_angles(request.samples, load_steps)
+    curves: list[FloatArray] = []
+    for load in loads(angles):
+        if load:
+            curves += [load.static_torque, load.per_speed_squared, load.torque(speed)]
+    empty, full = loads(with_extremes(angles, curves))
+    decisive = full or empty
+    motor = request.motor
     return replace(
-        bare,
+        crank_sheet,
         empty=empty.turn(speed) if empty else None,
         loaded=full.turn(speed) if full else None,
-        motor=verdict(motor, judged, speed) if motor and judged else None,
+        motor=verdict(motor, decisive, speed) if motor and decisive else None,
     )
 
 
@@ -225,16 +232,20 @@ def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
 
 def _leg_sheet(request: _Request, legs: Sequence[RobotLeg]) -> LegSheet:
     """Return the sheet of legs that are alike."""
-    robot, speed, load, _, margins, samples = request
-    leg, linkage = legs[0], legs[0].linkage
+    leg = legs[0]
+    linkage = leg.linkage
+    load = request.load
     arcs = tuple(reachable_arcs(linkage))
     turns = arcs == ((0.0, TURN),)
     path, stance, no_stance = _path(linkage)
-    edges = (stance.start, stance.end) if load and stance else ()
-    alphas = turn_angles(samples, edges) if turns else _arc_angles(arcs, samples)
-    bars, no_margins = _bars(linkage, turns=turns, margins=margins)
+    if turns:
+        load_steps = (stance.start, stance.end) if load and stance else ()
+        alphas = turn_angles(request.samples, load_steps)
+    else:
+        alphas = _arc_angles(arcs, request.samples)
+    bars, no_margins = _bars(linkage, turns=turns, margins=request.margins)
     sheet = LegSheet(
-        names=tuple(each.name for each in legs),
+        names=tuple(equal_leg.name for equal_leg in legs),
         linkage=linkage,
         bars=bars,
         no_margins=no_margins,
@@ -254,22 +265,23 @@ def _leg_sheet(request: _Request, legs: Sequence[RobotLeg]) -> LegSheet:
         raise SheetError(f'a load on the foot has nowhere to be: {no_stance}')
 
     def with_forces() -> LegSheet:
-        dynamics = _dynamics(robot, leg)
-        empty = _forces(dynamics, sheet, speed, 0.0) if leg.masses else None
-        loaded = _forces(dynamics, sheet, speed, load) if load else None
+        dynamics = _dynamics(request.robot, leg)
+        empty = _forces(dynamics, sheet, request.speed, 0.0) if leg.masses else None
+        loaded = _forces(dynamics, sheet, request.speed, load) if load else None
         return replace(sheet, empty=empty, loaded=loaded)
 
-    known = cases(with_forces())
-    curves = [curve for _, of in known for curve in (of.torque, *(j.force for j in of.joints))]
+    curves: list[FloatArray] = []
+    for _, forces in cases(with_forces()):
+        curves += [forces.torque, *(joint.force for joint in forces.joints)]
     sheet = replace(sheet, **_poses(linkage, with_extremes(alphas, curves)))
     return with_forces()
 
 
 def _poses(linkage: Linkage, alphas: FloatArray) -> dict[str, Any]:
     """Return the fields of a sheet that are sampled over crank angles [rad]."""
-    found: Any = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
-    transmission = _transmission(linkage, alphas, found.transmission_angles)
-    return {'alphas': alphas, 'points': found.points, 'transmission': transmission}
+    poses: Any = linkage_poses(linkage, alphas, points=True, transmission_angles=True)
+    transmission = _transmission(linkage, alphas, poses.transmission_angles)
+    return {'alphas': alphas, 'points': poses.points, 'transmission': transmission}
 
 
 def _dynamics(robot: Robot, leg: RobotLeg) -> Dynamics:
@@ -280,9 +292,11 @@ def _dynamics(robot: Robot, leg: RobotLeg) -> Dynamics:
 
 
 def _arc_angles(arcs: Sequence[Arc], samples: int) -> FloatArray:
-    shares = [max(2, round(samples * (end - start) / TURN)) for start, end in arcs]
-    spread = [np.linspace(*arc, share) for arc, share in zip(arcs, shares, strict=True)]
-    return np.concatenate([np.empty(0), *spread])
+    angles = [np.empty(0)]
+    for start, end in arcs:
+        share = max(2, round(samples * (end - start) / TURN))
+        angles.append(np.linspace(start, end, share))
+    return np.concatenate(angles)
 
 
 def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
@@ -295,75 +309,82 @@ def _path(linkage: Linkage) -> tuple[FootPath | None, Stance | None, str]:
 
 
 def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFigures, ...], str]:
-    known: dict[str, Margin] = {}
+    """Return the bars, and the reason for missing margins, or ''."""
+    margin_of: dict[str, Margin] = {}
     reason = '' if linkage.is_dyadic or margins else COUPLED
     if not turns:
         reason = 'the crank does not turn fully'
     if not reason:
         try:
-            known = length_margins(linkage)
+            margin_of = length_margins(linkage)
         except PartialTurnError:
             # Within rounding of a change point.
             reason = 'the crank only just turns fully'
-    bars = [
-        BarFigures(d.name, d.unit, value, known.get(d.name))
-        for d, value in zip(linkage.structure.dimensions, linkage.numbers, strict=True)
-    ]
+    bars = []
+    for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
+        name = dimension.name
+        bars.append(BarFigures(name, dimension.unit, number, margin_of.get(name)))
     return tuple(bars), reason
 
 
 def _transmission(
     linkage: Linkage, alphas: FloatArray, angles: FloatArray
 ) -> tuple[Transmission, ...]:
-    found = []
+    transmission = []
     for block, mu in zip(linkage.blocks, angles.T, strict=True):
         if np.isnan(mu).all():
             continue
-        *_, one, other = block.names
-        least, greatest = (
-            Extreme(float(mu[k]), float(alphas[k])) for k in (np.nanargmin(mu), np.nanargmax(mu))
-        )
-        nearest = min(least.value, pi - greatest.value)
-        at = least.at if nearest == least.value else greatest.at
-        name = ', '.join(filter(None, (one, other))) if block.is_dyad else 'coupled loops'
-        found.append(Transmission(name, mu, least, greatest, Extreme(nearest, at)))
-    return tuple(found)
+        links = filter(None, block.names[-2:])
+        name = ', '.join(links) if block.is_dyad else 'coupled loops'
+        minimum = _extreme(mu, alphas, int(np.nanargmin(mu)))
+        maximum = _extreme(mu, alphas, int(np.nanargmax(mu)))
+        if minimum.value <= pi - maximum.value:
+            from_in_line = minimum
+        else:
+            from_in_line = Extreme(pi - maximum.value, maximum.at)
+        transmission.append(Transmission(name, mu, minimum, maximum, from_in_line))
+    return tuple(transmission)
 
 
 def _masses(leg: RobotLeg) -> tuple[BodyMassFigures, ...]:
     if leg.masses is None:
         return ()
     labels = leg.linkage.structure.labels
-    return tuple(
-        BodyMassFigures(label, body.mass, (body.centre.real, body.centre.imag), body.inertia)
-        for label, body in zip(labels, leg.masses.bodies, strict=True)
-    )
+    figures = []
+    for label, body in zip(labels, leg.masses.bodies, strict=True):
+        centre = body.centre.real, body.centre.imag
+        figures.append(BodyMassFigures(label, body.mass, centre, body.inertia))
+    return tuple(figures)
 
 
 def _forces(dynamics: Dynamics, sheet: LegSheet, speed: float, load: float) -> LegForces:
-    alphas, foot = sheet.alphas, sheet.linkage.structure.foot
-    loads = foot_load(foot, sheet.stance, alphas, load)
+    alphas = sheet.alphas
+    loads = foot_load(sheet.linkage.structure.foot, sheet.stance, alphas, load)
     torque = dynamics.crank_torque(alphas, speed, 0.0, loads)
     reactions = dynamics.reactions(alphas, speed, 0.0, loads)
     return LegForces(torque, tuple(_joints(sheet, reactions)))
 
 
 def _joints(sheet: LegSheet, reactions: Reactions) -> list[JointForce]:
-    alphas, found = sheet.alphas, []
+    alphas = sheet.alphas
+    joints = []
     for point in sheet.linkage.structure.points:
         forces = [np.abs(force) for (name, _), force in reactions.pins.items() if name == point]
         if forces:
             force = np.max(forces, axis=0)
-            found.append(JointForce(point, force, _greatest(force, alphas)))
+            joints.append(JointForce(point, force, _maximum(force, alphas)))
     for angle, (normal, moment) in reactions.lines.items():
         force = np.abs(normal)
-        largest = _greatest(np.abs(moment), alphas)
-        found.append(JointForce(angle, force, _greatest(force, alphas), largest))
-    return found
+        max_moment = _maximum(np.abs(moment), alphas)
+        joints.append(JointForce(angle, force, _maximum(force, alphas), max_moment))
+    return joints
 
 
-def _greatest(values: FloatArray, alphas: FloatArray) -> Extreme:
-    if np.isnan(values).all():
+def _maximum(curve: FloatArray, alphas: FloatArray) -> Extreme:
+    if np.isnan(curve).all():
         return Extreme(float('nan'), float('nan'))
-    k = int(np.nanargmax(values))
-    return Extreme(float(values[k]), float(alphas[k]))
+    return _extreme(curve, alphas, int(np.nanargmax(curve)))
+
+
+def _extreme(curve: FloatArray, alphas: FloatArray, index: int) -> Extreme:
+    return Extreme(float(curve[index]), float(alphas[index]))

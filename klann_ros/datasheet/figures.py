@@ -39,16 +39,16 @@ class FigureTable(NamedTuple):
     note: str = ''
 
 
-def number(value: float, digits: int = 4) -> str:
+def number(quantity: float, digits: int = 4) -> str:
     """Return a number with significant digits, without an exponent if that is short."""
-    if not isfinite(value):
+    if not isfinite(quantity):
         return UNKNOWN_VALUE
-    if value == 0.0:
+    if quantity == 0.0:
         return '0'
-    power = floor(log10(abs(value)))
+    power = floor(log10(abs(quantity)))
     if -4 <= power < 6:
-        return f'{value:.{max(digits - 1 - power, 0)}f}'
-    return f'{value:.{digits - 1}e}'
+        return f'{quantity:.{max(digits - 1 - power, 0)}f}'
+    return f'{quantity:.{digits - 1}e}'
 
 
 def degree(radians: float, digits: int = 1) -> str:
@@ -80,29 +80,29 @@ def turning(leg: LegSheet) -> str:
 
 def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
     """Yield the figures of a foot while the crank turns at a speed [rad/s]."""
-    path, stance = leg.path, leg.stance
+    path = leg.path
+    stance = leg.stance
     if path is not None:
-        left, right = path.x_range
-        low, high = path.y_range
         # Rounding counts as 0.
-        stride, lift = _zero(path.stride, path.length), _zero(path.lift, path.length)
-        yield Figure('Stride', millimetres(stride), 'mm', _range('x', left, right))
-        yield Figure('Lift', millimetres(lift), 'mm', _range('y', low, high))
+        stride = _zero(path.stride, path.length)
+        lift = _zero(path.lift, path.length)
+        yield Figure('Stride', millimetres(stride), 'mm', _range('x', *path.x_range))
+        yield Figure('Lift', millimetres(lift), 'mm', _range('y', *path.y_range))
         yield Figure('Path', millimetres(path.length), 'mm', 'its length')
     if stance is None:
         return
-    at = f'crank {_span(degree(stance.start), degree(stance.end % TURN))} deg'
-    yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {at}')
+    angles = f'crank {_span(degree(stance.start), degree(stance.end % TURN))} deg'
+    yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {angles}')
     band = millimetres(_zero(stance.ground, stance.ground_covered))
     ground = f'within {band} mm above the lowest point'
     yield Figure('Ground covered', millimetres(stance.ground_covered), 'mm', ground)
-    off = f'{100.0 * stance.straightness:.2f} % of the ground covered'
+    straightness = f'{100.0 * stance.straightness:.2f} % of the ground covered'
     deviation = _zero(stance.deviation, stance.ground_covered)
-    yield Figure('Off straight', millimetres(deviation), 'mm', off)
+    yield Figure('Off straight', millimetres(deviation), 'mm', straightness)
     rate = abs(speed)
     ripple = f'; ripple {100.0 * stance.ripple:.0f} %' if isfinite(stance.ripple) else ''
-    least = _zero(stance.speed_least, stance.speed_mean)
-    span = _span(number(rate * least, 3), number(rate * stance.speed_greatest, 3))
+    min_speed = _zero(stance.speed_least, stance.speed_mean)
+    span = _span(number(rate * min_speed, 3), number(rate * stance.speed_greatest, 3))
     yield Figure('Foot speed', number(rate * stance.speed_mean), 'm/s', f'{span}{ripple}')
 
 
@@ -118,80 +118,87 @@ def bars(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's dimensions."""
     has_margins = not leg.no_margins
     heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
-    rows = []
+    lines = []
     for bar in leg.bars:
         show = millimetres if bar.unit == 'm' else degree
-        ends: tuple[str, ...] = ()
-        if has_margins:
-            known = bar.margin is not None
-            limits = (bar.margin.least, bar.margin.greatest) if bar.margin else (inf, inf)
-            ends = tuple('any' if known and not isfinite(x) else show(x) for x in limits)
-        rows.append((bar.name, show(bar.value), 'mm' if bar.unit == 'm' else 'deg', *ends))
+        limits: tuple[str, ...] = ()
+        if has_margins and bar.margin is None:
+            limits = (UNKNOWN_VALUE, UNKNOWN_VALUE)
+        elif has_margins and bar.margin is not None:
+            margin = bar.margin.least, bar.margin.greatest
+            limits = tuple(show(limit) if isfinite(limit) else 'any' for limit in margin)
+        lines.append((bar.name, show(bar.value), 'mm' if bar.unit == 'm' else 'deg', *limits))
     note = (
         'One number changed at a time, all others unchanged.'
         if has_margins
         else f'No margins: {leg.no_margins}.'
     )
-    return FigureTable('Bars', heads, tuple(rows), note)
+    return FigureTable('Bars', heads, tuple(lines), note)
 
 
 def transmission(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's transmission angles."""
-    rows = tuple(
-        (each.name, *map(degree, (*each.least, *each.greatest, each.from_in_line.value)))
-        for each in leg.transmission
-    )
+    lines = []
+    warning = ''
+    for dyad in leg.transmission:
+        angles = (*dyad.least, *dyad.greatest, dyad.from_in_line.value)
+        lines.append((dyad.name, *map(degree, angles)))
+        if dyad.from_in_line.value < GOOD_TRANSMISSION:
+            warning = '; here it is less'
     heads = ('Links', 'Least / deg', 'at crank', 'Greatest / deg', 'at crank', 'From in line')
-    poor = [each for each in leg.transmission if each.from_in_line.value < GOOD_TRANSMISSION]
-    less = '; here it is less' if poor else ''
-    note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{less}.'
-    return FigureTable('Transmission angles', heads, rows, note)
+    note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{warning}.'
+    return FigureTable('Transmission angles', heads, tuple(lines), note)
 
 
 def masses(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's masses."""
-    rows = tuple(
+    lines = [
         (name, number(mass), *map(millimetres, centre), number(inertia))
         for name, mass, centre, inertia in leg.masses
-    )
+    ]
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
     note = f'{number(leg.mass)} kg a leg. The centre is from the first point of the body.'
-    return FigureTable('Masses', heads, rows, note)
+    return FigureTable('Masses', heads, tuple(lines), note)
 
 
 def joint_forces(leg: LegSheet) -> FigureTable:
     """Return the table of the largest force of each joint of a leg."""
-    columns = cases(leg)
     heads = ['Joint']
-    for name, _ in columns:
+    joints_of_cases = []
+    for name, forces in cases(leg):
         heads += [f'{name} / N', 'at crank / deg']
-    rows = []
-    for same in zip(*(of.joints for _, of in columns), strict=True):
-        rows.append((same[0].name, *_peaks([joint.greatest for joint in same])))
-        moments = [joint.moment for joint in same if joint.moment is not None]
+        joints_of_cases.append(forces.joints)
+    lines = []
+    for joint_cases in zip(*joints_of_cases, strict=True):
+        name = joint_cases[0].name
+        lines.append((name, *_peaks([joint.greatest for joint in joint_cases])))
+        moments = [joint.moment for joint in joint_cases if joint.moment is not None]
         if moments:
-            rows.append((f'{same[0].name}: moment / N m', *_peaks(moments)))
-    return FigureTable('Joint reactions', tuple(heads), tuple(rows), 'The largest of a turn.')
+            lines.append((f'{name}: moment / N m', *_peaks(moments)))
+    return FigureTable('Joint reactions', tuple(heads), tuple(lines), 'The largest of a turn.')
 
 
 def _peaks(extremes: Sequence[Extreme]) -> list[str]:
-    return [text for value, at in extremes for text in (number(value), degree(at))]
+    cells = []
+    for extreme in extremes:
+        cells += [number(extreme.value), degree(extreme.at)]
+    return cells
 
 
 def crank_forces(crank: CrankSheet, speed: float) -> FigureTable:
     """Return the table of a crank's torque and power, without and with the load."""
-    columns = cases(crank)
-    cells = [_crank_column(turn, speed) for _, turn in columns]
-    rows = [
-        (same[0].name, *(figure.value for figure in same), same[0].unit)
-        for same in zip(*cells, strict=True)
-    ]
-    heads = ('Over the turn', *(name for name, _ in columns), 'unit')
+    named_turns = cases(crank)
+    columns = [_crank_column(turn, speed) for _, turn in named_turns]
+    lines = []
+    for figures in zip(*columns, strict=True):
+        cells = [figure.value for figure in figures]
+        lines.append((figures[0].name, *cells, figures[0].unit))
+    heads = ('Over the turn', *(name for name, _ in named_turns), 'unit')
     note = (
         'Energy swing: stored and returned by a shaft with the mean torque. '
         f'Flywheel: for a speed within +-{100.0 * SPEED_FLUCTUATION / 2.0:.0f} %.'
     )
-    return FigureTable('Crank', heads, tuple(rows), note)
+    return FigureTable('Crank', heads, tuple(lines), note)
 
 
 def crank_title(crank: CrankSheet) -> str:
@@ -214,33 +221,33 @@ def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
     ]
 
 
-def _zero(value: float, scale: float) -> float:
-    """Return a value; 0 within the sampling error of a mean."""
-    return 0.0 if abs(value) <= SAMPLING_ERROR * scale else value
+def _zero(quantity: float, scale: float) -> float:
+    """Return a quantity; 0 within the sampling error of a mean."""
+    return 0.0 if abs(quantity) <= SAMPLING_ERROR * scale else quantity
 
 
 def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     """Yield the figures of a motor and of its crank's requirements."""
-    judged = crank.motor
-    if judged is None:
+    verdict = crank.motor
+    if verdict is None:
         return
-    motor = judged.motor
+    motor = verdict.motor
     yield Figure('Stall torque', number(motor.output_stall_torque), 'N m', 'at the gear')
-    yield Figure('Available torque', number(judged.available), 'N m', 'at this speed')
-    at = f'at {degree(judged.peak_at)} deg'
-    yield Figure('Required torque', number(judged.peak), 'N m', at if judged.peak else '')
-    yield Figure('Margin', _times(judged.margin), '', '1 is just enough')
-    held = f'{number(judged.braking_peak)} of {number(motor.holding_torque)} N m'
-    yield Figure('Braking margin', _times(judged.braking_margin), '', held)
-    thermal = judged.thermal_margin
-    rms = f'{number(judged.motor_rms)} N m rms at the motor'
+    yield Figure('Available torque', number(verdict.available), 'N m', 'at this speed')
+    peak_angle = f'at {degree(verdict.peak_at)} deg' if verdict.peak else ''
+    yield Figure('Required torque', number(verdict.peak), 'N m', peak_angle)
+    yield Figure('Margin', _times(verdict.margin), '', '1 is just enough')
+    braking = f'{number(verdict.braking_peak)} of {number(motor.holding_torque)} N m'
+    yield Figure('Braking margin', _times(verdict.braking_margin), '', braking)
+    thermal = verdict.thermal_margin
+    rms = f'{number(verdict.motor_rms)} N m rms at the motor'
     if thermal is None:
         yield Figure('Thermal margin', UNKNOWN_VALUE, '', f'{rms}; no continuous_torque is given')
     else:
         yield Figure('Thermal margin', _times(thermal), '', rms)
-    rpm = f'{number(judged.fastest * 30.0 / pi)} rpm, by torque and speed'
-    note = rpm if judged.fastest else 'it cannot start from standstill'
-    yield Figure('Fastest', number(judged.fastest), 'rad/s', note)
+    rpm = f'{number(verdict.fastest * 30.0 / pi)} rpm, by torque and speed'
+    note = rpm if verdict.fastest else 'it cannot start from standstill'
+    yield Figure('Fastest', number(verdict.fastest), 'rad/s', note)
 
 
 def _times(margin: float) -> str:
@@ -257,12 +264,13 @@ def motor_line(sheet: DataSheet) -> str:
     if sheet.motor_turns:
         margins = [crank.motor.margin for crank in sheet.cranks if crank.motor]
         return f'the motor can turn it at {speed}, margin {_times(min(margins))}'
-    why = []
+    reasons = []
     for crank in sheet.cranks:
         faults = crank.motor.faults if crank.motor else ('the crank does not turn fully',)
-        of = f'{printable(crank.joint)}: ' if faults and len(sheet.cranks) > 1 else ''
-        why += [f'{of}{", and ".join(faults)}'] if faults else []
-    return f'the motor cannot turn it at {speed}: {"; ".join(why)}'
+        joint = f'{printable(crank.joint)}: ' if len(sheet.cranks) > 1 else ''
+        if faults:
+            reasons.append(f'{joint}{", and ".join(faults)}')
+    return f'the motor cannot turn it at {speed}: {"; ".join(reasons)}'
 
 
 def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
@@ -289,10 +297,9 @@ def supports(sheet: DataSheet) -> FigureTable | None:
     if sheet.walk is None:
         return None
     shares = sheet.walk.support_patterns()
-    rows = [
-        (f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'unstable')
-        for feet, share in list(shares.items())[:MAX_PATTERNS]
-    ]
-    more = len(shares) - len(rows)
-    note = f'{counted(more, "more pattern")}.' if more else ''
-    return FigureTable('Supports', ('Part of the turn / %', 'Feet', 'Legs'), tuple(rows), note)
+    lines = []
+    for feet, share in list(shares.items())[:MAX_PATTERNS]:
+        lines.append((f'{100.0 * share:.1f}', str(len(feet)), ', '.join(feet) or 'unstable'))
+    hidden_count = len(shares) - len(lines)
+    note = f'{counted(hidden_count, "more pattern")}.' if hidden_count else ''
+    return FigureTable('Supports', ('Part of the turn / %', 'Feet', 'Legs'), tuple(lines), note)

@@ -10,7 +10,7 @@ from klann_ros.kinematics import Stance
 from klann_ros.sanitize.text import finite
 import numpy as np
 
-from .sheet import CrankSheet, DataSheet, LegSheet
+from .sheet import BarFigures, CrankSheet, DataSheet, LegSheet
 
 # Increases when a key changes its meaning.
 VERSION = 1
@@ -27,30 +27,30 @@ MOTOR_KEYS = (
 
 def report(sheet: DataSheet) -> str:
     """Return the data sheet as JSON; docs/describe.md lists its keys."""
-    content = {
+    document = {
         'version': VERSION,
         'klann_ros': __version__,
-        **_values(sheet, ('name', 'source', 'speed', 'load')),
+        **_attributes(sheet, ('name', 'source', 'speed', 'load')),
         'no_forces': sheet.no_forces or None,
         'legs': [_leg(leg, sheet.speed) for leg in sheet.legs],
         'cranks': [_crank(crank) for crank in sheet.cranks],
         'motor_turns': sheet.motor_turns if sheet.motor else None,
         'walk': _walk(sheet),
     }
-    return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
+    return json.dumps(finite(document), indent=1, allow_nan=False) + '\n'
 
 
-def _values(of: Any, names: Sequence[str]) -> dict[str, Any]:
-    return {name: getattr(of, name) for name in names}
+def _attributes(record: Any, names: Sequence[str]) -> dict[str, Any]:
+    return {name: getattr(record, name) for name in names}
 
 
-def _plain(value: Any) -> Any:
+def _plain(record: Any) -> Any:
     """Return records as mappings by their fields, and arrays as lists."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if hasattr(value, '_asdict'):
-        return {name: _plain(item) for name, item in value._asdict().items()}
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+    if isinstance(record, np.ndarray):
+        return record.tolist()
+    if hasattr(record, '_asdict'):
+        return {name: _plain(field) for name, field in record._asdict().items()}
+    return [*map(_plain, record)] if isinstance(record, tuple) else record
 
 
 def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
@@ -60,14 +60,7 @@ def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
         'linkage': linkage.name,
         'source': linkage.source,
         'foot': linkage.structure.foot,
-        'bars': [
-            {
-                **_values(bar, ('name', 'unit', 'value')),
-                'least': bar.margin.least if bar.margin else None,
-                'greatest': bar.margin.greatest if bar.margin else None,
-            }
-            for bar in leg.bars
-        ],
+        'bars': [*map(_bar, leg.bars)],
         'no_margins': leg.no_margins or None,
         'turns_fully': leg.turns_fully,
         'arcs': leg.arcs,
@@ -83,28 +76,37 @@ def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
     }
 
 
+def _bar(bar: BarFigures) -> dict[str, Any]:
+    return {
+        **_attributes(bar, ('name', 'unit', 'value')),
+        'least': bar.margin.least if bar.margin else None,
+        'greatest': bar.margin.greatest if bar.margin else None,
+    }
+
+
 def _path(leg: LegSheet) -> dict[str, Any] | None:
     if leg.path is None:
         return None
     x, y = leg.points[:, leg.linkage.foot].T.tolist()
-    return {**_values(leg.path, PATH_KEYS), 'x': x, 'y': y}
+    return {**_attributes(leg.path, PATH_KEYS), 'x': x, 'y': y}
 
 
 def _stance(stance: Stance, speed: float) -> dict[str, Any]:
-    per_turn = _values(stance, ('speed_mean', 'speed_least', 'speed_greatest'))
     return {
-        **_values(stance, STANCE_KEYS),
-        **{name: value * abs(speed) for name, value in per_turn.items()},
+        **_attributes(stance, STANCE_KEYS),
+        'speed_mean': stance.speed_mean * abs(speed),
+        'speed_least': stance.speed_least * abs(speed),
+        'speed_greatest': stance.speed_greatest * abs(speed),
         'body_speed': stance.speed(speed),
     }
 
 
 def _crank(crank: CrankSheet) -> dict[str, Any]:
     return {
-        **_values(crank, ('joint', 'legs')),
+        **_attributes(crank, ('joint', 'legs')),
         'empty': _turn(crank.empty),
         'loaded': _turn(crank.loaded),
-        'motor': _values(crank.motor, MOTOR_KEYS) if crank.motor else None,
+        'motor': _attributes(crank.motor, MOTOR_KEYS) if crank.motor else None,
     }
 
 
@@ -131,16 +133,17 @@ def _walk(sheet: DataSheet) -> dict[str, Any] | None:
     if walk is None:
         return {'no_walk': sheet.no_walk} if sheet.no_walk else None
     is_stable = walk.stable_fraction > 0.0
+    supports = []
+    for feet, fraction in walk.support_patterns().items():
+        supports.append({'legs': feet, 'fraction': fraction})
     return {
         'speed': walk.speed * sheet.speed,
-        **_values(walk, ('stride', 'least_margin')),
+        **_attributes(walk, ('stride', 'least_margin')),
         'stable_fraction': walk.stable_fraction,
         'warnings': walk.warnings,
         'height_variation': walk.height_variation if is_stable else None,
         'pitch': walk.greatest_pitch if is_stable else None,
         'roll': walk.greatest_roll if is_stable else None,
         'foot_slip': walk.slid,
-        'supports': [
-            {'legs': feet, 'fraction': part} for feet, part in walk.support_patterns().items()
-        ],
+        'supports': supports,
     }

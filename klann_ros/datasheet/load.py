@@ -14,7 +14,8 @@ import numpy as np
 EDGE_OFFSET = 1e-9
 # An extreme within this part of a curve's range from its greatest or least value is refined, by
 # this number of samples between its neighbours.
-EXTREME_PART, EXTREME_SAMPLES = 0.02, 15
+EXTREME_PART = 0.02
+EXTREME_SAMPLES = 15
 FootForces = dict[str, tuple[float, float]]
 # A leg on a joint, with its dynamics and its stance.
 LoadedLeg = tuple[RobotLeg, Dynamics, Stance | None]
@@ -23,13 +24,13 @@ LoadedLeg = tuple[RobotLeg, Dynamics, Stance | None]
 class CrankLoad(NamedTuple):
     """The torque T = G + S w^2 at the joint of a crank at a constant speed w, shapes (k,)."""
 
-    angles: FloatArray  # of the joint over a turn, ascending, in [0, 2 pi) [rad]
-    still: FloatArray  # G: of weight, springs and the load on the foot [N m]
-    per_speed_squared: FloatArray  # S: of inertia [N m s^2]
+    angles: FloatArray  #: of the joint over a turn, ascending, in [0, 2 pi) [rad]
+    static_torque: FloatArray  #: G: of weight, springs and the load on the foot [N m]
+    per_speed_squared: FloatArray  #: S: of inertia [N m s^2]
 
     def torque(self, speed: float) -> FloatArray:
         """Return the torque at a speed [rad/s], shape (k,) [N m]."""
-        return np.asarray(self.still + self.per_speed_squared * speed**2)
+        return np.asarray(self.static_torque + self.per_speed_squared * speed**2)
 
     def turn(self, speed: float) -> TurnOfForces:
         """Return the forces of a turn at a speed [rad/s]."""
@@ -48,9 +49,9 @@ def foot_load(
     """Return the ground reaction of a foot in stance, up along y of the leg's plane [N]."""
     if not load or stance is None:
         return None
-    up = np.where(on_the_ground(stance, alphas), load, 0.0)
+    reaction = np.where(on_the_ground(stance, alphas), load, 0.0)
     # Annotated as one number, but an array is accepted as well.
-    return {foot: (0.0, up)}  # type: ignore[dict-item]
+    return {foot: (0.0, reaction)}  # type: ignore[dict-item]
 
 
 def turn_angles(samples: int, edges: Iterable[float] = ()) -> FloatArray:
@@ -60,22 +61,24 @@ def turn_angles(samples: int, edges: Iterable[float] = ()) -> FloatArray:
     The load steps at an edge, so a curve may have its peak there.
     """
     uniform = TURN * np.arange(samples) / samples
-    sides = [(edge + side) % TURN for edge in edges for side in (-EDGE_OFFSET, EDGE_OFFSET)]
-    return np.unique([*uniform, *sides])
+    edges = np.array([*edges])
+    return np.unique(
+        np.concatenate([uniform, (edges - EDGE_OFFSET) % TURN, (edges + EDGE_OFFSET) % TURN])
+    )
 
 
 def with_extremes(angles: FloatArray, curves: Iterable[FloatArray]) -> FloatArray:
     """Return angles of a turn [rad] with more of them beside the extremes of curves."""
     padded = np.concatenate([[angles[-1] - TURN], angles, [angles[0] + TURN]])
-    found = set()
+    peaks = set()
     for curve in curves:
         span = np.ptp(curve)
-        for values in (curve, -curve):
-            is_peak = (values >= np.roll(values, 1)) & (values >= np.roll(values, -1))
-            near_top = values > values.max() - EXTREME_PART * span
-            found.update(np.flatnonzero(is_peak & near_top).tolist())
-    added = [np.linspace(padded[k], padded[k + 2], EXTREME_SAMPLES + 2)[1:-1] for k in found]
-    return np.unique(np.concatenate([angles, *added]) % TURN)
+        for upright in (curve, -curve):
+            is_peak = (upright >= np.roll(upright, 1)) & (upright >= np.roll(upright, -1))
+            is_near_top = upright > upright.max() - EXTREME_PART * span
+            peaks.update(np.flatnonzero(is_peak & is_near_top).tolist())
+    refined = [np.linspace(padded[k], padded[k + 2], EXTREME_SAMPLES + 2)[1:-1] for k in peaks]
+    return np.unique(np.concatenate([angles, *refined]) % TURN)
 
 
 def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> CrankLoad:
@@ -85,11 +88,13 @@ def crank_load(legs: Sequence[LoadedLeg], load: float, angles: FloatArray) -> Cr
     By virtual work a leg with alpha = direction * angle + phase adds direction times its torque.
     `load` is the ground reaction of each foot in stance [N].
     """
-    still, squared = np.zeros(angles.size), np.zeros(angles.size)
+    static_torque = np.zeros(angles.size)
+    per_speed_squared = np.zeros(angles.size)
     for leg, dynamics, stance in legs:
         alphas = leg.crank_angles(angles)
         forces = foot_load(leg.linkage.structure.foot, stance, alphas, load)
         at_rest = dynamics.crank_torque(alphas, 0.0, 0.0, forces)
-        still += leg.direction * at_rest
-        squared += leg.direction * (dynamics.crank_torque(alphas, 1.0, 0.0, forces) - at_rest)
-    return CrankLoad(angles, still, squared)
+        at_unit_rate = dynamics.crank_torque(alphas, 1.0, 0.0, forces)
+        static_torque += leg.direction * at_rest
+        per_speed_squared += leg.direction * (at_unit_rate - at_rest)
+    return CrankLoad(angles, static_torque, per_speed_squared)

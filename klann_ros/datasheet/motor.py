@@ -28,13 +28,13 @@ class Motor:
     Attributes
     ----------
     stall_torque : float
-        Of the motor, without its gear [N m], > 0.
+        The motor's stall torque, without its gear [N m], > 0.
     no_load_speed : float
-        Of the motor, without its gear [rad/s], > 0.
+        The motor's no-load speed, without its gear [rad/s], > 0.
     gear_ratio : float
         Turns of the motor for one of the crank, > 0; 1 without a gear.
     efficiency : float
-        Of the gear, > 0 and <= 1.
+        The gear's efficiency, > 0 and <= 1.
     continuous_torque : float, optional
         The motor's permissible rms torque in continuous operation [N m], > 0.
 
@@ -48,9 +48,9 @@ class Motor:
 
     def __post_init__(self) -> None:
         """Refuse invalid motor data."""
-        for name, value in vars(self).items():
-            if (name, value) != ('continuous_torque', None):
-                _check(name, value)
+        for name, number in vars(self).items():
+            if (name, number) != ('continuous_torque', None):
+                _check(name, number)
 
     @property
     def output_stall_torque(self) -> float:
@@ -73,7 +73,7 @@ class Motor:
 
 
 MOTOR_KEYS = tuple(field.name for field in fields(Motor))
-NEEDED = MOTOR_KEYS[:4]
+REQUIRED_KEYS = MOTOR_KEYS[:4]
 
 
 def motor_from_file(path: str) -> Motor:
@@ -89,7 +89,7 @@ def motor_from_file(path: str) -> Motor:
     return content_of_file(path, motor_from, 'motor', MotorFileError)
 
 
-def motor_from(content: Any) -> Motor:
+def motor_from(motor: Any) -> Motor:
     """
     Return the motor in a mapping.
 
@@ -100,27 +100,27 @@ def motor_from(content: Any) -> Motor:
 
     """
     example = 'such as config/motor_example.yaml is'
-    if not isinstance(content, Mapping):
+    if not isinstance(motor, Mapping):
         raise ValueError(f'it must be a mapping, {example}')  # noqa: TRY004 - as all others
-    for key in content:
+    for key in motor:
         if key not in MOTOR_KEYS:
             hint = did_you_mean(key, MOTOR_KEYS)
             raise ValueError(
                 f'{printable(key)}: no such key; there are {", ".join(MOTOR_KEYS)}{hint}'
             )
-    missing = [key for key in NEEDED if key not in content]
+    missing = [key for key in REQUIRED_KEYS if key not in motor]
     if missing:
-        also = '; gear_ratio: 1 is none' * ('gear_ratio' in missing)
-        raise ValueError(f'{", ".join(missing)} missing, {example}{also}')
-    return Motor(**content)
+        hint = '; gear_ratio: 1 is none' * ('gear_ratio' in missing)
+        raise ValueError(f'{", ".join(missing)} missing, {example}{hint}')
+    return Motor(**motor)
 
 
-def _check(name: str, value: Any) -> None:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not 0.0 < value <= MAX_VALUE:
-        raise ValueError(refusal(name, value, f'a number > 0, at most {MAX_VALUE:g}'))
-    if name == 'efficiency' and value > 1.0:
-        raise ValueError(f'efficiency = {value!r} is refused: a part of 1; 80 % are 0.8')
+def _check(name: str, number: Any) -> None:
+    is_number = isinstance(number, int | float) and not isinstance(number, bool)
+    if not is_number or not 0.0 < number <= MAX_VALUE:
+        raise ValueError(refusal(name, number, f'a number > 0, at most {MAX_VALUE:g}'))
+    if name == 'efficiency' and number > 1.0:
+        raise ValueError(f'efficiency = {number!r} is refused: a part of 1; 80 % are 0.8')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +133,7 @@ class MotorVerdict:
     motor : Motor
         The motor.
     speed : float
-        Of the crank, without its direction [rad/s].
+        The crank's speed, without its direction [rad/s].
     available : float
         Torque of the gear's output at this speed [N m].
     peak : float
@@ -178,28 +178,30 @@ class MotorVerdict:
     @property
     def faults(self) -> tuple[str, ...]:
         """Return the reasons why it cannot turn the crank at this speed; empty if it can."""
-        found = []
+        faults = []
         if self.available <= 0.0:
-            most = self.motor.output_no_load_speed
-            found.append(f'even without load it turns no faster than {most:.4g} rad/s')
+            max_speed = self.motor.output_no_load_speed
+            faults.append(f'even without load it turns no faster than {max_speed:.4g} rad/s')
         elif self.peak == inf:
             angle = f'{degrees(self.peak_at):.1f} deg'
-            found.append(f'links are in line at {angle}, where the torque is undefined')
+            faults.append(f'links are in line at {angle}, where the torque is undefined')
         elif self.margin < 1.0:
-            found.append(f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed')
+            faults.append(
+                f'it gives {self.available:.4g} N m where {self.peak:.4g} N m are needed'
+            )
         if self.braking_margin < 1.0:
-            found.append(
+            faults.append(
                 f'it cannot hold back {self.braking_peak:.4g} N m that drive the crank on'
             )
-        if not found and self.fastest < self.speed:
-            found.append(f'it gets no faster than {self.fastest:.4g} rad/s from standstill')
+        if not faults and self.fastest < self.speed:
+            faults.append(f'it gets no faster than {self.fastest:.4g} rad/s from standstill')
         thermal = self.thermal_margin
         if thermal is not None and thermal < 1.0 and self.motor_rms < inf:
-            found.append(
+            faults.append(
                 f'it overheats: {self.motor_rms:.4g} N m rms at the motor, whose continuous '
                 f'torque is {self.motor.continuous_torque:.4g} N m'
             )
-        return tuple(found)
+        return tuple(faults)
 
     @property
     def turns(self) -> bool:
@@ -213,16 +215,16 @@ def verdict(motor: Motor, load: CrankLoad, speed: float) -> MotorVerdict:
     torque = direction * load.torque(speed)
     # Links in line at a change point leave the torque undefined.
     torque = np.where(np.isnan(torque), inf, torque)
-    at_motor = np.where(torque > 0.0, torque / motor.efficiency, torque * motor.efficiency)
-    worst = int(np.argmax(torque))
+    motor_torque = np.where(torque > 0.0, torque / motor.efficiency, torque * motor.efficiency)
+    peak_index = int(np.argmax(torque))
     return MotorVerdict(
         motor=motor,
         speed=abs(speed),
         available=motor.torque(abs(speed)),
-        peak=max(float(torque[worst]), 0.0),
-        peak_at=float(load.angles[worst]),
+        peak=max(float(torque[peak_index]), 0.0),
+        peak_at=float(load.angles[peak_index]),
         braking_peak=max(-float(torque.min()), 0.0),
-        motor_rms=float(np.sqrt(turn_mean(load.angles, at_motor**2))) / motor.gear_ratio,
+        motor_rms=float(np.sqrt(turn_mean(load.angles, motor_torque**2))) / motor.gear_ratio,
         fastest=_fastest(motor, load, direction),
     )
 
@@ -234,13 +236,17 @@ def _fastest(motor: Motor, load: CrankLoad, direction: float) -> float:
     Driving the torque G + S w^2 needs G + S w^2 <= M (1 - w / w_0), braking -(G + S w^2) <= B:
     two parabolas, which are <= 0 up to their first root.
     """
-    still, squared = direction * load.still, direction * load.per_speed_squared
-    stall, no_load = motor.output_stall_torque, motor.output_no_load_speed
-    if np.isnan(still).any():
+    g = direction * load.static_torque
+    s = direction * load.per_speed_squared
+    stall_torque = motor.output_stall_torque
+    no_load_speed = motor.output_no_load_speed
+    if np.isnan(g).any():
         return 0.0
-    driven = _first_root(squared, np.full_like(still, stall / no_load), still - stall)
-    held = _first_root(-squared, np.zeros_like(still), -still - motor.holding_torque)
-    return float(min(no_load, driven.min(), held.min()))
+    driving_limits = _first_root(
+        s, np.full_like(g, stall_torque / no_load_speed), g - stall_torque
+    )
+    braking_limits = _first_root(-s, np.zeros_like(g), -g - motor.holding_torque)
+    return float(min(no_load_speed, driving_limits.min(), braking_limits.min()))
 
 
 def _first_root(a: Any, b: Any, c: Any) -> Any:
@@ -248,6 +254,6 @@ def _first_root(a: Any, b: Any, c: Any) -> Any:
     with np.errstate(divide='ignore', invalid='ignore'):
         root = np.sqrt(b * b - 4.0 * a * c)
         # No cancellation for b >= 0; NaN or negative if there is no root.
-        first = -2.0 * c / (b + root)
-    first = np.where(np.isfinite(first) & (first >= 0.0), first, inf)
-    return np.where(c > 0.0, 0.0, first)
+        first_root = -2.0 * c / (b + root)
+    first_root = np.where(np.isfinite(first_root) & (first_root >= 0.0), first_root, inf)
+    return np.where(c > 0.0, 0.0, first_root)

@@ -19,7 +19,7 @@ from .sheet import cases, CrankSheet, DataSheet, LegSheet
 _STATIC_FILES = Path(__file__).resolve().parent / 'static'
 PAGE_PARTS = Parts(
     styles=(*FRAME, SHARED / 'drawing.css', SHARED / 'tables.css', _STATIC_FILES / 'sheet.css'),
-    # Each may use those before it.
+    # A script may use those before it.
     scripts=(SHARED / 'theme.js', SHARED / 'drawing.js', _STATIC_FILES / 'sheet.js'),
 )
 # Poses of the animation over a turn.
@@ -28,43 +28,48 @@ POSES = 360
 
 def page(sheet: DataSheet) -> str:
     """Return the page of a data sheet."""
-    data = [_animation(leg, sheet.speed) for leg in sheet.legs]
-    several = not sheet.is_single
+    animations = [_animation(leg, sheet.speed) for leg in sheet.legs]
+    legs = [_leg(sheet, leg, index) for index, leg in enumerate(sheet.legs)]
+    cranks = []
+    if not sheet.is_single:
+        cranks = [_crank(crank, sheet) for crank in sheet.cranks if crank.hardest]
     no_scripts = 'The leg is drawn by scripts, which are switched off here.'
     return PAGE_PARTS.page(
         f'Data sheet of {sheet.name}',
         _header(sheet),
         element('noscript', element('p', no_scripts, class_='quiet')),
         _notes(sheet),
-        *(_leg(sheet, leg, number) for number, leg in enumerate(sheet.legs)),
-        *(_crank(one, sheet) for one in sheet.cranks if several and one.hardest),
+        *legs,
+        *cranks,
         _walking(sheet),
-        data=data,
+        data=animations,
     )
 
 
 def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
-    known = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
-    rows = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
+    is_solved = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
+    frames = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
     if leg.turns_fully:
         # Uniform: the samples are denser at extremes.
         uniform = np.linspace(0.0, TURN, POSES, endpoint=False) - EDGE_OFFSET
-        rows = np.unique(np.searchsorted(leg.alphas, uniform) % len(leg.alphas))
-    rows = rows[known[rows]]
-    stands = on_the_ground(leg.stance, leg.alphas) if leg.stance else np.zeros(known.shape, bool)
+        frames = np.unique(np.searchsorted(leg.alphas, uniform) % len(leg.alphas))
+    frames = frames[is_solved[frames]]
+    stands = np.zeros(is_solved.shape, bool)
+    if leg.stance:
+        stands = on_the_ground(leg.stance, leg.alphas)
     shape = leg_shape(leg.linkage)
-    names = [{**point, 'name': printable(point['name'], 12)} for point in shape['points']]
+    for point in shape['points']:
+        point['name'] = printable(point['name'], 12)
+    coordinates = leg.points[frames]
+    rounded = [float(f'{metres:.6g}') for metres in coordinates.ravel()]
     return {
-        'shape': {**shape, 'points': names},
+        'shape': shape,
         'foot': leg.linkage.foot,
         'isTurn': leg.turns_fully,
         'isClockwise': speed < 0.0,
-        'angles': np.degrees(leg.alphas[rows]).round(4).tolist(),
-        'points': [
-            [[float(f'{metres:.6g}') for metres in point] for point in pose]
-            for pose in leg.points[rows]
-        ],
-        'stands': stands[rows].tolist(),
+        'angles': np.degrees(leg.alphas[frames]).round(4).tolist(),
+        'points': np.reshape(rounded, coordinates.shape).tolist(),
+        'stands': stands[frames].tolist(),
     }
 
 
@@ -73,11 +78,11 @@ def _header(sheet: DataSheet) -> Markup:
     about = element('p', element('span', figures.about(sheet)))
     verdict = Markup()
     if sheet.motor is not None:
-        good = sheet.motor_turns
-        claim = '✓ The motor can turn it' if good else '! The motor cannot turn it'
-        reason = figures.motor_line(sheet).partition(', ' if good else ': ')[2]
-        kind = f'verdict {"good" if good else "bad"}'
-        verdict = element('p', element('strong', claim), element('span', reason), class_=kind)
+        can_turn = sheet.motor_turns
+        claim = '✓ The motor can turn it' if can_turn else '! The motor cannot turn it'
+        reason = figures.motor_line(sheet).partition(', ' if can_turn else ': ')[2]
+        style = f'verdict {"good" if can_turn else "bad"}'
+        verdict = element('p', element('strong', claim), element('span', reason), class_=style)
     title = element('div', element('h1', sheet.name), element('p', source), about)
     return element('header', title, verdict)
 
@@ -90,22 +95,24 @@ def _notes(sheet: DataSheet) -> Markup:
     return element('section', element('ul', element('li', mark, note), class_='findings'))
 
 
-def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
+def _leg(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
     """Return the section of a leg, with the crank's charts beside a single one."""
-    crank = _crank_charts(sheet.cranks[0], sheet, leg) if sheet.is_single else []
-    charts = [*crank, *_leg_charts(leg)]
-    motors = [_table(_motor(c)) for c in sheet.cranks if sheet.is_single and c.motor]
+    charts = [*_leg_charts(leg)]
+    motor = Markup()
+    if sheet.is_single:
+        crank = sheet.cranks[0]
+        charts = [*_crank_charts(crank, sheet, leg), *charts]
+        motor = _table(_motor(crank)) if crank.motor else motor
+    title = f'{"Legs" if leg.names[1:] else "Leg"} {leg.title}' if leg.title else 'Motion'
     return element(
         'section',
-        element(
-            'h2', f'{"Legs" if leg.names[1:] else "Leg"} {leg.title}' if leg.title else 'Motion'
-        ),
+        element('h2', title),
         element('dl', *map(_tile, figures.foot_figures(leg, sheet.speed)), class_='tiles'),
         _quiet(leg.no_stance),
         _quiet(_about(leg)),
         element(
             'div',
-            element('div', _drawing(leg, number), *motors, class_='beside'),
+            element('div', _drawing(leg, index), motor, class_='beside'),
             element('div', *(chart.figure() for chart in charts[:2]), class_='beside', **GROUP),
             class_='stage',
         ),
@@ -116,8 +123,8 @@ def _leg(sheet: DataSheet, leg: LegSheet, number: int) -> Markup:
 
 def _about(leg: LegSheet) -> str:
     linkage = leg.linkage
-    known = ': '.join(filter(None, (linkage.name, linkage.source)))
-    return '; '.join(filter(None, (known, figures.turning(leg))))
+    origin = ': '.join(filter(None, (linkage.name, linkage.source)))
+    return '; '.join(filter(None, (origin, figures.turning(leg))))
 
 
 def _quiet(text: str) -> Markup:
@@ -125,12 +132,12 @@ def _quiet(text: str) -> Markup:
 
 
 def _tile(figure: Figure) -> Markup:
-    value = element('b', figure.value, element('small', f' {figure.unit}'))
-    content = element('dd', value, element('span', figure.note))
-    return element('div', element('dt', figure.name), content)
+    quantity = element('b', figure.value, element('small', f' {figure.unit}'))
+    description = element('dd', quantity, element('span', figure.note))
+    return element('div', element('dt', figure.name), description)
 
 
-def _drawing(leg: LegSheet, number: int) -> Markup:
+def _drawing(leg: LegSheet, index: int) -> Markup:
     foot = leg.linkage.structure.foot
     text = f'The leg, and the path of its foot {foot}; thick where it is on the ground.'
     scale = {'type': 'range', 'min': '0', 'max': '1', 'step': 'any', 'value': '0'}
@@ -147,24 +154,24 @@ def _drawing(leg: LegSheet, number: int) -> Markup:
         element('figcaption', text),
         controls,
         class_='card leg-view',
-        data_leg=str(number),
+        data_leg=str(index),
     )
 
 
 def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
     spans = _spans(leg)
     if leg.transmission:
-        lines = [
-            ChartLine(each.name, np.degrees(each.angle), number, is_dashed=number > 0)
-            for number, each in enumerate(leg.transmission)
-        ]
+        lines = []
+        for index, dyad in enumerate(leg.transmission):
+            angles = np.degrees(dyad.angle)
+            lines.append(ChartLine(dyad.name, angles, index, is_dashed=index > 0))
         text = 'How well the links push each other: 90 deg is best, 0 and 180 deg are in line.'
         limits = [('40 and 140 deg', 40.0), ('', 140.0)]
         yield Chart('Transmission angles', 'deg', leg.alphas, lines, text, spans, limits)
     for name, forces in cases(leg)[-1:]:
         lines = [
-            ChartLine(joint.name, joint.force, number, is_dashed=number % 2 > 0)
-            for number, joint in enumerate(forces.joints)
+            ChartLine(joint.name, joint.force, index, is_dashed=index % 2 > 0)
+            for index, joint in enumerate(forces.joints)
         ]
         text = f'The magnitude of the force in each joint, {name}.'
         yield Chart('Joint reactions', 'N', leg.alphas, lines, text, spans)
@@ -175,25 +182,25 @@ def _spans(leg: LegSheet) -> list[tuple[float, float]]:
 
 
 def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> Iterator[Chart]:
-    columns = cases(crank)
-    if not columns:
+    named_turns = cases(crank)
+    if not named_turns:
         return
     direction = -1.0 if sheet.speed < 0.0 else 1.0
     limits = [('the motor gives', direction * crank.motor.available)] if crank.motor else []
     chart = partial(
         Chart,
-        angles=columns[0][1].alphas,
+        angles=named_turns[0][1].alphas,
         spans=_spans(leg) if leg else [],
         axis='crank angle / deg' if leg else f'angle of {crank.joint} / deg',
         moves=leg is not None,
     )
 
-    def lines(of: str) -> list[ChartLine]:
-        several = len(columns) > 1
-        return [
-            ChartLine(name, getattr(turn, of), number, is_dashed=several and number == 0)
-            for number, (name, turn) in enumerate(columns)
-        ]
+    def lines(quantity: str) -> list[ChartLine]:
+        chart_lines = []
+        for index, (name, turn) in enumerate(named_turns):
+            is_dashed = len(named_turns) > 1 and index == 0
+            chart_lines.append(ChartLine(name, getattr(turn, quantity), index, is_dashed))
+        return chart_lines
 
     text = 'The torque for a constant speed, counter-clockwise positive.'
     yield chart('Torque at the crank', 'N m', lines=lines('torque'), text=text, limits=limits)
@@ -222,11 +229,11 @@ def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Fi
 
 
 def _motor(crank: CrankSheet) -> FigureTable:
-    rows = [
-        (each.name, f'{each.value} {each.unit}'.rstrip(), each.note)
-        for each in figures.motor_figures(crank)
+    lines = [
+        (figure.name, f'{figure.value} {figure.unit}'.rstrip(), figure.note)
+        for figure in figures.motor_figures(crank)
     ]
-    return FigureTable('Motor', ('Figure', 'Value', 'Remark'), tuple(rows))
+    return FigureTable('Motor', ('Figure', 'Value', 'Remark'), tuple(lines))
 
 
 def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
@@ -242,7 +249,8 @@ def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
 def _walking(sheet: DataSheet) -> Markup:
     if sheet.no_walk:
         return element('section', element('h2', 'Walking'), _quiet(sheet.no_walk))
-    walk, table = sheet.walk, figures.supports(sheet)
+    walk = sheet.walk
+    table = figures.supports(sheet)
     if walk is None or table is None:
         return Markup()
     chart = partial(
@@ -267,5 +275,5 @@ def _walking(sheet: DataSheet) -> Markup:
 
 def _table(table: FigureTable) -> Markup:
     note = element('p', table.note, class_='quiet') if table.note else Markup()
-    content = scrolling_table(table.title, table.heads, table.rows)
-    return element('div', element('h3', table.title), content, note)
+    scrolling = scrolling_table(table.title, table.heads, table.rows)
+    return element('div', element('h3', table.title), scrolling, note)

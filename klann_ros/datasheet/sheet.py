@@ -70,8 +70,8 @@ class LegForces(NamedTuple):
     """
     The forces of a leg at the sheet's speed, without or with the load on its foot.
 
-    `torque`, shape (k,), is that at its crank, at the leg's crank angles [N m]; `joints` are in
-    the order of the linkage's points.
+    `torque`, shape (k,), acts at its crank, at the leg's crank angles [N m]; `joints` are in the
+    order of the linkage's points.
     """
 
     torque: FloatArray
@@ -103,7 +103,7 @@ class LegSheet:
     no_margins : str
         The reason for missing margins, or ''.
     turns_fully : bool
-        Whether its crank does.
+        Whether its crank turns fully.
     arcs : tuple of (float, float)
         The reachable crank angles [rad].
     path : FootPath, optional
@@ -177,10 +177,10 @@ class CrankSheet:
         return self.loaded or self.empty
 
 
-def cases(of: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
+def cases(sheet: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
     """Return the forces of a leg or a crank, without and with the load, as far as known."""
-    pairs = ('empty', of.empty), ('loaded', of.loaded)
-    return [(name, case) for name, case in pairs if case]
+    named_forces = ('empty', sheet.empty), ('loaded', sheet.loaded)
+    return [(name, forces) for name, forces in named_forces if forces]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,11 +191,11 @@ class DataSheet:
     Attributes
     ----------
     name, source : str
-        Of the robot.
+        The robot's name and file.
     speed : float
-        Of its cranks, negative for clockwise [rad/s].
+        The rate of its cranks, negative for clockwise [rad/s].
     load : float
-        On each foot in stance [N].
+        The ground reaction of each foot in stance [N].
     legs : tuple of LegSheet
         Each distinct leg once.
     cranks : tuple of CrankSheet
@@ -231,4 +231,4 @@ class DataSheet:
     def motor_turns(self) -> bool:
         """Return whether the motor can turn every crank; True without a motor."""
         verdicts = [crank.motor for crank in self.cranks]
-        return self.motor is None or all(each is not None and each.turns for each in verdicts)
+        return self.motor is None or all(verdict and verdict.turns for verdict in verdicts)

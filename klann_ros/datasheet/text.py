@@ -28,14 +28,14 @@ def _lines(sheet: DataSheet) -> Iterator[str]:
         yield f'Forces: {sheet.no_forces}.'
     for leg in sheet.legs:
         yield from _leg(leg, sheet)
-    several = not sheet.is_single
     for crank in sheet.cranks:
         title = figures.crank_title(crank)
         if crank.hardest is not None:
-            turns = f', which turns {", ".join(crank.legs)}' if several and any(crank.legs) else ''
-            yield from _table(figures.crank_forces(crank, sheet.speed), f'{title}{turns}')
+            has_names = not sheet.is_single and any(crank.legs)
+            legs = f', which turns {", ".join(crank.legs)}' if has_names else ''
+            yield from _table(figures.crank_forces(crank, sheet.speed), f'{title}{legs}')
         if crank.motor is not None:
-            yield from _heading(f'Motor of {title.lower()}' if several else 'Motor')
+            yield from _heading('Motor' if sheet.is_single else f'Motor of {title.lower()}')
             yield from _figures(figures.motor_figures(crank))
     yield from _walk(sheet)
 
@@ -79,28 +79,28 @@ def _heading(title: str) -> list[str]:
     return ['', printable_line(title)]
 
 
-def _figures(of: Iterable[Figure]) -> Iterator[str]:
-    rows = list(of)
-    width = max((len(figure.name) for figure in rows), default=0)
-    for figure in rows:
+def _figures(tiles: Iterable[Figure]) -> Iterator[str]:
+    listed = list(tiles)
+    width = max((len(figure.name) for figure in listed), default=0)
+    for figure in listed:
         line = f'  {figure.name:<{width}}  {figure.value:>9} {figure.unit:<6} {figure.note}'
         yield line.rstrip()
 
 
 def _table(table: FigureTable, title: str = '') -> Iterator[str]:
     yield from _heading(title or table.title)
-    rows = [tuple(map(printable, row)) for row in (table.heads, *table.rows)]
-    columns = list(zip(*rows, strict=True))
-    widths = [min(max(map(len, column)), MAX_COLUMN) for column in columns]
-    # Words are aligned left, numbers right.
-    numbers = [
-        c[-1].lstrip('-')[:1].isdigit() or c[-1] in ('any', figures.UNKNOWN_VALUE) for c in columns
-    ]
-    alignments = ['<', *('>' if is_number else '<' for is_number in numbers[1:])]
-    for row in rows:
-        cells = [
-            f'{cell:{side}{w}}' for cell, side, w in zip(row, alignments, widths, strict=True)
-        ]
-        yield f'  {"  ".join(cells)}'.rstrip()
+    columns: list[list[str]] = []
+    for column in zip(table.heads, *table.rows, strict=True):
+        cells = [*map(printable, column)]
+        width = min(max(map(len, cells)), MAX_COLUMN)
+        # Words are aligned left, numbers right.
+        is_right = bool(columns) and _is_number(cells[-1])
+        columns.append([f'{cell:{">" if is_right else "<"}{width}}' for cell in cells])
+    for line in zip(*columns, strict=True):
+        yield f'  {"  ".join(line)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'
+
+
+def _is_number(cell: str) -> bool:
+    return cell.lstrip('-')[:1].isdigit() or cell in ('any', figures.UNKNOWN_VALUE)
