@@ -61,7 +61,7 @@ _POLICIES = {
     'liveliness': LivelinessPolicy,
 }
 _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
-# The rare ones are parameters only where they are given, which keeps `ros2 param list` short.
+# The rare policies are parameters only where they are given, which keeps `ros2 param list` short.
 _COMMON = ('history', 'depth', 'reliability', 'durability')
 _RARE = ('deadline', 'lifespan', 'liveliness', 'liveliness_lease_duration')
 _MAX_DEPTH = 1_000_000
@@ -103,11 +103,13 @@ def message_class(type_name: str) -> Any:
     same name earlier on Python's path, as in PYTHONPATH, is out of scope. UnknownMessageTypeError
     if the type is malformed or not installed.
     """
-    shown = printable(type_name)
-    named = split_type(type_name)
-    if named is None:
-        raise UnknownMessageTypeError(f"'{shown}' is no message type, such as std_msgs/msg/String")
-    package, name = named
+    printable_name = printable(type_name)
+    package_and_name = split_type(type_name)
+    if package_and_name is None:
+        raise UnknownMessageTypeError(
+            f"'{printable_name}' is no message type, such as std_msgs/msg/String"
+        )
+    package, name = package_and_name
     kind = None
     try:
         if is_installed(package):
@@ -116,10 +118,10 @@ def message_class(type_name: str) -> Any:
             check_is_valid_msg_type(kind)
     # A partly installed package may raise anything.
     except Exception as error:
-        reason = f"message type '{shown}' cannot be used: {printable(error)}"
+        reason = f"message type '{printable_name}' cannot be used: {printable(error)}"
         raise UnknownMessageTypeError(reason) from error
     if kind is None:
-        raise UnknownMessageTypeError(f"message type '{shown}' is not installed")
+        raise UnknownMessageTypeError(f"message type '{printable_name}' is not installed")
     return kind
 
 
@@ -196,15 +198,15 @@ def diagnostic_array(node: Node, statuses: Iterable[DiagnosticStatus]) -> Diagno
 
 
 def diagnostic_status(
-    node: Node, part: str, level: bytes, message: str, values: Iterable[tuple[str, object]]
+    node: Node, part: str, level: bytes, message: str, figures: Iterable[tuple[str, object]]
 ) -> DiagnosticStatus:
     """Return the status of a part of a node; its texts, which users print, are printable."""
     name = f'{node.get_name()}: {part}'
-    pairs = [
-        KeyValue(key=printable_line(key), value=printable_line(value)) for key, value in values
-    ]
-    line = printable_line(message)
-    return DiagnosticStatus(level=level, name=name, message=line, hardware_id=name, values=pairs)
+    status = DiagnosticStatus(level=level, name=name, hardware_id=name)
+    status.message = printable_line(message)
+    for key, figure in figures:
+        status.values.append(KeyValue(key=printable_line(key), value=printable_line(figure)))
+    return status
 
 
 class TypeCheck:
@@ -215,9 +217,10 @@ class TypeCheck:
     """
 
     def __init__(self, node: Node, remedies: Mapping[tuple[str, str], str] | None = None) -> None:
-        self._node, self._remedies = node, remedies or {}
+        self._node = node
+        self._remedies = remedies or {}
         # Time of the next query [s].
-        self._due = 0.0
+        self._query_time = 0.0
         # The present mismatches in words, by topic and published type.
         self._mismatches: dict[tuple[str, str], str] = {}
         # The number of queries that had them, and those that were logged.
@@ -226,8 +229,8 @@ class TypeCheck:
 
     def check(self) -> str:
         """Return the mismatches in words, '' for none, and log each once; call it repeatedly."""
-        if monotonic() >= self._due:
-            self._due = monotonic() + _TYPE_CHECK_PERIOD
+        if monotonic() >= self._query_time:
+            self._query_time = monotonic() + _TYPE_CHECK_PERIOD
             self._update()
         return '; '.join([*self._mismatches.values()][:_MAX_MISMATCHES])
 
@@ -241,30 +244,33 @@ class TypeCheck:
     def _update(self) -> None:
         self._mismatches = {}
         for subscription in self._node.subscriptions:
-            taken = type_name(subscription.msg_type)
+            subscribed_type = type_name(subscription.msg_type)
             topic = subscription.topic_name
             publishers: dict[str, set[str]] = {}
             try:
                 for endpoint in self._node.get_publishers_info_by_topic(topic):
-                    if endpoint.topic_type != taken:
+                    if endpoint.topic_type != subscribed_type:
                         publishers.setdefault(endpoint.topic_type, set()).add(node_of(endpoint))
             # DDS accepts any bytes, and rclpy returns nothing then.
             except UnicodeDecodeError:
                 publishers['a type that is no text'] = {''}
-            for published, names in publishers.items():
-                text = self._mismatch(topic, taken, published, names)
-                self._mismatches[topic, published] = text
-                self._sightings[topic, published] += 1
+            for published_type, names in publishers.items():
+                text = self._mismatch(topic, subscribed_type, published_type, names)
+                mismatch = topic, published_type
+                self._mismatches[mismatch] = text
+                self._sightings[mismatch] += 1
                 # Discovery knows a publisher before its node, which may have none.
-                if '' not in names or self._sightings[topic, published] >= _MIN_SIGHTINGS:
-                    self._log((topic, published), text)
+                if '' not in names or self._sightings[mismatch] >= _MIN_SIGHTINGS:
+                    self._log(mismatch, text)
 
-    def _mismatch(self, topic: str, taken: str, published: str, names: set[str]) -> str:
-        remedy = self._remedies.get((taken, published))
+    def _mismatch(
+        self, topic: str, subscribed_type: str, published_type: str, names: set[str]
+    ) -> str:
+        remedy = self._remedies.get((subscribed_type, published_type), '')
         return (
             f'{topic}: {listed(sorted(names - {""}), 3) or "a publisher"} '
-            f'{verb(len(names), "publishes", "publish")} {printable(published)}, this node takes '
-            f'{taken}{f": set {remedy}" if remedy else ""}'
+            f'{verb(len(names), "publishes", "publish")} {printable(published_type)}, '
+            f'this node takes {subscribed_type}{remedy and f": set {remedy}"}'
         )
 
     def _log(self, mismatch: tuple[str, str], text: str) -> None:
@@ -302,26 +308,27 @@ def overridden(node: Node, topic: str, kind: str, profile: QoSProfile) -> QoSPro
     # A lifespan is a publisher's policy.
     possible = [policy for policy in _RARE if (kind, policy) != ('subscription', 'lifespan')]
     rare = [policy for policy in possible if f'{prefix}{policy}' in overrides(node)]
-    own = copy(profile)
+    endpoint_profile = copy(profile)
     for policy in (*_COMMON, *rare):
         parameter = _declaration(prefix, policy, getattr(profile, policy))
         # Two endpoints of one topic share it.
         if not node.has_parameter(parameter.name):
             declare(node, [parameter])
-        value = node.get_parameter(parameter.name).value
+        setting = node.get_parameter(parameter.name).value
         if policy in _POLICIES:
-            value = _POLICIES[policy][value.upper()]
+            setting = _POLICIES[policy][setting.upper()]
         elif policy in _DURATIONS:
-            value = Duration(nanoseconds=value)
-        setattr(own, policy, value)
-    return own
+            setting = Duration(nanoseconds=setting)
+        setattr(endpoint_profile, policy, setting)
+    return endpoint_profile
 
 
 def _declaration(prefix: str, policy: str, default: Any) -> Declaration:
-    name, description = f'{prefix}{policy}', f'{policy} of the topic'
+    name = f'{prefix}{policy}'
+    description = f'{policy} of the topic'
     if policy in _POLICIES:
-        known = [word.name.lower() for word in _POLICIES[policy] if word.name != 'UNKNOWN']
-        return Declaration(name, default.name.lower(), description, choices=known)
+        choices = [choice.name.lower() for choice in _POLICIES[policy] if choice.name != 'UNKNOWN']
+        return Declaration(name, default.name.lower(), description, choices=choices)
     if policy in _DURATIONS:
         limits = (0, _MAX_DURATION)
         return Declaration(name, default.nanoseconds, f'{description} [ns]', limits=limits)

@@ -74,24 +74,25 @@ OUTPUT = (
 SIM_PARAMETERS = (*WORLD, *DRIVES, *READINGS, *FAULTS, *OUTPUT)
 
 
-def floor(values: Mapping[str, Any]) -> Floor:
+def floor(parameters: Mapping[str, Any]) -> Floor:
     """Return the floor."""
-    return Floor(friction=values['friction'], slope=values['slope'])
+    return Floor(friction=parameters['friction'], slope=parameters['slope'])
 
 
-def motors(values: Mapping[str, Any], joints: Sequence[str]) -> Motors:
+def motors(parameters: Mapping[str, Any], joints: Sequence[str]) -> Motors:
     """Return the motors; a StartError where there are not as many factors as joints."""
-    factors, count = values['motor_speed_factor'], len(joints)
-    requirement = f'one number, or {count}, one for each joint'
-    require(len(factors) in (1, count), 'motor_speed_factor', factors, requirement)
-    factors_of = dict(
-        zip(joints, factors if len(factors) == count else factors * count, strict=True)
-    )
-    return Motors(values['motor_bandwidth'], values['max_crank_rate'], factors_of)
+    factors = parameters['motor_speed_factor']
+    requirement = f'one number, or {len(joints)}, one for each joint'
+    require(len(factors) in (1, len(joints)), 'motor_speed_factor', factors, requirement)
+    if len(factors) == 1:
+        factors = factors * len(joints)
+    speed_factors = dict(zip(joints, factors, strict=True))
+    bandwidth, max_velocity = parameters['motor_bandwidth'], parameters['max_crank_rate']
+    return Motors(bandwidth, max_velocity, speed_factors)
 
 
-def sensors(values: Mapping[str, Any]) -> Sensors:
+def sensors(parameters: Mapping[str, Any]) -> Sensors:
     """Return the sensor noise."""
-    readings = {p.name: values[p.name] for p in READINGS if p.name != 'seed'}
-    readings['imu_sampling'] = ImuSampling(values['imu_sampling'])
-    return Sensors(**readings)
+    names = {reading.name for reading in READINGS} - {'seed', 'imu_sampling'}
+    sampling = ImuSampling(parameters['imu_sampling'])
+    return Sensors(imu_sampling=sampling, **{name: parameters[name] for name in names})

@@ -32,7 +32,7 @@ from klann_ros.nodes.parameters import declare, require, StartError, usage
 from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.robot_parameters import declared_robot
-from klann_ros.robot import robot_of
+from klann_ros.robot import Robot, robot_of
 from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
@@ -86,34 +86,36 @@ class SimNode(ProcessNode):
     def __init__(self, **options: Any) -> None:
         """Declare, validate, and begin; a StartError names a refused parameter, or no engine."""
         super().__init__('sim_node', **options)
-        values = declare(self, SIM_PARAMETERS)
-        step, allowed = values['time_step'], f'0, or {MIN_TIME_STEP:g} .. 0.005'
-        require(step == 0.0 or step >= MIN_TIME_STEP, 'time_step', step, allowed)
-        self._twin = self._make_twin(values)
-        self._period = 1.0 / values['rate']
-        faults = self._make_faults(values['faults'])
-        self._commands = CrankCommands(self, self._twin, faults, values['command_timeout'])
-        self._outputs = RobotOutputs(self, self._twin, faults, values)
+        parameters = declare(self, SIM_PARAMETERS)
+        time_step = parameters['time_step']
+        is_possible = time_step == 0.0 or time_step >= MIN_TIME_STEP
+        require(is_possible, 'time_step', time_step, f'0, or {MIN_TIME_STEP:g} .. 0.005')
+        robot = declared_robot(self)
+        self._twin = _simulated(robot, parameters)
+        self._period = 1.0 / parameters['rate']
+        faults = _fault_injector(robot, parameters['faults'], self._twin.joints)
+        self._commands = CrankCommands(self, self._twin, faults, parameters['command_timeout'])
+        self._outputs = RobotOutputs(self, self._twin, faults, parameters)
         # The number of ticks, and the tick of the robot's start.
-        self._tick = self._first = 0
+        self._tick = self._first_tick = 0
         self._resets = 0
         # The last fault since the last report.
         self._fault = ''
-        # Simulated time begins with 0, or with now.
-        self._origin = 0 if values['use_clock'] else self.get_clock().now().nanoseconds
+        # Time at tick 0 [ns]: simulated time begins with 0, or with now.
+        self._origin = 0 if parameters['use_clock'] else self.get_clock().now().nanoseconds
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         self._types = TypeCheck(self, TYPE_REMEDIES)
         create_trigger(self, 'reset', self._on_reset)
         self._demo: DemoCommandPublisher | None = None
-        if values['linear']:
-            self._demo = DemoCommandPublisher(self, values['linear'], lambda: self._twin.time)
-        self._factor = factor = values['real_time_factor']
-        is_possible = values['use_clock'] or factor == 1.0
-        require(is_possible, 'real_time_factor', factor, '1 without use_clock')
+        if parameters['linear']:
+            self._demo = DemoCommandPublisher(self, parameters['linear'], lambda: self._twin.time)
+        self._factor: float = parameters['real_time_factor']
+        is_possible = parameters['use_clock'] or self._factor == 1.0
+        require(is_possible, 'real_time_factor', self._factor, '1 without use_clock')
         self._pace = Pace(self._period, self._factor, monotonic())
-        period = self._period / max(1.0, self._factor)
-        create_steady_timer(self, period, self._on_timer, RawCallbackGroup())
-        create_steady_timer(self, values['diagnostics_period'], self._report)
+        timer_period = self._period / max(1.0, self._factor)
+        create_steady_timer(self, timer_period, self._on_timer, RawCallbackGroup())
+        create_steady_timer(self, parameters['diagnostics_period'], self._report)
         self.get_logger().info(f'ready: {self._twin.summary}, by {self._commands.topic}')
 
     def close(self) -> int:
@@ -122,41 +124,12 @@ class SimNode(ProcessNode):
             self._demo.end()
         return 0
 
-    def _make_twin(self, values: dict[str, Any]) -> Twin:
-        robot = declared_robot(self)
-        self._drives = robot.drives
-        try:
-            if values['built']:
-                robot = robot.built_as(robot_of(values['built']))
-        except ValueError as error:
-            raise StartError(f'built: {error}') from error
-        try:
-            return Twin(
-                robot,
-                floor=floor(values),
-                motors=motors(values, robot.crank_joints),
-                sensors=sensors(values),
-                time_step=values['time_step'],
-                seed=values['seed'],
-                compliance=values['compliance'],
-            )
-        except (MassError, TwinError, NoMujocoError, KinematicsError) as error:
-            raise StartError(str(error)) from error
-
-    def _make_faults(self, text: str) -> FaultInjector:
-        joints = self._twin.joints
-        try:
-            faults = [*described_faults(self._drives), *injected_faults(text, joints)]
-            return FaultInjector(faults, joints)
-        except TwinError as error:
-            raise StartError(f'faults: {error}') from error
-
     def _on_timer(self) -> None:
         for _ in range(self._pace.due(monotonic())):
             self._commands.drive_motors()
             self._tick += 1
             try:
-                self._twin.step((self._tick - self._first) * self._period)
+                self._twin.step((self._tick - self._first_tick) * self._period)
             except DivergedError as error:
                 self._fault = f'{error}; the robot is put back to its start'
                 self.get_logger().error(self._fault, throttle_duration_sec=LOG_PERIOD)
@@ -171,7 +144,7 @@ class SimNode(ProcessNode):
     def _reset(self) -> None:
         self._twin.reset()
         self._commands.forget()
-        self._first = self._tick
+        self._first_tick = self._tick
         self._resets += 1
 
     def _on_reset(self) -> tuple[bool, str]:
@@ -181,7 +154,7 @@ class SimNode(ProcessNode):
     def _report(self) -> None:
         factor = self._pace.factor(monotonic())
         level, message = self._types.add_to(*self._verdict(factor))
-        values = {
+        figures = {
             'time': f'{self._tick * self._period:.3f}',
             'real_time_factor': f'{factor.factor:.3f}',
             'given_up': f'{self._pace.slipped:.3f}',
@@ -189,7 +162,7 @@ class SimNode(ProcessNode):
             'resets': self._resets,
             **self._commands.counts,
         }
-        status = diagnostic_status(self, 'simulation', level, message, values.items())
+        status = diagnostic_status(self, 'simulation', level, message, figures.items())
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
     def _verdict(self, factor: RealTimeFactor) -> tuple[bytes, str]:
@@ -209,24 +182,58 @@ class SimNode(ProcessNode):
         return DiagnosticStatus.OK, 'simulated in real time'
 
 
+def _simulated(robot: Robot, parameters: Mapping[str, Any]) -> Twin:
+    """Return a robot in the physics engine, as built; a StartError names what is refused."""
+    try:
+        if parameters['built']:
+            robot = robot.built_as(robot_of(parameters['built']))
+    except ValueError as error:
+        raise StartError(f'built: {error}') from error
+    try:
+        return Twin(
+            robot,
+            floor=floor(parameters),
+            motors=motors(parameters, robot.crank_joints),
+            sensors=sensors(parameters),
+            time_step=parameters['time_step'],
+            seed=parameters['seed'],
+            compliance=parameters['compliance'],
+        )
+    except (MassError, TwinError, NoMujocoError, KinematicsError) as error:
+        raise StartError(str(error)) from error
+
+
+def _fault_injector(robot: Robot, faults: str, joints: Sequence[str]) -> FaultInjector:
+    """Return the faults in the robot's file and in a parameter."""
+    try:
+        return FaultInjector(
+            [*described_faults(robot.drives), *injected_faults(faults, joints)], joints
+        )
+    except TwinError as error:
+        raise StartError(f'faults: {error}') from error
+
+
 class CrankCommands:
     """Subscription to crank_command; without a younger command than the timeout a crank stops."""
 
     def __init__(self, node: Node, twin: Twin, faults: FaultInjector, timeout: float) -> None:
-        self._node, self._twin, self._timeout = node, twin, timeout
+        self._node = node
+        self._twin = twin
         self._faults = faults
+        # [s].
+        self._timeout = timeout
         # The last commands of all joints [rad/s].
         self.velocities = dict.fromkeys(twin.joints, 0.0)
         self._counts: Counter[str] = Counter()
         # Arrival of the last command of each joint [s].
-        self._last: dict[str, float] = {}
+        self._arrivals: dict[str, float] = {}
         self.topic = node.resolve_topic_name('crank_command')
         subscribe_raw(node, JointState, 'crank_command', self._on_command)
 
     @property
     def silent(self) -> list[str]:
         """Return the joints without a command."""
-        return [joint for joint in self._twin.joints if joint not in self._last]
+        return [joint for joint in self._twin.joints if joint not in self._arrivals]
 
     @property
     def counts(self) -> dict[str, int]:
@@ -236,9 +243,9 @@ class CrankCommands:
     def drive_motors(self) -> None:
         """Drive the motors by the last commands; hold those whose last command is too old."""
         now = monotonic()
-        for joint, at in [*self._last.items()]:
-            if now - at > self._timeout:
-                del self._last[joint]
+        for joint, arrival in [*self._arrivals.items()]:
+            if now - arrival > self._timeout:
+                del self._arrivals[joint]
                 self.velocities[joint] = 0.0
                 self._counts['held'] += 1
         for joint, rate in self._faults.commands(self.velocities, self._twin.time).items():
@@ -246,7 +253,7 @@ class CrankCommands:
 
     def forget(self) -> None:
         """Hold all cranks until the next command."""
-        self._last.clear()
+        self._arrivals.clear()
         self.velocities = dict.fromkeys(self.velocities, 0.0)
 
     def _on_command(self, data: bytes, _: Info) -> None:
@@ -259,7 +266,7 @@ class CrankCommands:
             self._node.get_logger().warning(text, throttle_duration_sec=LOG_PERIOD)
             return
         for joint, velocity in velocities.items():
-            self._last[joint] = monotonic()
+            self._arrivals[joint] = monotonic()
             self.velocities[joint] = velocity
             if self._twin.command(joint, velocity) != velocity:
                 self._counts['limited'] += 1
@@ -274,8 +281,11 @@ class CrankCommands:
         numbers = cursor.numbers('d', cursor.length())
         if len(numbers) != len(names):
             raise ValueError(f'it has {len(names)} names and {len(numbers)} velocities')
-        given = dict(zip(names, numbers, strict=True))
-        velocities = {joint: given[joint] for joint in self._twin.joints if joint in given}
+        all_velocities = dict(zip(names, numbers, strict=True))
+        velocities = {}
+        for joint in self._twin.joints:
+            if joint in all_velocities:
+                velocities[joint] = all_velocities[joint]
         if not velocities:
             raise ValueError(f'it has none of the joints {listed(self._twin.joints, 8)}')
         for joint, velocity in velocities.items():
@@ -288,33 +298,36 @@ class RobotOutputs:
     """Publishers of the robot's readings and of the truth, by the node's parameters."""
 
     def __init__(
-        self, node: Node, twin: Twin, faults: FaultInjector, values: Mapping[str, Any]
+        self, node: Node, twin: Twin, faults: FaultInjector, parameters: Mapping[str, Any]
     ) -> None:
-        self._twin, self._faults, noise = twin, faults, sensors(values)
+        self._twin = twin
+        self._faults = faults
+        noise = sensors(parameters)
         self._encoder_offset = noise.encoder_offset
-        topics = encoder_topics(twin.joints, values)
-        self._cranks: Any = (
-            EncoderPublishers(node, topics, values['counts_per_turn'])
-            if topics
-            else create_publisher(node, JointState, 'crank_state')
-        )
+        self._cranks: Any
+        topics = encoder_topics(twin.joints, parameters)
+        if topics:
+            self._cranks = EncoderPublishers(node, topics, parameters['counts_per_turn'])
+        else:
+            self._cranks = create_publisher(node, JointState, 'crank_state')
         self._imus = create_publisher(node, Imu, 'imu')
         self._truths = create_publisher(node, Odometry, 'ground_truth')
-        self._clock = create_publisher(node, Clock, '/clock') if values['use_clock'] else None
-        self._cameras = {
-            name: create_publisher(node, PointStamped, f'camera/{name}')
-            for name in (twin.points() if values['cameras'] else ())
-        }
-        self._switches = {
-            joint: create_publisher(node, Bool, f'home/{joint}')
-            for joint in (twin.joints if values['home_switches'] else ())
-        }
-        self._crank, self._imu, self._truth = JointState(), Imu(), Odometry()
-        self._imu.header.frame_id = self._truth.child_frame_id = values['base_frame']
-        self._truth.header.frame_id = values['world_frame']
+        self._clock = create_publisher(node, Clock, '/clock') if parameters['use_clock'] else None
+        self._cameras = {}
+        for name in twin.points() if parameters['cameras'] else ():
+            self._cameras[name] = create_publisher(node, PointStamped, f'camera/{name}')
+        self._switches = {}
+        for joint in twin.joints if parameters['home_switches'] else ():
+            self._switches[joint] = create_publisher(node, Bool, f'home/{joint}')
+        # Messages of which only the stamp and the numbers change.
+        self._crank = JointState()
+        self._imu = Imu()
+        self._imu.header.frame_id = parameters['base_frame']
         self._imu.orientation_covariance = _diagonal(noise.orientation_noise**2)
         self._imu.angular_velocity_covariance = _diagonal(noise.gyro_noise**2)
         self._imu.linear_acceleration_covariance = _diagonal(noise.accelerometer_noise**2)
+        self._truth = Odometry(child_frame_id=parameters['base_frame'])
+        self._truth.header.frame_id = parameters['world_frame']
 
     def publish(self, stamp: TimeMessage, commands: Mapping[str, float]) -> None:
         """Publish the current state; `commands` are the commanded rates by joint [rad/s]."""
@@ -324,7 +337,8 @@ class RobotOutputs:
         # The IMU first: walker_node estimates the motion when it has the cranks.
         self._publish_imu(stamp)
         self._publish_cranks(stamp, commands)
-        self._truth.header.stamp, truth = stamp, self._twin.truth()
+        truth = self._twin.truth()
+        self._truth.header.stamp = stamp
         pose, twist = self._truth.pose.pose, self._truth.twist.twist
         _fill(pose.position, 'xyz', truth.position)
         _fill(pose.orientation, 'xyzw', truth.orientation)
@@ -369,8 +383,11 @@ class DemoCommandPublisher:
     """Repeat one cmd_vel [m/s]; pause while another node publishes it, or holds its lease."""
 
     def __init__(self, node: Node, linear: float, now: Callable[[], float]) -> None:
-        self._node, self._now = node, now
-        self._since = inf
+        self._node = node
+        # Returns the robot's time [s].
+        self._now = now
+        # That at which a walker was there, infinite without one.
+        self._walker_time = inf
         self._cranks = node.resolve_topic_name('crank_command')
         self._publisher: Any = create_publisher(node, TwistStamped, 'cmd_vel')
         self._lease = LeaseListener(node, self._publisher.topic_name, self._on_lease)
@@ -388,11 +405,11 @@ class DemoCommandPublisher:
 
     def _send(self) -> None:
         if not self._node.count_publishers(self._cranks):
-            self._since = inf
+            self._walker_time = inf
             return
         # The robot's time starts again at a reset.
-        self._since = min(self._since, self._now())
-        has_stood = self._now() >= self._since + _STANDSTILL
+        self._walker_time = min(self._walker_time, self._now())
+        has_stood = self._now() >= self._walker_time + _STANDSTILL
         self._is_driving = has_stood and not self._lease.holder and not self._has_others()
         if self._is_driving:
             self._publisher.publish(self._command)
@@ -411,9 +428,9 @@ class DemoCommandPublisher:
         self._node.get_logger().info(f'{self._publisher.topic_name}: {text}')
 
 
-def _fill(message: object, names: str, values: Sequence[float]) -> None:
-    for name, value in zip(names, values, strict=True):
-        setattr(message, name, value)
+def _fill(message: object, names: str, numbers: Sequence[float]) -> None:
+    for name, number in zip(names, numbers, strict=True):
+        setattr(message, name, number)
 
 
 def _diagonal(variance: float) -> list[float]:

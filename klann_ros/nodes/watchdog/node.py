@@ -44,14 +44,14 @@ class WatchdogNode(ProcessNode):
     def __init__(self, **options: Any) -> None:
         """Declare, validate and connect; a StartError names a refused parameter."""
         super().__init__('watchdog_node', **options)
-        values = declare(self, WATCHDOG_PARAMETERS)
-        joints = [joint for joint in values['joints'] if joint]
-        require(bool(joints), 'joints', values['joints'], 'the names of its joints')
-        self._timeout: float = values['command_timeout']
+        parameters = declare(self, WATCHDOG_PARAMETERS)
+        joints = [joint for joint in parameters['joints'] if joint]
+        require(bool(joints), 'joints', parameters['joints'], 'the names of its joints')
+        self._timeout: float = parameters['command_timeout']
         self._zero = bytes(serialize_message(Float64MultiArray(data=[0.0] * len(joints))))
         self._publisher = create_publisher(self, Float64MultiArray, 'crank_command')
         # Arrival of the last command of another node, and time of the last zero [s].
-        self._heard = self._sent = monotonic()
+        self._command_time = self._zero_time = monotonic()
         # Zeros that the middleware has still to deliver to this node's own subscription.
         self._expected_echoes = 0
         self._is_silent = False
@@ -60,44 +60,44 @@ class WatchdogNode(ProcessNode):
         create_steady_timer(self, TICKS * self._timeout, self._on_timer, RawCallbackGroup())
         self._diagnostics = create_publisher(self, DiagnosticArray, '/diagnostics')
         self._types = TypeCheck(self, TYPE_REMEDIES)
-        create_steady_timer(self, values['diagnostics_period'], self._report)
-        topic, count = self._publisher.topic_name, len(joints)
-        self.get_logger().info(f'ready: {topic} of {count} joints, {self._timeout:g} s')
+        create_steady_timer(self, parameters['diagnostics_period'], self._report)
+        topic = self._publisher.topic_name
+        self.get_logger().info(f'ready: {topic} of {len(joints)} joints, {self._timeout:g} s')
 
     def close(self) -> int:
         """Send zero."""
         publish_last(self._publisher, self._zero)
         return 0
 
-    def _on_command(self, data: bytes, _: Info) -> None:
-        if self._expected_echoes and data == self._zero:
+    def _on_command(self, message: bytes, _: Info) -> None:
+        if self._expected_echoes and message == self._zero:
             self._expected_echoes -= 1
             return
         # Echoes may be lost.
         self._expected_echoes = 0
-        self._heard = monotonic()
+        self._command_time = monotonic()
 
     def _on_timer(self) -> None:
         now = monotonic()
         was_silent = self._is_silent
-        self._is_silent = now - self._heard > self._timeout
+        self._is_silent = now - self._command_time > self._timeout
         if not self._is_silent:
             return
         if not was_silent:
             self._timeouts += 1
             text = f'no command for {self._timeout:g} s: zero is sent'
             self.get_logger().warning(f'{self._publisher.topic_name}: {text}')
-        if not was_silent or now - self._sent > REPEAT_PERIOD:
-            self._sent = now
+        if not was_silent or now - self._zero_time > REPEAT_PERIOD:
+            self._zero_time = now
             self._expected_echoes += 1
             self._publisher.publish(self._zero)
 
     def _report(self) -> None:
-        silence = f'no command for {monotonic() - self._heard:.1f} s: zero is sent'
+        silence = f'no command for {monotonic() - self._command_time:.1f} s: zero is sent'
         message = silence if self._is_silent else 'commanded'
-        values = {'timeouts': self._timeouts}.items()
         level, message = self._types.add_to(DiagnosticStatus.OK, message)
-        status = diagnostic_status(self, 'commands', level, message, values)
+        timeouts = ('timeouts', self._timeouts)
+        status = diagnostic_status(self, 'commands', level, message, [timeouts])
         self._diagnostics.publish(diagnostic_array(self, [status]))
 
 
