@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from .clients import PageState, recorded, status_text
+    from .clients import PageState, recorded_counts, status_text
     from .drive import (
         crank_at,
         CrankDrive,
@@ -13,6 +13,15 @@ if TYPE_CHECKING:
         WalkDrive,
     )
     from .guard import Guard, new_token
+    from .legs import (
+        assumed_solver,
+        joint_positions,
+        LiveLeg,
+        LiveSolver,
+        MAX_LEGS,
+        replayed_solver,
+        solver_of,
+    )
     from .protocol import Answer, Command
     from .rates import TopicRate
     from .server import LiveServer, ServerError
@@ -20,9 +29,13 @@ else:
     __getattr__, __dir__, __all__ = lazy_face(
         __name__,
         {
-            'clients': 'PageState recorded status_text',
+            'clients': 'PageState recorded_counts status_text',
             'drive': 'CrankDrive DriveError WalkDrive crank_at',
             'guard': 'Guard new_token',
+            'legs': (
+                'LiveLeg LiveSolver MAX_LEGS assumed_solver joint_positions '
+                'replayed_solver solver_of'
+            ),
             'protocol': 'Answer Command',
             'rates': 'TopicRate',
             'server': 'LiveServer ServerError',

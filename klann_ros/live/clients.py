@@ -22,9 +22,9 @@ from klann_ros.sanitize.text import printable
 # Answers wait for the next frame: nothing is sent between frames.
 _MAX_ANSWERS = 32
 # Clients that ask within this time share a frame [s].
-_ALIKE = 0.004
+_SHARING_TIME = 0.004
 
-# Values read of a status at most.
+# Maximum number of values read of a status.
 MAX_VALUES = 64
 LEVELS = ('ok', 'warning', 'error', 'stale')
 # Patterns of messages and their meanings; the first match counts. Without a match the message is
@@ -58,7 +58,7 @@ _MEANINGS: Sequence[tuple[str, str]] = (
 )
 _COMPILED = tuple((re.compile(pattern), meaning) for pattern, meaning in _MEANINGS)
 # Values that the page shows.
-_SHOWN = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
+_SHOWN_VALUES = ('solved', 'rejected', 'failed', 'lost', 'rate', 'iterations', 'residual', 'file')
 
 
 class PageState:
@@ -68,7 +68,7 @@ class PageState:
         self._lock = Lock()
         # Grows with every change.
         self.version = 0
-        # What changes seldom: by name, version and JSON; replaced, not changed.
+        # Parts that change seldom: version and JSON by name; replaced, not changed.
         self.parts: Mapping[str, tuple[int, str]] = {}
         self._wake: Callable[[], None] | None = None
 
@@ -87,8 +87,8 @@ class PageState:
     def set_part(self, name: str, data: Any) -> None:
         """Set a part, and announce it if it has changed."""
         text = json.dumps(data, separators=(',', ':'), allow_nan=False)
-        version, before = self.parts.get(name, (0, ''))
-        if text != before:
+        version, old_text = self.parts.get(name, (0, ''))
+        if text != old_text:
             self.parts = {**self.parts, name: (version + 1, text)}
             self.changed()
 
@@ -115,6 +115,7 @@ class ChangeNotifier:
         self._loop = asyncio.get_running_loop()
         self._event = asyncio.Event()
         self._is_waiting = False
+        # Version, time [s] and poses of the last frame.
         self._frame: tuple[int, float, str] = (-1, 0.0, '{}')
 
     async def after(self, version: int) -> None:
@@ -129,11 +130,13 @@ class ChangeNotifier:
     def poses(self, seen: int) -> tuple[int, str]:
         """Return a version newer than a client's, if any, and its poses; shared by clients."""
         version = self._state.version
-        known, made, text = self._frame
-        if version != known and (known <= seen or monotonic() - made >= _ALIKE):
-            known, text = version, self._state.poses()
-            self._frame = known, monotonic(), text
-        return known, text
+        frame_version, frame_time, _ = self._frame
+        is_due = frame_version <= seen or monotonic() - frame_time >= _SHARING_TIME
+        if version != frame_version and is_due:
+            poses = self._state.poses()
+            self._frame = (version, monotonic(), poses)
+        frame_version, _, poses = self._frame
+        return frame_version, poses
 
     def _wake(self) -> None:
         self._loop.call_soon_threadsafe(self._notify)
@@ -162,7 +165,9 @@ class Client:
         has_runs: bool = False,
     ) -> None:
         self.number = number
-        self._socket, self._state, self._notifier = socket, state, notifier
+        self._socket = socket
+        self._state = state
+        self._notifier = notifier
         self._may_drive = may_drive
         self._client = {'page': number, 'may_drive': may_drive, 'runs': has_runs}
         self._loop = asyncio.get_running_loop()
@@ -183,7 +188,8 @@ class Client:
                 await self._change_or_answer(version)
             self._drawn.clear()
             self._answered.clear()
-            seen, (version, poses) = version, self._notifier.poses(version)
+            seen = version
+            version, poses = self._notifier.poses(seen)
             self._sent += 1
             await self._socket.send_str(self._frame(poses if version > seen else ''))
 
@@ -252,24 +258,24 @@ def status_text(
     `level` is one of LEVELS, `meaning` in plain words, '' if only its own text explains it, and
     `figures` its values.
     """
-    shown = printable(message)
-    meaning = next((m for pattern, m in _COMPILED if pattern.search(shown)), '')
-    if meaning and level == 0 and 'does not turn fully' in shown:
+    text = printable(message)
+    meaning = next((m for pattern, m in _COMPILED if pattern.search(text)), '')
+    if meaning and level == 0 and 'does not turn fully' in text:
         meaning = f'The leg is solved. {meaning}'
     return {
         'name': printable(name, 100),
         'level': LEVELS[level] if 0 <= level < len(LEVELS) else 'error',
         'meaning': meaning,
-        'text': shown,
-        'figures': {k: printable(v, 60) for k, v in values[:MAX_VALUES] if k in _SHOWN},
+        'text': text,
+        'figures': {k: printable(v, 60) for k, v in values[:MAX_VALUES] if k in _SHOWN_VALUES},
     }
 
 
-def recorded(values: Sequence[tuple[str, str]]) -> dict[str, int]:
+def recorded_counts(values: Sequence[tuple[str, str]]) -> dict[str, int]:
     """Return the sums of received, written and lost messages in a recorder's status."""
     sums = dict.fromkeys(('received', 'written', 'lost'), 0)
-    for key, value in values:
+    for key, number in values:
         last = key.rpartition(' ')[2]
-        if key.startswith('/') and last in sums and value.isdecimal() and len(value) < 19:
-            sums[last] += int(value)
+        if key.startswith('/') and last in sums and number.isdecimal() and len(number) < 19:
+            sums[last] += int(number)
     return sums

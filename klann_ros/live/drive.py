@@ -39,21 +39,26 @@ class _Drive:
 class CrankDrive(_Drive):
     """A crank driven by a page: to an angle by a slider, or at a speed."""
 
-    # The published angle [rad] and its rate [rad/s].
+    # The published angle [rad], its rate [rad/s] and its time [s].
     angle: float = 0.0
     speed: float = 0.0
-    _turned: float = 0.0
+    _angle_time: float = 0.0
 
     def take(self, owner: int, now: float, angle: float) -> None:
         """Give control to a page, at the current crank angle."""
-        self.owner, self.angle, self.speed = owner, angle, 0.0
-        self.alive_at = self._turned = now
+        self.owner = owner
+        self.angle = angle
+        self.speed = 0.0
+        self.alive_at = now
+        self._angle_time = now
 
     def turn_to(self, angle: float, now: float) -> None:
         """Turn to an angle, and stay there; a DriveError for an invalid one."""
         if not isfinite(angle) or abs(angle) > _MAX_ANGLE:
             raise DriveError(f'a crank angle is within +-{_MAX_ANGLE:g} rad')
-        self.angle, self.speed, self._turned = angle, 0.0, now
+        self.angle = angle
+        self.speed = 0.0
+        self._angle_time = now
 
     def spin(self, speed: float, now: float) -> None:
         """Turn at a constant rate; a DriveError beyond the limit."""
@@ -65,8 +70,8 @@ class CrankDrive(_Drive):
     def advance(self, now: float) -> float:
         """Return the angle at a time [rad]."""
         if self.speed:
-            self.angle += self.speed * (now - self._turned)
-        self._turned = now
+            self.angle += self.speed * (now - self._angle_time)
+        self._angle_time = now
         return self.angle
 
 
@@ -80,7 +85,10 @@ class WalkDrive(_Drive):
 
     def take(self, owner: int, now: float, _: float = 0.0) -> None:
         """Give control to a page, at rest."""
-        self.owner, self.forward, self.turn, self.alive_at = owner, 0.0, 0.0, now
+        self.owner = owner
+        self.forward = 0.0
+        self.turn = 0.0
+        self.alive_at = now
 
     def walk(self, forward: float, turn: float) -> None:
         """Walk at a constant velocity; a DriveError beyond the limits."""
@@ -88,10 +96,11 @@ class WalkDrive(_Drive):
             raise DriveError(
                 f'at most {MAX_WALK_SPEED:g} m/s and {MAX_TURN_RATE:g} rad/s are walked from here'
             )
-        self.forward, self.turn = forward, turn
+        self.forward = forward
+        self.turn = turn
 
 
 def crank_at(alpha: float, direction: float, phase: float) -> float:
     """Return the crank's angle where a leg's is alpha = direction * crank + phase [rad]."""
-    crank = (alpha - phase) / direction if direction else alpha
-    return crank if isfinite(crank) and abs(crank) <= _MAX_ANGLE else 0.0
+    angle = (alpha - phase) / direction if direction else alpha
+    return angle if isfinite(angle) and abs(angle) <= _MAX_ANGLE else 0.0

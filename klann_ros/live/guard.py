@@ -13,8 +13,8 @@ from ipaddress import ip_address, IPv4Address, IPv6Address
 import secrets
 
 LOOPBACK = ('127.0.0.1', 'localhost', '::1')
-# All of a machine's addresses.
-ANY = ('0.0.0.0', '::')  # noqa: S104 - a name, bound to only where the user gives it
+# Names of all addresses of a machine, and what a browser opens there.
+ANY = {'0.0.0.0': '127.0.0.1', '::': '::1'}  # noqa: S104 - bound to only where the user gives it
 # Default port of a web address.
 _HTTP_PORT = 80
 # No valid token is longer.
@@ -50,15 +50,16 @@ class Guard:
     @property
     def url(self) -> str:
         """Return the address to open, with the token if it has an effect."""
-        shown = '127.0.0.1' if self.host == ANY[0] else '::1' if self.host == ANY[1] else self.host
-        place = f'http://{f"[{shown}]" if ":" in shown else shown}:{self.port}/'
-        return place if self.read_only and self.is_local else f'{place}?token={self.token}'
+        host = ANY.get(self.host, self.host)
+        url = f'http://{f"[{host}]" if ":" in host else host}:{self.port}/'
+        return url if self.read_only and self.is_local else f'{url}?token={self.token}'
 
     def check_host(self, host: str | None) -> None:
         """Refuse a request for another server, by its Host header, with a ForbiddenError."""
-        name, own_port = (host or '').lower(), f':{self.port}'
-        if name.endswith(own_port):
-            name = name.removesuffix(own_port)
+        name = (host or '').lower()
+        port = f':{self.port}'
+        if name.endswith(port):
+            name = name.removesuffix(port)
         elif self.port != _HTTP_PORT:
             name = ''
         if name.startswith('[') and name.endswith(']'):
@@ -80,8 +81,8 @@ class Guard:
 
     def check_token(self, token: str | None) -> bool:
         """Return whether a token is the right one, in constant time."""
-        given = (token or '')[:_MAX_TOKEN_LENGTH].encode('utf-8', 'replace')
-        return compare_digest(given, self.token.encode('ascii'))
+        received = (token or '')[:_MAX_TOKEN_LENGTH].encode('utf-8', 'replace')
+        return compare_digest(received, self.token.encode('ascii'))
 
     def check_reading(self, token: str | None) -> None:
         """Refuse a request without the token, unless only this machine can reach the server."""

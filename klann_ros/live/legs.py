@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, pi
-from typing import Any
+from itertools import islice
+from math import isfinite, nan, pi
+from typing import Any, TypeGuard
 
 from klann_ros.kinematics import (
     AnyLeg,
@@ -66,18 +67,23 @@ class LiveLeg:
 
     def as_data(self) -> dict[str, Any]:
         """Return it for the page, ready for JSON."""
-        mount = {'xyz': self.mount_xyz, 'rpy': self.mount_rpy} if self.mount_xyz else None
-        linkage = self.leg.linkage if self.leg else None
-        return {
+        data: dict[str, Any] = {
             'name': printable(self.name, 60),
-            'kind': printable(linkage.name, 60) if linkage else '',
-            'joints': [printable(name, 60) for name in self.leg.joint_names] if self.leg else [],
-            'slides': [b.slides for b in linkage.structure.bodies] if linkage else [],
-            'shape': drawn_shape(linkage) if linkage else None,
-            'mount': mount,
+            'kind': '',
+            'joints': [],
+            'slides': [],
+            'shape': None,
+            'mount': {'xyz': self.mount_xyz, 'rpy': self.mount_rpy} if self.mount_xyz else None,
             'direction': self.direction,
             'phase': self.phase,
         }
+        if self.leg:
+            linkage = self.leg.linkage
+            data['kind'] = printable(linkage.name, 60)
+            data['joints'] = [printable(name, 60) for name in self.leg.joint_names]
+            data['slides'] = [body.slides for body in linkage.structure.bodies]
+            data['shape'] = drawn_shape(linkage)
+        return data
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +100,16 @@ class LiveSolver:
 
     def as_data(self) -> dict[str, Any]:
         """Return its legs and lengths, ready for JSON."""
+        lengths = []
+        for name, length in self.lengths.items():
+            leg = name.rpartition('.')[0]
+            lengths.append({'name': name, 'value': length, 'unit': unit_of(name), 'leg': leg})
         return {
             'node': printable(self.node, 100),
             'legs': [leg.as_data() for leg in self.legs],
             'does': self.does,
             'note': self.note,
-            'lengths': [
-                {
-                    'name': name,
-                    'value': value,
-                    'unit': unit_of(name),
-                    'leg': name.rpartition('.')[0],
-                }
-                for name, value in self.lengths.items()
-            ],
+            'lengths': lengths,
         }
 
 
@@ -120,9 +122,8 @@ def unit_of(name: str) -> str:
 def solver_of(recorded: SolverParameters) -> LiveSolver:
     """Return the solver of published parameters, which are untrusted."""
     legs = _legs([recorded], parent(recorded.node))
-    return LiveSolver(
-        recorded.node, legs, _lengths(recorded.parameters, [leg.name for leg in legs])
-    )
+    lengths = _lengths(recorded.parameters, [leg.name for leg in legs])
+    return LiveSolver(recorded.node, legs, lengths)
 
 
 def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) -> LiveSolver:
@@ -152,10 +153,10 @@ def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
 
 def _legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg, ...]:
     parameters = {record.node: record.parameters for record in records}
-    return tuple(
-        _leg(name, solver, parameters[solver.nodes[-1]])
-        for name, solver in list(leg_solvers(records, namespace).items())[:MAX_LEGS]
-    )
+    legs = []
+    for name, solver in islice(leg_solvers(records, namespace).items(), MAX_LEGS):
+        legs.append(_leg(name, solver, parameters[solver.nodes[-1]]))
+    return tuple(legs)
 
 
 def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg:
@@ -173,32 +174,34 @@ def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg
 
 def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:
     """Return the parameters that can be set: a Klann leg's numbers, none of a linkage's file."""
-    found: dict[str, float | list[int]] = {}
+    lengths: dict[str, float | list[int]] = {}
     for leg in legs:
         prefix = f'{leg}.' if leg else ''
         if of_leg(parameters, leg).get(LINKAGE_PARAMETER):
             continue
         for name in NUMBERS:
-            value = parameters.get(prefix + name)
-            if isinstance(value, int | float) and isfinite(value):
-                found[prefix + name] = float(value)
+            length = parameters.get(prefix + name)
+            if _is_finite(length):
+                lengths[prefix + name] = float(length)
         signs = parameters.get(f'{prefix}assembly')
         if isinstance(signs, list) and len(signs) == 2 and set(signs) <= {-1, 1}:
-            found[f'{prefix}assembly'] = [int(sign) for sign in signs]
-    return found
+            lengths[f'{prefix}assembly'] = [int(sign) for sign in signs]
+    return lengths
 
 
 def _triple(value: Any) -> tuple[float, ...] | None:
     is_triple = isinstance(value, list) and len(value) == 3
-    if not is_triple or not all(isinstance(v, int | float) and isfinite(v) for v in value):
-        return None
-    return tuple(map(float, value))
+    return tuple(map(float, value)) if is_triple and all(map(_is_finite, value)) else None
+
+
+def _is_finite(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and isfinite(value)
 
 
 def drawn_shape(linkage: Linkage) -> dict[str, Any]:
     """Return a linkage's shape, the path of its foot, and the bounding box of both [m]."""
-    for known, shape in _shapes:
-        if known == linkage:
+    for drawn_linkage, shape in _shapes:
+        if drawn_linkage == linkage:
             return shape
     shape = {**leg_shape(linkage), **_reach(linkage)}
     _shapes.append((linkage, shape))
@@ -212,23 +215,20 @@ def _reach(linkage: Linkage) -> dict[str, Any]:
     points = poses.points
     if points is None or not np.isfinite(points).any():
         return {'path': [], 'box': None}
-    flat = points[np.isfinite(points).all(axis=-1)]
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    path = [
-        [round(x, _DIGITS), round(y, _DIGITS)] if isfinite(x + y) else None
-        for x, y in poses.h.tolist()
-    ]
-    return {'path': path, 'box': [*low.tolist(), *high.tolist()]}
+    reached = points[np.isfinite(points).all(axis=-1)]
+    box = [*reached.min(axis=0).tolist(), *reached.max(axis=0).tolist()]
+    path: list[list[float] | None] = []
+    for x, y in poses.h.tolist():
+        path.append([round(x, _DIGITS), round(y, _DIGITS)] if isfinite(x + y) else None)
+    return {'path': path, 'box': box}
 
 
-def positions(
+def joint_positions(
     joints: Sequence[str], names: Sequence[str], values: Sequence[float]
 ) -> list[float] | None:
     """Return the positions of a leg's joints in a joint state; None if one is missing."""
     if len(names) != len(values) or not joints:
         return None
     by_name = dict(zip(names, values, strict=True))
-    found = [by_name.get(joint) for joint in joints]
-    if any(value is None or not isfinite(value) for value in found):
-        return None
-    return [float(value) for value in found if value is not None]
+    positions = [by_name.get(joint, nan) for joint in joints]
+    return [float(p) for p in positions] if all(map(isfinite, positions)) else None

@@ -19,12 +19,12 @@ _STYLES = (
     SHARED / 'tables.css',
     _STATIC_FILES / 'live.css',
 )
-_OWN_SCRIPTS = 'space connection picture walker history drive tables live'
+_LIVE_SCRIPTS = 'space connection picture walker history drive tables live'
 # In this order: each uses those above it.
 _SCRIPTS = (
     _UPLOT / 'uPlot.iife.min.js',
     *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
-    *(_STATIC_FILES / f'{name}.js' for name in _OWN_SCRIPTS.split()),
+    *(_STATIC_FILES / f'{name}.js' for name in _LIVE_SCRIPTS.split()),
 )
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.
@@ -59,22 +59,20 @@ def note_page(title: str, note: str) -> str:
 
 def list_page(runs: Sequence[ListedRun], token: str) -> str:
     """Return a page that lists runs, each of which leads to its review and its calibration."""
-
-    def link(text: str, run: ListedRun, program: str = '') -> Markup:
-        return element('a', text, href=f'/runs/{quote(run.name, safe="")}{program}?token={token}')
-
-    items = [
-        element(
-            'li',
-            link(run.name, run),
-            element('span', f' {time:%Y-%m-%d %H:%M:%S} UTC ', class_='quiet'),
-            link('calibrate', run, '/calibrate'),
+    lines = []
+    for run in runs:
+        path = f'/runs/{quote(run.name, safe="")}'
+        time = datetime.fromtimestamp(run.time / 1e9, timezone.utc)
+        lines.append(
+            element(
+                'li',
+                element('a', run.name, href=f'{path}?token={token}'),
+                element('span', f' {time:%Y-%m-%d %H:%M:%S} UTC ', class_='quiet'),
+                element('a', 'calibrate', href=f'{path}/calibrate?token={token}'),
+            )
         )
-        for run in runs
-        for time in [datetime.fromtimestamp(run.time / 1e9, timezone.utc)]
-    ]
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
-    return _small('Runs', element('ul', *items) if items else element('p', NO_RUNS), back)
+    return _small('Runs', element('ul', *lines) if lines else element('p', NO_RUNS), back)
 
 
 def _small(title: str, *content: Markup) -> str:

@@ -13,9 +13,10 @@ from typing import Any
 
 # Size of a message [bytes].
 MAX_MESSAGE_SIZE = 4096
-# Sustained rate and burst of messages: a page acknowledges each frame, on screens of 240 Hz too,
-# and sends its slider as often.
-RATE, BURST = 800.0, 1200.0
+# Sustained rate [Hz] and burst of messages: a page acknowledges each frame, on screens of 240 Hz
+# too, and sends its slider as often.
+RATE = 800.0
+BURST = 1200.0
 # The commands, and the fields of each.
 COMMANDS = {
     'take': ('target',),
@@ -136,14 +137,16 @@ class RateLimit:
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
-        self._left, self._last = BURST, clock()
+        # The tokens, and the time of the last message [s].
+        self._tokens = BURST
+        self._time = clock()
 
     def allows(self) -> bool:
         """Count a message; return whether it is within the limit."""
         now = self._clock()
-        self._left = min(BURST, self._left + (now - self._last) * RATE)
-        self._last = now
-        if self._left < 1.0:
+        self._tokens = min(BURST, self._tokens + (now - self._time) * RATE)
+        self._time = now
+        if self._tokens < 1.0:
             return False
-        self._left -= 1.0
+        self._tokens -= 1.0
         return True

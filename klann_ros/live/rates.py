@@ -15,17 +15,19 @@ class TopicRate:
 
     def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         # The numbers of received messages and of publishers.
-        self.count = self.publishers = 0
+        self.count = 0
+        self.publishers = 0
         self.loss = LossCounter()
-        self._last: float | None = None
         self._clock = clock
+        self._last_time: float | None = None
+        # Times of calls of `rate` [s], and the counts of messages until then.
         self._marks: deque[tuple[float, int]] = deque([(clock(), 0)])
 
     def add(self, sequence: int | None) -> None:
         """Count a message; `sequence` is its publication sequence number."""
         self.count += 1
         self.loss.count(sequence, self.publishers)
-        self._last = self._clock()
+        self._last_time = self._clock()
 
     @property
     def lost(self) -> int | None:
@@ -38,9 +40,9 @@ class TopicRate:
         self._marks.append((now, self.count))
         while len(self._marks) > 2 and now - self._marks[1][0] >= WINDOW:
             self._marks.popleft()
-        begin, before = self._marks[0]
-        return (self.count - before) / (now - begin) if now > begin else 0.0
+        begin, first_count = self._marks[0]
+        return (self.count - first_count) / (now - begin) if now > begin else 0.0
 
     def silence(self) -> float | None:
         """Return the time since the last message [s]; None without any."""
-        return None if self._last is None else self._clock() - self._last
+        return None if self._last_time is None else self._clock() - self._last_time

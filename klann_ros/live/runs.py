@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import islice
 import os
 from pathlib import Path
 import sys
@@ -11,9 +12,11 @@ import tempfile
 
 from klann_ros.sanitize.text import printable
 
-# Of a folder with more, the newest are shown.
+# Maximum number of runs on the page, the newest.
 MAX_RUNS = 500
+# Entries of the folder, and files of a run, that are looked at.
 _MAX_ENTRIES = 20_000
+_MAX_FILES = 100
 # A review of a very long run takes a minute [s].
 REVIEW_TIMEOUT = 600.0
 # Pages in the cache.
@@ -50,17 +53,15 @@ def runs_in(folder: str | Path) -> list[ListedRun]:
 
     Links are ignored: they may lead out of it. Names of runs are only compared, never opened.
     """
-    found: list[ListedRun] = []
+    runs: list[ListedRun] = []
     with suppress(OSError), os.scandir(folder) as entries:
-        for number, entry in enumerate(entries):
-            if number >= _MAX_ENTRIES:
-                break
+        for entry in islice(entries, _MAX_ENTRIES):
             with suppress(OSError):
                 if _is_run(entry):
                     time = entry.stat(follow_symlinks=False).st_mtime_ns
-                    found.append(ListedRun(entry.name, Path(entry.path), time))
-    found.sort(key=lambda run: (-run.time, run.name))
-    return found[:MAX_RUNS]
+                    runs.append(ListedRun(entry.name, Path(entry.path), time))
+    runs.sort(key=lambda run: (-run.time, run.name))
+    return runs[:MAX_RUNS]
 
 
 def _is_run(entry: 'os.DirEntry[str]') -> bool:
@@ -68,11 +69,9 @@ def _is_run(entry: 'os.DirEntry[str]') -> bool:
         return entry.name.endswith('.mcap')
     if not entry.is_dir(follow_symlinks=False):
         return False
-    with os.scandir(entry.path) as inside:
-        return any(
-            e.name == 'metadata.yaml' or e.name.endswith(('.mcap', '.db3'))
-            for _, e in zip(range(100), inside, strict=False)
-        )
+    with os.scandir(entry.path) as files:
+        names = [file.name for file in islice(files, _MAX_FILES)]
+    return any(name.endswith(('.mcap', '.db3')) or name == 'metadata.yaml' for name in names)
 
 
 class Reviews:
@@ -87,7 +86,8 @@ class Reviews:
         self._command = command
         self._pages: dict[tuple[str, str, int], Page] = {}
         self._tasks: set[asyncio.Task[None]] = set()
-        self._one = asyncio.Semaphore(1)
+        # One review is made at a time.
+        self._turn = asyncio.Semaphore(1)
         # Made for the first page.
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
 
@@ -125,7 +125,7 @@ class Reviews:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
     async def _make(self, run: ListedRun, page: Page, program: str) -> None:
-        async with self._one:
+        async with self._turn:
             try:
                 page.state = await self._written(run, page.file, program)
             except OSError as error:

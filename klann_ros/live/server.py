@@ -67,7 +67,8 @@ class LiveServer:
     ) -> None:
         self.guard = guard
         self._log = _RequestLog(warn)
-        self._state, self._runs = state, runs
+        self._state = state
+        self._runs = runs
         self._numbers = count(1)
         self._clients: set[web.WebSocketResponse] = set()
         self._refusal: Exception | None = None
@@ -87,7 +88,8 @@ class LiveServer:
         self._log.close()
 
     async def _serve(self) -> None:
-        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._ended = asyncio.Event()
         self._notifier = ChangeNotifier(self._state)
         runner = web.AppRunner(self._app(), access_log=None, logger=self._log)
         try:
@@ -130,8 +132,8 @@ class LiveServer:
         app.router.add_get('/favicon.ico', self._no_icon)
         if self._runs:
             app.router.add_get('/runs', self._list)
-            app.router.add_get('/runs/{name}', self._made)
-            app.router.add_get('/runs/{name}/{program}', self._made)
+            app.router.add_get('/runs/{name}', self._review)
+            app.router.add_get('/runs/{name}/{program}', self._review)
         return app
 
     @web.middleware
@@ -152,8 +154,8 @@ class LiveServer:
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=f'{error.reason}\n')
         if not response.prepared:
-            for name, value in _HEADERS.items():
-                response.headers.setdefault(name, value)
+            for name, content in _HEADERS.items():
+                response.headers.setdefault(name, content)
         return response
 
     async def _page(self, _: web.Request) -> web.Response:
@@ -212,13 +214,13 @@ class LiveServer:
         runs = await self._reviews.runs()
         return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
 
-    async def _made(self, request: web.Request) -> web.StreamResponse:
+    async def _review(self, request: web.Request) -> web.StreamResponse:
         self._check_token(request)
         program = request.match_info.get('program', 'review')
         if program not in PROGRAMS:
             raise web.HTTPNotFound
-        made = PROGRAMS[program]
-        title = made.capitalize()
+        noun = PROGRAMS[program]
+        title = noun.capitalize()
         page = await self._reviews.page(request.match_info['name'], program)
         if page is None:
             raise web.HTTPNotFound
@@ -231,7 +233,7 @@ class LiveServer:
             return web.Response(text=note, content_type='text/html', status=500)
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(page.done.wait(), 1.0)
-        note = note_page(title, f'The {made} is being made; the page comes by itself.')
+        note = note_page(title, f'The {noun} is being made; the page comes by itself.')
         return web.Response(text=note, content_type='text/html', headers={'Refresh': '0.2'})
 
     def _check_token(self, request: web.Request) -> None:

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
         RecordedFinding,
         RECORDER_RECORD,
         REPLAYED_PARAMETER,
+        replayed_solvers,
         replayed_solvers_json,
         SolverParameters,
         STRING_TYPE,
@@ -119,7 +120,8 @@ else:
                 'DESCRIPTION_TOPIC FAULT_RECORD FINDING_RECORD LINKAGE_PARAMETER LOSS_RECORD '
                 'PAUSE_RECORD Pause RECORDER_RECORD REPLAYED_PARAMETER RecordedFinding '
                 'STRING_TYPE SolverParameters TopicCount described_solver leg_description '
-                'recorded_finding recorded_pause replayed_solvers_json topic_counts'
+                'recorded_finding recorded_pause replayed_solvers replayed_solvers_json '
+                'topic_counts'
             ),
             'write.background_writer': 'BackgroundWriter QUEUE_CAPACITY SplitLimits',
             'write.durable_file': 'RunFaults check_free_space is_being_written',

@@ -3,10 +3,16 @@
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.live.clients import recorded, status_text
+from klann_ros.live.clients import recorded_counts, status_text
 from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, CrankDrive, DriveError, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
-from klann_ros.live.legs import assumed_solver, drawn_shape, positions, replayed_solver, solver_of
+from klann_ros.live.legs import (
+    assumed_solver,
+    drawn_shape,
+    joint_positions,
+    replayed_solver,
+    solver_of,
+)
 from klann_ros.live.protocol import BURST, Command, parsed, RATE, RateLimit
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import replayed_solvers, replayed_solvers_json, SolverParameters
@@ -221,11 +227,11 @@ def test_the_bounding_box_holds_the_whole_motion() -> None:
 
 
 def test_a_pose_is_read_from_a_joint_state_or_refused() -> None:
-    assert positions(['a', 'b'], ['b', 'x', 'a'], [2.0, 9.0, 1.0]) == [1.0, 2.0]
-    assert positions(['a', 'b'], ['a'], [1.0]) is None
-    assert positions(['a'], ['a', 'b'], [1.0]) is None
-    assert positions(['a'], ['a'], [float('nan')]) is None
-    assert positions([], ['a'], [1.0]) is None
+    assert joint_positions(['a', 'b'], ['b', 'x', 'a'], [2.0, 9.0, 1.0]) == [1.0, 2.0]
+    assert joint_positions(['a', 'b'], ['a'], [1.0]) is None
+    assert joint_positions(['a'], ['a', 'b'], [1.0]) is None
+    assert joint_positions(['a'], ['a'], [float('nan')]) is None
+    assert joint_positions([], ['a'], [1.0]) is None
 
 
 def test_a_topic_has_its_rate_and_losses() -> None:
@@ -283,4 +289,4 @@ def test_written_counts_of_recorders_are_summed() -> None:
         ('/a received', '13'),
         ('/d lost', '9' * 50),
     ]
-    assert recorded(values) == {'received': 13, 'written': 12, 'lost': 1}
+    assert recorded_counts(values) == {'received': 13, 'written': 12, 'lost': 1}

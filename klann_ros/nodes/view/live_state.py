@@ -3,15 +3,36 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 import json
 from math import isfinite
+from operator import attrgetter, itemgetter
 from time import monotonic
 from typing import Any
 
 from klann_ros.kinematics.angles import yaw_of
-from klann_ros.live import Answer, Command, crank_at, legs, PageState, recorded, status_text
-from klann_ros.log import run_parameters
+from klann_ros.live import (
+    Answer,
+    assumed_solver,
+    Command,
+    crank_at,
+    joint_positions,
+    LiveLeg,
+    LiveSolver,
+    MAX_LEGS,
+    PageState,
+    recorded_counts,
+    replayed_solver,
+    solver_of,
+    status_text,
+)
+from klann_ros.log import (
+    described_solver,
+    REPLAYED_PARAMETER,
+    replayed_solvers,
+    SolverParameters,
+    STRING_TYPE,
+)
 from klann_ros.nodes.endpoints import create_steady_timer, TypeCheck
 from klann_ros.nodes.lease import CRANK_STATE
 from klann_ros.nodes.service_calls import BUSY, ServiceCalls
@@ -21,19 +42,20 @@ from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 
 from .connections import (
-    DIAGNOSTICS,
+    DIAGNOSTICS_TYPE,
     Graph,
-    JOINT_STATE,
+    JOINT_STATE_TYPE,
     Machine,
     Names,
-    ODOMETRY,
+    ODOMETRY_TYPE,
     SubscribedTopic,
     TopicSubscriptions,
 )
 from .drives import CRANK, Drives, Offer, WALK
 
-# Period of discovery; shorter at first [s].
-_PERIOD, _FIRST_PERIOD = 0.5, 0.1
+# Period of discovery, and the shorter one in the first seconds [s].
+_PERIOD = 0.5
+_FIRST_PERIOD = 0.1
 _FIRST_TIME = 5.0
 # A status that is not repeated is removed after this time [s].
 _STATUS_TIMEOUT = 10.0
@@ -43,13 +65,13 @@ _PLAYER_NUMBERS = {'seek': 'position', 'rate': 'rate'}
 
 
 @dataclass(frozen=True, eq=False)
-class _ShownLeg:
+class _PageLeg:
     """A leg on the page, the topic of its poses, and the key of its solver."""
 
     topic: str
     # The node's name, and if it plays several topics, the topic.
     solver: str
-    leg: legs.LiveLeg
+    leg: LiveLeg
 
 
 class LiveState(PageState):
@@ -57,9 +79,9 @@ class LiveState(PageState):
 
     def __init__(self, node: Node, *, read_only: bool) -> None:
         super().__init__()
-        self._shown: list[_ShownLeg] = []
-        self._solvers: dict[str, legs.LiveSolver] = {}
-        self._replays: dict[str, list[run_parameters.SolverParameters]] = {}
+        self._page_legs: list[_PageLeg] = []
+        self._solvers: dict[str, LiveSolver] = {}
+        self._replays: dict[str, list[SolverParameters]] = {}
         self._crank_topics: Mapping[str, list[str]] = {}
         self._machines: list[Machine] = []
         self._player_values: dict[str, dict[str, float]] = {}
@@ -67,7 +89,7 @@ class LiveState(PageState):
         self._types = TypeCheck(node)
         self._calls = ServiceCalls(node)
         self._subscriptions = TopicSubscriptions(node, self.changed)
-        self._watch = SolverWatch(node, self._on_parameters, [run_parameters.REPLAYED_PARAMETER])
+        self._watch = SolverWatch(node, self._on_parameters, [REPLAYED_PARAMETER])
         self._read_only = read_only
         self._drives = Drives(
             node,
@@ -85,17 +107,23 @@ class LiveState(PageState):
 
     def poses(self) -> str:
         """Return the newest poses by leg: age [s], stamp [s], coordinates."""
-        now, shown = monotonic(), self._shown
-        newest = {topic: self._subscriptions.messages(topic) for topic in {s.topic for s in shown}}
-        found = {}
-        for number, leg in enumerate(shown):
-            pose = _newest_pose(leg.leg, newest[leg.topic])
+        now = monotonic()
+        messages: dict[str, list[tuple[float, Any]]] = {}
+        poses = {}
+        for number, page_leg in enumerate(self._page_legs):
+            if page_leg.topic not in messages:
+                messages[page_leg.topic] = self._subscriptions.messages(page_leg.topic)
+            pose = _newest_pose(page_leg.leg, messages[page_leg.topic])
             if pose is not None:
                 time, stamp, x = pose
-                found[number] = [round(now - time, 4), stamp, *x]
-        data: dict[str, Any] = {'of': self.parts.get('legs', (0, ''))[0], 'legs': found}
-        places = {topic.name: _place(topic) for topic in self._subscriptions.of_kind(ODOMETRY)}
-        data['odom'] = {name: place for name, place in places.items() if place}
+                poses[number] = [round(now - time, 4), stamp, *x]
+        body_poses = {}
+        for topic in self._subscriptions.of_kind(ODOMETRY_TYPE):
+            body_pose = _body_pose(topic)
+            if body_pose:
+                body_poses[topic.name] = body_pose
+        version, _ = self.parts.get('legs', (0, ''))
+        data = {'of': version, 'legs': poses, 'odom': body_poses}
         return json.dumps(data, separators=(',', ':'))
 
     # Commands of pages, in the server's thread.
@@ -124,15 +152,16 @@ class LiveState(PageState):
         if solver is None or not set(command.values) <= set(solver.lengths):
             answer(False, 'there are no such lengths to set')
             return
-        node, values = solver.node, command.values
-        self._put(lambda: self._calls.set_parameters(node, values, answer), answer)
+        work = partial(self._calls.set_parameters, solver.node, command.values, answer)
+        self._put(work, answer)
 
     def _operate(self, command: Command, answer: Answer) -> None:
         machine = next((m for m in self._machines if m.node == command.target), None)
         if machine is None:
             answer(False, 'that node has gone')
             return
-        node, is_player = machine.node, machine.kind == 'player'
+        node = machine.node
+        is_player = machine.kind == 'player'
 
         def answer_and_refresh(is_done: bool, message: str) -> None:
             answer(is_done, message)
@@ -141,10 +170,11 @@ class LiveState(PageState):
 
         if command.command == 'call' and command.name in machine.services:
             service = f'{node}/{command.name}'
-            self._put(lambda: self._calls.trigger(service, answer_and_refresh), answer)
+            self._put(partial(self._calls.trigger, service, answer_and_refresh), answer)
         elif command.command in _PLAYER_NUMBERS and is_player:
             values = {_PLAYER_NUMBERS[command.command]: command.value}
-            self._put(lambda: self._calls.set_parameters(node, values, answer_and_refresh), answer)
+            work = partial(self._calls.set_parameters, node, values, answer_and_refresh)
+            self._put(work, answer)
         else:
             answer(False, 'it cannot do that')
 
@@ -154,22 +184,21 @@ class LiveState(PageState):
 
     def _crank_angle(self, drive: str) -> float:
         """Return the angle of a driven crank, by a leg on it; 0 if unknown."""
-        for shown in self._shown:
-            topics = self._crank_topics.get(shown.solver, ())
-            if any(drive == f'{CRANK}:{topic}' for topic in topics):
-                pose = _newest_pose(shown.leg, self._subscriptions.messages(shown.topic))
+        for page_leg in self._page_legs:
+            if drive.removeprefix(f'{CRANK}:') in self._crank_topics.get(page_leg.solver, ()):
+                pose = _newest_pose(page_leg.leg, self._subscriptions.messages(page_leg.topic))
                 if pose is not None:
-                    return crank_at(pose[2][0], shown.leg.direction, shown.leg.phase)
+                    return crank_at(pose[2][0], page_leg.leg.direction, page_leg.leg.phase)
         return 0.0
 
     # Callbacks in ROS's thread.
 
-    def _on_parameters(self, parameters: run_parameters.SolverParameters) -> None:
-        text = parameters.parameters.get(run_parameters.REPLAYED_PARAMETER)
+    def _on_parameters(self, parameters: SolverParameters) -> None:
+        text = parameters.parameters.get(REPLAYED_PARAMETER)
         if isinstance(text, str):
-            self._replays[parameters.node] = run_parameters.replayed_solvers(text)
+            self._replays[parameters.node] = replayed_solvers(text)
         else:
-            self._solvers = {**self._solvers, parameters.node: legs.solver_of(parameters)}
+            self._solvers = {**self._solvers, parameters.node: solver_of(parameters)}
         self._update_legs()
 
     def _update(self) -> None:
@@ -178,86 +207,90 @@ class LiveState(PageState):
         topics = self._graph.topics()
         self._subscriptions.update(topics)
         self._types.check()
-        for topic in self._subscriptions.of_kind(JOINT_STATE):
+        for topic in self._subscriptions.of_kind(JOINT_STATE_TYPE):
             self._watch.add(self._graph.publishers(topic.name))
         self._watch.send_requests()
         self._calls.expire()
         self._update_legs()
         self._update_drives(topics)
         self._update_machines()
-        subscribed = sorted(self._subscriptions.topics.items())
-        self.set_part('topics', [topic.as_data() for _, topic in subscribed])
+        by_name = self._subscriptions.topics
+        self.set_part('topics', [by_name[name].as_data() for name in sorted(by_name)])
 
     def _update_legs(self) -> None:
-        shown: list[_ShownLeg] = []
-        solvers: dict[str, legs.LiveSolver] = {}
+        page_legs: list[_PageLeg] = []
+        solvers: dict[str, LiveSolver] = {}
+        topics = self._subscriptions.of_kind(JOINT_STATE_TYPE)
         # Discovery finds them in any order.
-        for topic in sorted(self._subscriptions.of_kind(JOINT_STATE), key=lambda of: of.name):
-            known = self._solvers_of(topic)
-            solvers.update(known)
-            shown += [
-                _ShownLeg(topic.name, key, leg) for key, of in known.items() for leg in of.legs
-            ]
-        self._shown = shown[: legs.MAX_LEGS]
+        for topic in sorted(topics, key=attrgetter('name')):
+            for key, solver in self._solvers_of(topic).items():
+                solvers[key] = solver
+                page_legs += [_PageLeg(topic.name, key, leg) for leg in solver.legs]
+        self._page_legs = page_legs[:MAX_LEGS]
         data = []
         for key, solver in solvers.items():
-            own = [number for number, leg in enumerate(self._shown) if leg.solver == key]
+            numbers = [i for i, leg in enumerate(self._page_legs) if leg.solver == key]
             data.append(
                 {
                     **solver.as_data(),
-                    'topics': sorted({printable(self._shown[number].topic) for number in own}),
-                    'numbers': own,
+                    'topics': sorted({printable(self._page_legs[i].topic) for i in numbers}),
+                    'numbers': numbers,
                     'cranks': self._crank_topics.get(key, []),
                 }
             )
         self.set_part('legs', data)
 
-    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, legs.LiveSolver]:
+    def _solvers_of(self, topic: SubscribedTopic) -> dict[str, LiveSolver]:
         """Return the solvers with legs on a topic, by their keys."""
-        found = {}
-        names = [name for _, message in topic.newest() for name in message.name[:200]]
+        solvers = {}
+        joint_names: list[str] = []
+        for _, message in topic.newest():
+            joint_names += message.name[:200]
 
-        def has_joints(solver: legs.LiveSolver) -> bool:
-            return any({*names} >= {*leg.joint_names} for leg in solver.legs)
+        def has_joints(solver: LiveSolver) -> bool:
+            return any({*joint_names} >= {*leg.joint_names} for leg in solver.legs)
 
         for node in self._graph.names_of_publishers(topic.name):
             if node in self._solvers:
                 # sim_node has a leg's parameters, and publishes its crank alone.
-                if not names or has_joints(self._solvers[node]):
-                    found[node] = self._solvers[node]
+                if not joint_names or has_joints(self._solvers[node]):
+                    solvers[node] = self._solvers[node]
             # A player's parameters never change: a second request is to another of the same name.
             elif node in self._watch.pending:
                 continue
             elif self._replays.get(node):
                 key = f'{node} {topic.name}'
-                found[key] = legs.replayed_solver(node, topic.name, self._replays[node])
+                solvers[key] = replayed_solver(node, topic.name, self._replays[node])
             else:
                 records = self._described(topic)
-                described = legs.replayed_solver(node, topic.name, records) if records else None
+                described = replayed_solver(node, topic.name, records) if records else None
                 if described and has_joints(described):
-                    found[f'{node} {topic.name}'] = described
-                elif names:
-                    found[node] = legs.assumed_solver(node, names)
-        return found
+                    solvers[f'{node} {topic.name}'] = described
+                elif joint_names:
+                    solvers[node] = assumed_solver(node, joint_names)
+        return solvers
 
-    def _described(self, topic: SubscribedTopic) -> Sequence[run_parameters.SolverParameters]:
+    def _described(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
         """Return the solvers described beside a topic, or else in another namespace."""
-        topics = self._subscriptions.of_kind(run_parameters.STRING_TYPE)
-        beside = [each for each in topics if parent(each.name) == parent(topic.name)]
-        texts = [m.data for each in beside or topics[:1] for _, m in each.newest()]
+        descriptions = self._subscriptions.of_kind(STRING_TYPE)
+        beside = [d for d in descriptions if parent(d.name) == parent(topic.name)]
+        texts: list[str] = []
+        for description in beside or descriptions[:1]:
+            texts += [message.data for _, message in description.newest()]
         return _described_solvers(tuple(texts))
 
     def _update_drives(self, topics: Names) -> None:
         if self._read_only:
             return
         self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}
-        solvers = {shown.solver for shown in self._shown}
-        cranks = {t for node in solvers for t in self._crank_topics.get(node, ())}
-        # Both topics turn a solver's crank.
-        offers = [
-            self._offer(CRANK, topic, f'{topic.rpartition("/")[0]}/{CRANK_STATE}')
-            for topic in sorted(cranks)
-        ]
+        crank_topics: set[str] = set()
+        for page_leg in self._page_legs:
+            crank_topics.update(self._crank_topics.get(page_leg.solver, ()))
+        offers = []
+        for topic in sorted(crank_topics):
+            # Both topics turn a solver's crank.
+            crank_state = f'{topic.rpartition("/")[0]}/{CRANK_STATE}'
+            offers.append(self._offer(CRANK, topic, crank_state))
         offers += [self._offer(WALK, topic) for topic in self._graph.walker_topics(topics)]
         self._drives.offer(offers)
         self._update_drive_states()
@@ -266,21 +299,22 @@ class LiveState(PageState):
         self.set_part('drives', self._drives.state())
 
     def _offer(self, kind: str, *topics: str) -> Offer:
-        publishers = [n for topic in topics for n in self._graph.names_of_publishers(topic)]
-        able = self._graph.names_of_subscribers(f'{topics[0]}/lease')
-        names = dict.fromkeys(printable(name, 100) for name in publishers)
-        yielding = tuple(name for name in names if name in able)
-        return Offer(kind, topics[0], topics, tuple(names), yielding)
+        publishers: dict[str, None] = {}
+        for topic in topics:
+            for name in self._graph.names_of_publishers(topic):
+                publishers[printable(name, 100)] = None
+        listeners = self._graph.names_of_subscribers(f'{topics[0]}/lease')
+        yielding = tuple(name for name in publishers if name in listeners)
+        return Offer(kind, topics[0], topics, tuple(publishers), yielding)
 
     def _update_machines(self) -> None:
-        before = {machine.node for machine in self._machines}
+        old_nodes = {machine.node for machine in self._machines}
         self._machines = self._graph.machines()
-        names = {machine.node for machine in self._machines}
-        self._player_values = {
-            node: values for node, values in self._player_values.items() if node in names
-        }
+        nodes = {machine.node for machine in self._machines}
+        for node in self._player_values.keys() - nodes:
+            del self._player_values[node]
         for machine in self._machines:
-            if machine.kind == 'player' and machine.node not in before:
+            if machine.kind == 'player' and machine.node not in old_nodes:
                 self._query_player(machine.node)
         statuses = self._statuses()
         self.set_part('diagnostics', [text for _, text in statuses.values()])
@@ -295,11 +329,11 @@ class LiveState(PageState):
             'services': machine.services,
             **self._player_values.get(machine.node, {}),
         }
-        found = statuses.get(f'{machine.node.rpartition("/")[2]}: recording')
-        if machine.kind == 'recorder' and found is not None:
-            values = [(value.key, value.value) for value in found[0].values]
+        recording = statuses.get(f'{machine.node.rpartition("/")[2]}: recording')
+        if machine.kind == 'recorder' and recording is not None:
+            values = [(pair.key, pair.value) for pair in recording[0].values]
             paused = dict(values).get('paused') == 'true'
-            data |= {**recorded(values), 'paused': paused}
+            data |= {**recorded_counts(values), 'paused': paused}
         return data
 
     def _query_player(self, node: str) -> None:
@@ -313,51 +347,52 @@ class LiveState(PageState):
 
     def _statuses(self) -> dict[str, tuple[Any, dict[str, Any]]]:
         now = monotonic()
-        found: dict[str, tuple[Any, dict[str, Any]]] = {}
-        for topic in self._subscriptions.of_kind(DIAGNOSTICS):
-            for time, array in sorted(topic.newest(), key=lambda one: one[0]):
+        statuses: dict[str, tuple[Any, dict[str, Any]]] = {}
+        for topic in self._subscriptions.of_kind(DIAGNOSTICS_TYPE):
+            for time, array in sorted(topic.newest(), key=itemgetter(0)):
                 if now - time > _STATUS_TIMEOUT:
                     continue
                 for status in array.status[:_MAX_STATUSES]:
-                    values = [(value.key, value.value) for value in status.values[:400]]
+                    values = [(pair.key, pair.value) for pair in status.values[:400]]
                     level = status.level[0] if status.level else 2
                     text = status_text(level, status.name, status.message, values)
-                    if status.name in found or len(found) < _MAX_STATUSES:
-                        found[status.name] = status, text
-        return found
+                    if status.name in statuses or len(statuses) < _MAX_STATUSES:
+                        statuses[status.name] = status, text
+        return statuses
 
 
 @lru_cache(maxsize=8)
-def _described_solvers(texts: tuple[str, ...]) -> Sequence[run_parameters.SolverParameters]:
+def _described_solvers(texts: tuple[str, ...]) -> Sequence[SolverParameters]:
     """Return the solvers that texts describe, without malformed ones; cached, as texts repeat."""
-    found = []
+    solvers = []
     for text in texts:
         with suppress(ValueError):
-            found.append(run_parameters.described_solver(text, 0))
-    return found
+            solvers.append(described_solver(text, 0))
+    return solvers
 
 
 def _newest_pose(
-    leg: legs.LiveLeg, messages: list[tuple[float, Any]]
+    leg: LiveLeg, messages: list[tuple[float, Any]]
 ) -> tuple[float, float, list[float]] | None:
     """Return a leg's newest pose: its time of reception [s], its stamp [s], its coordinates."""
-    best = None
+    newest = None
     for time, message in messages:
-        if best is None or time > best[0]:
-            x = legs.positions(leg.joint_names, message.name, message.position)
+        if newest is None or time > newest[0]:
+            x = joint_positions(leg.joint_names, message.name, message.position)
             if x is not None:
                 stamp = message.header.stamp
-                best = time, stamp.sec + stamp.nanosec / 1e9, x
-    return best
+                newest = time, stamp.sec + stamp.nanosec / 1e9, x
+    return newest
 
 
-def _place(topic: SubscribedTopic) -> list[float] | None:
+def _body_pose(topic: SubscribedTopic) -> list[float] | None:
     """Return x, y [m], heading [rad], and forward [m/s] and turning [rad/s] velocity."""
     for _, message in topic.newest()[-1:]:
-        at, q = message.pose.pose.position, message.pose.pose.orientation
+        position = message.pose.pose.position
+        q = message.pose.pose.orientation
         yaw = yaw_of(q.x, q.y, q.z, q.w)
         twist = message.twist.twist
-        place = [at.x, at.y, yaw, twist.linear.x, twist.angular.z]
-        if all(map(isfinite, place)):
-            return [round(value, 6) for value in place]
+        numbers = [position.x, position.y, yaw, twist.linear.x, twist.angular.z]
+        if all(map(isfinite, numbers)):
+            return [round(number, 6) for number in numbers]
     return None
