@@ -16,28 +16,29 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-JOINT_STATE = 'sensor_msgs/msg/JointState'
-DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-ODOMETRY = 'nav_msgs/msg/Odometry'
-_CRANK_ANGLE = 'std_msgs/msg/Float64'
-_TWIST = 'geometry_msgs/msg/TwistStamped'
-_TRIGGER = 'std_srvs/srv/Trigger'
+JOINT_STATE_TYPE = 'sensor_msgs/msg/JointState'
+DIAGNOSTICS_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+ODOMETRY_TYPE = 'nav_msgs/msg/Odometry'
+_CRANK_ANGLE_TYPE = 'std_msgs/msg/Float64'
+_TWIST_TYPE = 'geometry_msgs/msg/TwistStamped'
+_TRIGGER_TYPE = 'std_srvs/srv/Trigger'
 # Subscribed types, and the endings of names for types that other nodes use as well.
 _ENDINGS = {
-    JOINT_STATE: ('',),
-    DIAGNOSTICS: ('diagnostics',),
-    ODOMETRY: ('odom',),
+    JOINT_STATE_TYPE: ('',),
+    DIAGNOSTICS_TYPE: ('diagnostics',),
+    ODOMETRY_TYPE: ('odom',),
     STRING_TYPE: (DESCRIPTION_TOPIC,),
-    _CRANK_ANGLE: ('crank_angle',),
-    _TWIST: ('velocity_h', 'cmd_vel'),
+    _CRANK_ANGLE_TYPE: ('crank_angle',),
+    _TWIST_TYPE: ('velocity_h', 'cmd_vel'),
     'geometry_msgs/msg/PointStamped': ('point_h',),
 }
 # Types whose messages are stored; the others are counted only.
-_DECODED_TYPES = {JOINT_STATE, DIAGNOSTICS, ODOMETRY, STRING_TYPE}
+_DECODED_TYPES = {JOINT_STATE_TYPE, DIAGNOSTICS_TYPE, ODOMETRY_TYPE, STRING_TYPE}
 # Best effort requests no retransmission, so it delays no publisher; losses are shown.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Topics and machines of a page.
-_MAX_TOPICS, _MAX_MACHINES = 60, 12
+# Maximum numbers of topics and machines of a page.
+_MAX_TOPICS = 60
+_MAX_MACHINES = 12
 # A walker's legs may answer in messages of their own; they differ in their names [bytes].
 _JOINT_NAME_BYTES = slice(12, 96)
 _MAX_NAME_SETS = 32
@@ -53,6 +54,7 @@ _BUTTONS = {
     'player': tuple(sorted(_PLAYER_SERVICES)),
 }
 
+# Names of topics, each with its types.
 Names = Sequence[tuple[str, Sequence[str]]]
 
 
@@ -70,7 +72,8 @@ class Graph:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._own = node.get_fully_qualified_name()
+        # Names that are none of another node's.
+        self._excluded = {'', node.get_fully_qualified_name()}
 
     def topics(self) -> list[tuple[str, list[str]]]:
         """Return the topics with their types; none if a name is no text."""
@@ -79,16 +82,16 @@ class Graph:
     def publishers(self, topic: str) -> list[Any]:
         """Return the publishers of a topic."""
         infos = _query(lambda: self._node.get_publishers_info_by_topic(topic))
-        return [info for info in infos if endpoints.node_of(info) not in {'', self._own}]
+        return [info for info in infos if endpoints.node_of(info) not in self._excluded]
 
     def names_of_publishers(self, topic: str) -> list[str]:
-        """Return the names of those nodes, each once."""
+        """Return the names of the nodes that publish on a topic, each once."""
         return list(dict.fromkeys(map(endpoints.node_of, self.publishers(topic))))
 
     def names_of_subscribers(self, topic: str) -> list[str]:
         """Return the names of the nodes that subscribe to a topic."""
         infos = _query(lambda: self._node.get_subscriptions_info_by_topic(topic))
-        return [name for name in map(endpoints.node_of, infos) if name not in {'', self._own}]
+        return [name for name in map(endpoints.node_of, infos) if name not in self._excluded]
 
     def crank_topics(self, node: str) -> list[str]:
         """Return the topics of crank angles that a node subscribes to."""
@@ -96,30 +99,27 @@ class Graph:
         subscribed = _query(
             lambda: self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
         )
-        return sorted(
-            t for t, kinds in subscribed if _CRANK_ANGLE in kinds and not endpoints.name_refusal(t)
-        )
+        topics = [topic for topic, kinds in subscribed if _CRANK_ANGLE_TYPE in kinds]
+        return sorted(topic for topic in topics if not endpoints.name_refusal(topic))
 
     def walker_topics(self, topics: Names) -> list[str]:
         """Return the topics of velocities that have a subscriber."""
-        return sorted(
-            name
-            for name, kinds in topics
-            if _TWIST in kinds
-            and name.rpartition('/')[2] == 'cmd_vel'
-            and not endpoints.name_refusal(name)
-            and self._node.count_subscribers(name) > 0
-        )
+        names = []
+        for name, kinds in topics:
+            is_velocity = _TWIST_TYPE in kinds and name.rpartition('/')[2] == 'cmd_vel'
+            if is_velocity and not endpoints.name_refusal(name):
+                names.append(name)
+        return sorted(name for name in names if self._node.count_subscribers(name) > 0)
 
     def machines(self) -> list[Machine]:
         """Return the recorders and players."""
-        offered: dict[str, set[str]] = {}
+        services_of_nodes: dict[str, set[str]] = {}
         for service, kinds in _query(self._node.get_service_names_and_types):
-            if _TRIGGER in kinds and not endpoints.name_refusal(service):
+            if _TRIGGER_TYPE in kinds and not endpoints.name_refusal(service):
                 node, _, name = service.rpartition('/')
-                offered.setdefault(node, set()).add(name)
-        found = []
-        for node, names in sorted(offered.items()):
+                services_of_nodes.setdefault(node, set()).add(name)
+        machines = []
+        for node, names in sorted(services_of_nodes.items()):
             kind = ''
             if names >= _RECORDER_SERVICES:
                 kind = 'recorder'
@@ -128,8 +128,8 @@ class Graph:
             # A service is listed as long as it has a client, such as this node.
             if kind and node and self._node.count_services(f'{node}/pause') > 0:
                 services = tuple(name for name in _BUTTONS[kind] if name in names)
-                found.append(Machine(kind, node, services))
-        return found[:_MAX_MACHINES]
+                machines.append(Machine(kind, node, services))
+        return machines[:_MAX_MACHINES]
 
 
 class SubscribedTopic:
@@ -143,9 +143,11 @@ class SubscribedTopic:
         kind: str,
         on_update: Callable[[], object],
     ) -> None:
-        self.name, self.kind = name, kind
+        self.name = name
+        self.kind = kind
         self.rate = TopicRate()
         self._class = endpoints.message_class(kind)
+        # The newest messages with their times of reception [s], and decoded, by length and names.
         self._newest: dict[object, tuple[float, bytes]] = {}
         self._decoded: dict[object, tuple[bytes, Any]] = {}
         self._on_update = on_update if kind in _DECODED_TYPES else None
@@ -163,18 +165,18 @@ class SubscribedTopic:
 
     def newest(self) -> list[tuple[float, Any]]:
         """Return the newest messages with their times of reception [s]; thread safe."""
-        found = []
+        messages = []
         for key, (time, data) in list(self._newest.items()):
-            known = self._decoded.get(key)
-            if known is None or known[0] is not data:
+            decoded_data, message = self._decoded.get(key, (None, None))
+            if decoded_data is not data:
                 try:
-                    known = data, deserialize_message(data, self._class)
+                    message = deserialize_message(data, self._class)
                 # Untrusted bytes.
                 except Exception:  # noqa: S112
                     continue
-                self._decoded[key] = known
-            found.append((time, known[1]))
-        return found
+                self._decoded[key] = (data, message)
+            messages.append((time, message))
+        return messages
 
     def as_data(self) -> dict[str, Any]:
         """Return its rate and losses for the page, ready for JSON."""
@@ -196,7 +198,7 @@ class SubscribedTopic:
         self.rate.add(info['publication_sequence_number'])
         if self._on_update is None or len(data) > _MAX_MESSAGE_SIZE:
             return
-        key = (len(data) if self.kind == JOINT_STATE else 0, data[_JOINT_NAME_BYTES])
+        key = (len(data) if self.kind == JOINT_STATE_TYPE else 0, data[_JOINT_NAME_BYTES])
         if key not in self._newest and len(self._newest) >= _MAX_NAME_SETS:
             self._newest.clear()
             self._decoded.clear()
@@ -210,23 +212,25 @@ class TopicSubscriptions:
     def __init__(self, node: Node, on_update: Callable[[], object]) -> None:
         # By full name. Other threads read it: it is replaced, not changed.
         self.topics: dict[str, SubscribedTopic] = {}
-        self._node, self._on_update = node, on_update
+        self._node = node
+        self._on_update = on_update
         self._group = RawCallbackGroup()
         self._refused: set[tuple[str, str]] = set()
 
-    def update(self, known: Names) -> None:
-        """Subscribe to new topics of the given names and types, and drop the vanished ones."""
-        present = {
-            name: kind for name, kinds in known for kind in kinds if self._is_wanted(name, kind)
-        }
-        gone = [name for name, topic in self.topics.items() if present.get(name) != topic.kind]
-        for name in gone:
-            self._node.destroy_subscription(self.topics[name].subscription)
-        if gone:
-            self.topics = {n: topic for n, topic in self.topics.items() if n not in gone}
-        for name in sorted(set(present) - set(self.topics)):
+    def update(self, published: Names) -> None:
+        """Subscribe to new topics of the published ones, and drop the vanished ones."""
+        kinds_by_name = {}
+        for name, kinds in published:
+            for kind in kinds:
+                if self._is_wanted(name, kind):
+                    kinds_by_name[name] = kind
+        for name, topic in list(self.topics.items()):
+            if kinds_by_name.get(name) != topic.kind:
+                self._node.destroy_subscription(topic.subscription)
+                self.topics = {n: self.topics[n] for n in self.topics if n != name}
+        for name in sorted(set(kinds_by_name) - set(self.topics)):
             if len(self.topics) < _MAX_TOPICS:
-                self._subscribe(name, present[name])
+                self._subscribe(name, kinds_by_name[name])
 
     def messages(self, name: str) -> list[tuple[float, Any]]:
         """Return the newest messages of a topic; none without a subscription."""
@@ -246,8 +250,8 @@ class TopicSubscriptions:
         last = name.rpartition('/')[2]
         if (name, kind) in self._refused or '/_' in name:
             return False
-        fits = any(last.endswith(ending) for ending in _ENDINGS.get(kind, ()))
-        return fits and self._node.count_publishers(name) > 0
+        is_of_leg = last.endswith(_ENDINGS.get(kind, ()))
+        return is_of_leg and self._node.count_publishers(name) > 0
 
     def _subscribe(self, name: str, kind: str) -> None:
         if endpoints.name_refusal(name):

@@ -26,7 +26,8 @@ _IDLE_TIME = 1.0
 # More messages than were sent from here prove another active publisher.
 _MAX_FOREIGN = 5
 # Periods of a turning crank's messages, and of all others [s].
-_TURNING_PERIOD, _PERIOD = 0.01, 0.05
+_TURNING_PERIOD = 0.01
+_PERIOD = 0.05
 # Redundant stop messages to a walker.
 _STOP_MESSAGES = 5
 CRANK, WALK = 'crank', 'walk'
@@ -43,7 +44,7 @@ class Offer:
     # All topics that drive the same thing, and the nodes that publish them.
     topics: tuple[str, ...]
     publishers: tuple[str, ...]
-    # Those of them that can yield to a driver.
+    # The publishers that can yield to a driver.
     yielding: tuple[str, ...]
 
     @property
@@ -60,16 +61,17 @@ class _Driven:
     drive: CrankDrive | WalkDrive
     lease: Lease
     publisher: Any = None
-    # Since when the owner waits for the others to yield [s]; None while it drives.
+    # The time since which the owner waits for the others to yield [s]; None while it drives.
     taking: float | None = None
-    # Since when no other publisher has sent anything [s].
+    # The time since which no other publisher has sent anything [s].
     alone: float | None = None
     # The page that lost it last, and the reason; shown until a page drives.
     previous_owner: int | None = None
     reason: str = ''
     # Stop messages that are still to be sent to a walker.
     stops: int = 0
-    # Messages sent from here, and the counts of sent and received ones when the drive began.
+    # The number of messages sent from here, and of those received from others on each topic when
+    # the drive began.
     sent: int = 0
     begin: dict[str, tuple[TopicRate, int]] = field(default_factory=dict)
 
@@ -90,20 +92,22 @@ class _Driven:
     def start(self, owner: int, angle: float) -> None:
         """Begin to drive, a crank from its present angle [rad]."""
         self.drive.take(owner, self.drive.alive_at, angle)
-        self.taking, self.begin, self.sent = None, {}, 0
+        self.taking = None
+        self.begin = {}
+        self.sent = 0
 
     def intruder(self, rate_of: RateOf) -> str:
         """Return the other active publisher while a page drives, in words; '' for none."""
         for topic in self.offer.topics:
-            found = rate_of(topic)
-            if found is None:
+            rate = rate_of(topic)
+            if rate is None:
                 continue
-            sent = self.sent if topic == self.offer.topic else 0
-            known, begin = self.begin.get(topic, (None, 0))
+            foreign = rate.count - (self.sent if topic == self.offer.topic else 0)
+            first_rate, first_foreign = self.begin.get(topic, (None, 0))
             # A new subscription counts from 0.
-            if known is not found:
-                self.begin[topic] = found, found.count - sent
-            elif found.count - sent - begin > _MAX_FOREIGN:
+            if first_rate is not rate:
+                self.begin[topic] = (rate, foreign)
+            elif foreign - first_foreign > _MAX_FOREIGN:
                 publishers = ', '.join(self._not_yielded()) or 'another node'
                 return f'{publishers} publishes {topic} as well and does not yield'
         return ''
@@ -114,7 +118,9 @@ class _Driven:
 
     def as_data(self) -> dict[str, Any]:
         """Return its state for the page, ready for JSON."""
-        offer, owner, yielded = self.offer, self.drive.owner, self.lease.yielded
+        offer = self.offer
+        owner = self.drive.owner
+        yielded = self.lease.yielded if owner else []
         return {
             'target': offer.name,
             'kind': offer.kind,
@@ -125,7 +131,7 @@ class _Driven:
             'reason': self.reason,
             'publishers': list(offer.publishers),
             'foreign': [name for name in offer.publishers if name not in offer.yielding],
-            'yielded': [n for n in offer.publishers if n in yielded] if owner else [],
+            'yielded': [name for name in offer.publishers if name in yielded],
             'elsewhere': self.lease.other,
         }
 
@@ -146,8 +152,11 @@ class Drives:
         crank_angle: Callable[[str], float],
         rate_of: RateOf,
     ) -> None:
-        self._node, self._put, self._on_change = node, put, on_change
-        self._crank_angle, self._rate_of = crank_angle, rate_of
+        self._node = node
+        self._put = put
+        self._on_change = on_change
+        self._crank_angle = crank_angle
+        self._rate_of = rate_of
         self._drives: dict[str, _Driven] = {}
         self._lock = Lock()
         self._wake = Event()
@@ -182,9 +191,9 @@ class Drives:
                     driven = _Driven(offer, drive, Lease(self._node, offer.topic))
                     self._drives[offer.name] = driven
                 driven.offer = offer
-            for name in [name for name in self._drives if name not in names]:
-                driven = self._drives[name]
-                if driven.drive.owner is None and driven.publisher is None:
+            for name, driven in list(self._drives.items()):
+                is_free = driven.drive.owner is None and driven.publisher is None
+                if name not in names and is_free:
                     del self._drives[name]
                     driven.lease.close()
 
@@ -204,10 +213,10 @@ class Drives:
     def disconnected(self, page: int) -> None:
         """Stop the drives of a closed page."""
         with self._lock:
-            own = [d for d in self._drives.values() if d.drive.owner == page]
-            for driven in own:
+            stopped = [d for d in self._drives.values() if d.drive.owner == page]
+            for driven in stopped:
                 self._release(driven, 'the page was closed')
-        if own:
+        if stopped:
             self._wake.set()
             self._put(self._on_change)
 
@@ -228,7 +237,8 @@ class Drives:
         answer(True, '')
 
     def _do(self, driven: _Driven, page: int, command: Command) -> None:
-        drive, now = driven.drive, monotonic()
+        drive = driven.drive
+        now = monotonic()
         if command.command == 'take':
             self._take(driven, page, now)
             return
@@ -248,18 +258,20 @@ class Drives:
             raise DriveError(f'a {driven.offer.kind} does not {command.command}')
 
     def _take(self, driven: _Driven, page: int, now: float) -> None:
-        drive, before = driven.drive, driven.drive.owner
-        if before == page:
+        drive = driven.drive
+        previous_owner = drive.owner
+        if previous_owner == page:
             return
         # The others have yielded to this node already, for any of its pages.
-        is_held = before is not None and driven.taking is None
+        is_held = previous_owner is not None and driven.taking is None
         angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
         drive.take(page, now, angle)
-        driven.previous_owner = before
-        driven.reason = 'another page has taken it over' if before is not None else ''
+        driven.previous_owner = previous_owner
+        driven.reason = 'another page has taken it over' if previous_owner is not None else ''
         driven.stops = 0
         if not is_held:
-            driven.taking, driven.alone = now, None
+            driven.taking = now
+            driven.alone = None
         if driven.publisher is None:
             self._put(lambda: self._create_publisher(driven))
 
@@ -267,7 +279,8 @@ class Drives:
         drive = driven.drive
         if drive.owner is None:
             return
-        driven.previous_owner, driven.reason = drive.owner if reason else None, reason
+        driven.previous_owner = drive.owner if reason else None
+        driven.reason = reason
         drive.owner = None
         if driven.offer.kind == WALK and driven.taking is None:
             driven.stops = _STOP_MESSAGES
@@ -294,9 +307,9 @@ class Drives:
     def _run(self) -> None:
         while not self._stopped:
             with self._lock:
-                pauses = [self._serve_or_stop(driven) for driven in self._drives.values()]
+                periods = [self._serve_or_stop(driven) for driven in self._drives.values()]
             # Without a driving page, wait until one commands.
-            self._wake.wait(min((p for p in pauses if p is not None), default=None))
+            self._wake.wait(min(filter(None, periods), default=None))
             self._wake.clear()
 
     def _serve_or_stop(self, driven: _Driven) -> float | None:
@@ -311,7 +324,8 @@ class Drives:
 
     def _serve(self, driven: _Driven) -> float | None:
         """Publish due messages; return the time to the next [s], None while nothing drives."""
-        drive, now = driven.drive, monotonic()
+        drive = driven.drive
+        now = monotonic()
         if drive.owner is None and not driven.stops:
             return None
         reason = self._obstacle(driven, now)
@@ -355,7 +369,8 @@ class Drives:
         message = TwistStamped()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.header.frame_id = 'base_link'
-        message.twist.linear.x, message.twist.angular.z = forward, turn
+        message.twist.linear.x = forward
+        message.twist.angular.z = turn
         return message
 
     def _publish(self, driven: _Driven, message: Any) -> None:
