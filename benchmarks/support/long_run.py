@@ -14,7 +14,7 @@ from klann_ros.log.run_parameters import (
     SolverParameters,
 )
 from klann_ros.log.write.writer import RunWriter
-from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate
+from klann_ros.messages import JointStateTemplate, point_template
 import numpy as np
 
 START = 1_700_000_000_000_000_000
@@ -53,7 +53,7 @@ def write_long_run(
 
 
 def _write_block(run: RunWriter, linkage: Linkage, numbers: np.ndarray, rate: float) -> None:
-    state, point = JointStateTemplate([*linkage.joint_names]), PointTemplate('leg_plane')
+    state, point = JointStateTemplate([*linkage.joint_names]), point_template('leg_plane')
     alphas = 2 * pi * numbers / rate
     poses = linkage_poses(linkage, alphas, angles=True)
     assert poses.angles is not None  # noqa: S101 - asked for

@@ -11,12 +11,11 @@ import sys
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from klann_ros.nodes.cdr_readers import JointsReader
+from klann_ros.messages import JointsReader, JointStateTemplate
 from klann_ros.nodes.endpoints import INPUT, OUTPUT
 from klann_ros.nodes.process import run
 from klann_ros.nodes.raw_executor import RawCallbackGroup
 from klann_ros.nodes.walker.messages import odometry_template
-from klann_ros.sanitize.cdr import JointStateTemplate
 from klann_ros.stop_signals import StopSignals
 from nav_msgs.msg import Odometry
 import rclpy
@@ -53,7 +52,7 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
         reading = self._reader.read(data)[CRANKS[0]]
         odom, command = self._filled
         stamp = reading.sec, reading.nanosec
-        self._odom.publish(odom.fill(*stamp, (0.0,) * 28))
+        self._odom.publish(odom.fill(*stamp, *(0.0,) * 28))
         self._commands.publish(command.fill(*stamp, (0.0, 0.0), (0.0, 0.0)))
 
     def _relay(self, message: JointState, _: Any) -> None:

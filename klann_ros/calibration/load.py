@@ -2,15 +2,23 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-import struct
 from typing import Any, NamedTuple
 
 from klann_ros.cli import read_table, TextTable
 from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
+from klann_ros.messages import (
+    FLOAT64,
+    JOINT_STATE,
+    MARKER,
+    POINT,
+    POSE,
+    POSE_WITH_COVARIANCE,
+    TRANSFORM,
+    TRANSFORMS,
+)
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
-from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import did_you_mean, listed, printable
 import numpy as np
 
@@ -23,25 +31,27 @@ from .measurements import (
     series_of,
 )
 
-FLOAT, JOINTS = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
-POSE, TRANSFORM = 'geometry_msgs/msg/PoseWithCovarianceStamped', 'tf2_msgs/msg/TFMessage'
-MARKER = 'visualization_msgs/msg/Marker'
-# Types of a measured point: the strings and the integers between the header and x, and the doubles
-# from x on that are read.
-POINT_LAYOUTS = {
-    'geometry_msgs/msg/PointStamped': (0, 0, 2),
-    'geometry_msgs/msg/PoseStamped': (0, 0, 2),
-    POSE: (0, 0, 43),
-    'geometry_msgs/msg/TransformStamped': (1, 0, 2),
-    TRANSFORM: (1, 0, 7),
-    MARKER: (1, 3, 2),
+# The field of x and y in each type of a measured point.
+POINT_FIELDS = {
+    POINT.name: 'point',
+    POSE.name: 'pose.position',
+    POSE_WITH_COVARIANCE.name: 'pose.pose.position',
+    TRANSFORM.name: 'transform.translation',
+    TRANSFORMS.name: 'transform.translation',
+    MARKER.name: 'pose.position',
 }
 # Types with several points under names: those of computed frames and drawings, too.
-FRAMED_TYPES = (TRANSFORM, MARKER)
+FRAMED_TYPES = (TRANSFORMS.name, MARKER.name)
+_TYPES = {
+    message_type.name: message_type
+    for message_type in (
+        *(FLOAT64, JOINT_STATE, POINT, POSE, POSE_WITH_COVARIANCE, TRANSFORM, TRANSFORMS, MARKER),
+    )
+}
 # Names of topics with answers of a solver, by their last part.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
-# Where the variances of x and y are among the doubles of a pose.
-VARIANCES = 7, 14
+# Indices of the variances of x and y in the covariance of a pose.
+_VARIANCES = 0, 7
 MAX_CSV_SIZE = 256 * 1024 * 1024
 
 
@@ -62,28 +72,26 @@ class Reading(NamedTuple):
     variance: float = 0.0
 
 
-def readings(kind: str, data: bytes) -> Iterator[Reading]:
-    """Yield the measurements of a message; a ValueError or a struct.error if it is malformed."""
-    cursor = CdrCursor(data)
-    if kind == FLOAT:
-        yield Reading('', 0, cursor.numbers('d', 1))
+def readings(type_name: str, data: bytes) -> Iterator[Reading]:
+    """Yield the measurements of a message; a ValueError if it is malformed."""
+    content = _TYPES[type_name].read(data)
+    if type_name == FLOAT64.name:
+        yield Reading('', 0, (content['data'],))
         return
-    for _ in range(cursor.length() if kind == TRANSFORM else 1):
-        seconds, nanoseconds = cursor.header()
-        stamp = seconds * 10**9 + nanoseconds
-        if kind == JOINTS:
-            names = cursor.strings()
-            positions = cursor.numbers('d', cursor.length())
-            for name, position in zip(names, positions, strict=True):
-                yield Reading(name.decode(errors='replace'), stamp, (position,))
+    for message in content.get('transforms', [content]):
+        stamp = message['header.stamp.sec'] * 10**9 + message['header.stamp.nanosec']
+        if type_name == JOINT_STATE.name:
+            for name, position in zip(message['name'], message['position'], strict=True):
+                yield Reading(name, stamp, (position,))
             return
-        strings, integers, doubles = POINT_LAYOUTS[kind]
-        key = ''.join(cursor.string().decode(errors='replace') for _ in range(strings))
-        if integers:
-            key = f'{key}/{cursor.numbers("i", integers)[0]}'
-        numbers = cursor.numbers('d', doubles)
-        variance = sum(numbers[n] for n in VARIANCES) / 2.0 if kind == POSE else 0.0
-        yield Reading(key, stamp, numbers[:2], variance)
+        key = message.get('child_frame_id', '')
+        if type_name == MARKER.name:
+            key = f'{message["ns"]}/{message["id"]}'
+        field = POINT_FIELDS[type_name]
+        point = message[f'{field}.x'], message[f'{field}.y']
+        covariance = message.get('pose.covariance')
+        variance = sum(covariance[n] for n in _VARIANCES) / 2.0 if covariance else 0.0
+        yield Reading(key, stamp, point, variance)
 
 
 def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatArray, set[str]]:
@@ -91,7 +99,7 @@ def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatAr
     keys = set()
     samples = []
     for message in messages:
-        with suppress(ValueError, struct.error):
+        with suppress(ValueError):
             for reading in list(readings(message.topic.type, message.data)):
                 keys.add(reading.key)
                 # A marker may be named by its namespace or its number alone.
@@ -116,7 +124,7 @@ def described_run(path: str, drawn: Robot | None) -> tuple[Robot, dict[str, Any]
     """Return the robot of a run, or the drawn one, its parameters, and the topics of points."""
     with open_log(path) as log:
         solvers = log.solvers if drawn is None else []
-        types = {*POINT_LAYOUTS} - {*FRAMED_TYPES}
+        types = {*POINT_FIELDS} - {*FRAMED_TYPES}
         topics = [topic.name for topic in log.topics if topic.type in types]
     if drawn is not None:
         return drawn, {}, topics
@@ -165,7 +173,7 @@ def _checked_samples(
     """Return the samples of a topic, unless it is of another type, computed, or has several."""
     kind = kind_of(leg.linkage, request.name)
     title = printable(topic.name)
-    types = POINT_LAYOUTS if kind == 'point' else (JOINTS, FLOAT)
+    types = POINT_FIELDS if kind == 'point' else (JOINT_STATE.name, FLOAT64.name)
     if topic.type not in types:
         legal = ', '.join(name.rpartition('/')[2] for name in types)
         raise MeasurementError(f'{title} is {printable(topic.type)}: a measured {kind} is {legal}')
@@ -199,17 +207,19 @@ def _topic(topics: Mapping[str, Topic], name: str) -> Topic:
 
 def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     """Return the topics that may have the crank's angle, the likeliest first."""
-    states = [topic for topic in topics.values() if topic.type == JOINTS]
+    states = [topic for topic in topics.values() if topic.type == JOINT_STATE.name]
     states.sort(key=lambda topic: topic.name.rpartition('/')[2] != 'crank_state')
-    plain = [t for t in topics.values() if t.type == FLOAT and t.name.endswith('crank_angle')]
+    plain = [
+        t for t in topics.values() if t.type == FLOAT64.name and t.name.endswith('crank_angle')
+    ]
     return states + plain
 
 
 def _crank(
     topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
 ) -> CrankSamples:
-    for topic in (topic for topic in topics if topic.type in {JOINTS, FLOAT}):
-        key = leg.crank_joint if topic.type == JOINTS else ''
+    for topic in (topic for topic in topics if topic.type in {JOINT_STATE.name, FLOAT64.name}):
+        key = leg.crank_joint if topic.type == JOINT_STATE.name else ''
         samples, _ = _samples(messages[topic.name], key, start)
         if len(samples) > 1:
             return CrankSamples.of(samples[:, 0], samples[:, 2])

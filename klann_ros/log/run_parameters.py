@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields
 import json
 from typing import Any
 
-from klann_ros.sanitize.cdr import CdrCursor
+from klann_ros.messages import STRING
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse
 
@@ -106,7 +106,7 @@ def described_solvers(messages: Iterable[Message]) -> list[SolverParameters]:
             last_data = message.data
             size_left -= len(last_data)
             with suppress(ValueError):
-                text = CdrCursor(last_data).string().decode()
+                text = STRING.layout(last_data).texts['data'][0].decode()
                 solvers.append(described_solver(text, message.log_time))
     return solvers
 

@@ -8,7 +8,7 @@ from klann_ros.sanitize.text import printable
 
 from .cdr import HEADER_SIZE, ORDERS, STAMP_SIZE
 from .known_types import FLOAT32, FLOAT64, INT32, JOINT_STATE, POINT, TWIST_STAMPED
-from .message_type import NumberSpan, Template
+from .message_type import Template
 
 # Names in the refusal of a message without the joint, and their length [characters].
 _MAX_NAMES = 5
@@ -108,25 +108,21 @@ def _find_joint(data: bytes, joint: str) -> _JointPlace:
         shown = printable(joint, _MAX_NAME_LENGTH)
         raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
     index = names.index(joint.encode())
-    places = [
-        NumberSpan(span.begin + 8 * index, 1, span.code)
-        for span in spans
-        if span.length == len(names)
-    ]
     numbers = f'{layout.order}{HEADER_SIZE}xiI'
-    end = HEADER_SIZE + STAMP_SIZE
-    for place in places:
-        numbers += f'{place.begin - end}x{place.code}'
-        end = place.end
-    begins = [HEADER_SIZE + STAMP_SIZE, *(span.end for span in spans)]
-    constants = [data[:2]]
-    constants += [
-        data[slice(begin, span.begin)] for begin, span in zip(begins, spans, strict=False)
-    ]
+    stamp_end = HEADER_SIZE + STAMP_SIZE
+    last_end = stamp_end
+    for span in spans:
+        if span.length == len(names):
+            begin = span.begin + 8 * index
+            numbers += f'{begin - last_end}xd'
+            last_end = begin + 8
+    # All but stamp, positions, velocities and efforts is constant.
+    offsets = (0, stamp_end, spans[0].end, spans[1].end)
+    ends = (2, *(span.begin for span in spans))
     return _JointPlace(
         len(data),
-        tuple(constants),
-        (0, *begins[:-1]),
+        tuple(data[begin:end] for begin, end in zip(offsets, ends, strict=True)),
+        offsets,
         struct.Struct(numbers),
         has_velocity=spans[1].length == len(names),
         has_effort=spans[2].length == len(names),
@@ -134,9 +130,9 @@ def _find_joint(data: bytes, joint: str) -> _JointPlace:
 
 
 def _listed(names: Sequence[bytes]) -> str:
-    decoded = (name.decode(errors='replace') for name in names[:_MAX_NAMES])
-    shown = [printable(name, _MAX_NAME_LENGTH) for name in decoded]
-    return ', '.join(shown if len(names) <= _MAX_NAMES else [*shown, '...'])
+    first_names = [name.decode(errors='replace') for name in names[:_MAX_NAMES]]
+    text = ', '.join(printable(name, _MAX_NAME_LENGTH) for name in first_names)
+    return text if len(names) <= _MAX_NAMES else f'{text}, ...'
 
 
 class JointStateTemplate:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from klann_ros.sanitize.cdr import JointStateTemplate
+from klann_ros.messages import JointStateTemplate
 from klann_ros.walker import CrankCommand, CrankDrives
 from rclpy.node import Node
 from sensor_msgs.msg import JointState

@@ -10,12 +10,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
+from klann_ros.messages import JointReading, JointsReader, NumberReader
 from klann_ros.sanitize.text import printable
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from .cdr_readers import JointReading, JointsReader, NumberReader
 from .endpoints import create_publisher, name_refusal, subscribe_raw
 from .parameters import require, StartError
 from .process import LOG_PERIOD

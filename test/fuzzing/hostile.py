@@ -12,7 +12,7 @@ import struct
 from klann_ros.log.definitions import definition
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import LOSS_RECORD, PAUSE_RECORD, SOLVER_RECORD
-from klann_ros.sanitize.cdr import JointStateTemplate
+from klann_ros.messages import JointStateTemplate
 from mcap.writer import Writer
 import yaml
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from klann_ros.cli import ArgumentParser, Output, OutputError
 from klann_ros.gait import Feet, NoWalkerError
-from klann_ros.nodes.cdr_readers import JointReading
+from klann_ros.messages import JointReading
 from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import create_steady_timer, node_of, QOS_USAGE, TypeCheck

@@ -14,6 +14,7 @@ from klann_ros.cli import ArgumentParser
 from klann_ros.dynamics import MassError
 from klann_ros.kinematics import KinematicsError
 from klann_ros.kinematics.angles import TURN
+from klann_ros.messages import JOINT_STATE
 from klann_ros.nodes.encoders import encoder_topics, EncoderPublishers
 from klann_ros.nodes.endpoints import (
     create_publisher,
@@ -33,7 +34,6 @@ from klann_ros.nodes.process import arguments, LOG_PERIOD, ProcessNode, run
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup
 from klann_ros.nodes.robot_parameters import declared_robot
 from klann_ros.robot import Robot, robot_of
-from klann_ros.sanitize.cdr import CdrCursor
 from klann_ros.sanitize.text import listed, printable
 from klann_ros.stop_signals import StopSignals
 from klann_ros.twin import (
@@ -273,12 +273,10 @@ class CrankCommands:
 
     def _velocities(self, data: bytes) -> dict[str, float]:
         """Return the commanded velocities; a ValueError for an invalid message."""
-        cursor = CdrCursor(data)
-        cursor.header()
-        names = [name.decode(errors='replace') for name in cursor.strings()]
+        command = JOINT_STATE.read(data)
+        names = command['name']
         # Positions move no motor: `ros2 topic pub` may leave them out.
-        cursor.doubles()
-        numbers = cursor.numbers('d', cursor.length())
+        numbers = command['velocity']
         if len(numbers) != len(names):
             raise ValueError(f'it has {len(names)} names and {len(numbers)} velocities')
         all_velocities = dict(zip(names, numbers, strict=True))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
 from klann_ros.log import LossCounter
-from klann_ros.nodes.cdr_readers import NumberReader
+from klann_ros.messages import NumberReader
 from klann_ros.nodes.encoders import crank_topics, CrankTopic
 from klann_ros.nodes.endpoints import INPUT, overridden, type_name
 from klann_ros.nodes.raw_executor import Info, RawCallbackGroup

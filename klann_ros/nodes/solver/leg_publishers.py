@@ -14,9 +14,9 @@ from klann_ros.kinematics import (
     PoseDrawing,
 )
 from klann_ros.log import DESCRIPTION_TOPIC, leg_description, SolverParameters
+from klann_ros.messages import JointStateTemplate, point_template, Template, twist_template
 from klann_ros.nodes.endpoints import create_publisher, LATCHED
 from klann_ros.nodes.parameters import plain
-from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -42,9 +42,9 @@ class _Foot(NamedTuple):
     """The publishers of a leg's foot and its velocity, with their messages."""
 
     send_point: Send
-    point: PointTemplate
+    point: Template
     send_velocity: Send
-    velocity: TwistTemplate
+    velocity: Template
 
 
 class LegMessages:
@@ -63,9 +63,9 @@ class LegMessages:
         for leg in legs:
             self._feet[leg.name] = _Foot(
                 publisher(PointStamped, f'{leg.prefix}point_h'),
-                PointTemplate(leg.prefix + frame_id),
+                point_template(leg.prefix + frame_id),
                 publisher(TwistStamped, f'{leg.prefix}velocity_h'),
-                TwistTemplate(leg.prefix + frame_id),
+                twist_template(leg.prefix + frame_id),
             )
 
     def publish(self, answers: Sequence[Answer], stamp: Stamp) -> None:

@@ -1,29 +1,35 @@
 """
 The messages of `walker_node`, read and written as bytes, and their publishers.
 
-As in cdr_readers.py: conversion between bytes and Python messages costs more than the computation.
+Conversion between bytes and Python messages would cost more than the computation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import cos, hypot, isfinite, pi, sin
 import struct
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped
 from klann_ros.gait import Triple, Twist2D
 from klann_ros.kinematics.angles import yaw_of
+from klann_ros.messages import (
+    HEADER_SIZE,
+    IMU,
+    ODOMETRY,
+    STAMP_SIZE,
+    Template,
+    TRANSFORMS,
+    TWIST,
+    TWIST_STAMPED,
+)
 from klann_ros.nodes.endpoints import create_publisher, message_class, UnknownMessageTypeError
-from klann_ros.sanitize.cdr import CdrCursor, HEADER_SIZE, STAMP_SIZE
 from klann_ros.sanitize.text import printable
 from klann_ros.walker import OdometryEstimate
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 
-# A number and a stamp that mark their places in a message; no name contains their bytes.
-_MARKER_NUMBER = 1.2345678e-300
-_MARKER_STAMP = 123456789, 987654321
 # Tolerance of the norm of a quaternion; a default-initialised one is shorter.
 UNIT_TOLERANCE = 1e-2
 # The length of a header's frame in a message.
@@ -32,57 +38,29 @@ _FRAME = slice(HEADER_SIZE + STAMP_SIZE, HEADER_SIZE + STAMP_SIZE + 4)
 MAX_ANGULAR_RATE = 100.0
 # Variances of the velocities z, roll and pitch, which only tilting causes.
 _TILTING_VARIANCES = (1e-2, 1e-2, 1e-2)
-# Layout of a pose, and of the numbers in an Odometry that are not always 0: pose and covariance of
-# a planar motion with variances of z, roll and pitch, its velocity, and their variances.
-_POSE_LAYOUT = '7d'
-_ODOMETRY_LAYOUT = f'{_POSE_LAYOUT}2d24xd2d24xd16xd48xd48xd8x2d24xd2d24xdd48xd48xd48xd48xd48xd'
+# The numbers in an Odometry that are not always 0: pose and covariance of a planar motion with
+# variances of z, roll and pitch, its velocity, and their variances.
+_ODOMETRY_NUMBERS = (
+    'pose.pose',
+    *(f'pose.covariance[{index}]' for index in (0, 1, 5, 6, 7, 11, 14, 21, 28, 30, 31, 35)),
+    *('twist.twist.linear.x', 'twist.twist.linear.y', 'twist.twist.angular.z'),
+    *(f'twist.covariance[{index}]' for index in (0, 7, 14, 21, 28, 35)),
+)
 # Indices of x, y and yaw in a covariance of six, and rounding errors of its eigenvalues.
 _PLANAR = [0, 1, 5]
 MAX_ROUNDING = 1e-9
 
 
-class NumbersTemplate:
-    """
-    A message of which only the stamp and some numbers change.
-
-    In `message` they are `_MARKER_STAMP`, and `_MARKER_NUMBER` where the numbers begin. The
-    `layout` of the numbers is in struct's notation; between them are zeros.
-    """
-
-    def __init__(self, message: Any, layout: str) -> None:
-        serialized = bytes(serialize_message(message))
-        stamp_begin = serialized.index(struct.pack('<iI', *_MARKER_STAMP))
-        stamp_end = stamp_begin + STAMP_SIZE
-        numbers_begin = serialized.index(struct.pack('<d', _MARKER_NUMBER))
-        numbers_end = numbers_begin + struct.calcsize(f'<{layout}')
-        self._head = serialized[:stamp_begin]
-        self._middle = serialized[stamp_end:numbers_begin]
-        self._tail = serialized[numbers_end:]
-        self._layout = struct.Struct(
-            f'<{len(self._head)}siI{len(self._middle)}s{layout}{len(self._tail)}s'
-        )
-
-    def fill(self, sec: int, nanosec: int, numbers: Sequence[float]) -> bytes:
-        """Return the message."""
-        return self._layout.pack(self._head, sec, nanosec, self._middle, *numbers, self._tail)
+def odometry_template(frame: str, child: str) -> Template:
+    """Return a nav_msgs/Odometry of the numbers of a planar motion and their variances."""
+    content = {'header.frame_id': frame, 'child_frame_id': child}
+    return Template(ODOMETRY, content, _ODOMETRY_NUMBERS)
 
 
-def odometry_template(frame: str, child: str) -> NumbersTemplate:
-    """Return a nav_msgs/Odometry of the numbers of `_ODOMETRY_LAYOUT`."""
-    message = Odometry(child_frame_id=child)
-    message.header.frame_id = frame
-    message.header.stamp.sec, message.header.stamp.nanosec = _MARKER_STAMP
-    message.pose.pose.position.x = _MARKER_NUMBER
-    return NumbersTemplate(message, _ODOMETRY_LAYOUT)
-
-
-def transform_template(frame: str, child: str, kind: Any) -> NumbersTemplate:
+def transform_template(frame: str, child: str) -> Template:
     """Return a tf2_msgs/TFMessage of one transform: translation, rotation."""
-    transform = TransformStamped(child_frame_id=child)
-    transform.header.frame_id = frame
-    transform.header.stamp.sec, transform.header.stamp.nanosec = _MARKER_STAMP
-    transform.transform.translation.x = _MARKER_NUMBER
-    return NumbersTemplate(kind(transforms=[transform]), _POSE_LAYOUT)
+    transform = {'header.frame_id': frame, 'child_frame_id': child}
+    return Template(TRANSFORMS, {'transforms': [transform]}, ['transforms[0].transform'])
 
 
 class TwistReading(NamedTuple):
@@ -96,10 +74,13 @@ class TwistReading(NamedTuple):
 
 def read_twist(data: bytes, *, stamped: bool) -> TwistReading:
     """Read a geometry_msgs/TwistStamped or Twist; a ValueError for another message."""
-    cursor = CdrCursor(data)
-    sec, nanosec = cursor.header() if stamped else (0, 0)
-    linear_x, *_, angular_z = cursor.numbers('d', 6)
-    return TwistReading(linear_x, angular_z, sec, nanosec)
+    if not stamped:
+        twist = TWIST.read(data)
+        return TwistReading(twist['linear.x'], twist['angular.z'], 0, 0)
+    twist = TWIST_STAMPED.read(data)
+    sec = twist['header.stamp.sec']
+    nanosec = twist['header.stamp.nanosec']
+    return TwistReading(twist['twist.linear.x'], twist['twist.angular.z'], sec, nanosec)
 
 
 def twist_message(motion: Twist2D, frame: str, sec: int, nanosec: int) -> TwistStamped:
@@ -162,10 +143,8 @@ class ImuReader:
         """Return a message; a ValueError for another one, or one with invalid rates."""
         message_format = len(data), data[:2], data[_FRAME]
         if message_format != self._last_format:
-            cursor = CdrCursor(data)
-            cursor.header()
-            cursor.align(8)
-            self._layout = _imu_layout(cursor.order, cursor.skip(8 * 37))
+            layout = IMU.layout(data)
+            self._layout = _imu_layout(layout.order, layout.span('orientation').begin)
             self._last_format = message_format
         numbers = self._layout.unpack_from(data)
         sec, nanosec, x, y, z, w, roll_variance, yaw_variance = numbers[:8]
@@ -217,7 +196,7 @@ class OdomOutput:
             node.get_logger().warning(text)
         else:
             self._tf = create_publisher(node, kind, '/tf')
-            self._tf_template = transform_template(frame, child, kind)
+            self._tf_template = transform_template(frame, child)
 
     def publish(self, estimate: OdometryEstimate, sec: int, nanosec: int) -> None:
         """Publish an estimate, unless its height is unknown."""
@@ -233,9 +212,9 @@ class OdomOutput:
             *pose, *x_row, *y_row, *variances, *yaw_row,
             *linear, angular, x_variance, y_variance, *_TILTING_VARIANCES, yaw_variance,
         )  # fmt: skip
-        self._odom.publish(self._odom_template.fill(sec, nanosec, numbers))
+        self._odom.publish(self._odom_template.fill(sec, nanosec, *numbers))
         if self._tf is not None:
-            self._tf.publish(self._tf_template.fill(sec, nanosec, pose))
+            self._tf.publish(self._tf_template.fill(sec, nanosec, *pose))
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:

@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from klann_ros.cli import ArgumentParser
 from klann_ros.gait import Feet, NoWalkerError, Steering, walk_figures
 from klann_ros.kinematics import KinematicsError
-from klann_ros.nodes.cdr_readers import JointReading
+from klann_ros.messages import JointReading
 from klann_ros.nodes.crank_output import CrankOutput
 from klann_ros.nodes.encoders import subscribe_cranks
 from klann_ros.nodes.endpoints import (

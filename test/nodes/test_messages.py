@@ -6,9 +6,15 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped, TwistStamped
 from hypothesis import example, given, strategies as st
-from klann_ros.nodes import cdr_readers
+from klann_ros.messages import (
+    JointReading,
+    JointsReader,
+    JointStateTemplate,
+    NumberReader,
+    point_template,
+    twist_template,
+)
 from klann_ros.nodes.endpoints import type_name
-from klann_ros.sanitize.cdr import JointStateTemplate, PointTemplate, TwistTemplate
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -65,9 +71,9 @@ class Reader:
     """A reader of one joint."""
 
     def __init__(self, joint: str) -> None:
-        self._joint, self._reader = joint, cdr_readers.JointsReader([joint])
+        self._joint, self._reader = joint, JointsReader([joint])
 
-    def read(self, data: bytes) -> cdr_readers.JointReading:
+    def read(self, data: bytes) -> JointReading:
         return self._reader.read(data)[self._joint]
 
 
@@ -76,14 +82,12 @@ def same(a: object, b: object) -> bool:
     return repr(a) == repr(b)
 
 
-def expected(message: JointState, index: int) -> cdr_readers.JointReading:
+def expected(message: JointState, index: int) -> JointReading:
     names, velocities, stamp = message.name, message.velocity, message.header.stamp
     index = list(names).index(names[index])
     velocity = velocities[index] if len(velocities) == len(names) else None
     effort = message.effort[index] if len(message.effort) == len(names) else None
-    return cdr_readers.JointReading(
-        message.position[index], velocity, stamp.sec, stamp.nanosec, effort
-    )
+    return JointReading(message.position[index], velocity, stamp.sec, stamp.nanosec, effort)
 
 
 @given(doubles, st.floats(width=32), st.integers(-(2**31), 2**31 - 1))
@@ -94,7 +98,7 @@ def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count:
         (Int32(data=count), 'i'),
     ):
         reader, data = (
-            cdr_readers.NumberReader(type_name(type(message))),
+            NumberReader(type_name(type(message))),
             serialize_message(message),
         )
         number = float(deserialize_message(data, type(message)).data)
@@ -107,7 +111,7 @@ def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count:
 )
 def test_invalid_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match='bytes are no std_msgs/msg/Float64'):
-        cdr_readers.NumberReader('std_msgs/msg/Float64').read(data)
+        NumberReader('std_msgs/msg/Float64').read(data)
 
 
 @given(st.lists(joint_states(), min_size=1, max_size=3), st.data())
@@ -188,11 +192,11 @@ def written(
     if kind == 'point':
         message = PointStamped()
         message.point.x, message.point.y = x, y
-        data = PointTemplate(frame_id).fill(*stamp, x, y)
+        data = point_template(frame_id).fill(*stamp, x, y)
     elif kind == 'twist':
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y = x, y
-        data = TwistTemplate(frame_id).fill(*stamp, x, y)
+        data = twist_template(frame_id).fill(*stamp, x, y)
     else:
         count = len(names)
         positions = numbers[:count]
