@@ -181,22 +181,24 @@ def _linkage(content: Any) -> Linkage:
     }
     numbers = [number_of[dimension.kind](dimension.place) for dimension in structure.dimensions]
     _warn_of_lengths(structure, numbers, units)
-    # In any assembly: its numbers are checked before its start.
-    plain = Linkage(
+    signs = content.get('assembly')
+    count = len(structure.groups)
+    linkage = Linkage(
         structure,
         numbers,
-        assembly=(1,) * len(structure.groups),
+        # With a start it is first in any assembly: the numbers are checked before the start.
+        assembly=signs if start is None and len(signs) == count else (1,) * count,
         name=content['name'],
         source=content.get('source', ''),
     )
-    signs = content.get('assembly')
     if start is None:
-        return _linkage_from_signs(plain, signs or ())
+        _check_assembly(linkage, signs)
+        return linkage
     start_guess = []
     for body in structure.bodies:
         coordinate = start[body.angle]
         start_guess.append(metre * coordinate if body.slides else turn(coordinate))
-    return _linkage_from_start(plain, start_guess, signs, in_degrees=turn is radians)
+    return _linkage_from_start(linkage, start_guess, signs, in_degrees=turn is radians)
 
 
 def _warn_of_lengths(
@@ -320,22 +322,23 @@ def _linkage_from_start(
     return linkage
 
 
-def _linkage_from_signs(plain: Linkage, signs: Sequence[int]) -> Linkage:
-    """Return a linkage without a start in the assembly that is stated, if it closes anywhere."""
-    if not plain.is_dyadic:
+def _check_assembly(linkage: Linkage, signs: Sequence[int]) -> None:
+    """Refuse signs that are not the linkage's assembly, or with which it closes nowhere."""
+    if not linkage.is_dyadic:
         msg = 'it has no start, which its coupled loops need: no assembly tells their branch'
         raise GeometryError(msg)
-    count = len(plain.structure.groups)
-    if len(signs) == count and closes_somewhere(plain.in_assembly(signs)):
-        return plain.in_assembly(signs)
-    some_modes = islice(possible_assemblies(plain), MAX_NAMED)
+    count = len(linkage.structure.groups)
+    if len(signs) == count and closes_somewhere(linkage):
+        return
+    some_modes = islice(possible_assemblies(linkage), MAX_NAMED)
     possible = ', '.join(str(list(mode)) for mode in some_modes)
     if not possible:
         raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
     msg = f'assembly {signs} is refused: possible are {possible}'
     if len(signs) != count:
-        names = plain.structure.angles
-        blocks = '; '.join(', '.join(names[j] for j in group) for group in plain.structure.groups)
+        names = linkage.structure.angles
+        groups = [', '.join(names[j] for j in group) for group in linkage.structure.groups]
+        blocks = '; '.join(groups)
         msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
     raise GeometryError(msg)
 
