@@ -1,12 +1,14 @@
 """What a recorder that was killed has left in SQLite files, and beside them, is read."""
 
 from contextlib import closing
+from pathlib import Path
 import shutil
 import sqlite3
 import struct
 import subprocess
 import sys
 
+import db3_files
 from db3_files import add, begin, make_db3, number, START
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
@@ -40,7 +42,7 @@ COMMITTED, NOT_AT_ALL = 100, 10**9
 def kill_a_writer(bag, mode, batch, count=3000):
     """Let a process write a number of messages to a bag, and kill it."""
     bag.mkdir()
-    here = next(path for path in sys.path if path.endswith('test'))
+    here = str(Path(db3_files.__file__).parent)
     command = [sys.executable, '-c', WRITER, str(bag / 'x_0.db3'), mode, str(batch), here]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for line in process.stdout:
