@@ -5,7 +5,7 @@ The same mapping stands in two places: in the run's ``metadata.yaml`` under a ro
 without that key, in the MCAP metadata record ``rosbag2`` under ``serialized_metadata``.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from klann_ros.sanitize import yaml_text
@@ -41,12 +41,18 @@ class FileSummary:
         return sum(self.counts.values())
 
 
-def bag_metadata(files: Sequence[FileSummary]) -> dict[str, object]:
-    """
-    Return the metadata of a run of these files, without the root key.
+def metadata_yaml(files: Sequence[FileSummary]) -> str:
+    """Return the text of ``metadata.yaml`` for a run of these files."""
+    return yaml_text.dump({ROOT_KEY: _metadata(files)}) + '\n'
 
-    A MalformedQosError says that a topic's quality of service is malformed.
-    """
+
+def metadata_record(files: Sequence[FileSummary]) -> dict[str, str]:
+    """Return the content of the MCAP metadata record ``rosbag2`` for a run of these files."""
+    return {RECORD_KEY: yaml_text.dump(_metadata(files))}
+
+
+def _metadata(files: Sequence[FileSummary]) -> dict[str, object]:
+    """Return rosbag2's description of a run; a MalformedQosError for a topic's QoS."""
     filled = [file for file in files if file.message_count]
     start = min((file.start_time for file in filled), default=0)
     end = max((file.end_time for file in filled), default=0)
@@ -72,16 +78,6 @@ def bag_metadata(files: Sequence[FileSummary]) -> dict[str, object]:
         'custom_data': None,
         'ros_distro': 'jazzy',
     }
-
-
-def metadata_yaml(metadata: Mapping[str, object]) -> str:
-    """Return the text of ``metadata.yaml``."""
-    return yaml_text.dump({ROOT_KEY: dict(metadata)}) + '\n'
-
-
-def metadata_record(metadata: Mapping[str, object]) -> dict[str, str]:
-    """Return the content of the MCAP metadata record ``rosbag2``."""
-    return {RECORD_KEY: yaml_text.dump(dict(metadata))}
 
 
 def _topic(topic: Topic) -> dict[str, object]:

@@ -21,14 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 import zstandard
 
-from .bag_metadata import (
-    bag_metadata,
-    FILE_NAME,
-    FileSummary,
-    metadata_record,
-    metadata_yaml,
-    RECORD_NAME,
-)
+from .bag_metadata import FILE_NAME, FileSummary, metadata_record, metadata_yaml, RECORD_NAME
 from .definitions import definition
 from .errors import AnyPath, DamagedError, MalformedQosError, RunExistsError, UnwritableError
 from .mcap.mcap_storage import McapStorage
@@ -150,8 +143,7 @@ def _can_extend(summary: Summary) -> bool:
 def _extend_run(path: Path, messages: Sequence[TopicMessages]) -> None:
     with path.open('r+b') as file:
         content = _Extension(file, path.name).run(messages)
-    text = metadata_yaml(bag_metadata([content]))
-    path.with_name(FILE_NAME).write_text(text, encoding='utf-8')
+    path.with_name(FILE_NAME).write_text(metadata_yaml([content]), encoding='utf-8')
 
 
 class _Extension:
@@ -183,7 +175,7 @@ class _Extension:
         definitions = self._register(messages)
         content = self._count(messages)
         # An error of the metadata leaves the file as it was.
-        metadata = encoded(Metadata(RECORD_NAME, metadata_record(bag_metadata([content]))))
+        metadata = encoded(Metadata(RECORD_NAME, metadata_record([content])))
         self._void_metadata()
         self._file.seek(self._data_end)
         self._file.truncate()

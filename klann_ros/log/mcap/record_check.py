@@ -141,7 +141,7 @@ class RecordCheck:
             records.parse_attachment(content)
             return records.attachment_crc(content) != 0
         if opcode == Opcode.MESSAGE_INDEX:
-            size = len(content) - records.INDEX_HEAD
+            size = len(content) - records.INDEX_HEAD.size
             if size <= 0 or size % records.INDEX_ENTRY:
                 raise DamagedError('it has no entries')
         elif opcode in _PARSERS:

@@ -47,8 +47,11 @@ SUMMARY_KINDS = (
 )
 """Records of a summary beside the statistics, in the order of the file."""
 
-INDEX_HEAD, INDEX_ENTRY = 6, 16
-"""Size of a message index without entries, and of an entry [bytes]."""
+INDEX_HEAD = struct.Struct('<HI')
+"""Channel and size of the entries of a message index, before them."""
+
+INDEX_ENTRY = 16
+"""Size of an entry of a message index: log time and offset [bytes]."""
 
 # Numbers of 1 (B), 2 (H), 4 (I) and 8 (Q) bytes; fields behind their length of 4 (s: a text, a map
 # or a list) or 8 bytes (L).
@@ -78,7 +81,7 @@ _MIN_SIZES = {
     for opcode, layout in _LAYOUTS.items()
 }
 _FOOTER = struct.Struct('<BQQQI')
-_CHUNK_HEAD, _INDEX_HEAD = struct.Struct('<QQQII'), struct.Struct('<HI')
+_CHUNK_HEAD = struct.Struct('<QQQII')
 _CRC_BLOCK_SIZE = 1024 * 1024
 # Only these may be longer than MAX_RECORD_SIZE.
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE}
@@ -368,8 +371,8 @@ def encoded_chunk(
     offsets = {}
     for channel, channel_entries in entries.items():
         offsets[channel] = start + len(chunk) + len(indexes)
-        indexes += RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD + len(channel_entries))
-        indexes += _INDEX_HEAD.pack(channel, len(channel_entries)) + channel_entries
+        indexes += RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, INDEX_HEAD.size + len(channel_entries))
+        indexes += INDEX_HEAD.pack(channel, len(channel_entries)) + channel_entries
     index = ChunkIndex(
         chunk_start_offset=start,
         chunk_length=len(chunk),

@@ -248,7 +248,7 @@ class Summary:
         """Compare the sizes of the message indexes, if any, with the number of messages."""
         size = sum(chunk.message_index_length for chunk in self.chunks)
         count = sum(len(chunk.message_index_offsets) for chunk in self.chunks)
-        entries_size = size - (records.RECORD_HEAD.size + records.INDEX_HEAD) * count
+        entries_size = size - (records.RECORD_HEAD.size + records.INDEX_HEAD.size) * count
         return size == 0 or entries_size == records.INDEX_ENTRY * statistics.message_count
 
     def add(self, opcode: int, content: bytes, offset: int) -> None:

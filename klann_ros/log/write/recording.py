@@ -5,24 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
+from klann_ros.log import run_parameters
 from klann_ros.log.loss import DropCounters, TopicCounters
-from klann_ros.log.run_parameters import (
-    FAULT_RECORD,
-    fault_record,
-    FINDING_RECORD,
-    finding_record,
-    leg_description,
-    LOSS_RECORD,
-    loss_record,
-    Pause,
-    PAUSE_RECORD,
-    pause_record,
-    RecordedFinding,
-    SOLVER_RECORD,
-    solver_record,
-    SolverParameters,
-    TopicCount,
-)
+from klann_ros.log.run_parameters import Pause, RecordedFinding, SolverParameters, TopicCount
 from klann_ros.sanitize.text import counted, listed, printable, verb
 
 from .background_writer import BackgroundWriter
@@ -139,15 +124,15 @@ class RecordingSession:
 
     def add_pause(self, pause: Pause) -> None:
         """Write a pause to the run, after all messages received in it were read."""
-        record = pause_record(pause)
-        self.put_entry(lambda run: run.add_metadata(PAUSE_RECORD, record))
+        record = run_parameters.pause_record(pause)
+        self.put_entry(lambda run: run.add_metadata(run_parameters.PAUSE_RECORD, record))
 
     def add_finding(self, finding: RecordedFinding) -> None:
         """Write a finding to the run, up to MAX_FINDINGS."""
         if self._findings < MAX_FINDINGS:
             self._findings += 1
-            record = finding_record(finding)
-            self.put_entry(lambda run: run.add_metadata(FINDING_RECORD, record))
+            record = run_parameters.finding_record(finding)
+            self.put_entry(lambda run: run.add_metadata(run_parameters.FINDING_RECORD, record))
 
     def state(self) -> RecordingState:
         """Return the present state."""
@@ -165,10 +150,12 @@ class RecordingSession:
 
     def _write_losses(self, run: RunWriter) -> None:
         """Write the drop counters and the faults to the run."""
-        run.add_metadata(LOSS_RECORD, loss_record(self._counts()))
-        faults = fault_record(str(self._background.failure or ''), run.faults.active)
+        run.add_metadata(run_parameters.LOSS_RECORD, run_parameters.loss_record(self._counts()))
+        faults = run_parameters.fault_record(
+            str(self._background.failure or ''), run.faults.active
+        )
         if faults:
-            run.add_metadata(FAULT_RECORD, faults)
+            run.add_metadata(run_parameters.FAULT_RECORD, faults)
 
     def finish(self) -> tuple[bool, str]:
         """Finish the run after the last message; return success and a message for the user."""
@@ -189,8 +176,10 @@ class RecordingSession:
 def _write_solver(solver: SolverParameters, run: RunWriter) -> None:
     """Write a solver's parameters as a record, and as a parameter file that reproduces it."""
     name = f'{solver.node.strip("/").replace("/", "_")}.yaml'
-    file = leg_description(solver).encode()
-    run.add_metadata(SOLVER_RECORD, solver_record(solver), in_every_file=True)
+    file = run_parameters.leg_description(solver).encode()
+    run.add_metadata(
+        run_parameters.SOLVER_RECORD, run_parameters.solver_record(solver), in_every_file=True
+    )
     run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
 
 

@@ -7,23 +7,13 @@ from functools import partial
 from pathlib import Path
 
 from klann_ros import __version__
+from klann_ros.log import errors
 from klann_ros.log.bag_metadata import (
-    bag_metadata,
     FILE_NAME,
     FileSummary,
     metadata_record,
     metadata_yaml,
     RECORD_NAME,
-)
-from klann_ros.log.errors import (
-    AnyPath,
-    DiskFullError,
-    LowSpaceError,
-    RunClosedError,
-    RunExistsError,
-    RunIncompleteError,
-    RunLostError,
-    UnwritableError,
 )
 from klann_ros.log.loss import StoredCounts
 from klann_ros.log.records import Attachment, Message
@@ -92,7 +82,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def __init__(
         self,
-        folder: AnyPath,
+        folder: errors.AnyPath,
         *,
         compression: str = 'zstd',
         chunk_size: int = 1024 * 1024,
@@ -100,7 +90,9 @@ class RunWriter(AbstractContextManager['RunWriter']):
         faults: RunFaults | None = None,
     ) -> None:
         if compression not in COMPRESSIONS:
-            raise UnwritableError(f'compression is {compression!r}, not one of {[*COMPRESSIONS]}')
+            raise errors.UnwritableError(
+                f'compression is {compression!r}, not one of {[*COMPRESSIONS]}'
+            )
         self.path = Path(folder).absolute()
         self.faults = faults or RunFaults()
         self._open_file = partial(
@@ -176,7 +168,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
         """
         if self._closed or self._content.current is None:
-            raise RunClosedError(self.path)
+            raise errors.RunClosedError(self.path)
         self.file.write(message)
 
     def attach(
@@ -235,9 +227,9 @@ class RunWriter(AbstractContextManager['RunWriter']):
             chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
             reserve.grow(RESERVE_SIZE + chunks * _INDEX_SIZE)
             if reserve.spent is not None:
-                raise DiskFullError(self.path, str(reserve.spent))
+                raise errors.DiskFullError(self.path, str(reserve.spent))
         if min_free_space > 0 and (free := self.free_space) < min_free_space:
-            raise LowSpaceError(self.path, free, min_free_space)
+            raise errors.LowSpaceError(self.path, free, min_free_space)
 
     def close(self) -> None:
         """
@@ -269,7 +261,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
             self._check_finished(self._content.finished)
             self._write_metadata_yaml()
         if self.faults.active:
-            raise RunIncompleteError(self.path, self.faults.active)
+            raise errors.RunIncompleteError(self.path, self.faults.active)
 
     def discard(self) -> None:
         """Remove the run, unless its path is another folder's now."""
@@ -280,7 +272,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
     def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         try:
             self.close()
-        except (OSError, RunIncompleteError) as failure:
+        except (OSError, errors.RunIncompleteError) as failure:
             # The body may raise this very error already.
             if failure is not error:
                 raise failure from error
@@ -291,7 +283,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def _require_open(self) -> None:
         if self.closed:
-            raise RunClosedError(self.path)
+            raise errors.RunClosedError(self.path)
 
     def _add(self, add: Callable[[McapFile], None], *, in_every_file: bool) -> None:
         self._require_open()
@@ -345,8 +337,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self._write_metadata_yaml()
 
     def _write_end(self) -> None:
-        metadata = bag_metadata(self._content.summaries())
-        self.file.add_metadata(RECORD_NAME, metadata_record(metadata))
+        self.file.add_metadata(RECORD_NAME, metadata_record(self._content.summaries()))
         self.file.finish()
 
     def _finish_current(self) -> None:
@@ -367,10 +358,10 @@ class RunWriter(AbstractContextManager['RunWriter']):
         self.file.close()
         try:
             self._open_next()
-        except RunExistsError as error:
-            raise RunLostError(f'{text}; {error}') from None
+        except errors.RunExistsError as error:
+            raise errors.RunLostError(f'{text}; {error}') from None
         except OSError as error:
-            raise RunLostError(f'{text}; no new file: {error.strerror}') from error
+            raise errors.RunLostError(f'{text}; no new file: {error.strerror}') from error
         self.faults.add(_CURRENT, text, f'the recording continues in {self.file.path.name}')
         self._check_finished(self._content.finished)
         self._write_metadata_yaml()
@@ -395,5 +386,5 @@ class RunWriter(AbstractContextManager['RunWriter']):
             self.faults.clear(FILE_NAME)
 
     def _replace_metadata_yaml(self) -> None:
-        text = metadata_yaml(bag_metadata(self._content.summaries()))
+        text = metadata_yaml(self._content.summaries())
         self._folder.replace_file(FILE_NAME, text.encode())
