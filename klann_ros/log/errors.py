@@ -6,9 +6,6 @@ from typing import TypeAlias
 
 from klann_ros.sanitize.text import printable, printable_line
 
-REFUSED = 'refused: '
-"""How the reason begins when something is not read because of a limit, not of damage."""
-
 AnyPath: TypeAlias = str | PathLike[str]
 
 
@@ -78,7 +75,7 @@ class DiskFullError(LogError):
 
 
 class LowSpaceError(LogError):
-    """Too little space is free on the disk; `free` and `min_free` are in [bytes]."""
+    """Less than the wanted space [bytes] is free on the disk."""
 
     def __init__(self, path: AnyPath, free: int, min_free: int) -> None:
         super().__init__(
@@ -86,15 +83,20 @@ class LowSpaceError(LogError):
             f'{min_free / 1e6:.1f} MB have to stay free; make room, or set a smaller '
             'min_free_space [bytes]'
         )
-        self.free = free
-        self.min_free = min_free
 
 
 class DamagedError(LogError):
-    """Damaged bytes: the reason, the record's offset in its file [bytes], its opcode or 0."""
+    """
+    Bytes that cannot be read: the reason, the record's offset [bytes], its opcode or 0.
 
-    def __init__(self, reason: str, offset: int = 0, opcode: int = 0) -> None:
+    A refusal is that of a limit, and no damage.
+    """
+
+    def __init__(
+        self, reason: str, offset: int = 0, opcode: int = 0, *, is_refusal: bool = False
+    ) -> None:
         super().__init__(f'damaged at byte {offset}: {reason}')
         self.reason = printable_line(reason)
         self.offset = offset
         self.opcode = opcode
+        self.is_refusal = is_refusal

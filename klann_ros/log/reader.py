@@ -75,6 +75,12 @@ class Log(AbstractContextManager['Log']):
         return tuple(problems)
 
     @property
+    def is_refused_only(self) -> bool:
+        """Return whether all its problems are limits of this machine, and none is damage."""
+        problems = list(chain(*(file.problems.values() for file, _ in self._files)))
+        return not self._problems and bool(problems) and all(p.is_refusal for p in problems)
+
+    @property
     def problem(self) -> str:
         """Return the first problem and the number of further ones; '' without any."""
         first, *further = self.problems or ('',)

@@ -84,7 +84,8 @@ def chunk_content(record: bytes, offset: int, budget: DecompressionBudget) -> Co
             chunk.data, chunk.compression, chunk.uncompressed_size, chunk.uncompressed_crc, budget
         )
     except DecompressionError as error:
-        raise DamagedError(str(error), offset, Opcode.CHUNK) from None
+        refused = error.is_refusal
+        raise DamagedError(str(error), offset, Opcode.CHUNK, is_refusal=refused) from None
     verified = chunk.uncompressed_crc != 0
     content = content_of(data, verified=verified, allowed=budget.allowed(packed_size))
     budget.charge(content.wasted, packed_size)

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TypeAlias
 import zlib
 
-from klann_ros.log.errors import REFUSED
 from klann_ros.sanitize.text import printable
 
 # The Python of a browser (Pyodide) lacks these: without `resource` no limit is known, and without
@@ -83,9 +82,10 @@ class DecompressionBudget:
 class DecompressionError(ValueError):
     """Compressed bytes that are damaged or refused; `unpacked` is the size reached [bytes]."""
 
-    def __init__(self, reason: str, unpacked: int = 0) -> None:
-        super().__init__(reason)
+    def __init__(self, reason: str, unpacked: int = 0, *, is_refusal: bool = False) -> None:
+        super().__init__(f'refused: {reason}' if is_refusal else reason)
         self.unpacked = unpacked
+        self.is_refusal = is_refusal
 
 
 def decompress(
@@ -129,7 +129,8 @@ def _unpack(
             # It grows in place, which takes half the memory of a join.
             unpacked += piece
     except MemoryError as error:
-        raise DecompressionError(f'{REFUSED}there is no memory for it', len(unpacked)) from error
+        reason = 'there is no memory for it'
+        raise DecompressionError(reason, len(unpacked), is_refusal=True) from error
     return unpacked
 
 
@@ -184,9 +185,8 @@ def _check_memory(size: int) -> None:
     """Refuse an unpacked size [bytes] above the memory limit."""
     limit = memory_limit()
     if size > limit:
-        raise DecompressionError(
-            f'{REFUSED}{size / 1e6:.0f} MB unpacked, above the limit of {limit / 1e6:.0f} MB'
-        )
+        reason = f'{size / 1e6:.0f} MB unpacked, above the limit of {limit / 1e6:.0f} MB'
+        raise DecompressionError(reason, is_refusal=True)
 
 
 def memory_limit() -> int:

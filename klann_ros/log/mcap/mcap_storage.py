@@ -151,7 +151,7 @@ class McapStorage:
 
     def _note_losses(self, scan: RecordScan) -> None:
         for loss in scan.report.losses:
-            self.problems.note(loss.offset, str(loss), is_loss=True)
+            self.problems.note(loss.offset, str(loss), is_loss=True, is_refusal=loss.is_refusal)
         for problem in scan.report.problems:
             self.problems.note(problem.offset, problem.text)
         with self.open() as file:
@@ -306,7 +306,7 @@ class McapStorage:
                 file.seek(span.offset)
                 content = content_of(file.read(span.end - span.offset), verified=False)
         except DamagedError as damage:
-            self.problems.note(span.offset, damage.reason)
+            self.problems.note(span.offset, damage.reason, is_refusal=damage.is_refusal)
             return None
         if content.broken:
             self.problems.note(span.offset, content.broken)

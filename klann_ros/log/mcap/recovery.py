@@ -51,6 +51,8 @@ class Loss:
     messages: int | None = None
     # Whether that is the exact number.
     exact: bool = True
+    # Whether they are not damaged, but beyond a limit of this machine.
+    is_refusal: bool = False
 
     def __str__(self) -> str:
         """Return it in one line, without the offset."""
@@ -84,6 +86,7 @@ class ScanReport:
             last.length += end - start
             last.reason = 'this and all other damage behind it'
             last.exact = False
+            last.is_refusal = False
         return self.losses[-1]
 
 
@@ -302,7 +305,8 @@ class RecordScan:
                 self._channels.add(span.opcode, records.read(self._file, span), span.offset)
         except DamagedError as damage:
             if content is None:
-                self._lose_record(span, damage.reason)
+                loss = self._lose_record(span, damage.reason)
+                loss.is_refusal = damage.is_refusal and loss.reason == damage.reason
             else:
                 self.report.add_loss(span.offset, span.end, damage.reason)
         if content is not None and content.broken:
@@ -314,17 +318,18 @@ class RecordScan:
         """Count the messages of a lost chunk by the index behind it."""
         if self._lost is not None:
             end = records.fields_end(self._file, span) or span.end
-            entries_size = end - span.start - records.INDEX_HEAD
+            entries_size = end - span.start - records.INDEX_HEAD.size
             count = entries_size // records.INDEX_ENTRY
             self._lost.messages = (self._lost.messages or 0) + count
 
-    def _lose_record(self, span: RecordSpan, reason: str) -> None:
+    def _lose_record(self, span: RecordSpan, reason: str) -> Loss:
         """Note a record as lost up to a chunk in it, if missing bytes make it reach over one."""
         self._lost = self.report.add_loss(span.offset, span.end, reason)
         chunk_offset = self._check.find_chunk(span.start, span.end)
         if chunk_offset is not None:
             self._next = chunk_offset
             self._lost.length = chunk_offset - span.offset
+        return self._lost
 
     def _resynchronise(self, damage: DamagedError) -> None:
         """Continue behind damage, and note the loss unless a recovery writes its content again."""
@@ -358,7 +363,7 @@ class RecordScan:
             if len(head) < _CUT_INDEX.size:
                 return True
             length, _, size = _CUT_INDEX.unpack_from(head)
-            return bool(length >= size + records.INDEX_HEAD > left - records.RECORD_HEAD.size)
+            return bool(length >= size + records.INDEX_HEAD.size > left - records.RECORD_HEAD.size)
         if damage.opcode == Opcode.METADATA:
             return head[8:] == struct.pack('<I', len(RECORD_NAME)) + RECORD_NAME.encode()
         size = records.RECORD_HEAD.size + records.min_size(Opcode.DATA_END)

@@ -143,16 +143,18 @@ class CompressedMessages:
 
     def blocks(self) -> Iterator[tuple[int, MessageBlock]]:
         """Yield all messages in large blocks in the order of the file, with their offsets."""
-        faults: Counter[str] = Counter()
-        unpacker = _Unpacker(lambda text: faults.update((text,)))
+        faults: Counter[tuple[str, bool]] = Counter()
+        unpacker = _Unpacker(lambda text, is_refusal: faults.update(((text, is_refusal),)))
         for offset, block in self._storage.blocks():
             for unpacked in unpacker.blocks(block):
                 yield offset, unpacked
-        for text, count in faults.items():
-            self.problems.note_whole(f'{count} {text}', is_loss=True)
+        for (text, is_refusal), count in faults.items():
+            self.problems.note_whole(f'{count} {text}', is_loss=True, is_refusal=is_refusal)
 
     def _read(self, source: Source, topics: Topics) -> Iterator[Message]:
-        unpacker = _Unpacker(self.problems.note_whole)
+        unpacker = _Unpacker(
+            lambda text, is_refusal: self.problems.note_whole(text, is_refusal=is_refusal)
+        )
         for message in source.read(topics):
             data = unpacker.data(message.data, message.topic)
             if data is not None:
@@ -160,9 +162,9 @@ class CompressedMessages:
 
 
 class _Unpacker:
-    """Unpacks messages in one thread; reports each that it cannot unpack."""
+    """Unpacks messages in one thread; reports each failure, and whether it is a refusal."""
 
-    def __init__(self, report: Callable[[str], object]) -> None:
+    def __init__(self, report: Callable[[str, bool], object]) -> None:
         self._report = report
         self._budget = decompression.DecompressionBudget()
 
@@ -173,7 +175,8 @@ class _Unpacker:
         try:
             return decompression.decompress_message(packed, self._budget)
         except decompression.DecompressionError as error:
-            self._report(f'messages of {printable(topic.name)} cannot be unpacked: {error}')
+            text = f'messages of {printable(topic.name)} cannot be unpacked: {error}'
+            self._report(text, error.is_refusal)
             return None
 
     def blocks(self, block: MessageBlock) -> Iterator[MessageBlock]:

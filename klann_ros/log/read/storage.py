@@ -133,6 +133,8 @@ class Problem:
     text: str
     # Whether a part of the content is lost.
     is_loss: bool = False
+    # Whether it is not damage, but beyond a limit of this machine.
+    is_refusal: bool = False
 
     @property
     def place(self) -> str:
@@ -143,16 +145,18 @@ class Problem:
 class Problems(dict[int, Problem]):
     """The problems of a file so far, one at each offset: the first loss, or else the first."""
 
-    def note(self, offset: int, text: str, *, is_loss: bool = False) -> None:
+    def note(
+        self, offset: int, text: str, *, is_loss: bool = False, is_refusal: bool = False
+    ) -> None:
         """Add a problem at an offset [bytes]."""
         if offset not in self or (is_loss and not self[offset].is_loss):
-            self[offset] = Problem(offset, printable_line(text), is_loss)
+            self[offset] = Problem(offset, printable_line(text), is_loss, is_refusal)
 
-    def note_whole(self, text: str, *, is_loss: bool = False) -> None:
+    def note_whole(self, text: str, *, is_loss: bool = False, is_refusal: bool = False) -> None:
         """Add a problem of the whole file, once."""
         line = printable_line(text)
         if all(problem.text != line for problem in self.values()):
-            self.note(-1 - len(self), line, is_loss=is_loss)
+            self.note(-1 - len(self), line, is_loss=is_loss, is_refusal=is_refusal)
 
     def lines(self, name: str, *, losses: bool | None = None) -> list[str]:
         """Return the problems of a file with a name, all or the losses or not, one line each."""

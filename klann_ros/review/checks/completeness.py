@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from itertools import groupby
 from operator import attrgetter
 
-from klann_ros.log.errors import REFUSED
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME, refused_intervals
 from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
@@ -26,7 +25,7 @@ def check_container(review: Review) -> Iterator[Finding]:
         also = f'; and {more} more' if more > 0 else ''
         meaning = 'only the readable part is judged; `recover` restores a complete run'
         what = 'the log is damaged'
-        if all(REFUSED in problem for problem in recording.problems):
+        if recording.is_refused_only:
             meaning = 'the rest is judged; a machine with more memory can read all of it'
             what = 'part of the log is refused'
         yield Finding('container', Severity.ERROR, f'{what}: {shown}{also}', meaning)

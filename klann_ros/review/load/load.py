@@ -188,6 +188,7 @@ def load(
         end=min(log.end_time, LAST_TIME),
         topics=tuple(replace(topic, times=shared.share(topic.times)) for topic in topics),
         problems=log.problems,
+        is_refused_only=log.is_refused_only,
         undecoded=tuple(collected.undecoded()),
         unrecorded=unrecorded,
         stalls=tuple(pause for pause in pauses if pause.reason),

@@ -28,6 +28,7 @@ class Window:
     path = Path('window')
     paths: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
+    is_refused_only: bool = False
     metadata: Mapping[str, list[dict[str, str]]] = {}
 
     def __init__(self) -> None:

@@ -149,6 +149,7 @@ class RunRecording:
     legs: tuple[LegRecording, ...]
     stopped: str = ''  # reason of an early end, by the recorder
     file_fault: str = ''  # faults of the file meanwhile, by the recorder
+    is_refused_only: bool = False  # whether all problems are limits of this machine, no damage
     drives: tuple[Drive, ...] = ()
     walks: tuple[WalkRecording, ...] = ()
     stalls: tuple[Pause, ...] = ()  # of the recorder, with their reasons
