@@ -25,6 +25,7 @@ from typing import NamedTuple
 from klann_ros.gait import Twist2D
 from klann_ros.kinematics.angles import wrap
 
+from .limits import clip
 from .settings import ControllerSettings
 
 # Greatest product of the proportional gain of the phase lock and the delay of the feedback [rad].
@@ -68,7 +69,7 @@ class MotionFeedback:
             max_lag = Twist2D(windup / settings.motion_gain, 0.0)
         linear = self.lag.linear + (commanded.linear - measured.linear) * seconds
         angular = self.lag.angular + (commanded.angular - measured.angular) * seconds
-        self.lag = Twist2D(_clip(linear, max_lag.linear), _clip(angular, max_lag.angular))
+        self.lag = Twist2D(clip(linear, max_lag.linear), clip(angular, max_lag.angular))
 
     def corrected(self, commanded: Twist2D) -> Twist2D:
         """Return the motion to drive for; straight on the yaw is not corrected."""
@@ -78,7 +79,7 @@ class MotionFeedback:
         turn = s.motion_gain * self.lag.angular
         slowdown = s.max_correction * abs(linear)
         if not angular:
-            return Twist2D(linear + _clip(forwards, slowdown), 0.0)
+            return Twist2D(linear + clip(forwards, slowdown), 0.0)
         if not linear:
             # Never at rest, or it would stay in phases in which it does not turn.
             ratio = 1.0 + s.spot_gain * turn / angular
@@ -88,11 +89,7 @@ class MotionFeedback:
         speedup = abs(linear) + s.curve_correction * self._unit.linear
         faster = max(-slowdown, min(speedup, copysign(1.0, linear) * forwards))
         max_turn = abs(angular) + s.curve_correction * self._unit.angular
-        return Twist2D(linear + copysign(1.0, linear) * faster, angular + _clip(turn, max_turn))
-
-
-def _clip(number: float, bound: float) -> float:
-    return max(-bound, min(bound, number))
+        return Twist2D(linear + copysign(1.0, linear) * faster, angular + clip(turn, max_turn))
 
 
 class CrankCommand(NamedTuple):
@@ -123,7 +120,10 @@ class PhaseLock:
     def __init__(
         self, senses: Sequence[float], sides: Sequence[float], settings: ControllerSettings
     ) -> None:
-        self._senses, self._sides, self.settings = list(senses), list(sides), settings
+        self._senses = list(senses)
+        self._sides = list(sides)
+        self.settings = settings
+        # The relative speed errors of the motors, i above.
         self._speed_errors = [0.0] * len(self._senses)
         self.targets: list[float] = []
         self.errors = [0.0] * len(self._senses)
@@ -170,43 +170,44 @@ class PhaseLock:
         moving = [rate * self.rate_scale for rate in rates]
         if is_locked:
             moving = self._rephased(moving)
-        self.targets = [t + r * dt for t, r in zip(self.targets, moving, strict=True)]
-        self.errors = [t - p for t, p in zip(self.targets, positions, strict=True)]
+        # New lists: pauses remember the old ones.
+        self.targets = [target + r * dt for target, r in zip(self.targets, moving, strict=True)]
+        self.errors = [target - p for target, p in zip(self.targets, positions, strict=True)]
+        velocities = moving
         if is_locked:
-            both = enumerate(zip(moving, rates, strict=True))
-            moving = [self._velocity(k, dt, *each) for k, each in both]
-        return CrankCommand(tuple(self.targets), tuple(moving))
+            velocities = [
+                self._velocity(crank, dt, rate, rates[crank]) for crank, rate in enumerate(moving)
+            ]
+        return CrankCommand(tuple(self.targets), tuple(velocities))
 
-    def _velocity(self, k: int, dt: float, rate: float, commanded: float) -> float:
+    def _velocity(self, crank: int, dt: float, rate: float, commanded: float) -> float:
         """Return the rate of a crank [rad/s] whose target moves at `rate`."""
-        error, limit = self.errors[k], abs(commanded)
-        forward = rate * (1.0 + self._speed_errors[k])
-        gain = self.settings.phase_gain
+        settings, error, speed_error = self.settings, self.errors[crank], self._speed_errors[crank]
+        limit = abs(commanded)
+        forward = rate * (1.0 + speed_error)
         # Feedback that is late makes a larger gain swing.
-        share = min(1.0, MAX_DELAY_PHASE / (gain * self.delay)) if gain * self.delay else 1.0
-        wanted = forward + share * gain * error
-        most = self.settings.limits.max_crank_rate
-        low, high = (0.0, most) if commanded >= 0.0 else (-most, 0.0)
+        delay_phase = settings.phase_gain * self.delay
+        gain_share = min(1.0, MAX_DELAY_PHASE / delay_phase) if delay_phase else 1.0
+        wanted = forward + gain_share * settings.phase_gain * error
+        max_rate = settings.limits.max_crank_rate
+        low, high = (0.0, max_rate) if commanded >= 0.0 else (-max_rate, 0.0)
         velocity = max(low, min(high, max(forward - limit, min(forward + limit, wanted))))
         # No wind-up: a saturated rate teaches nothing.
         if rate and (velocity == wanted or wanted * error < 0.0):
-            s, bound = self.settings, self.settings.integral_limit
-            learned = self._speed_errors[k]
-            learned += (
-                share**2 * s.phase_integral * error * rate / (rate**2 + s.learning_rate**2) * dt
-            )
-            self._speed_errors[k] = max(-bound, min(bound, learned))
+            gain = gain_share**2 * settings.phase_integral
+            speed_error += gain * error * rate / (rate**2 + settings.learning_rate**2) * dt
+            self._speed_errors[crank] = clip(speed_error, settings.integral_limit)
         return velocity
 
     def _scale(self, rates: Sequence[float], positions: Sequence[float]) -> float:
         """Return 1, or less where a crank lags."""
-        lags = (
-            copysign(1.0, rate) * (target - position)
-            for rate, target, position in zip(rates, self.targets, positions, strict=True)
-            if rate
-        )
-        lag, s = max(lags, default=0.0), self.settings
-        return min(1.0, max(0.0, (s.error_stop - lag) / (s.error_stop - s.error_slowdown)))
+        max_lag = 0.0
+        for crank, rate in enumerate(rates):
+            if rate:
+                lag = copysign(1.0, rate) * (self.targets[crank] - positions[crank])
+                max_lag = max(max_lag, lag)
+        slowdown, stop = self.settings.error_slowdown, self.settings.error_stop
+        return min(1.0, max(0.0, (stop - max_lag) / (stop - slowdown)))
 
     def _rephased(self, rates: Sequence[float]) -> list[float]:
         """Return the rates with what brings the cranks back into phase."""
@@ -215,9 +216,10 @@ class PhaseLock:
         # Sides whose rates are the same within rounding go straight on.
         if max(forwards) - min(forwards) > 1e-3 * max(map(abs, forwards)):
             groups = [[k for k in groups[0] if self._sides[k] == side] for side in (-1, 0, 1)]
-        changed, s = list(rates), self.settings
+        rephased = list(rates)
         for group in filter(None, groups):
-            for k, off in zip(group, self.phases(group), strict=True):
-                most = s.rephase * abs(rates[k])
-                changed[k] -= self._senses[k] * max(-most, min(most, off / s.rephase_time))
-        return changed
+            for crank, phase in zip(group, self.phases(group), strict=True):
+                max_change = self.settings.rephase * abs(rates[crank])
+                change = clip(phase / self.settings.rephase_time, max_change)
+                rephased[crank] -= self._senses[crank] * change
+        return rephased

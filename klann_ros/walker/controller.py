@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from math import degrees, inf, isfinite
 
-from klann_ros.gait import Rates, Steering, Twist2D
+from klann_ros.gait import Steering, Twist2D
 
 from .control_laws import CrankCommand, MotionFeedback, PhaseLock
 from .faults import DiagnosticLevel, FaultLatch, Refusal, RefusalKind
@@ -17,6 +17,58 @@ from .settings import ControllerSettings
 STANDS = Twist2D(0.0, 0.0)
 
 
+class CommandInput:
+    """
+    The commanded motion of a walker, and its age.
+
+    `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
+    it cannot follow.
+    """
+
+    def __init__(self, steady: SteadyClock | None) -> None:
+        self.rejected = 0
+        self.late = 0
+        self.refused = 0
+        self.watchdog = Watchdog(steady)
+        self._motion = STANDS
+
+    def motion(self, now: float, timeout: float) -> Twist2D:
+        """Return the commanded motion; older than a timeout [s] it is none."""
+        return STANDS if self.is_old(now, timeout) else self._motion
+
+    def is_old(self, now: float, timeout: float) -> bool:
+        """Return whether the last command is older than a timeout [s]."""
+        return self.watchdog.age(now) > timeout
+
+    def take(
+        self, motion: Twist2D, now: float, age: float, delay: float, timeout: float
+    ) -> Refusal | None:
+        """Take a command with its age by the stamp, and its delay [s]; return a refusal."""
+        if not (isfinite(motion.linear) and isfinite(motion.angular)):
+            self.rejected += 1
+            motion_text = f'{motion.linear:g} m/s, {motion.angular:g} rad/s'
+            text = f'cmd_vel {motion_text} is rejected: not finite'
+            return Refusal(RefusalKind.NOT_FINITE, text)
+        late = ''
+        if age > timeout:
+            late = f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
+        elif delay > timeout:
+            late = f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
+        if late:
+            self.late += 1
+            return Refusal(RefusalKind.LATE, late)
+        self._motion = motion
+        self.watchdog.feed(now, delay)
+        return None
+
+    def refuse_turn(self) -> Refusal:
+        """Go straight on, as the walker cannot turn."""
+        self.refused += 1
+        self._motion = self._motion._replace(angular=0.0)
+        text = 'it cannot turn: its legs share one crank, or all cranks are on one side'
+        return Refusal(RefusalKind.CANNOT_TURN, text)
+
+
 class WalkController:
     """
     Turn the cranks of a walker so that it moves as commanded.
@@ -26,8 +78,7 @@ class WalkController:
 
     `motion` is that for which the `cranks`, in the order of `Feet.joints`, are driven just now.
     They stand while a fault trips the `latch`, or the `interlocks` do not permit motion.
-    `rejected`, `late` and `refused` count commands that were not finite or too old, and turns that
-    it cannot follow. `limits_hit` are the active limits.
+    `limits_hit` are the active limits.
 
     Parameters
     ----------
@@ -49,16 +100,19 @@ class WalkController:
         self.monitors = [FollowingMonitor(crank, inf, inf) for crank in self.cranks]
         self.lock = PhaseLock(feet.senses.tolist(), feet.sides.tolist(), settings)
         self.motion_feedback = MotionFeedback(settings, steering.unit_motion)
-        self.latch = FaultLatch()
-        self.interlocks = Interlocks(self.latch, steady)
-        self.events, self.loop = EventLog(steady), ControlLoop(steady)
+        self.interlocks = Interlocks(steady)
+        self.events = EventLog(steady)
+        self.loop = ControlLoop(steady)
+        self.commands = CommandInput(steady)
+        self.motion = STANDS
         self._limiter = MotionLimiter(settings.limits)
-        self.configure(settings)
-        self.motion, self._wanted = STANDS, STANDS
-        self.rejected = self.late = self.refused = 0
         self.limits_hit: list[str] = []
-        self._command_age = Watchdog(steady)
-        self._rates = Rates(0.0, 0.0)
+        self.configure(settings)
+
+    @property
+    def latch(self) -> FaultLatch:
+        """Return the latch of its faults."""
+        return self.interlocks.latch
 
     def configure(self, settings: ControllerSettings) -> None:
         """Replace limits, timeouts and gains."""
@@ -87,28 +141,14 @@ class WalkController:
         [s]; the clocks of sender and receiver may differ by any offset in the latter.
         """
         self.keep_alive(now)
-        delay = self._command_age.delay(transport_age, now)
-        if not (isfinite(linear) and isfinite(angular)):
-            self.rejected += 1
-            text = f'cmd_vel {linear:g} m/s, {angular:g} rad/s is rejected: not finite'
-            return Refusal(RefusalKind.NOT_FINITE, text)
-        if age > self.settings.cmd_vel_timeout:
-            self.late += 1
-            text = f'cmd_vel is {age:.1f} s old by its stamp: too late, or the clocks differ'
-            return Refusal(RefusalKind.LATE, text)
-        if delay > self.settings.cmd_vel_timeout:
-            self.late += 1
-            text = f'cmd_vel waited {delay:.1f} s while this process was paused: too late'
-            return Refusal(RefusalKind.LATE, text)
-        self._wanted = Twist2D(linear, angular)
-        self._command_age.feed(now, delay)
-        self.latch.command(is_motion=linear != 0.0 or angular != 0.0)
-        if angular != 0.0 and not self.steering.can_turn:
-            self.refused += 1
-            self._wanted = Twist2D(linear, 0.0)
-            text = 'it cannot turn: its legs share one crank, or all cranks are on one side'
-            return Refusal(RefusalKind.CANNOT_TURN, text)
-        return None
+        motion = Twist2D(linear, angular)
+        delay = self.commands.watchdog.delay(transport_age, now)
+        refusal = self.commands.take(motion, now, age, delay, self.settings.cmd_vel_timeout)
+        if refusal is not None:
+            return refusal
+        self.latch.command(is_motion=motion != STANDS)
+        can_follow = angular == 0.0 or self.steering.can_turn
+        return None if can_follow else self.commands.refuse_turn()
 
     def feedback(
         self,
@@ -125,14 +165,19 @@ class WalkController:
         self.keep_alive(now)
         has_jumped = False
         for crank in self.cranks:
-            reading, jumps = readings.get(crank.joint), crank.accepted_jumps
-            if reading and (offset := crank.read(*reading, now, at=at, age=transport_age)):
-                text = f'{crank.joint}: position offset of {_angle(offset)} accepted'
-                if crank.accepted_jumps > jumps:
-                    has_jumped = True
-                    self.lock.reset(self.positions)
-                    text += ', phases restart from there'
-                self.events.add(text, now)
+            reading = readings.get(crank.joint)
+            if reading is None:
+                continue
+            jump_count = crank.jump_filter.accepted
+            offset = crank.read(*reading, now, at=at, age=transport_age)
+            if not offset:
+                continue
+            text = f'{crank.joint}: position offset of {_angle(offset)} accepted'
+            if crank.jump_filter.accepted > jump_count:
+                has_jumped = True
+                self.lock.reset(self.positions)
+                text += ', phases restart from there'
+            self.events.add(text, now)
         return has_jumped
 
     def keep_alive(self, now: float) -> None:
@@ -145,7 +190,7 @@ class WalkController:
     def _pause(self, gap: float, now: float) -> None:
         """Restart after a gap in the loop [s]: inputs may have waited in their queues."""
         self.loop.pause(gap, now, self.lock.targets)
-        for watchdog in (self._command_age, *(crank.watchdog for crank in self.cranks)):
+        for watchdog in (self.commands.watchdog, *(crank.watchdog for crank in self.cranks)):
             watchdog.pause(now)
         self.interlocks.pause(now)
         if gap > self.settings.feedback_timeout:
@@ -153,8 +198,8 @@ class WalkController:
 
     def measured(self, motion: Twist2D, seconds: float) -> None:
         """Take the mean motion of the body over a time [s]."""
-        pace = self.lock.rate_scale
-        commanded = Twist2D(self.motion.linear * pace, self.motion.angular * pace)
+        rate_scale = self.lock.rate_scale
+        commanded = Twist2D(self.motion.linear * rate_scale, self.motion.angular * rate_scale)
         self.motion_feedback.measure(commanded, motion, seconds)
 
     @property
@@ -185,10 +230,9 @@ class WalkController:
         if self.loop.gap:
             self._restart(now)
             gap = 0.0
-        wanted = STANDS if self._is_command_old(now) else self._wanted
-        limits = self.settings.limits
-        aim, self.limits_hit = limits.motion(wanted, self.steering.rates)
-        self.motion = self._limiter.approach(self.motion, aim, gap)
+        wanted = self.commands.motion(now, self.settings.cmd_vel_timeout)
+        target, self.limits_hit = self.settings.limits.motion(wanted, self.steering.rates)
+        self.motion = self._limiter.approach(self.motion, target, gap)
         command = self.lock.step(gap, self._crank_rates(gap), self.positions)
         for monitor, rate in zip(self.monitors, command.velocity, strict=True):
             if fault := monitor.update(rate, gap, now):
@@ -199,10 +243,11 @@ class WalkController:
 
     def _reset_clock(self, now: float) -> None:
         """Forget the times of commands: a simulation has restarted."""
-        self._command_age.clear()
+        self.commands.watchdog.clear()
         self.loop.reset_clock()
         for crank in self.cranks:
-            crank.received = min(crank.received, now)
+            received = min(crank.times.received, now)
+            crank.times = crank.times._replace(received=received)
         if self.is_known:
             self._hold_position()
 
@@ -212,15 +257,15 @@ class WalkController:
         # It would not have slowed down during the gaps.
         if self._is_command_old(now):
             self.motion = STANDS
-        # Readings from before the gap are as old as those that waited.
-        if any(crank.delay or crank.received < self.loop.resumed for crank in self.cranks):
-            return
-        before = self.loop.targets_before or self.positions
-        moved = ', '.join(
-            f'{crank.joint} {_angle(crank.position - target)}'
-            for crank, target in zip(self.cranks, before, strict=True)
-        )
+        targets = self.loop.targets_before or self.positions
+        displacements = []
+        for crank, target in zip(self.cranks, targets, strict=True):
+            if crank.times.delay or crank.times.received < self.loop.resumed:
+                # Readings from before the gap are as old as those that waited.
+                return
+            displacements.append(f'{crank.joint} {_angle(crank.position - target)}')
         text = f'the control loop was paused for {self.loop.gap:.1f} s'
+        moved = ', '.join(displacements)
         self.events.add(f'{text}: set points restart at the measured angles ({moved})', now)
         self.loop.gap = 0.0
 
@@ -231,7 +276,8 @@ class WalkController:
 
     def _hold_position(self) -> CrankCommand:
         """Stop at once; return the command."""
-        self.motion, self._rates = STANDS, Rates(0.0, 0.0)
+        self.motion = STANDS
+        self._limiter.stop_rates()
         self._reset_set_points()
         for monitor in self.monitors:
             monitor.restart()
@@ -242,23 +288,16 @@ class WalkController:
         self.lock.reset(self.positions)
 
     def _is_command_old(self, now: float) -> bool:
-        return self._command_age.age(now) > self.settings.cmd_vel_timeout
+        return self.commands.is_old(now, self.settings.cmd_vel_timeout)
 
     def _crank_rates(self, dt: float) -> list[float]:
         """Return the rates of the cranks for the motion, within their limits [rad/s]."""
-        wanted, targets = self.motion_feedback.corrected(self.motion), self.lock.targets
-        rates = self.steering.planned_rates(
-            wanted, targets or self.positions, on_spot=not self.motion.linear
-        )
-        most = self.settings.limits.max_crank_rate
-        share = most / max(most, *map(abs, rates))
-        most = self.settings.max_crank_acceleration * dt if self.motion != STANDS else inf
-        left, right = (
-            was + max(-most, min(most, share * rate - was))
-            for was, rate in zip(self._rates, rates, strict=True)
-        )
-        self._rates = Rates(left, right)
-        return self.steering.crank_rates(self._rates)
+        corrected = self.motion_feedback.corrected(self.motion)
+        angles = self.lock.targets or self.positions
+        is_on_spot = not self.motion.linear
+        rates = self.steering.planned_rates(corrected, angles, on_spot=is_on_spot)
+        max_change = self.settings.max_crank_acceleration * dt if self.motion != STANDS else inf
+        return self.steering.crank_rates(self._limiter.limited_rates(rates, max_change))
 
     # Diagnostics.
 
@@ -275,11 +314,14 @@ class WalkController:
 
     def _warning(self, now: float) -> str:
         """Return what a user should know of a walker that works, '' if there is nothing."""
-        units = (crank.units.suspicion for crank in self.cranks)
-        clock = self.loop.clock_warning(self.settings.max_gap)
-        for warning in (clock, self.events.recent(now), self.lock.delay_warning, *units):
-            if warning:
-                return warning
+        warnings = [
+            self.loop.clock_warning(self.settings.max_gap),
+            self.events.recent(now),
+            self.lock.delay_warning,
+            *(crank.units.suspicion for crank in self.cranks),
+        ]
+        for warning in filter(None, warnings):
+            return warning
         if self.lock.rate_scale < 1.0 and self.motion != STANDS:
             lags = [degrees(abs(error)) for error in self.lock.errors]
             joint = self.cranks[lags.index(max(lags))].joint
@@ -290,18 +332,44 @@ class WalkController:
         """Return why all cranks have to stand, '' if they need not."""
         if self.latch.fault:
             return self.latch.reason
-        timeout, ages = self.settings.feedback_timeout, {c.joint: c.age(now) for c in self.cranks}
-        silent = [joint for joint, age in ages.items() if age > timeout]
+        timeout = self.settings.feedback_timeout
+        silent = [crank for crank in self.cranks if crank.age(now) > timeout]
         if silent:
-            oldest = max(ages.values())
+            oldest = max(crank.age(now) for crank in silent)
             since = f'for {oldest:.1f} s' if oldest < inf else 'yet'
-            repeats = any(crank.repeats for crank in self.cranks if crank.joint in silent)
+            repeats = any(crank.counts.repeats for crank in silent)
             cause = ': its stamp repeats' if repeats else ''
-            return f'no valid feedback of {", ".join(silent)} {since}{cause}'
+            joints = ', '.join(crank.joint for crank in silent)
+            return f'no valid feedback of {joints} {since}{cause}'
         standing_time = self.loop.standing_time(now)
         if standing_time > timeout:
             return f'the clock has stood still for {standing_time:.1f} s'
         return ''
+
+    def crank_figures(self, now: float) -> dict[str, str]:
+        """Return the figures of each crank by name."""
+        figures = dict[str, str]()
+        phases = self.lock.phases()
+        for index, crank in enumerate(self.cranks):
+            figures[f'{crank.joint} phase_error'] = f'{self.lock.errors[index]:.5f}'
+            figures[f'{crank.joint} off_gait'] = f'{phases[index]:.4f}'
+            figures |= crank.figures(now)
+        return figures
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """Return its figures by name."""
+        return {
+            'linear': f'{self.motion.linear:.4f}',
+            'angular': f'{self.motion.angular:.4f}',
+            'rate_scale': f'{self.lock.rate_scale:.3f}',
+            'feedback_delay': f'{self.lock.delay:.3f}',
+            'pauses': str(self.loop.pauses),
+            'limits_hit': ' '.join(self.limits_hit),
+            'cmd_vel_rejected': str(self.commands.rejected),
+            'cmd_vel_late': str(self.commands.late),
+            'cmd_vel_refused': str(self.commands.refused),
+        }
 
 
 def _angle(radians: float) -> str:

@@ -17,6 +17,14 @@ class ImuState(Enum):
     CONTRADICTED = 'contradicted by the feet'
 
 
+IMU_PROBLEMS = {
+    ImuState.FROZEN: 'its IMU repeats the same reading',
+    ImuState.CONTRADICTED: (
+        'its IMU and its feet measure contrary yaw rates: check the axes, signs and units (rad/s)'
+    ),
+}
+
+
 class Repetition:
     """Tells for which time stamps or readings have repeated."""
 

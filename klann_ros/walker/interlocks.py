@@ -11,29 +11,28 @@ class Interlocks:
     The permission to move, which is withdrawn by users and by an emergency stop.
 
     `is_active` is the state of a managed node, and `is_enabled` that of a servo drive: while it is
-    disabled the cranks are commanded to stand.
+    disabled the cranks are commanded to stand. An emergency stop trips the `latch`.
 
     Parameters
     ----------
-    latch : FaultLatch
-        An emergency stop trips it.
     steady : callable, optional
         Returns the time of a clock that always runs [s]; see `WalkController`.
 
     """
 
-    def __init__(self, latch: FaultLatch, steady: SteadyClock | None = None) -> None:
-        self.is_active = self.is_enabled = True
-        self._latch = latch
+    def __init__(self, steady: SteadyClock | None = None) -> None:
+        self.is_active = True
+        self.is_enabled = True
+        self.latch = FaultLatch()
         self._is_pressed = False
         # Age of the last message about the emergency stop, infinite before the first.
         self._e_stop_age = Watchdog(steady)
 
     def enable(self) -> str:
         """Permit motion; return the reason of a refusal, '' if it is permitted."""
-        if not self._latch.fault:
+        if not self.latch.fault:
             self.is_enabled = True
-        return self._latch.reason
+        return self.latch.reason
 
     def hear_e_stop(self, *, is_pressed: bool, now: float) -> None:
         """Take the state of the emergency stop."""
@@ -54,7 +53,7 @@ class Interlocks:
             self._trip(f'e_stop has been silent for {silence:.1f} s')
 
     def _trip(self, text: str) -> None:
-        self._latch.trip(Fault(FaultKind.E_STOP, '', text))
+        self.latch.trip(Fault(FaultKind.E_STOP, '', text))
 
     @property
     def hold_reason(self) -> str:

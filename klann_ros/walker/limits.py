@@ -12,6 +12,11 @@ from klann_ros.gait import Rates, Twist2D
 MIN_DECELERATION = 1e-3
 
 
+def clip(number: float, bound: float) -> float:
+    """Return a number within +- a bound."""
+    return max(-bound, min(bound, number))
+
+
 class AxisLimits(NamedTuple):
     """Limits of the speed or the yaw rate: both ways, of its rates of change, and of its jerk."""
 
@@ -140,9 +145,24 @@ class MotionLimiter:
 
     def __init__(self, limits: MotionLimits) -> None:
         self.limits = limits
-        # The last motion, and how fast its parts grew [m/s^2, rad/s^2].
+        # The last motion, and how fast speed and yaw rate grew [m/s^2, rad/s^2].
         self._motion = Twist2D(0.0, 0.0)
         self._accelerations = (0.0, 0.0)
+        self.stop_rates()
+
+    def stop_rates(self) -> None:
+        """Take note that the cranks stand."""
+        self._rates = Rates(0.0, 0.0)
+
+    def limited_rates(self, rates: Rates, max_change: float) -> Rates:
+        """Return possible rates of the sides, changed by at most `max_change` [rad/s]."""
+        max_rate = self.limits.max_crank_rate
+        share = max_rate / max(max_rate, *map(abs, rates))
+        left, right = self._rates
+        left += clip(share * rates.left - left, max_change)
+        right += clip(share * rates.right - right, max_change)
+        self._rates = Rates(left, right)
+        return self._rates
 
     def approach(self, motion: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
         """Return the motion after a time [s]; one that is not the last begins unaccelerated."""
@@ -152,25 +172,23 @@ class MotionLimiter:
             self._accelerations = (0.0, 0.0)
         if motion == wanted:
             return motion
-        changes = [
-            _AxisChange.plan(*parts, dt)
-            for parts in zip(self.limits.axes, motion, wanted, self._accelerations, strict=True)
-        ]
-        parts = []
-        for change in changes:
-            alike = [other for other in changes if other.grows == change.grows]
-            parts.append(change.after(min(other.share for other in alike)))
-        growths = [
-            abs(after - before) / dt if change.grows else 0.0
-            for change, before, after in zip(changes, motion, parts, strict=True)
-        ]
-        self._motion = Twist2D(*parts)
-        self._accelerations = (growths[0], growths[1])
+        linear_limits, angular_limits = self.limits.axes
+        linear_growth, angular_growth = self._accelerations
+        linear = _AxisChange.plan(linear_limits, motion.linear, wanted.linear, linear_growth, dt)
+        angular = _AxisChange.plan(
+            angular_limits, motion.angular, wanted.angular, angular_growth, dt
+        )
+        if linear.grows == angular.grows:
+            share = min(linear.share, angular.share)
+            linear = linear._replace(share=share)
+            angular = angular._replace(share=share)
+        self._motion = Twist2D(linear.after, angular.after)
+        self._accelerations = linear.growth(dt), angular.growth(dt)
         return self._motion
 
 
 class _AxisChange(NamedTuple):
-    """The change of a speed or yaw rate in a step: from and to, and the possible share of it."""
+    """The change of a speed or yaw rate in a step: from, to, and the share that is done."""
 
     before: float
     target: float
@@ -188,6 +206,13 @@ class _AxisChange(NamedTuple):
         rate = axis.eased_acceleration(acceleration, missing, dt) if grows else axis.deceleration
         return cls(now, target, grows, rate * dt / missing if missing > rate * dt else 1.0)
 
-    def after(self, share: float) -> float:
-        """Return the speed or yaw rate after a share of the change."""
-        return self.target if share == 1.0 else self.before + share * (self.target - self.before)
+    @property
+    def after(self) -> float:
+        """Return the speed or yaw rate after the share of the change."""
+        if self.share == 1.0:
+            return self.target
+        return self.before + self.share * (self.target - self.before)
+
+    def growth(self, dt: float) -> float:
+        """Return how fast it grows [m/s^2, rad/s^2], 0 where it decreases."""
+        return abs(self.after - self.before) / dt if self.grows else 0.0

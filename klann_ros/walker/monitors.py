@@ -101,8 +101,10 @@ class EncoderSteps:
     def __init__(self) -> None:
         self.offset = 0.0
         self._steps = deque([COARSE_STEP], maxlen=3)
-        # Of the last reading: time [s], position and the sum of all accepted offsets [rad].
-        self._time, self._position, self._offset_sum = nan, nan, 0.0
+        # Time of the last reading [s], its angle, and the sum of all accepted offsets [rad].
+        self._time = nan
+        self._position = nan
+        self._offset_sum = 0.0
 
     @property
     def largest(self) -> float:
@@ -111,15 +113,17 @@ class EncoderSteps:
 
     def read(self, crank: CrankFeedback) -> bool:
         """Take the last reading of a crank; return whether it is new."""
-        if crank.at == self._time:
+        if crank.times.at == self._time:
             return False
-        offset = crank.offset_sum - self._offset_sum
+        offset = crank.counts.offset_sum - self._offset_sum
         self.offset += offset if abs(offset) > 2.0 * self.largest else 0.0
         step = abs(crank.position - self._position)
         # NaN compares with nothing; a rounding error is no step.
         if step > 1e-6:
             self._steps.append(step)
-        self._time, self._position, self._offset_sum = crank.at, crank.position, crank.offset_sum
+        self._time = crank.times.at
+        self._position = crank.position
+        self._offset_sum = crank.counts.offset_sum
         return True
 
 

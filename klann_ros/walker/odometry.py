@@ -83,7 +83,7 @@ from .filter_state import (
     YAW_RATE,
 )
 from .imu import ImuIncrement, ImuReading
-from .imu_monitor import ImuInput
+from .imu_monitor import IMU_PROBLEMS, ImuInput
 from .settings import OdometryNoise
 from .standstill import GyroCalibration, StandstillDetector
 
@@ -201,6 +201,40 @@ class Odometry:
         """Return the state of the accelerometer."""
         has_one = self.imu_input.readings.velocity.is_available
         return self.accelerometer.state if has_one else AccelerometerState.NONE
+
+    @property
+    def support_problem(self) -> str:
+        """Return that it falls, '' if it does not."""
+        return '' if self.support else 'its centre of mass is not above its feet'
+
+    @property
+    def problem(self) -> str:
+        """Return what contradicts its feet or its IMU, '' if nothing does."""
+        noise, stance_estimate, imu = self.noise, self.stance, self.imu_input
+        violation = stance_estimate.support_check.violation
+        if violation > noise.max_support_violation:
+            feet = f'it stands on feet that cannot carry it {violation:.0%} of the time'
+            return f'{feet}: check body_centre'
+        if stance_estimate.slope.innovation > noise.max_tilt_innovation:
+            return 'its attitude is not that of a body on its feet: check body_centre and IMU'
+        if imu.monitor.state in IMU_PROBLEMS:
+            return f'{IMU_PROBLEMS[imu.monitor.state]}; odom goes on without the IMU'
+        if self.accelerometer_state is AccelerometerState.NOT_BELIEVED:
+            return 'its accelerometer is not believed: check its units and axes, or the feet slip'
+        if not self.gyro.is_steady:
+            return 'the heading of its IMU turns while it stands: check the IMU, or gyro_bias'
+        return ''
+
+    def figures(self, *, has_imu: bool) -> dict[str, str]:
+        """Return its figures by name."""
+        accelerometer = self.accelerometer_state if has_imu else AccelerometerState.NONE
+        return {
+            'accelerometer': accelerometer.value,
+            'velocity_innovation': f'{self.accelerometer.innovation:.3f}',
+            'tilt_innovation': f'{self.stance.slope.innovation:.3f}',
+            'support_violation': f'{self.stance.support_check.violation:.3f}',
+            'gyro_bias': f'{self.gyro_bias:.5f}',
+        }
 
     def imu(self, reading: ImuReading, variance: float = 0.0) -> None:
         """Take a reading of an IMU; it measures the rotation from now on, until `forget_imu`."""

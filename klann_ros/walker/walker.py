@@ -6,7 +6,6 @@ from math import cos, inf, isfinite, nan, radians, sin
 from klann_ros.gait import Steering, Triple, Twist2D
 from klann_ros.kinematics.angles import wrap
 
-from .accelerometer import AccelerometerState
 from .control_laws import CrankCommand
 from .controller import STANDS, WalkController
 from .drives import CrankDrives
@@ -30,12 +29,28 @@ _CERTAIN = (_ORIGIN, _ORIGIN, _ORIGIN)
 # Greatest tilt at which a body stands on its feet [rad].
 MAX_WALKING_TILT = radians(60.0)
 
-IMU_PROBLEMS = {
-    ImuState.FROZEN: 'its IMU repeats the same reading',
-    ImuState.CONTRADICTED: (
-        'its IMU and its feet measure contrary yaw rates: check the axes, signs and units (rad/s)'
-    ),
-}
+
+class ReadingClock:
+    """The times of the readings that move the estimate."""
+
+    def __init__(self) -> None:
+        # Of the last reading: its own time, and the control clock's [s].
+        self._at: float | None = None
+        self._arrived = 0.0
+
+    def step(self, at: float, now: float, *, is_first: bool) -> float | None:
+        """Return the time since the last reading [s]; None if it is taken with the next."""
+        seconds = 0.0 if self._at is None else at - self._at
+        passed = now - self._arrived
+        if seconds > passed + MAX_LOSS:
+            # A clock that is set moves nothing.
+            seconds = 0.0
+        elif not is_first and seconds < MIN_STEP and abs(passed) < MAX_WAIT:
+            # A driver sends readings in bunches: by their stamps the cranks would leap.
+            return None
+        self._at = at
+        self._arrived = now
+        return seconds
 
 
 class Walker:
@@ -83,8 +98,7 @@ class Walker:
         self._imu_timeout = imu_timeout
         self._imu_age = Watchdog(steady)
         self._body = BodyMonitor()
-        self._at: float | None = None
-        self._arrived = 0.0
+        self._clock = ReadingClock()
         self._estimate: OdometryEstimate | None = None
 
     def set_zero(self, joints: Collection[str] = ()) -> str:
@@ -164,29 +178,26 @@ class Walker:
             self._attitude = None
             self._imu_age.clear()
         # What comes late, or all at once, was so at its own time.
-        at = now if at is None else at
-        seconds = 0.0 if self._at is None else at - self._at
-        passed = now - self._arrived
-        if seconds > passed + MAX_LOSS:
-            # A clock that is set moves nothing.
-            seconds = 0.0
-        elif self._estimate and seconds < MIN_STEP and abs(passed) < MAX_WAIT:
-            # A driver sends readings in bunches: by their stamps the cranks would leap.
-            return self._estimate
-        self._at, self._arrived = at, now
-        # One without valid readings stands, as all are stopped then.
+        seconds = self._clock.step(now if at is None else at, now, is_first=not self._estimate)
+        last = self._estimate
+        if seconds is None:
+            return last
+        # A crank without valid readings stands, as all are stopped then.
         timeout = controller.settings.feedback_timeout
-        rates = [0.0 if each.age(now) > timeout else each.velocity for each in controller.cranks]
+        rates = [
+            0.0 if crank.age(now) > timeout else crank.velocity for crank in controller.cranks
+        ]
+        is_commanded = controller.motion != STANDS
         estimate = self.odometry.update(
-            controller.positions, rates, seconds, is_commanded=controller.motion != STANDS
+            controller.positions, rates, seconds, is_commanded=is_commanded
         )
-        found = self._scale.scaled(estimate)
+        estimate = self._scale.scaled(estimate)
         if self._attitude is not None:
             self.zero_check.update(controller.positions, self._attitude)
-        if self._estimate is not None and seconds > 0.0:
-            controller.measured(_mean_motion(self._estimate, found, seconds), seconds)
-        self._estimate = found
-        return found
+        if last is not None and seconds > 0.0:
+            controller.measured(_mean_motion(last, estimate, seconds), seconds)
+        self._estimate = estimate
+        return estimate
 
     def follow_command(self, command: CrankCommand | None, now: float) -> OdometryEstimate | None:
         """Take a command as obeyed, without encoders; without one the cranks are at 0."""
@@ -198,79 +209,33 @@ class Walker:
     def verdict(self, now: float) -> tuple[DiagnosticLevel, str]:
         """Return the level, and the most important message."""
         level, text = self.controller.verdict(now)
-        odometry, problem = self.odometry, ''
-        offset = self.zero_check.offset
-        if self.controller.is_known and odometry.support is None:
-            problem = 'its centre of mass is not above its feet'
-        elif offset is not None:
-            problem = offset.text
-        elif odometry.stance.support_check.violation > odometry.noise.max_support_violation:
-            share = f'{odometry.stance.support_check.violation:.0%} of the time'
-            problem = f'it stands on feet that cannot carry it {share}: check body_centre'
-        elif odometry.stance.slope.innovation > odometry.noise.max_tilt_innovation:
-            problem = 'its attitude is not that of a body on its feet: check body_centre and IMU'
-        elif odometry.imu_input.monitor.state in IMU_PROBLEMS:
-            problem = (
-                f'{IMU_PROBLEMS[odometry.imu_input.monitor.state]}; odom goes on without the IMU'
-            )
-        elif odometry.accelerometer_state is AccelerometerState.NOT_BELIEVED:
-            problem = (
-                'its accelerometer is not believed: check its units and axes, or the feet slip'
-            )
-        elif not odometry.gyro.is_steady:
-            problem = 'the heading of its IMU turns while it stands: check the IMU, or gyro_bias'
+        odometry = self.odometry
+        problem = odometry.support_problem or self.zero_check.problem or odometry.problem
         if level == DiagnosticLevel.OK and problem:
             return DiagnosticLevel.WARN, f'{text}; {problem}'
         return level, text
 
     def values(self, now: float) -> dict[str, str]:
         """Return its figures by name."""
-        controller, odometry = self.controller, self.odometry
-        lock, rest = controller.lock, odometry.support
-        found: dict[str, str] = {}
-        for crank, error, phase in zip(controller.cranks, lock.errors, lock.phases(), strict=True):
-            joint = crank.joint
-            found |= {
-                f'{joint} phase_error': f'{error:.5f}',
-                f'{joint} off_gait': f'{phase:.4f}',
-                f'{joint} velocity': f'{crank.velocity:.4f}',
-                f'{joint} silent': f'{crank.age(now):.2f}',
-                f'{joint} rejected': str(crank.rejected),
-                f'{joint} jumps': str(crank.jumps),
-                f'{joint} offsets': str(crank.offsets),
-                f'{joint} offset_sum': f'{crank.offset_sum:.4f}',
-                f'{joint} encoder_noise': f'{crank.detector.noise:.5f}',
-            }
+        efforts = dict[str, str]()
         for joint, load in self._loads.items():
             if isfinite(load.effort):
-                found[f'{joint} effort'] = f'{load.effort:.3f}'
-        names = [leg.name for leg in self.feet.robot.legs]
+                efforts[f'{joint} effort'] = f'{load.effort:.3f}'
+        support, fault = self.odometry.support, self.controller.latch.fault
+        feet = [self.feet.robot.legs[foot].name for foot in support.feet] if support else []
         has_imu = self._imu_age.age(now) <= self._imu_timeout
-        accelerometer = odometry.accelerometer_state if has_imu else AccelerometerState.NONE
-        fault = controller.latch.fault
-        offset = self.zero_check.offset
-        return found | {
+        return {
+            **self.controller.crank_figures(now),
+            **efforts,
             'fault': fault.kind.name if fault else '',
-            'zero_offset': offset.text if offset else '',
-            'supporting_feet': ' '.join(names[i] for i in rest.feet) if rest else '',
-            'static_margin': f'{rest.margin if rest else nan:.4f}',
-            'linear': f'{controller.motion.linear:.4f}',
-            'angular': f'{controller.motion.angular:.4f}',
-            'rate_scale': f'{lock.rate_scale:.3f}',
-            'feedback_delay': f'{lock.delay:.3f}',
-            'pauses': str(controller.loop.pauses),
-            'limits_hit': ' '.join(controller.limits_hit),
-            'cmd_vel_rejected': str(controller.rejected),
-            'cmd_vel_late': str(controller.late),
-            'cmd_vel_refused': str(controller.refused),
-            'travelled': f'{odometry.travelled:.3f}',
-            'imu': (odometry.imu_input.monitor.state if has_imu else ImuState.NONE).value,
+            'zero_offset': self.zero_check.problem,
+            'supporting_feet': ' '.join(feet),
+            'static_margin': f'{support.margin if support else nan:.4f}',
+            **self.controller.figures,
+            'travelled': f'{self.odometry.travelled:.3f}',
+            'imu': (self.odometry.imu_input.monitor.state if has_imu else ImuState.NONE).value,
             'tilt': f'{self._body.tilt:.3f}',
-            'accelerometer': accelerometer.value,
-            'velocity_innovation': f'{odometry.accelerometer.innovation:.3f}',
-            'tilt_innovation': f'{odometry.stance.slope.innovation:.3f}',
-            'support_violation': f'{odometry.stance.support_check.violation:.3f}',
-            'gyro_bias': f'{odometry.gyro_bias:.5f}',
+            **self.odometry.figures(has_imu=has_imu),
         }
 
 

@@ -226,7 +226,7 @@ def test_non_finite_inputs_are_rejected_and_counted(steering: Steering, bad: flo
         refusal = bench.control.command(*motion, bench.now)
         assert refusal is not None
         assert refusal.kind is RefusalKind.NOT_FINITE
-    assert bench.control.rejected == 2
+    assert bench.control.commands.rejected == 2
     assert bench.control.motion == moving
 
 
@@ -341,9 +341,9 @@ def test_five_readings_confirm_a_position_offset(shift: float, readings: int) ->
         for k in range(100 + readings)
     ]
     assert accepted == [False] * (99 + readings) + [readings == 5]
-    assert crank.offsets == (readings == 5)
+    assert crank.counts.offsets == (readings == 5)
     # The larger one is held back as long.
-    assert crank.jumps == (shift > 1.0)
+    assert crank.jump_filter.jumps == (shift > 1.0)
     assert crank.position == pytest.approx(DT * 99, abs=0.35 if readings < 5 else 1.6)
 
 
@@ -371,7 +371,7 @@ def test_an_encoder_that_begins_anew_after_a_turn_moves_no_crank(turns: int, rat
         crank.read(wrapped, None, k * DT)
     first = 2.0 * pi * turns
     assert crank.position - first == pytest.approx(rate * DT * 199, abs=1e-9)
-    assert crank.jumps == 0
+    assert crank.jump_filter.jumps == 0
 
 
 def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
@@ -381,7 +381,7 @@ def test_one_motor_refuses_to_turn_and_walks_on(one_motor: Feet) -> None:
     assert refusal is not None
     assert refusal.kind is RefusalKind.CANNOT_TURN
     assert 'its legs share one crank' in refusal.text
-    assert control.refused == 1
+    assert control.commands.refused == 1
     assert control.steering.rates(Twist2D(0.1, 0.2)).left > 0.0
 
 
@@ -478,7 +478,7 @@ class StarvedWalk:
         self.commands.append(command)
         self.walked += any(command.velocity)
         if any('set points restart' in event for event in control.events):
-            assert min(crank.at for crank in control.cranks) >= self.resumed - 0.05
+            assert min(crank.times.at for crank in control.cranks) >= self.resumed - 0.05
             assert control.lock.errors == [0.0, 0.0]
         if control.lock.errors == [0.0, 0.0] or not before:
             return
@@ -520,7 +520,7 @@ def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steeri
     assert refusal.kind is RefusalKind.LATE
     assert 'clocks differ' in refusal.text
     assert bench.control.command(0.1, 0.0, bench.now, age=0.49) is None
-    assert bench.control.late == 1
+    assert bench.control.commands.late == 1
     bench.commands = False
     bench.now += 5.0
     sent_before = bench.clock_offset + 4.9
@@ -703,7 +703,7 @@ def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
     ((k, offset),) = found
     assert 700 <= k < 710
     assert offset == pytest.approx(turned, abs=0.01 + 5.0 * noise)
-    assert crank.offsets == 1
+    assert crank.counts.offsets == 1
 
 
 def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelerates() -> None:

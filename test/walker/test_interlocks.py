@@ -9,13 +9,13 @@ import pytest
 
 
 @pytest.fixture
-def latch() -> FaultLatch:
-    return FaultLatch()
+def interlocks() -> Interlocks:
+    return Interlocks()
 
 
 @pytest.fixture
-def interlocks(latch: FaultLatch) -> Interlocks:
-    return Interlocks(latch)
+def latch(interlocks: Interlocks) -> FaultLatch:
+    return interlocks.latch
 
 
 def test_an_emergency_stop_that_was_never_heard_stops_nothing(
