@@ -67,13 +67,6 @@ class UnwritableError(LogError):
     """A value does not fit into the file format."""
 
 
-class DiskFullError(LogError):
-    """The disk is full; the run was finished in the reserved space."""
-
-    def __init__(self, path: AnyPath, reason: str) -> None:
-        super().__init__(f'the disk of {printable(path)} is full: {reason}')
-
-
 class LowSpaceError(LogError):
     """Less than the wanted space [bytes] is free on the disk."""
 

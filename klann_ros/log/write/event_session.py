@@ -134,7 +134,7 @@ class EventRun(RecordingSession):
         self, opened: OpenedRun, drop_counters: DropCounters, first_counts: Counts, end_time: float
     ) -> None:
         run, background = opened
-        super().__init__(run, background, self.counts)
+        super().__init__(run, background)
         # Monotonic time of the end [s].
         self.end_time = end_time
         # Success and a message for the user, from `close` on.
@@ -152,10 +152,8 @@ class EventRun(RecordingSession):
             self.put(message)
 
     def counts(self) -> dict[str, TopicCount]:
-        """Return what became of the messages of each topic."""
-        last = self._last_counts
-        if last is None:
-            last = self._drop_counters.snapshot()
+        """Return what became of the messages of each topic between the snapshots."""
+        last = self._drop_counters.snapshot() if self._last_counts is None else self._last_counts
         for name in last:
             self.counters[name]  # creates missing counters
         return self._drop_counters.counts_between(

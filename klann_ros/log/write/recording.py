@@ -91,26 +91,20 @@ class Pauses:
 
 
 class RecordingSession:
-    """
-    Receives the messages of a recorder, and writes them to one run in a background thread.
+    """Receives the messages of a recorder, and writes them to one run in a background thread."""
 
-    `counts` returns what became of each topic's messages; by default the drop counters' counts.
-    """
-
-    def __init__(
-        self,
-        writer: RunWriter,
-        background: BackgroundWriter,
-        counts: Callable[[], Mapping[str, TopicCount]] | None = None,
-    ) -> None:
+    def __init__(self, writer: RunWriter, background: BackgroundWriter) -> None:
         self._writer = writer
         self._background = background
         self.put = background.put
         self.put_entry = background.put_entry
         self.counters = background.counters
         self.pauses = Pauses(self.counters)
-        self._counts = counts or self.counters.counts
         self._findings = 0
+
+    def counts(self) -> dict[str, TopicCount]:
+        """Return what became of the messages of each topic."""
+        return self.counters.counts()
 
     def add_solver(self, solver: SolverParameters) -> None:
         """Write the new parameters of a solver."""
@@ -138,7 +132,7 @@ class RecordingSession:
         """Return the present state."""
         failure = self._background.failure
         return RecordingState(
-            counts=self._counts(),
+            counts=self.counts(),
             queued=self._background.queued,
             file=str(self._writer.file.path),
             size=self._writer.file.size,
@@ -150,7 +144,7 @@ class RecordingSession:
 
     def _write_losses(self, run: RunWriter) -> None:
         """Write the drop counters and the faults to the run."""
-        run.add_metadata(run_parameters.LOSS_RECORD, run_parameters.loss_record(self._counts()))
+        run.add_metadata(run_parameters.LOSS_RECORD, run_parameters.loss_record(self.counts()))
         faults = run_parameters.fault_record(
             str(self._background.failure or ''), run.faults.active
         )
@@ -160,7 +154,7 @@ class RecordingSession:
     def finish(self) -> tuple[bool, str]:
         """Finish the run after the last message; return success and a message for the user."""
         failure = self._background.close(self._write_losses)
-        counts = self._counts()
+        counts = self.counts()
         written = sum(count.written for count in counts.values())
         path, faults = printable(self._writer.path), self._writer.faults.active
         content = f'{counted(written, "message")} of {counted(len(counts), "topic")}'

@@ -17,7 +17,7 @@ from klann_ros.log.bag_metadata import (
 )
 from klann_ros.log.loss import StoredCounts
 from klann_ros.log.records import Attachment, Message
-from klann_ros.sanitize.text import counted, verb
+from klann_ros.sanitize.text import counted, printable, verb
 
 from .durable_file import FileFault, RESERVE_SIZE, RunFaults
 from .mcap_file import COMPRESSIONS, McapFile
@@ -218,7 +218,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def check_space(self, min_free_space: int) -> None:
         """
-        Raise a DiskFullError or a LowSpaceError if less than this is free on the disk [bytes].
+        Raise a LogError if the disk is full, or less than this is free on it [bytes].
 
         The run can and should be closed then. An OSError means that the free space is unknown.
         """
@@ -227,7 +227,8 @@ class RunWriter(AbstractContextManager['RunWriter']):
             chunks = self._flushes + self.file.size // _SMALL_CHUNK_SIZE
             reserve.grow(RESERVE_SIZE + chunks * _INDEX_SIZE)
             if reserve.spent is not None:
-                raise errors.DiskFullError(self.path, str(reserve.spent))
+                text = f'the disk of {printable(self.path)} is full: {reserve.spent}'
+                raise errors.LogError(text)
         if min_free_space > 0 and (free := self.free_space) < min_free_space:
             raise errors.LowSpaceError(self.path, free, min_free_space)
 
