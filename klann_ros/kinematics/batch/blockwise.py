@@ -41,22 +41,24 @@ class Blockwise:
         self._signs = variants.signs[:, rows, None]
         self._linkage = None
         if variants.base.is_dyadic:
-            pivots, bars = (
-                [np.broadcast_to(each, len(variants))[rows, None] for each in some]
-                for some in variants.vectors
+            pivots, bars = variants.vectors
+            self._pivots = [np.broadcast_to(pivot, len(variants))[rows, None] for pivot in pivots]
+            self._bars = [np.broadcast_to(bar, len(variants))[rows, None] for bar in bars]
+            loops = structure.paths.loops
+            self.blocks = blocks_of(
+                structure, [path_terms(structure, path, *self._vectors) for path in loops]
             )
-            # The pivots and the bars.
-            self._vectors: tuple[Sequence[Any], Sequence[Any]] = pivots, bars
-            loops = [path_terms(structure, path, pivots, bars) for path in structure.paths.loops]
-            self.blocks = blocks_of(structure, loops)
         else:
-            one = variants[rows.start] if len(variants) > 1 else variants.base
-            self._linkage, self.blocks = one, one.blocks
-            self._vectors = (
-                [*np.reshape(one.pivots, (-1, 1, 1))],
-                [*np.reshape(one.bars, (-1, 1, 1))],
-            )
-            _ = one.branch
+            linkage = variants[rows.start] if len(variants) > 1 else variants.base
+            self._linkage = linkage
+            self.blocks = linkage.blocks
+            self._pivots = [*np.reshape(linkage.pivots, (-1, 1, 1))]
+            self._bars = [*np.reshape(linkage.bars, (-1, 1, 1))]
+            _ = linkage.branch
+
+    @property
+    def _vectors(self) -> tuple[list[Any], list[Any]]:
+        return self._pivots, self._bars
 
     def place(self, alphas: FloatArray, count: int | None = None) -> list[Any]:
         """Return u_j of every body in the first blocks, shapes (n, k); NaN where they are open."""
@@ -69,15 +71,16 @@ class Blockwise:
                 a, b = block.unknowns
                 u[a], u[b] = block.dyad_solver.place(u, block.closure_vector(u), sign)
             elif linkage is not None:
-                places = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
-                self._refine(block, u, guesses[places], linkage.size)
+                indices = [linkage.prefix_bodies.index(j) - 1 for j in block.unknowns]
+                self._refine(block, u, guesses[indices], linkage.size)
         return u
 
     def _refine(self, block: Block, u: list[Any], guesses: FloatArray, size: float) -> None:
         """Place the bodies of coupled loops, from guesses of their coordinates."""
         slides = np.array([self.structure.bodies[j].slides for j in block.unknowns])
         sizes = np.where(slides, size, 1.0)[:, None, None]
-        x, converged = guesses, np.zeros(guesses.shape[1:], dtype=bool)
+        x = guesses
+        converged = np.zeros(guesses.shape[1:], dtype=bool)
 
         def move() -> None:
             # Rotating bodies first: they orient the sliding ones.
@@ -102,29 +105,32 @@ class Blockwise:
 
     def reasons(self, u: list[Any]) -> ByteArray:
         """Return the reason of each missing pose, its first block that does not close, or 0."""
-        why: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
+        reasons: ByteArray = np.zeros(np.shape(u[-1]), dtype=np.uint8)
         for block in self.blocks:
-            gone = np.isnan(sum(u[j] for j in block.unknowns)) & (why == 0)
-            if not gone.any():
+            is_open = np.isnan(sum(u[j] for j in block.unknowns)) & (reasons == 0)
+            if not is_open.any():
                 continue
             if not block.is_dyad:
-                why[gone] = open_loops(block.number)
+                reasons[is_open] = open_loops(block.number)
                 continue
-            far = gone & block.dyad_solver.is_too_far(block.closure_vector(u))
-            why[gone] = unreachable(block.number, far=False)
-            why[far] = unreachable(block.number, far=True)
-        return why
+            is_far = is_open & block.dyad_solver.is_too_far(block.closure_vector(u))
+            reasons[is_open] = unreachable(block.number, far=False)
+            reasons[is_far] = unreachable(block.number, far=True)
+        return reasons
 
     def store(self, results: LinkagePoses, u: list[Any]) -> None:
         """Store the requested results of poses."""
-        structure, x_1, u_1 = self.structure, list[Any](), list[Any]()
+        structure = self.structure
+        x_1: list[Any] = []
+        u_1: list[Any] = []
         closings: list[joints.Closing] = []
         if results.h_1 is not None or results.h_gradient is not None:
             closings = [block.closing(u) for block in self.blocks]
             x_1, u_1 = joints.solve_rates(structure, u, closings, 1.0)
             singular = np.isnan(np.sum(x_1, axis=0))
             if singular.any():
-                x_1, u_1 = ([np.where(singular, np.nan, v) for v in some] for some in (x_1, u_1))
+                x_1 = [np.where(singular, np.nan, rate) for rate in x_1]
+                u_1 = [np.where(singular, np.nan, rate) for rate in u_1]
         for name, array in results.arrays().items():
             if name == 'transmission_angles':
                 for k, block in enumerate(self.blocks):
@@ -143,25 +149,25 @@ class Blockwise:
         self, results: LinkagePoses, poses: tuple[Any, Any, Any], closings: list[joints.Closing]
     ) -> None:
         """Store the derivatives by the dimensions, by the implicit function theorem."""
-        (u, x_1, u_1), structure = poses, self.structure
-        # Each has the dimensions along its first axis, of all poses.
-        arrays = {name: np.moveaxis(each, -1, 0) for name, each in results.arrays().items()}
-        moved = vector_derivatives(structure, self._vectors[1], structure.dimensions)
+        u, x_1, u_1 = poses
+        structure = self.structure
+        # All arrays have the dimensions along their first axis.
+        arrays = {name: np.moveaxis(array, -1, 0) for name, array in results.arrays().items()}
+        vector_changes = vector_derivatives(structure, self._bars, structure.dimensions)
         bent: Sequence[Any] = ()
-        # Those of the pose, then of its velocity.
-        for v, fixed, names in ((u, 1.0, _GRADIENTS), (u_1, 0.0, ('h_1_gradient',))):
+        # First the derivatives of the pose, then those of its velocity.
+        for vectors, fixed, names in ((u, 1.0, _GRADIENTS), (u_1, 0.0, ('h_1_gradient',))):
             if arrays.keys().isdisjoint(names):
                 continue
-            own = partial(self._end, moved, v, fixed)
-            opened = [
-                [own(structure.paths.loops[k]) for k in loops] for loops in structure.paths.rows
-            ]
-            x, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
+            direct = partial(self._end, vector_changes, vectors, fixed)
+            loop_changes = [direct(loop) for loop in structure.paths.loops]
+            opened = [[loop_changes[k] for k in loops] for loops in structure.paths.rows]
+            dx, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
             for name in arrays.keys() & {*names}:
-                turned = partial(self._end, self._vectors, du, 0.0)
-                self._put(name, arrays[name], x.__getitem__, own, turned)
+                indirect = partial(self._end, self._vectors, du, 0.0)
+                self._put(name, arrays[name], dx.__getitem__, direct, indirect)
                 arrays[name][:, np.isnan(np.sum(x_1, axis=0))] = np.nan
-            bent = joints.velocity_product(structure, u, x_1, x)
+            bent = joints.velocity_product(structure, u, x_1, dx)
 
     def _end(self, vectors: Any, u: Any, fixed: float, path: Path) -> Any:
         """Return the end of a path by its bars and u, and its pivots with a factor."""
@@ -178,12 +184,13 @@ class Blockwise:
             for j in range(1, len(structure.bodies)):
                 array[..., j - 1] = coordinate(j)
             return
-        of_foot = name.startswith('h')
-        for n, point in enumerate([structure.foot] if of_foot else structure.points):
+        is_foot = name.startswith('h')
+        for n, point in enumerate([structure.foot] if is_foot else structure.points):
             path = structure.paths.points[structure.points.index(point)]
-            found = sum(end(path) for end in ends)
-            place = array if of_foot else array[..., n, :]
-            place[..., 0], place[..., 1] = np.real(found), np.imag(found)
+            vector = sum(end(path) for end in ends)
+            coordinates = array if is_foot else array[..., n, :]
+            coordinates[..., 0] = np.real(vector)
+            coordinates[..., 1] = np.imag(vector)
 
 
 def fill_blockwise(
@@ -196,15 +203,16 @@ def fill_blockwise(
     try:
         linkages = None if refused.all() else Blockwise(variants, rows)
     except GeometryError:
-        linkages, refused = None, np.ones(1, dtype=bool)
+        linkages = None
+        refused = np.ones(1, dtype=bool)
     if linkages is not None:
         u = linkages.place(np.where(within, angles, np.nan))
-        u = [np.broadcast_to(each, results.reason.shape) for each in u]
+        u = [np.broadcast_to(vector, results.reason.shape) for vector in u]
         results.reason[...] = linkages.reasons(u)
         linkages.store(results, u)
     results.reason[:, ~within[0]] = Reason.CRANK_ANGLE
     results.reason[refused] = Reason.REFUSED
-    gone = results.reason != 0
-    if gone.any():
+    missing = results.reason != 0
+    if missing.any():
         for array in results.arrays().values():
-            array[gone] = np.nan
+            array[missing] = np.nan

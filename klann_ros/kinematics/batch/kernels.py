@@ -25,9 +25,9 @@ from .program import Program
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch of
 # this size is unlikely to be the only one [poses].
 MIN_NUMBA_SIZE = 100_000
-# Results that numba stores row by row; more are stored in strips of STRIP_SIZE poses first.
+# Outputs that numba stores row by row; more are stored in strips of STRIP_SIZE poses first.
 MAX_ROWS, STRIP_SIZE = 4, 128
-# Cosines and sines of crank angles; results and the array of each group of them.
+# Cosines and sines of crank angles; the names of outputs, and the array that they are stored in.
 Crank: TypeAlias = tuple[FloatArray, FloatArray]
 Tables: TypeAlias = Sequence[tuple[Sequence[str], FloatArray]]
 _UFUNCS: dict[str, Any] = {
@@ -67,28 +67,31 @@ def _numba_problem() -> str:
 
 
 class _Schedule(NamedTuple):
-    """Operations by the indices of their operands and results among the buffers."""
+    """Operations by the slots of their operands and of what they compute."""
 
     steps: tuple[tuple[Any, int, int, int], ...]
     buffers: int
-    results: tuple[int, ...]
+    output_slots: tuple[int, ...]
 
 
 class NumpyKernel:
     """
-    Runs the operations that the results need, on blocks of at most `size` poses.
+    Runs the operations that the outputs need, on blocks of at most `size` poses.
 
-    Results in `tables` are stored there: names, and an array of shape (number of names, legs,
+    Outputs in `tables` are stored there: names, and an array of shape (number of names, legs,
     angles), contiguous.
     """
 
     def __init__(
-        self, program: Program, results: Sequence[str], size: int, tables: Tables = ()
+        self, program: Program, outputs: Sequence[str], size: int, tables: Tables = ()
     ) -> None:
-        names = (*results, *chain(*(names for names, _ in tables)))
-        self._schedule = _schedule(program, names)
+        names = [outputs]
+        self._planes: list[FloatArray] = []
+        for table_names, table in tables:
+            names.append(table_names)
+            self._planes += [*table]
+        self._schedule = _schedule(program, tuple(chain(*names)))
         self._memory = np.empty((self._schedule.buffers, size))
-        self._rows = [row for _, table in tables for row in table]
 
     @staticmethod
     def crank(alphas: FloatArray) -> Crank:
@@ -102,87 +105,96 @@ class NumpyKernel:
         self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
     ) -> tuple[list[FloatArray], bool]:
         """
-        Return the results of a block, and whether some are missing; the next run overwrites them.
+        Return the outputs of a block, and whether some are missing; the next run overwrites them.
 
         `constants` are those of all linkages, of which `legs` are in the block; `crank` has the
         cosines and sines of its k crank angles, shape (k,), or of each leg's, shape (number of
-        legs, k); in tables the first of them has the index `first`. Results have the shape (number
+        legs, k); in tables the first of them has the index `first`. Outputs have the shape (number
         of legs, k), NaN where there is no pose. Missing are NaN in the first.
         """
         cos, sin = crank
-        own = constants[:, legs]
-        count, angles = own.shape[1], cos.shape[-1]
+        leg_constants = constants[:, legs]
+        leg_count = leg_constants.shape[1]
+        angle_count = cos.shape[-1]
         # The longer axis is contiguous.
-        across = count > angles and cos.ndim == 1
-        shape = (angles, count) if across else (count, angles)
-        given = np.expand_dims(own, 1 if across else 2)
-        expanded = (each[:, None] if across else each for each in (cos, sin))
-        memory = self._memory[:, : count * angles].reshape(-1, *shape)
-        slots = [*expanded, *given, *memory]
-        for function, one, other, out in self._schedule.steps:
-            if other < 0:
-                function(slots[one], out=slots[out])
+        is_transposed = leg_count > angle_count and cos.ndim == 1
+        shape = (angle_count, leg_count) if is_transposed else (leg_count, angle_count)
+        if is_transposed:
+            cos = cos[:, None]
+            sin = sin[:, None]
+        columns = np.expand_dims(leg_constants, 1 if is_transposed else 2)
+        memory = self._memory[:, : leg_count * angle_count].reshape(-1, *shape)
+        slots = [cos, sin, *columns, *memory]
+        for function, left, right, out in self._schedule.steps:
+            if right < 0:
+                function(slots[left], out=slots[out])
             else:
-                function(slots[one], slots[other], out=slots[out])
-        found = [slots[place] for place in self._schedule.results]
-        missing = bool(np.isnan(found[0]).any())
-        found = [array.T for array in found] if across else found
-        count = len(found) - len(self._rows)
-        for row, number in zip(self._rows, found[count:], strict=True):
-            row[legs, slice(first, first + angles)] = number
-        return found[:count], missing
+                function(slots[left], slots[right], out=slots[out])
+        outputs = [slots[slot] for slot in self._schedule.output_slots]
+        is_incomplete = bool(np.isnan(outputs[0]).any())
+        outputs = [output.T for output in outputs] if is_transposed else outputs
+        count = len(outputs) - len(self._planes)
+        for plane, output in zip(self._planes, outputs[count:], strict=True):
+            plane[legs, slice(first, first + angle_count)] = output
+        return outputs[:count], is_incomplete
 
 
 @cache
-def _schedule(program: Program, results: tuple[str, ...]) -> _Schedule:
+def _schedule(program: Program, outputs: tuple[str, ...]) -> _Schedule:
     """Assign a buffer to every number; one that is not read any more is reused."""
-    places = {'cos': 0, 'sin': 1}
-    places |= {f'k{k}': 2 + k for k in range(len(program.constants))}
-    first = len(places)
-    needed = _needed(program, results)
-    last_use = {name: at for at, step in enumerate(needed) for name in (step.left, step.right)}
-    last_use |= dict.fromkeys(results, len(needed))
+    slots = {'cos': 0, 'sin': 1}
+    slots |= {f'k{k}': 2 + k for k in range(len(program.constants))}
+    first = len(slots)
+    operations = _needed(program, outputs)
+    last_use = {}
+    for n, operation in enumerate(operations):
+        last_use[operation.left] = n
+        last_use[operation.right] = n
+    last_use |= dict.fromkeys(outputs, len(operations))
     free: list[int] = []
     count = 0
     steps = []
-    for at, step in enumerate(needed):
-        read = [places[name] for name in (step.left, step.right) if name]
-        last = [n for n in dict.fromkeys((step.left, step.right)) if n and last_use[n] == at]
+    for n, operation in enumerate(operations):
+        left = slots[operation.left]
+        right = slots[operation.right] if operation.right else -1
         # An operand in its last use may be overwritten at once.
-        free += [places[name] for name in last if places[name] >= first]
+        last_used = [name for name in dict.fromkeys(operation[2:]) if last_use[name] == n]
+        free += [slots[name] for name in last_used if name and slots[name] >= first]
         if not free:
             free.append(first + count)
             count += 1
-        places[step.name] = free.pop()
-        other = read[1] if len(read) > 1 else -1
-        steps.append((_UFUNCS[step.operator], read[0], other, places[step.name]))
-    return _Schedule(tuple(steps), count, tuple(places[name] for name in results))
+        out = free.pop()
+        slots[operation.name] = out
+        steps.append((_UFUNCS[operation.operator], left, right, out))
+    return _Schedule(tuple(steps), count, tuple(slots[name] for name in outputs))
 
 
-def _needed(program: Program, results: Sequence[str]) -> list[Operation]:
-    """Return the operations on which the results depend."""
-    wanted, found = {*results}, list[Operation]()
-    for step in reversed(program.operations):
-        if step.name in wanted:
-            wanted |= {step.left, step.right}
-            found.append(step)
-    return found[::-1]
+def _needed(program: Program, outputs: Sequence[str]) -> list[Operation]:
+    """Return the operations on which the outputs depend."""
+    names = {*outputs}
+    needed = []
+    for operation in reversed(program.operations):
+        if operation.name in names:
+            names |= {operation.left, operation.right}
+            needed.append(operation)
+    return needed[::-1]
 
 
 class NumbaKernel:
     """Runs a compiled program, pose by pose; see `NumpyKernel`."""
 
     def __init__(
-        self, program: Program, results: Sequence[str], size: int, tables: Tables = ()
+        self, program: Program, outputs: Sequence[str], size: int, tables: Tables = ()
     ) -> None:
-        groups = [results, *(names for names, _ in tables)]
+        groups = [outputs, *(names for names, _ in tables)]
         self._place = _compiled_program(_source(program, groups), len(tables))
-        self._memory, self._results = np.empty(len(results) * size), len(results)
+        self._memory = np.empty(len(outputs) * size)
+        self._count = len(outputs)
         self._tables = [table for _, table in tables]
 
     @staticmethod
     def crank(alphas: FloatArray) -> Crank:
-        """As `NumpyKernel.crank`."""
+        """Return cosines and sines as `NumpyKernel.crank` does."""
         cos, sin = np.empty((2, alphas.size))
         _compiled_crank()(alphas, cos, sin)
         return cos, sin
@@ -190,11 +202,11 @@ class NumbaKernel:
     def run(
         self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
     ) -> tuple[list[FloatArray], bool]:
-        """As `NumpyKernel.run`, with one crank for all legs."""
-        shape = self._results, legs.stop - legs.start, crank[0].size
-        rows = self._memory[: prod(shape)].reshape(shape)
-        missing = self._place(constants, legs.start, *crank, first, rows, *self._tables)
-        return [*rows], bool(missing)
+        """Return the outputs of a block as `NumpyKernel.run` does; all legs have one crank."""
+        shape = self._count, legs.stop - legs.start, crank[0].size
+        outputs = self._memory[: prod(shape)].reshape(shape)
+        missing = self._place(constants, legs.start, *crank, first, outputs, *self._tables)
+        return [*outputs], bool(missing)
 
 
 @cache
@@ -211,40 +223,53 @@ def _crank(alphas: FloatArray, cos: FloatArray, sin: FloatArray) -> None:
 
 def _source(program: Program, groups: Sequence[Sequence[str]]) -> str:
     """Return the source of the function; it contains only indices and operators."""
-    constants = [f'k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
-    steps = ['cos = own_cosines[j]', 'sin = own_sines[j]']
-    steps += map(str, program.operations)
-    results = [*chain(*groups)]
+    outputs = [*chain(*groups)]
     # Separate rows let the compiler vectorise the loop. It cannot tell many of them apart, but the
     # parts of a strip, whose distances it knows.
-    in_strips = len(results) > MAX_ROWS
-    for n, name in enumerate(results):
+    in_strips = len(outputs) > MAX_ROWS
+    statements = ['cos = crank_cosines[j]', 'sin = crank_sines[j]', *map(str, program.operations)]
+    for n, name in enumerate(outputs):
         target = f'strip[{n * STRIP_SIZE} + j]' if in_strips else f'row{n}[j]'
-        steps.append(f'{target} = {name}')
-    steps.append(f'missing += isnan({results[0]})')
-    tables = [f'table{n}' for n in range(len(groups))]
-    lines = [f'def place(constants, start, cosines, sines, column, {", ".join(tables)}):']
-    lines += ['    missing = 0', *[f'    strip = empty({len(results) * STRIP_SIZE})'] * in_strips]
-    lines += ['    for i in range(table0.shape[1]):', *(f'        {line}' for line in constants)]
+        statements.append(f'{target} = {name}')
+    statements.append(f'missing += isnan({outputs[0]})')
+    tables = ', '.join(f'table{n}' for n in range(len(groups)))
+    lines = [f'def place(constants, start, cosines, sines, column, {tables}):', '    missing = 0']
+    if in_strips:
+        lines.append(f'    strip = empty({len(outputs) * STRIP_SIZE})')
+    lines.append('    for i in range(table0.shape[1]):')
+    lines += [f'        k{k} = constants[{k}, start + i]' for k in range(len(program.constants))]
     if in_strips:
         lines.append(f'        for first in range(0, cosines.shape[0], {STRIP_SIZE}):')
+        angles = f'[first : first + {STRIP_SIZE}]'
     else:
-        lines += [f'        row{n} = table0[{n}, i]' for n in range(len(results))]
+        lines += [f'        row{n} = table0[{n}, i]' for n in range(len(outputs))]
         lines.append('        for first in (0,):')
-    part = f'[first : first + {STRIP_SIZE}]' if in_strips else ''
-    lines += [f'            own_{name} = {name}{part}' for name in ('cosines', 'sines')]
-    lines += ['            for j in range(own_cosines.shape[0]):']
-    lines += [f'                {line}' for line in steps]
-    places = [('i', 'first'), *[('start + i', 'column + first')] * (len(groups) - 1)]
-    done = 0
-    for table, (leg, at), names in zip(tables, places, groups, strict=True) if in_strips else ():
-        lines += [f'            for n in range({len(names)}):']
-        lines += [f'                row = {table}[n, {leg}, {at} : {at} + {STRIP_SIZE}]']
-        lines += [f'                own = strip[{STRIP_SIZE} * ({done} + n) :]']
-        lines += ['                for j in range(own_cosines.shape[0]):']
-        lines += ['                    row[j] = own[j]']
-        done += len(names)
+        angles = ''
+    lines.append(f'            crank_cosines = cosines{angles}')
+    lines.append(f'            crank_sines = sines{angles}')
+    lines.append('            for j in range(crank_cosines.shape[0]):')
+    lines += [f'                {statement}' for statement in statements]
+    if in_strips:
+        lines += [f'            {line}' for line in _strip_source(groups)]
     return '\n'.join([*lines, '    return missing']) + '\n'
+
+
+def _strip_source(groups: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines that store a strip in the tables, one for each group of outputs."""
+    lines = []
+    done = 0
+    for n, names in enumerate(groups):
+        leg = 'start + i' if n else 'i'
+        begin = 'column + first' if n else 'first'
+        lines += [
+            f'for n in range({len(names)}):',
+            f'    row = table{n}[n, {leg}, {begin} : {begin} + {STRIP_SIZE}]',
+            f'    strip_row = strip[{STRIP_SIZE} * ({done} + n) :]',
+            '    for j in range(crank_cosines.shape[0]):',
+            '        row[j] = strip_row[j]',
+        ]
+        done += len(names)
+    return lines
 
 
 @cache

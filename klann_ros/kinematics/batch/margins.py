@@ -20,7 +20,7 @@ from .turn_clearance import turn_clearances
 
 # A clearance beyond doubt, and a length without practical limit, relative to the linkage's size.
 SAFE_CLEARANCE, MAX_LENGTH = 1e-6, 1e3
-# Values between a dimension's own and its farthest, and how many are tried at once, outward.
+# Values between a dimension and its farthest value, and how many are tried at once, outward.
 CANDIDATES, CANDIDATES_AT_ONCE = 64, 13
 
 
@@ -43,8 +43,8 @@ class Margin(NamedTuple):
     """
     The range of one dimension within which the crank turns fully, all others unchanged.
 
-    `value` is the nominal value, `least` and `greatest` are the ends of the range [m or rad]; 0
-    for a length without lower limit, else -inf and inf without limits.
+    `value` is the nominal one, `least` and `greatest` are the ends of the range [m or rad]; 0 for
+    a length without lower limit, else -inf and inf without limits.
     """
 
     value: float
@@ -71,7 +71,7 @@ class LengthMargins(dict[str, Margin]):
     def _repr_html_(self) -> str:
         cells = ''.join(
             f'<tr><th>{escape(name)}</th>'
-            + ''.join(f'<td>{value:.6g}</td>' for value in margin)
+            + ''.join(f'<td>{number:.6g}</td>' for number in margin)
             + '</tr>'
             for name, margin in self.items()
         )
@@ -116,25 +116,21 @@ def length_margins(linkage: Any) -> LengthMargins:
         `linkage` is none of these.
 
     """
-    given = as_linkage(linkage)
-    arcs = _partial_arcs(given)
+    linkage = as_linkage(linkage)
+    arcs = _partial_arcs(linkage)
     if arcs is not None:
         raise PartialTurnError(arcs)
-    dimensions = given.structure.dimensions
-    bound = [d for d in dimensions if _loops_of(given.structure, d)]
-    farthest = np.array([_farthest(given, dimension) for dimension in bound])
+    margins = LengthMargins()
+    for d in linkage.structure.dimensions:
+        margins[d.name] = Margin(linkage.dimensions[d.name], 0.0 if d.is_length else -inf, inf)
+    bound = [d for d in linkage.structure.dimensions if _loops_of(linkage.structure, d)]
+    farthest = np.array([_farthest(linkage, dimension) for dimension in bound])
     names = [dimension.name for dimension in bound]
-    losses = TurnLosses(given, [*names, *names], farthest.T.ravel())
-    least, greatest = losses.first().reshape(2, -1).tolist()
-    found = {
-        name: Margin(given.dimensions[name], low, high)
-        for name, low, high in zip(names, least, greatest, strict=True)
-    }
-    free = {
-        d.name: Margin(given.dimensions[d.name], 0.0 if d.is_length else -inf, inf)
-        for d in dimensions
-    }
-    return LengthMargins(free | found)
+    losses = TurnLosses(linkage, [*names, *names], farthest.T.ravel())
+    ends = losses.first().reshape(2, -1).T.tolist()
+    for name, (low, high) in zip(names, ends, strict=True):
+        margins[name] = Margin(linkage.dimensions[name], low, high)
+    return margins
 
 
 def _partial_arcs(linkage: Linkage) -> list[Arc] | None:
@@ -153,44 +149,52 @@ def _loops_of(structure: Structure, dimension: Dimension) -> list[int]:
     loops = structure.paths.loops
     if dimension.kind in ('x', 'y'):
         return [k for k, path in enumerate(loops) if dimension.place in dict(path.pivots)]
-    body = structure.bars[dimension.place][0]
-    touched = {
-        number
-        for number, (own, bar) in enumerate(structure.bars)
-        if number == dimension.place or (own == body and bar.brace is not None)
-    }
+    body, _ = structure.bars[dimension.place]
+    touched = {dimension.place}
+    for number, (bar_body, bar) in enumerate(structure.bars):
+        if bar_body == body and bar.brace is not None:
+            touched.add(number)
     return [k for k, path in enumerate(loops) if touched & dict(path.bars).keys()]
 
 
 def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
     """Return values at or beyond which a loop is no polygon; infinite or 0 without limit."""
-    value = linkage.dimensions[dimension.name]
     if dimension.kind == 'bend':
         return -inf, inf
-    paths = linkage.structure.paths.loops
     loops = _loops_of(linkage.structure, dimension)
-    slides = {j for j, body in enumerate(linkage.structure.bodies) if body.slides}
-    if any(slides & linkage.rows[k][0].keys() for k in loops):
+    sliding = linkage.structure.line_of.keys()
+    if any(sliding & linkage.rows[k][0].keys() for k in loops):
         # A line has no end, so it sets no limit.
         return 0.0 if dimension.is_length else -inf, inf
     if dimension.is_length:
-        rows = [linkage.rows[k] for k in loops]
-        totals = [sum(map(abs, terms.values())) + abs(constant) for terms, constant in rows]
-        own = dimension.kind == 'length' and all(
-            dimension.place in dict(paths[k].bars) for k in loops
-        )
-        # A mere brace is bounded by its triangle, and that by its loops.
-        most = min(totals) - value if own else sum(totals) + 2.0 * value
-        return 0.0, most
-    ranges = []
+        return 0.0, _max_length(linkage, dimension, loops)
+    lowest = -inf
+    highest = inf
     for k in loops:
         terms, _ = linkage.rows[k]
         reach = sum(map(abs, terms.values()))
-        others = [place for place, _ in paths[k].pivots if place != dimension.place]
-        at = [linkage.pivots[place] for place in others]
-        origin = sum((p.real if dimension.kind == 'x' else p.imag for p in at), 0.0)
-        ranges.append((origin - reach, origin + reach))
-    return max(low for low, _ in ranges), min(high for _, high in ranges)
+        origin = 0.0
+        for place, _ in linkage.structure.paths.loops[k].pivots:
+            if place != dimension.place:
+                pivot = linkage.pivots[place]
+                origin += pivot.real if dimension.kind == 'x' else pivot.imag
+        lowest = max(lowest, origin - reach)
+        highest = min(highest, origin + reach)
+    return lowest, highest
+
+
+def _max_length(linkage: Linkage, dimension: Dimension, loops: list[int]) -> float:
+    """Return a length at or beyond which one of its loops is no polygon [m]."""
+    length = linkage.dimensions[dimension.name]
+    perimeters = []
+    for k in loops:
+        terms, constant = linkage.rows[k]
+        perimeters.append(sum(map(abs, terms.values())) + abs(constant))
+    paths = linkage.structure.paths.loops
+    if dimension.kind == 'length' and all(dimension.place in dict(paths[k].bars) for k in loops):
+        return min(perimeters) - length
+    # A mere brace is bounded by its triangle, and that by its loops.
+    return sum(perimeters) + 2.0 * length
 
 
 class TurnLosses:
@@ -202,16 +206,17 @@ class TurnLosses:
     """
 
     def __init__(self, linkage: Linkage, names: list[str], farthest: FloatArray) -> None:
-        self._linkage, self._farthest = linkage, farthest
+        self._linkage = linkage
+        self._farthest = farthest
         dimensions = linkage.structure.dimensions
         places = dimension_places(dimensions)
         self._places = np.array([places[name] for name in names], dtype=np.intp)
-        self._own = np.array(linkage.numbers)[self._places]
+        self._nominal = np.array(linkage.numbers)[self._places]
         self._is_bend = np.array([dimensions[place].unit == 'rad' for place in self._places])
         # Bends are searched over a turn in both directions, other unlimited values to MAX_LENGTH.
-        most = np.where(self._is_bend, TURN, MAX_LENGTH * linkage.size)
+        max_change = np.where(self._is_bend, TURN, MAX_LENGTH * linkage.size)
         self._outward: FloatArray = np.where(
-            np.isinf(farthest), np.copysign(most, farthest), farthest - self._own
+            np.isinf(farthest), np.copysign(max_change, farthest), farthest - self._nominal
         )
 
     def first(self) -> FloatArray:
@@ -219,67 +224,74 @@ class TurnLosses:
         # Denser near the nominal value: their square roots are equally spaced. The last is just
         # inside the farthest, as a length must not be 0.
         roots = np.linspace(0.0, 1.0 - 5e-10, CANDIDATES + 1)
-        clearances = self._outward_from_own(roots)
+        clearances = self._outward_clearances(roots)
         lost = np.fmin.reduce(clearances, axis=2) < 0.0
         # The nominal linkage turns fully, whatever the rounding.
         lost[:, 0] = False
         limited = lost.any(axis=1)
         first = np.where(limited, lost.argmax(axis=1), CANDIDATES)
-        inside, outside = roots[np.maximum(first - 1, 0)], roots[first]
-        for k, before, dip in self._hidden_losses(roots, clearances, first):
-            if before < inside[k]:
-                inside[k], outside[k], limited[k] = before, dip, True
-        rows = np.flatnonzero(limited)
+        inside = roots[np.maximum(first - 1, 0)]
+        outside = roots[first]
+        for k, root_inside, dip in self._hidden_losses(roots, clearances, first):
+            if root_inside < inside[k]:
+                inside[k] = root_inside
+                outside[k] = dip
+                limited[k] = True
+        searches = np.flatnonzero(limited)
 
-        def clearance(of: IndexArray, roots: FloatArray) -> FloatArray:
-            return np.asarray(np.fmin.reduce(self._clearances(rows[of], roots), axis=1))
+        def clearance(indices: IndexArray, roots: FloatArray) -> FloatArray:
+            return np.asarray(np.fmin.reduce(self._clearances(searches[indices], roots), axis=1))
 
-        found = self._farthest.copy()
-        last = last_nonnegative(clearance, inside[rows], outside[rows])
-        found[rows] = self._value(rows, last)
-        return found
+        ends = self._farthest.copy()
+        last = last_nonnegative(clearance, inside[searches], outside[searches])
+        ends[searches] = self._number(searches, last)
+        return ends
 
-    def _value(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
-        return np.asarray(self._own[searches] + roots**2 * self._outward[searches])
+    def _number(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
+        return np.asarray(self._nominal[searches] + roots**2 * self._outward[searches])
 
     def _clearances(self, searches: IndexArray, roots: FloatArray) -> FloatArray:
         numbers = np.repeat(np.array(self._linkage.numbers)[:, None], len(searches), axis=1)
-        value = self._value(searches, roots)
+        changed = self._number(searches, roots)
         # Bends are periodic.
-        value = np.where(self._is_bend[searches], np.fmod(value, TURN), value)
-        numbers[self._places[searches], np.arange(len(searches))] = value
+        changed = np.where(self._is_bend[searches], np.fmod(changed, TURN), changed)
+        numbers[self._places[searches], np.arange(len(searches))] = changed
         changes = dict(zip(self._linkage.dimensions, numbers, strict=True))
         return turn_clearances(Variants(self._linkage, changes))
 
-    def _outward_from_own(self, roots: FloatArray) -> FloatArray:
+    def _outward_clearances(self, roots: FloatArray) -> FloatArray:
         """Return the clearances of each search up to a first loss; NaN beyond it."""
-        searches, blocks = np.arange(len(self._places)), len(self._linkage.blocks)
-        found = np.full((len(searches), len(roots), blocks), np.nan)
+        searches = np.arange(len(self._places))
+        blocks = len(self._linkage.blocks)
+        clearances = np.full((len(searches), len(roots), blocks), np.nan)
         for start in range(0, len(roots), CANDIDATES_AT_ONCE):
-            these = np.arange(start, min(start + CANDIDATES_AT_ONCE, len(roots)))
-            search, place = np.repeat(searches, len(these)), np.tile(these, len(searches))
-            found[search, place] = self._clearances(search, roots[place])
-            lost = np.fmin.reduce(found[searches][:, these[these > 0]], axis=(1, 2)) < 0.0
+            candidates = np.arange(start, min(start + CANDIDATES_AT_ONCE, len(roots)))
+            search = np.repeat(searches, len(candidates))
+            candidate = np.tile(candidates, len(searches))
+            clearances[search, candidate] = self._clearances(search, roots[candidate])
+            outer = clearances[searches][:, candidates[candidates > 0]]
+            lost = np.fmin.reduce(outer, axis=(1, 2)) < 0.0
             searches = searches[~lost]
-        return found
+        return clearances
 
     def _hidden_losses(
         self, roots: FloatArray, clearances: FloatArray, first: IndexArray
     ) -> list[tuple[int, float, float]]:
-        """Return search, root before and root of each negative minimum between candidates."""
+        """Return the search, the root inside and the root of each dip between candidates."""
         inner = clearances[:, 1:-1]
         dips = (inner < clearances[:, :-2]) & (inner <= clearances[:, 2:])
         reached = np.arange(1, CANDIDATES) < first[:, None]
-        searches, before, dyads = np.nonzero(dips & reached[:, :, None])
+        searches, inside, dyads = np.nonzero(dips & reached[:, :, None])
         if not len(searches):
             return []
 
-        def clearance(rows: IndexArray, at: FloatArray) -> FloatArray:
-            each = np.repeat(rows, at.shape[1])
-            found = self._clearances(searches[each], at.ravel())
-            return found[np.arange(at.size), dyads[each]].reshape(at.shape)
+        def clearance(indices: IndexArray, trials: FloatArray) -> FloatArray:
+            repeated = np.repeat(indices, trials.shape[1])
+            block_clearances = self._clearances(searches[repeated], trials.ravel())
+            of_dyad = block_clearances[np.arange(trials.size), dyads[repeated]]
+            return of_dyad.reshape(trials.shape)
 
-        rounding = float_info.epsilon * np.abs(clearances[searches, before + 1, dyads])
-        bottom, least = minimum_near(clearance, roots[before + 1], roots[1], rounding)
-        lost = least < 0.0
-        return list(zip(searches[lost].tolist(), roots[before[lost]], bottom[lost], strict=True))
+        rounding = float_info.epsilon * np.abs(clearances[searches, inside + 1, dyads])
+        bottom, depth = minimum_near(clearance, roots[inside + 1], roots[1], rounding)
+        lost = depth < 0.0
+        return list(zip(searches[lost].tolist(), roots[inside[lost]], bottom[lost], strict=True))

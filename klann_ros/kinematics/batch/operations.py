@@ -89,8 +89,8 @@ class Recorder:
         if number.sign < 0:
             return self.apply('-', self.zero, -number).name
         if number.name in (ZERO, ONE):
-            value = float(number.name)
-            return self.constant('zero' if number.is_zero else 'one', lambda _: value, None).name
+            role = 'zero' if number.is_zero else 'one'
+            return self.constant(role, lambda _: float(number.name), None).name
         return number.name
 
 
@@ -110,30 +110,30 @@ class Number:
     def __neg__(self) -> 'Number':
         return Number(self.recorder, self.name, -self.sign)
 
-    def __add__(self, other: 'Number') -> 'Number':
-        if self.is_zero or other.is_zero:
-            return self if other.is_zero else other
-        if self.sign == other.sign:
-            return self.recorder.apply('+', abs(self), abs(other)).with_sign(self.sign)
-        positive, negative = (self, other) if self.sign > 0 else (other, self)
+    def __add__(self, addend: 'Number') -> 'Number':
+        if self.is_zero or addend.is_zero:
+            return self if addend.is_zero else addend
+        if self.sign == addend.sign:
+            return self.recorder.apply('+', abs(self), abs(addend)).with_sign(self.sign)
+        positive, negative = (self, addend) if self.sign > 0 else (addend, self)
         return self.recorder.apply('-', positive, -negative)
 
-    def __sub__(self, other: 'Number') -> 'Number':
-        return self + -other
+    def __sub__(self, subtrahend: 'Number') -> 'Number':
+        return self + -subtrahend
 
-    def __mul__(self, other: 'Number') -> 'Number':
-        sign = self.sign * other.sign
-        if self.is_zero or other.name == ONE:
+    def __mul__(self, factor: 'Number') -> 'Number':
+        sign = self.sign * factor.sign
+        if self.is_zero or factor.name == ONE:
             return self.with_sign(sign)
-        if other.is_zero or self.name == ONE:
-            return other.with_sign(sign)
-        return self.recorder.apply('*', abs(self), abs(other)).with_sign(sign)
+        if factor.is_zero or self.name == ONE:
+            return factor.with_sign(sign)
+        return self.recorder.apply('*', abs(self), abs(factor)).with_sign(sign)
 
-    def __truediv__(self, other: 'Number') -> 'Number':
+    def __truediv__(self, divisor: 'Number') -> 'Number':
         if self.is_zero:
             return self
-        quotient = self.recorder.apply('/', abs(self), abs(other))
-        return quotient.with_sign(self.sign * other.sign)
+        quotient = self.recorder.apply('/', abs(self), abs(divisor))
+        return quotient.with_sign(self.sign * divisor.sign)
 
     def __abs__(self) -> 'Number':
         return self.with_sign(1)
@@ -154,11 +154,11 @@ class Vector:
     x: Number
     y: Number
 
-    def __add__(self, other: 'Vector') -> 'Vector':
-        return Vector(self.x + other.x, self.y + other.y)
+    def __add__(self, addend: 'Vector') -> 'Vector':
+        return Vector(self.x + addend.x, self.y + addend.y)
 
-    def __sub__(self, other: 'Vector') -> 'Vector':
-        return Vector(self.x - other.x, self.y - other.y)
+    def __sub__(self, subtrahend: 'Vector') -> 'Vector':
+        return Vector(self.x - subtrahend.x, self.y - subtrahend.y)
 
     def __mul__(self, factor: 'Vector') -> 'Vector':
         """Return the product of complex numbers."""
@@ -173,10 +173,10 @@ class Vector:
         """Return the vector turned by +90 deg, the product with i."""
         return Vector(-self.y, self.x)
 
-    def dot(self, other: 'Vector') -> Number:
+    def dot(self, vector: 'Vector') -> Number:
         """Return the dot product."""
-        return self.x * other.x + self.y * other.y
+        return self.x * vector.x + self.y * vector.y
 
-    def cross(self, other: 'Vector') -> Number:
+    def cross(self, vector: 'Vector') -> Number:
         """Return the cross product."""
-        return self.x * other.y - self.y * other.x
+        return self.x * vector.y - self.y * vector.x

@@ -1,6 +1,6 @@
 """Many poses at once: solved (`linkage_poses`, `klann_poses`), or given by measured angles."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import prod
 from typing import Any, TypeAlias
 
@@ -94,51 +94,55 @@ def linkage_poses(
     ((1000, 2), 0)
 
     """
-    one, variants = _variants(linkages)
-    flat = _alphas(alphas)
+    is_single, variants = _variants(linkages)
+    crank_angles = _alphas(alphas)
     count = 0 if variants is None else len(variants)
-    shape = flat.shape if one else (count, *flat.shape)
+    shape = crank_angles.shape if is_single else (count, *crank_angles.shape)
     structure = None if variants is None else variants.base.structure
-    bodies = 0 if structure is None else len(structure.bodies) - 1
-    wanted: dict[str, tuple[int, ...]] = {'h': (2,)}
-    if angles:
-        wanted['angles'] = (bodies,)
-    if points:
-        wanted['points'] = (len(structure.points) if structure else 0, 2)
     names = tuple(d.name for d in structure.dimensions) if gradients and structure else ()
-    moving = {f'{name}_1': own for name, own in wanted.items() if velocities}
-    if gradients:
-        differentiated = {**wanted, **{name: (2,) for name in moving if name == 'h_1'}}
-        moving |= {f'{n}_gradient': (*own, len(names)) for n, own in differentiated.items()}
-    wanted |= moving
-    del wanted['h']
+    axes: dict[str, tuple[int, ...]] = {'h': (2,)}
+    if angles:
+        axes['angles'] = (len(structure.bodies) - 1 if structure else 0,)
+    if points:
+        axes['points'] = (len(structure.points) if structure else 0, 2)
+    axes |= _derivative_axes(axes, len(names), velocities=velocities, gradients=gradients)
+    del axes['h']
     if transmission_angles:
-        wanted['transmission_angles'] = (len(structure.groups) if structure else 0,)
-    made: dict[str, Any] = {name: _empty(shape, each) for name, each in wanted.items()}
+        axes['transmission_angles'] = (len(structure.groups) if structure else 0,)
+    arrays: dict[str, Any] = {name: _empty(shape, axes[name]) for name in axes}
     poses = LinkagePoses(
         np.empty((*shape, 2)) if out is None else out,
         np.empty(shape, dtype=np.uint8),
-        **made,
+        **arrays,
         dimension_names=names,
     )
-    table = (count, flat.size)
+    table = (count, crank_angles.size)
     h = poses.h.reshape(*table, 2) if out is None else _checked(out, shape, table)
-    chosen = choose_kernel(kernel, prod(shape))
-    if np.may_share_memory(h, flat):
+    kernel_class = choose_kernel(kernel, prod(shape))
+    if np.may_share_memory(h, crank_angles):
         # Results must not overwrite crank angles that are still to be read.
-        flat = flat.copy()
+        crank_angles = crank_angles.copy()
     if variants is not None:
-        others = poses.arrays()
-        tables: dict[str, Any] = {
-            name: others[name].reshape(*table, *each) for name, each in wanted.items()
-        }
-        results = LinkagePoses(h, poses.reason.reshape(table), **tables)
-        _fill(variants, flat.reshape(-1), results, chosen, progress)
+        for name, name_axes in axes.items():
+            arrays[name] = arrays[name].reshape(*table, *name_axes)
+        tables = LinkagePoses(h, poses.reason.reshape(table), **arrays)
+        _fill(variants, crank_angles.reshape(-1), tables, kernel_class, progress)
     poses.reason.setflags(write=False)
     for array in poses.arrays().values():
         if array is not out:
             array.setflags(write=False)
     return poses
+
+
+def _derivative_axes(
+    axes: Mapping[str, tuple[int, ...]], count: int, *, velocities: bool, gradients: bool
+) -> dict[str, tuple[int, ...]]:
+    """Return the last axes of the derivatives by the crank angle, and by `count` dimensions."""
+    rates = {f'{name}_1': name_axes for name, name_axes in axes.items() if velocities}
+    if not gradients:
+        return rates
+    differentiated = {**axes, 'h_1': (2,)} if velocities else axes
+    return rates | {f'{name}_gradient': (*differentiated[name], count) for name in differentiated}
 
 
 def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:
@@ -178,8 +182,8 @@ def _variants(linkages: Any) -> tuple[bool, Variants | None]:
         return False, linkages
     if isinstance(linkages, str) or not isinstance(linkages, Iterable):
         return True, Variants.of([as_linkage(linkages)])
-    every = list(linkages)
-    return False, Variants.of(map(as_linkage, every)) if every else None
+    legs = list(linkages)
+    return False, Variants.of(map(as_linkage, legs)) if legs else None
 
 
 def _alphas(alphas: ArrayLike) -> AnyArray:
@@ -234,15 +238,16 @@ def _fill(
     """
     pinned = PinnedDyads(variants, results, kernel) if variants.base.two_circles else None
     is_dyadic = variants.base.is_dyadic
-    done, total = 0, results.reason.size
+    done = 0
+    total = results.reason.size
     # Missing poses become NaN on the way; the reasons are computed from these.
     with np.errstate(all='ignore'):
         for rows, columns in _blocks(len(variants), alphas.size, one_by_one=not is_dyadic):
             if pinned is not None:
                 pinned.fill(rows, columns, alphas)
             else:
-                part = part_of(results, rows, columns)
-                fill_blockwise(variants, rows, alphas[columns], part)
+                block = part_of(results, rows, columns)
+                fill_blockwise(variants, rows, alphas[columns], block)
             done += (rows.stop - rows.start) * (columns.stop - columns.start)
             if progress is not None:
                 progress(done, total)
@@ -257,7 +262,7 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
             yield slice(leg, min(leg + step, legs)), columns
 
 
-# Measured or recorded poses: their coordinates are given, shape (n, number of angles).
+# Measured or recorded poses have coordinates of shape (n, number of angles).
 
 
 def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
@@ -276,12 +281,12 @@ def loop_errors(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -
     w, c = linkage.equations
     u = vectors(leg, angles) if u is None else u
     with np.errstate(invalid='ignore', over='ignore'):
-        gaps = np.stack(u, axis=-1) @ w.T + c
-        return np.asarray(np.sqrt((gaps.real**2 + gaps.imag**2).sum(axis=1)))
+        f = np.stack(u, axis=-1) @ w.T + c
+        return np.asarray(np.sqrt((f.real**2 + f.imag**2).sum(axis=1)))
 
 
 def feet(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> FloatArray:
-    """Return the foot H of each pose, shape (n, 2) [m], NaN likewise; see `loop_errors`."""
+    """Return the foot H of each pose, shape (n, 2) [m], NaN as for `loop_errors`."""
     linkage = as_linkage(leg)
     terms, constant = linkage.point_rows[linkage.foot]
     u = vectors(leg, angles) if u is None else u
@@ -292,7 +297,7 @@ def feet(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> Float
     return np.column_stack([h.real, h.imag])
 
 
-def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
+def differences(leg: Any, x: FloatArray, y: FloatArray) -> FloatArray:
     """
     Return the differences of poses' coordinates without the crank's, shape (n, k - 1).
 
@@ -301,8 +306,8 @@ def differences(leg: Any, one: FloatArray, other: FloatArray) -> FloatArray:
     linkage = as_linkage(leg)
     slides = np.array([body.slides for body in linkage.structure.bodies[1:]])
     with np.errstate(invalid='ignore', over='ignore'):
-        apart = one - other
-        return np.where(slides, apart / linkage.size, wrapped(apart))
+        difference = x - y
+        return np.where(slides, difference / linkage.size, wrapped(difference))
 
 
 def wrapped(angles: FloatArray) -> FloatArray:

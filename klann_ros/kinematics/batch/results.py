@@ -60,7 +60,7 @@ class LinkagePoses:
     points : numpy.ndarray, shape (..., p, 2), or None
         The points, in the structure's order [m] if requested.
     transmission_angles : numpy.ndarray, shape (..., number of blocks), or None
-        Those of `LinkagePose`, in [0, pi] [rad] if requested.
+        The transmission angles of `LinkagePose`, in [0, pi] [rad] if requested.
     h_1 : numpy.ndarray, shape (..., 2), or None
         dH/dalpha, the foot's velocity at a crank rate of 1 rad/s [m/rad] if requested.
     angles_1 : numpy.ndarray, shape (..., n - 1), or None
@@ -115,7 +115,8 @@ class LinkagePoses:
         if self.h_1 is None:
             msg = 'the velocities were not requested: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
-        f, h_1 = np.asarray(force, dtype=np.float64), self.h_1
+        f = np.asarray(force, dtype=np.float64)
+        h_1 = self.h_1
         if f.shape[-1:] != (2,):
             msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
             raise ValueError(msg)
@@ -125,16 +126,13 @@ class LinkagePoses:
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the existing arrays by name, without the reasons."""
-        return {
-            name: array
-            for name, array in vars(self).items()
-            if isinstance(array, np.ndarray) and name != 'reason'
-        }
+        arrays = {name: array for name, array in vars(self).items() if name != 'reason'}
+        return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
 def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
     """Return the part of the results in a block."""
-    parts: dict[str, Any] = {
+    views: dict[str, Any] = {
         name: array[rows, columns] for name, array in results.arrays().items()
     }
-    return LinkagePoses(reason=results.reason[rows, columns], **parts)
+    return LinkagePoses(reason=results.reason[rows, columns], **views)

@@ -153,8 +153,8 @@ def tolerance_study(
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
     nominal: Any = linkage_poses(base, alphas, gradients=True)
     turns = ~(driven_clearances(legs) < 0.0)
-    least = np.full((samples, 2), np.inf)
-    greatest = np.full((samples, 2), -np.inf)
+    lower = np.full((samples, 2), np.inf)
+    upper = np.full((samples, 2), -np.inf)
     parts = []
     step = max(1, MAX_STUDY_POSES // samples)
     for start in range(0, crank_angles, step):
@@ -163,11 +163,11 @@ def tolerance_study(
         parts.append(_statistics(feet, nominal.h[start:end]))
         turns &= ~np.isnan(feet[..., 0]).any(axis=1)
         # fmin and fmax ignore a missing foot.
-        np.fmin(least, np.fmin.reduce(feet, axis=1), out=least)
-        np.fmax(greatest, np.fmax.reduce(feet, axis=1), out=greatest)
+        np.fmin(lower, np.fmin.reduce(feet, axis=1), out=lower)
+        np.fmax(upper, np.fmax.reduce(feet, axis=1), out=upper)
         if progress is not None:
             progress(end * samples, crank_angles * samples)
-    extent = np.where(turns[:, None], greatest - least, np.nan)
+    extent = np.where(turns[:, None], upper - lower, np.nan)
     arrays = {
         'alphas': alphas,
         'nominal': nominal.h,
@@ -185,28 +185,28 @@ def tolerance_study(
 
 def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> FloatArray:
     """Return the half-width of every dimension [m, rad]."""
-    numbers, dimensions = linkage.dimensions, linkage.structure.dimensions
-    lengths = {d.name: numbers[d.name] for d in dimensions if d.is_length}
-    turns = {d.name: TURN for d in dimensions if d.unit == 'rad'}
+    numbers = linkage.dimensions
+    lengths = {d.name: numbers[d.name] for d in linkage.structure.dimensions if d.is_length}
+    bends = {d.name: TURN for d in linkage.structure.dimensions if d.unit == 'rad'}
     if not isinstance(tolerances, Mapping):
         if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
             raise ValueError(
                 f'tolerances = {tolerances!r} is refused: '
                 'it must be finite, or a mapping of names to half-widths'
             )
-        tolerances = {name: float(value * tolerances) for name, value in lengths.items()}
+        tolerances = {name: float(length * tolerances) for name, length in lengths.items()}
     unknown = [str(name) for name in tolerances if name not in numbers]
     if unknown:
         msg = f'tolerances of {", ".join(unknown)} are refused: the names are {", ".join(numbers)}'
         raise ValueError(msg)
     for name, width in tolerances.items():
         # NaN fails every comparison.
-        largest = lengths.get(name, turns.get(name, inf))
+        largest = lengths.get(name, bends.get(name, inf))
         if not (isinstance(width, Real) and 0.0 <= width < largest):
-            least = '2 pi rad (degrees?)' if name in turns else 'the length'
+            limit = '2 pi rad (degrees?)' if name in bends else 'the length'
             raise ValueError(
                 f'tolerance of {name} = {width!r} is refused: '
-                f'it must be finite, not negative, and smaller than {least}'
+                f'it must be finite, not negative, and smaller than {limit}'
             )
     return np.array([float(tolerances.get(name, 0.0)) for name in numbers])
 
@@ -244,14 +244,14 @@ def _statistics(feet: FloatArray, nominal: FloatArray) -> dict[str, FloatArray]:
         'box': np.stack([lower, upper], axis=1),
     }
     is_undefined = (count == 0) | np.isnan(nominal[:, 0])
-    for values in statistics.values():
-        values[is_undefined] = np.nan
+    for statistic in statistics.values():
+        statistic[is_undefined] = np.nan
     return statistics
 
 
-def _total(values: FloatArray) -> FloatArray:
+def _total(of_legs: FloatArray) -> FloatArray:
     """Return the sum over the legs, NaN omitted."""
-    return np.asarray(np.where(np.isnan(values), 0.0, values).sum(axis=0), dtype=np.float64)
+    return np.asarray(np.where(np.isnan(of_legs), 0.0, of_legs).sum(axis=0), dtype=np.float64)
 
 
 def _percentile(distance: FloatArray, count: IntArray, fraction: float) -> FloatArray:

@@ -1,5 +1,5 @@
 """
-The least clearance of every block over a whole turn of the crank, for many linkages at once.
+The smallest clearance of every block over a whole turn of the crank, for many linkages at once.
 
 A crank turns fully if no clearance is negative. The linkages need not close, so a dimension can be
 changed until the full turn is lost.
@@ -32,7 +32,7 @@ MAX_POSES = 1 << 15
 
 def turn_clearances(variants: Variants) -> FloatArray:
     """
-    Return the least distance of each block of each linkage from the limits of its reach.
+    Return the smallest distance of each block of each linkage from the limits of its reach.
 
     Shape (n, number of blocks) [m]; negative if the full turn is lost, and NaN for later blocks.
     For a dyad driven by the crank alone, |PQ| runs from | |c| - |W_0| | to |c| + |W_0|; for others
@@ -40,91 +40,95 @@ def turn_clearances(variants: Variants) -> FloatArray:
     close over the whole turn, else -1.
     """
     if not variants.base.is_dyadic:
-        return np.array([[_turns(variants, i)] for i in range(len(variants))])
+        return np.array([[_signed_turn(variants, i)] for i in range(len(variants))])
     slides = variants.base.structure.slides
-    found = _SlidingClearances(variants) if slides else _Clearances(variants)
+    search = _SlidingClearances(variants) if slides else _PinnedClearances(variants)
     clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
     closing = np.arange(len(variants))
     for k, block in enumerate(variants.base.blocks):
-        if isinstance(found, _Clearances) and is_driven(block):
-            least = found.driven(k)[closing]
+        if isinstance(search, _PinnedClearances) and is_driven(block):
+            smallest = search.driven(k)[closing]
         else:
-            least = found.least(k, closing)
-        clearances[closing, k] = np.where(np.isnan(least), -np.inf, least)
-        closing = closing[least >= 0.0]
+            smallest = search.smallest(k, closing)
+        clearances[closing, k] = np.where(np.isnan(smallest), -np.inf, smallest)
+        closing = closing[smallest >= 0.0]
         if not len(closing):
             break
     return clearances
 
 
 def driven_clearances(variants: Variants) -> FloatArray:
-    """Return the least clearance of the dyads driven by the crank alone, shape (n,) [m]."""
-    least = np.full(len(variants), np.inf)
+    """Return the smallest clearance of the dyads driven by the crank alone, shape (n,) [m]."""
+    smallest = np.full(len(variants), np.inf)
     if variants.base.two_circles:
-        found = _Clearances(variants)
+        search = _PinnedClearances(variants)
         for k, block in enumerate(variants.base.blocks):
             if is_driven(block):
-                least = np.fmin(least, found.driven(k))
-    return least
+                smallest = np.fmin(smallest, search.driven(k))
+    return smallest
 
 
-def _turns(variants: Variants, i: int) -> float:
+def _signed_turn(variants: Variants, i: int) -> float:
+    """Return 1 for a linkage of coupled loops whose crank turns fully, else -1."""
     try:
         return 1.0 if reachable_arcs(variants[i]) == [(0.0, TURN)] else -1.0
     except (GeometryError, KinematicsError):
         return -1.0
 
 
-class _Clearances:
+class _PinnedClearances:
     """The clearances of pinned dyads, by the squared distances of their ends."""
 
     def __init__(self, variants: Variants) -> None:
         structure = variants.base.structure
         self._structure = structure
         self._terms = PathTerms(structure, *variants.vectors, variants.signs)
-        self._count, self._program = len(variants), compile_program(structure, links=False)
+        self._count = len(variants)
+        self._program = compile_program(structure, links=False)
 
     @cached_property
     def _constants(self) -> FloatArray:
         return constants(self._program, self._terms, self._count)
 
     def driven(self, k: int) -> FloatArray:
-        """Return the least of a dyad driven by the crank alone, shape (n,) [m]."""
-        (loop,) = self._structure.paths.rows[k]
-        path = self._structure.paths.loops[loop]
+        """Return the smallest clearance of a dyad driven by the crank alone, shape (n,) [m]."""
+        path = self._structure.dyad_loop(k)
         crank = np.abs(self._terms.body(path, 0))
         ground = np.abs(self._terms.fixed(path))
-        r_a, r_b = (np.abs(link) for link in self._terms.links(k))
-        least: FloatArray = np.minimum(
-            r_a + r_b - (crank + ground), abs(crank - ground) - abs(r_a - r_b)
-        )
-        return least
+        r_a, r_b = self._terms.link_lengths(k)
+        stretched = r_a + r_b - (crank + ground)
+        folded = abs(crank - ground) - abs(r_a - r_b)
+        return np.asarray(np.minimum(stretched, folded))
 
-    def least(self, k: int, which: IndexArray) -> FloatArray:
-        """Return the least of any other dyad for some of the linkages, shape (n,) [m]."""
-        names, parts = (self._program.distances[k],), _parts(which)
-        kernel = NumpyKernel(self._program, names, SAMPLES_PER_TURN * max(map(len, parts)))
-        return np.concatenate([self._least(k, kernel, part) for part in parts])
+    def smallest(self, k: int, indices: IndexArray) -> FloatArray:
+        """Return the smallest clearance of a dyad, for some of the linkages, shape (n,) [m]."""
+        distance = self._program.distances[k]
+        cached = _cached_parts(indices)
+        kernel = NumpyKernel(self._program, (distance,), SAMPLES_PER_TURN * max(map(len, cached)))
+        return np.concatenate([self._smallest(k, kernel, some) for some in cached])
 
-    def _least(self, k: int, kernel: NumpyKernel, part: IndexArray) -> FloatArray:
-        # Samples start with the crank along the ground: they include the angles of least clearance
-        # of the first dyad, where the other clearances are steepest.
+    def _smallest(self, k: int, kernel: NumpyKernel, indices: IndexArray) -> FloatArray:
+        # Samples start with the crank along the ground: they include the angles of the smallest
+        # clearance of the first dyad, where the other clearances are steepest.
         path = self._structure.paths.loops[0]
         with np.errstate(invalid='ignore', divide='ignore'):
             ground = -np.asarray(self._terms.fixed(path) / self._terms.body(path, 0))
-        start = self._structure.senses[0] * np.angle(ground)[part, None]
-        r_a, r_b = (np.abs(link)[part, None] for link in self._terms.links(k))
-        own, folded, stretched = self._constants[:, part], abs(r_a - r_b), r_a + r_b
+        start = self._structure.senses[0] * np.angle(ground)[indices, None]
+        r_a, r_b = (length[indices, None] for length in self._terms.link_lengths(k))
+        folded = abs(r_a - r_b)
+        stretched = r_a + r_b
+        linkage_constants = self._constants[:, indices]
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
             """Return the clearance, shape (n, number of angles); NaN if earlier dyads are open."""
             with np.errstate(all='ignore'):
-                (distance,), _ = kernel.run(own[:, rows], slice(None), (cos, sin))
-                distance = np.sqrt(distance)
-            found: FloatArray = np.minimum(stretched[rows] - distance, distance - folded[rows])
-            return found
+                row_constants = linkage_constants[:, rows]
+                (squares,), _ = kernel.run(row_constants, slice(None), (cos, sin))
+                distances = np.sqrt(squares)
+            inside = stretched[rows] - distances
+            return np.asarray(np.minimum(inside, distances - folded[rows]))
 
-        return _least_over_turn(clearance, start, stretched[:, 0])
+        return _smallest_over_turn(clearance, start, stretched[:, 0])
 
 
 class _SlidingClearances:
@@ -133,35 +137,37 @@ class _SlidingClearances:
     def __init__(self, variants: Variants) -> None:
         self._variants = variants
 
-    def least(self, k: int, which: IndexArray) -> FloatArray:
-        """Return the least of a dyad for some of the linkages, shape (n,) [m]."""
-        return np.concatenate([np.empty(0), *(self._least(k, part) for part in _parts(which))])
+    def smallest(self, k: int, indices: IndexArray) -> FloatArray:
+        """Return the smallest clearance of a dyad, for some of the linkages, shape (n,) [m]."""
+        clearances = [self._smallest(k, some) for some in _cached_parts(indices)]
+        return np.concatenate([np.empty(0), *clearances])
 
-    def _least(self, k: int, part: IndexArray) -> FloatArray:
-        dyads = Blockwise(self._variants, part)
+    def _smallest(self, k: int, indices: IndexArray) -> FloatArray:
+        dyads = Blockwise(self._variants, indices)
         if not dyads.blocks[k].two_branches:
-            return np.full(len(part), np.inf)
+            return np.full(len(indices), np.inf)
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:
             """Return the clearance, shape (n, number of angles); NaN if earlier dyads are open."""
-            some = dyads if isinstance(rows, slice) else Blockwise(self._variants, part[rows])
+            is_whole = isinstance(rows, slice)
+            solver = dyads if is_whole else Blockwise(self._variants, indices[rows])
             with np.errstate(all='ignore'):
-                found: FloatArray = some.blocks[k].clearance(some.place(np.arctan2(sin, cos), k))
-            return found
+                u = solver.place(np.arctan2(sin, cos), k)
+                return np.asarray(solver.blocks[k].clearance(u))
 
-        numbers = self._variants.numbers[:, part]
-        return _least_over_turn(clearance, np.zeros((len(part), 1)), np.abs(numbers).max(axis=0))
+        sizes = np.abs(self._variants.numbers[:, indices]).max(axis=0)
+        return _smallest_over_turn(clearance, np.zeros((len(indices), 1)), sizes)
 
 
-def _parts(which: IndexArray) -> list[IndexArray]:
-    """Return parts of some linkages that fit into the cache."""
+def _cached_parts(indices: IndexArray) -> list[IndexArray]:
+    """Return the indices of some linkages in parts that fit into the cache."""
     step = max(1, MAX_POSES // SAMPLES_PER_TURN)
-    return [which[slice(n, n + step)] for n in range(0, len(which), step)]
+    return [indices[slice(n, n + step)] for n in range(0, len(indices), step)]
 
 
-def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray) -> FloatArray:
+def _smallest_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray) -> FloatArray:
     """
-    Return the least clearances over a turn from a start, shape (n, 1) [rad]; -inf if none.
+    Return the smallest clearances over a turn from a start, shape (n, 1) [rad]; -inf if none.
 
     Their rounding is relative to `sizes`, shape (n,) [m].
     """
@@ -172,16 +178,17 @@ def _least_over_turn(clearance: Clearance, start: FloatArray, sizes: FloatArray)
     step = TURN / SAMPLES_PER_TURN
     # By angle addition, much faster than cosines and sines.
     crank = np.exp(1j * start) * np.exp(1j * step * np.arange(SAMPLES_PER_TURN))
-    values = clearance(slice(None), crank.real, crank.imag)
-    middle = start[:, 0] + step * _lowest(values)
-    _, least = minimum_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
-    least = np.fmin(least, np.fmin.reduce(values, axis=1))
-    return np.where(np.isfinite(least), least, -np.inf)
+    samples = clearance(slice(None), crank.real, crank.imag)
+    middle = start[:, 0] + step * _lowest_sample(samples)
+    _, smallest = minimum_near(refined, middle, step, 2.0 * float_info.epsilon * sizes)
+    smallest = np.fmin(smallest, np.fmin.reduce(samples, axis=1))
+    return np.where(np.isfinite(smallest), smallest, -np.inf)
 
 
-def _lowest(values: FloatArray) -> IndexArray:
-    """Return the sample nearest to the minimum, by a parabola through each three."""
-    height = -np.where(np.isnan(values), np.inf, values)
-    before, after = np.roll(height, 1, axis=1), np.roll(height, -1, axis=1)
-    lowest: IndexArray = parabola_peak(before, height, after).argmax(axis=1)
+def _lowest_sample(samples: FloatArray) -> IndexArray:
+    """Return the index of the sample nearest to the minimum, by a parabola through each three."""
+    height = -np.where(np.isnan(samples), np.inf, samples)
+    left = np.roll(height, 1, axis=1)
+    right = np.roll(height, -1, axis=1)
+    lowest: IndexArray = parabola_peak(left, height, right).argmax(axis=1)
     return lowest

@@ -5,9 +5,10 @@ With the links A and B of a dyad and d = |A + B|^2, the angle between them from 
 
     atan2(|A x B|, |A . B|),    A . B = (d - |A|^2 - |B|^2) / 2,
 
-least where |A x B| is: it is computed there and at the neighbours alone.
+smallest where |A x B| is: it is computed there and at the neighbours alone.
 """
 
+from collections.abc import Sequence
 from math import pi
 from typing import Any, NamedTuple
 
@@ -52,65 +53,82 @@ def whole_turns(
     poses: Any = linkage_poses(
         variants, alphas, velocities=True, transmission_angles=True, points=box, kernel=kernel
     )
-    inward = np.minimum(poses.transmission_angles, pi - poses.transmission_angles)
-    least = [
-        _least(np.take_along_axis(each, _around(each), 1)) for each in inward.transpose(2, 0, 1)
-    ]
+    from_line = np.minimum(poses.transmission_angles, pi - poses.transmission_angles)
+    worst = np.full(len(variants), pi / 2.0)
+    for angles in from_line.transpose(2, 0, 1):
+        worst = np.minimum(worst, _minimum(np.take_along_axis(angles, _around_minimum(angles), 1)))
     return Turns(
-        poses.h.transpose(2, 0, 1),
-        poses.h_1.transpose(2, 0, 1),
-        (poses.reason != 0).mean(axis=1),
-        np.min(least, axis=0, initial=pi / 2.0),
-        np.ptp(poses.points, axis=(1, 2)).T if box else None,
+        h=poses.h.transpose(2, 0, 1),
+        h_1=poses.h_1.transpose(2, 0, 1),
+        missing=(poses.reason != 0).mean(axis=1),
+        transmission_angle=worst,
+        box=np.ptp(poses.points, axis=(1, 2)).T if box else None,
     )
 
 
 def _pinned_turns(variants: Variants, alphas: FloatArray, kernel: Any, box: bool) -> Turns:
     """Run the program of pinned dyads."""
-    structure, count, angles = variants.base.structure, len(variants), len(alphas)
+    structure = variants.base.structure
     program = compile_program(structure, links=True, rates=True)
     terms = PathTerms(structure, *variants.vectors, variants.signs)
-    own, dyads = constants(program, terms, count), range(len(program.distances))
-    lengths = [[np.broadcast_to(np.abs(w), count) for w in terms.links(k)] for k in dyads]
-    singular = [np.broadcast_to(terms.singular_determinant(k), count) for k in dyads]
-    extents, points = np.empty((2 if box else 0, count)), len(program.points)
+    count = len(variants)
+    table = constants(program, terms, count)
     names = [*program.foot, *(program.rates[name] for name in program.foot)]
     names += [*program.determinants, *program.distances]
-    step = max(1, TURNS_BLOCK // angles)
-    every = (*names, *(point[axis] for axis in range(len(extents)) for point in program.points))
-    solver, crank = kernel(program, every, step * angles), kernel.crank(alphas)
-    feet, least = np.empty((4, count, angles)), np.full(count, pi / 2.0)
+    x_names = [x for x, _ in program.points] if box else []
+    y_names = [y for _, y in program.points] if box else []
+    step = max(1, TURNS_BLOCK // len(alphas))
+    solver = kernel(program, (*names, *x_names, *y_names), step * len(alphas))
+    crank = kernel.crank(alphas)
+    dyads = range(len(program.distances))
+    lengths = [_columns(terms.link_lengths(k), count) for k in dyads]
+    thresholds = _columns([terms.singular_determinant(k) for k in dyads], count)
+    feet = np.empty((4, count, len(alphas)))
+    worst = np.full(count, pi / 2.0)
+    extents = np.empty((2, count)) if box else None
     with np.errstate(all='ignore'):
         for first in range(0, count, step):
             rows = slice(first, min(first + step, count))
-            numbers, _ = solver.run(own, rows, crank)
+            numbers, _ = solver.run(table, rows, crank)
             feet[:, rows] = numbers[:4]
             for k in dyads:
-                sines, distances = np.abs(numbers[4 + k]), numbers[4 + len(dyads) + k]
-                near = _around(sines)
-                at, d = (np.take_along_axis(of, near, 1) for of in (sines, distances))
-                r_a, r_b = (length[rows, None] for length in lengths[k])
-                between = np.arctan2(at, np.abs(d - r_a * r_a - r_b * r_b) / 2.0)
-                least[rows] = np.minimum(least[rows], _least(between))
-                limit = singular[k][rows]
-                if (at[:, 1] <= limit).any():
-                    feet[2:, rows][:, sines <= limit[:, None]] = np.nan
-            for axis, extent in enumerate(extents):
-                start = len(names) + axis * points
-                some = numbers[slice(start, start + points)]
-                high = np.max([number.max(axis=1) for number in some], axis=0)
-                extent[rows] = high - np.min([number.min(axis=1) for number in some], axis=0)
-    return Turns(
-        feet[:2], feet[2:], np.isnan(feet[0]).mean(axis=1), least, extents if box else None
-    )
+                determinants = np.abs(numbers[4 + k])
+                distances = numbers[4 + len(dyads) + k]
+                nearest = _around_minimum(determinants)
+                cross = np.take_along_axis(determinants, nearest, 1)
+                d = np.take_along_axis(distances, nearest, 1)
+                r_a, r_b = lengths[k][:, rows]
+                angles = np.arctan2(cross, np.abs(d - r_a * r_a - r_b * r_b) / 2.0)
+                worst[rows] = np.minimum(worst[rows], _minimum(angles))
+                threshold = thresholds[k, rows]
+                if (cross[:, 1:2] <= threshold).any():
+                    feet[2:, rows][:, determinants <= threshold] = np.nan
+            if extents is not None:
+                y_start = len(names) + len(x_names)
+                extents[0, rows] = _extent(numbers[slice(len(names), y_start)])
+                extents[1, rows] = _extent(numbers[y_start:])
+    missing = np.isnan(feet[0]).mean(axis=1)
+    return Turns(feet[:2], feet[2:], missing, worst, extents)
 
 
-def _around(values: FloatArray) -> IndexArray:
-    """Return the place of the least of each row, between its neighbours, shape (n, 3)."""
-    middle = values.argmin(axis=1)[:, None]
-    return np.asarray((middle + np.array([-1, 0, 1])) % values.shape[1], dtype=np.intp)
+def _columns(numbers: Sequence[Any], count: int) -> FloatArray:
+    """Return numbers of n linkages as columns, shape (numbers, n, 1)."""
+    return np.array([np.broadcast_to(number, count) for number in numbers])[..., None]
 
 
-def _least(three: FloatArray) -> FloatArray:
-    """Return the least of functions of which three values around it are known, shape (n, 3)."""
-    return -parabola_peak(*(-three.T))
+def _extent(coordinates: Sequence[FloatArray]) -> FloatArray:
+    """Return the extent of the coordinates of all points over the turns, shape (n,) [m]."""
+    high = np.max([coordinate.max(axis=1) for coordinate in coordinates], axis=0)
+    low = np.min([coordinate.min(axis=1) for coordinate in coordinates], axis=0)
+    return np.asarray(high - low)
+
+
+def _around_minimum(samples: FloatArray) -> IndexArray:
+    """Return the index of the minimum of each row, between its neighbours, shape (n, 3)."""
+    middle = samples.argmin(axis=1)[:, None]
+    return np.asarray((middle + np.array([-1, 0, 1])) % samples.shape[1], dtype=np.intp)
+
+
+def _minimum(samples: FloatArray) -> FloatArray:
+    """Return the minimum of functions by three samples around it, shape (n, 3)."""
+    return -parabola_peak(*(-samples.T))
