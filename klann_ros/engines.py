@@ -10,6 +10,7 @@ item without an answer yields a `TaskError` with the reason.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 import logging
 import multiprocessing
 from multiprocessing.connection import Connection, wait
@@ -113,7 +114,8 @@ def _process_map(
     _SERVER.set_forkserver_preload([getattr(function, 'func', function).__module__])
     try:
         for _ in range(jobs or len(os.sched_getaffinity(0))):
-            if (task := next(new_tasks, None)) is None:
+            task = next(new_tasks, None)
+            if task is None:
                 break
             workers.append(_Worker(function, time_limit, task))
         while workers:
@@ -121,17 +123,19 @@ def _process_map(
             timeout = None if deadline == float('inf') else max(0.0, deadline - monotonic())
             wait([worker.connection for worker in workers], timeout)
             for worker in [worker for worker in workers if worker.is_done]:
-                done, answer = worker.task, worker.receive()
-                retry = isinstance(answer, _WorkerDiedError) and done.tries < MAX_TRIES
-                if retry:
-                    retries.append(done._replace(tries=done.tries + 1))
-                if (task := retries.pop() if retries else next(new_tasks, None)) is None:
+                finished = worker.task
+                answer = worker.receive()
+                must_retry = isinstance(answer, _WorkerDiedError) and finished.tries < MAX_TRIES
+                if must_retry:
+                    retries.append(finished._replace(tries=finished.tries + 1))
+                task = retries.pop() if retries else next(new_tasks, None)
+                if task is None:
                     workers.remove(worker)
                     worker.stop()
                 else:
                     worker.send(task)
-                if not retry:
-                    yield done.number, answer
+                if not must_retry:
+                    yield finished.number, answer
     finally:
         for worker in workers:
             worker.kill()
@@ -141,14 +145,17 @@ class _Worker:
     """A process and its current task."""
 
     def __init__(self, function: _Function, time_limit: float | None, task: _Task) -> None:
-        self._function, self._time_limit = function, time_limit
+        self._function = function
+        self._time_limit = time_limit
         self._start()
         self.send(task)
 
     def _start(self) -> None:
         self.connection, remote_end = _SERVER.Pipe()
-        own: Any = {'daemon': True, 'name': 'klann_ros worker'}
-        self._process = _SERVER.Process(target=_work, args=(remote_end, self._function), **own)
+        arguments = (remote_end, self._function)
+        self._process = _SERVER.Process(
+            target=_work, args=arguments, daemon=True, name='klann_ros worker'
+        )
         # A worker ignores Ctrl-C, which reaches all processes of a terminal; but during its
         # imports it would end with a traceback.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -241,25 +248,26 @@ def _ray_map(
         import ray  # noqa: PLC0415 - it is optional
     except ImportError as error:
         raise EngineError("the engine ray needs Ray: pip install 'klann_ros[cluster]'") from error
-    where = address or os.environ.get('RAY_ADDRESS') or None
-    own: dict[str, Any] = {}
-    if not where:
+    address = address or os.environ.get('RAY_ADDRESS') or None
+    options: dict[str, Any] = {'log_to_driver': False, 'logging_level': logging.ERROR}
+    if not address:
         # Workers import from the paths of this process.
         path = {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
-        own = {'num_cpus': jobs, 'include_dashboard': False, 'runtime_env': {'env_vars': path}}
-    started = not ray.is_initialized()
-    if started:
+        options |= {'num_cpus': jobs, 'include_dashboard': False}
+        options['runtime_env'] = {'env_vars': path}
+    must_start = not ray.is_initialized()
+    if must_start:
         try:
-            ray.init(address=where, log_to_driver=False, logging_level=logging.ERROR, **own)
+            ray.init(address=address, **options)
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
             reason = str(error).splitlines()[0]
             raise EngineError(
-                f'Ray cannot be reached at {where or "this machine"}: {reason}'
+                f'Ray cannot be reached at {address or "this machine"}: {reason}'
             ) from error
     try:
         yield from _ray_answers(ray, function, items, jobs, time_limit)
     finally:
-        if started:
+        if must_start:
             ray.shutdown()
 
 
@@ -276,8 +284,8 @@ def _ray_answers(
     tasks = enumerate(items)
     running: dict[Any, int] = {}
     while True:
-        while len(running) < workers and (task := next(tasks, None)) is not None:
-            running[remote.remote(shared, task[1])] = task[0]
+        for number, item in islice(tasks, workers - len(running)):
+            running[remote.remote(shared, item)] = number
         if not running:
             return
         done, _ = ray.wait(list(running), timeout=time_limit)
