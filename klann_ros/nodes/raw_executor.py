@@ -19,6 +19,7 @@ request, and where rclpy lacks the internals used here.
 
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from itertools import chain
 import os
 from threading import Semaphore, Thread
 from time import sleep
@@ -51,8 +52,8 @@ class RawCallbackGroup(MutuallyExclusiveCallbackGroup):
 
     Subscriptions are made with `raw=True` and a callback that takes bytes and Info, no coroutine.
     Their events are the loop's too: Fast DDS signals both by one condition, so a thread that waits
-    for the events wakes up for every message. Timers have a callback without arguments, likewise.
-    Put nothing else into the group.
+    for the events wakes up for every message. Timers have a callback without arguments, and no
+    coroutine either. Put nothing else into the group.
 
     Without `wakes` its messages are taken at the next wake-up of the loop, in the order in which
     subscriptions were made: for an input that only matters with another one. A wake-up costs more
@@ -83,7 +84,8 @@ class RawMessageExecutor:
         self._executor = executor
         self._batch_period = batch_period
         self._plain = plain or bool(os.environ.get(PLAIN)) or not _is_possible(executor)
-        self._lean: tuple[list[Subscription], list[Timer]] = [], []
+        # The subscriptions and timers of the groups.
+        self._raw_entities: tuple[list[Subscription], list[Timer]] = ([], [])
         self._groups: set[RawCallbackGroup] = set()
         self._context_ended = False
         # Querying the context at each message costs four locks; the watch may be too late.
@@ -128,27 +130,29 @@ class RawMessageExecutor:
         self._context_ended = True
 
     def _has_changed(self) -> bool:
-        return self._entities() != self._lean
+        return self._find_raw_entities() != self._raw_entities
 
-    def _entities(self) -> tuple[list[Subscription], list[Timer]]:
-        nodes = self._executor.get_nodes()
-        return (
-            [each for node in nodes for each in node.subscriptions if _is_lean(each)],
-            [each for node in nodes for each in node.timers if _is_lean(each)],
-        )
+    def _find_raw_entities(self) -> tuple[list[Subscription], list[Timer]]:
+        subscriptions: list[Subscription] = []
+        timers: list[Timer] = []
+        for node in self._executor.get_nodes():
+            subscriptions += filter(_is_raw, node.subscriptions)
+            timers += filter(_is_raw, node.timers)
+        return subscriptions, timers
 
     def _adopt(self) -> None:
-        self._lean = self._entities()
-        self._groups |= {each.callback_group for kind in self._lean for each in kind}
-        for group in self._groups:
-            group.has_loop = True
+        self._raw_entities = self._find_raw_entities()
+        for entity in chain(*self._raw_entities):
+            self._groups.add(entity.callback_group)
+            entity.callback_group.has_loop = True
 
     def _take_until_ready(self, watch: '_ExecutorWatch') -> None:
         """Take messages until the watch has a ready entity, or the loop ends."""
-        context, guard = self._executor.context.handle, self._guard.handle
-        with ExitStack() as held:
-            handles, events, takes, timers = self._hold(held)
-            held.enter_context(context)
+        context = self._executor.context.handle
+        guard = self._guard.handle
+        with ExitStack() as stack:
+            handles, events, takes, timers = self._hold(stack)
+            stack.enter_context(context)
             wait_set = rclpy_implementation.WaitSet(
                 len(handles), 1, len(timers), 0, 0, len(events), context
             )
@@ -179,22 +183,22 @@ class RawMessageExecutor:
         if _take(takes, wait_set) < BURST:
             sleep(self._batch_period)
 
-    def _hold(self, held: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+    def _hold(self, stack: ExitStack) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
         """Return subscriptions' handles and events, their take calls, and timers, all held."""
         self._adopt()
         handles: list[Any] = []
         events: list[Any] = []
         takes: list[Any] = []
         timers: list[Any] = []
-        subscriptions, all_timers = self._lean
-        for timer in all_timers:
+        raw_subscriptions, raw_timers = self._raw_entities
+        for timer in raw_timers:
             with suppress(InvalidHandle):  # another thread has just destroyed it
-                held.enter_context(timer.handle)
+                stack.enter_context(timer.handle)
                 timers.append((timer.handle, timer.callback))
-        for subscription in subscriptions:
+        for subscription in raw_subscriptions:
             handle = subscription.handle
-            with suppress(InvalidHandle):  # likewise
-                held.enter_context(handle)
+            with suppress(InvalidHandle):  # another thread has just destroyed it
+                stack.enter_context(handle)
                 # Place in the wait set.
                 index = len(handles) if subscription.callback_group.wakes else None
                 if index is not None:
@@ -202,7 +206,7 @@ class RawMessageExecutor:
                 take = handle.take_message
                 takes.append((index, take, subscription.msg_type, subscription.callback))
                 for event in subscription.event_handlers:
-                    held.enter_context(event)
+                    stack.enter_context(event)
                     events.append(event)
         return handles, events, takes, timers
 
@@ -222,7 +226,9 @@ class _ExecutorWatch:
     ) -> None:
         # Whether `run` has something to do.
         self.is_ready = False
-        self._executor, self._wake, self._condition = executor, wake, condition
+        self._executor = executor
+        self._wake = wake
+        self._condition = condition
         self._stopped = False
         self._task: Any = None
         self._go_on = Semaphore(0)
@@ -242,10 +248,12 @@ class _ExecutorWatch:
             self.run()
 
     def run(self, limit: int = 1) -> None:
-        """Run this many ready callbacks at most; raise an error of one, or that of a shutdown."""
+        """Run this many ready callbacks at most; raise the error of one, or of a shutdown."""
         if not self.is_ready:
             return
-        task, self._task, self.is_ready = self._task, None, False
+        task = self._task
+        self._task = None
+        self.is_ready = False
         if isinstance(task, Exception):
             raise task
         if task is not None:
@@ -280,14 +288,14 @@ def _run(task: Any) -> None:
 
 def _run_ready(executor: Any, limit: int) -> None:
     """Run this many ready callbacks of an executor at most, without waiting for any."""
-    count = before = 0
+    count = last_count = 0
     while count < limit:
         try:
             task, *_ = executor.wait_for_ready_callbacks(0.0)
         except executors.TimeoutException:  # noqa: PERF203, RUF100 - after the ready ones
-            if count == before:
+            if count == last_count:
                 return
-            before = count
+            last_count = count
         else:
             _run(task)
             count += 1
@@ -311,7 +319,7 @@ def _spin_plain(executor: Any, future: Future) -> None:
         future.remove_done_callback(wake)
 
 
-def _is_lean(entity: Any) -> bool:
+def _is_raw(entity: Any) -> bool:
     return isinstance(entity.callback_group, RawCallbackGroup)
 
 
@@ -330,17 +338,17 @@ def _fill(
 
 def _take(takes: list[Any], wait_set: Any) -> int:
     """Take queued messages; return the count of the most frequent topic."""
-    most = 0
+    max_count = 0
     for index, take, kind, callback in takes:
         # A take without a message costs more than this query.
         if index is not None and not wait_set.is_ready('subscription', index):
             continue
         count = 0
-        while count < BURST and (taken := take(kind, True)) is not None:  # raw
-            callback(*taken)
+        while count < BURST and (message := take(kind, True)) is not None:  # raw
+            callback(*message)
             count += 1
-        most = max(most, count)
-    return most
+        max_count = max(max_count, count)
+    return max_count
 
 
 def _call(timers: list[Any], wait_set: Any) -> None:
@@ -354,11 +362,11 @@ def _call(timers: list[Any], wait_set: Any) -> None:
 def _run_events(events: list[Any], wait_set: Any) -> None:
     for event in events:
         if event.is_ready(wait_set):
-            data = None
+            status = None
             with suppress(InvalidHandle):  # another thread has just destroyed it
-                data = event.take_data()
-            if data is not None:
-                event.callback(data)
+                status = event.take_data()
+            if status is not None:
+                event.callback(status)
 
 
 def _is_possible(executor: Any) -> bool:
