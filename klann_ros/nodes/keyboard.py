@@ -29,17 +29,20 @@ _KEY = re.compile(
 # Period of checks for the foreground, and timeout of an incomplete key sequence [s].
 _PERIOD = 0.5
 # Indices in termios' list of attributes.
-_LOCAL_MODES, _CHARACTERS = 3, 6
+_LOCAL_MODES = 3
+_CHARACTERS = 6
 _COOKED = termios.ICANON | termios.ECHO
 
 
 def split_keys(data: bytes) -> tuple[list[str], bytes]:
     """Return the names of the known keys in a terminal's bytes, and the incomplete rest."""
-    keys, end = [], 0
+    names = []
+    end = 0
     while key := _KEY.match(data, end):
-        keys.append(_KEY_NAMES.get(key[0], ''))
+        if key[0] in _KEY_NAMES:
+            names.append(_KEY_NAMES[key[0]])
         end = key.end()
-    return [key for key in keys if key], data[end:]
+    return names, data[end:]
 
 
 class Keyboard:
@@ -87,7 +90,8 @@ class Keyboard:
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
         # Reading in the background is then an error, and does not stop the process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTIN})
-        has_begun, rest = False, b''
+        has_begun = False
+        incomplete = b''
         while True:
             with self._lock:
                 if self._closed:
@@ -96,13 +100,13 @@ class Keyboard:
                 if in_foreground and not has_begun:
                     has_begun = True
                     on_begin()
-                keys, rest = split_keys(rest + data)
+                keys, incomplete = split_keys(incomplete + data)
                 for key in keys:
                     on_key(key)
             ready, *_ = select([self._terminal] if in_foreground else [], [], [], _PERIOD)
             if not ready:
-                # Such as the key Escape.
-                rest = b''
+                # A key that begins as others do, such as Escape, is ignored.
+                incomplete = b''
 
     def _poll(self) -> tuple[bool, bytes]:
         """Return whether the process is in the foreground, and the typed bytes."""
@@ -130,8 +134,9 @@ class Keyboard:
         termios.tcsetattr(self._terminal, termios.TCSANOW, changed)
 
     def _release(self) -> None:
-        saved, self._saved = self._saved, None
+        attributes = self._saved
+        self._saved = None
         # In the background the terminal is another job's, with its own attributes.
         with suppress(OSError, termios.error):
-            if saved is not None and self._is_in_foreground():
-                termios.tcsetattr(self._terminal, termios.TCSANOW, saved)
+            if attributes is not None and self._is_in_foreground():
+                termios.tcsetattr(self._terminal, termios.TCSANOW, attributes)

@@ -21,15 +21,19 @@ from rclpy.qos import QoSProfile
 from .endpoints import create_steady_timer
 
 # Period of announcements, and the time after which a lease without one expires [s].
-HEARTBEAT, LEASE_TIME = 0.1, 1.0
+HEARTBEAT = 0.1
+LEASE_TIME = 1.0
 # Messages that were sent before another one on another topic have arrived after this time [s].
 DELIVERY_TIME = 0.1
-HELD, RELEASED = 'held', 'released'
+HELD = 'held'
+RELEASED = 'released'
 _QOS = QoSProfile(depth=20)
 _MAX_NAME = 300
 _MAX_PUBLISHERS = 64
 # The leased topics, by the last part of their names; the two of a crank share a lease.
-CRANK_ANGLE, CRANK_STATE, CMD_VEL = 'crank_angle', 'crank_state', 'cmd_vel'
+CRANK_ANGLE = 'crank_angle'
+CRANK_STATE = 'crank_state'
+CMD_VEL = 'cmd_vel'
 
 
 def leased_topic(topic: str) -> str:
@@ -52,7 +56,8 @@ class LeaseListener:
         # The present driver's name, '' without one; and the name of the last driver.
         self.holder = self.last_holder = ''
         self._on_change = on_change
-        self._own = node.get_fully_qualified_name()
+        self._node_name = node.get_fully_qualified_name()
+        # The present driver's key, and the time of its last announcement [s].
         self._key = ''
         self._announced_at = 0.0
         # The topic whose lease counts, '' for none.
@@ -76,7 +81,7 @@ class LeaseListener:
                 self.holder = self.last_holder = printable(_node_of(message.key))
                 self._expiry.reset()
                 self._on_change(self.holder)
-            self._confirmations.publish(KeyValue(key=self._own, value=self._key))
+            self._confirmations.publish(KeyValue(key=self._node_name, value=self._key))
 
     def _check(self) -> None:
         if self._key and monotonic() - self._announced_at > LEASE_TIME:
@@ -96,7 +101,9 @@ class Lease:
         self._node = node
         # Two drivers may have one name.
         self._key = f'{node.get_fully_qualified_name()}#{secrets.token_hex(4)}'
+        # The other driver that holds the lease, and the time of its last announcement [s].
         self._other = ('', 0.0)
+        # Times of the last confirmations [s] by publisher, and of the last announcement [s].
         self._yielded: dict[str, float] = {}
         self._announced = 0.0
         self._held = False
@@ -116,7 +123,8 @@ class Lease:
         now = monotonic()
         is_uninterrupted = not self._held or now - self._announced < LEASE_TIME / 2.0
         if not self._held or now - self._announced >= HEARTBEAT / 2.0:
-            self._held, self._announced = True, now
+            self._held = True
+            self._announced = now
             self._publisher.publish(KeyValue(key=self._key, value=HELD))
         return is_uninterrupted
 
@@ -152,8 +160,8 @@ class Lease:
             self._other = name, monotonic()
 
     def _on_yielded(self, message: KeyValue) -> None:
-        known = message.key in self._yielded or len(self._yielded) < _MAX_PUBLISHERS
-        if self._held and message.value == self._key and known:
+        is_accepted = message.key in self._yielded or len(self._yielded) < _MAX_PUBLISHERS
+        if self._held and message.value == self._key and is_accepted:
             self._yielded[message.key] = monotonic()
 
 

@@ -17,7 +17,8 @@ from std_srvs.srv import Trigger
 # Timeout of a call [s].
 CALL_TIMEOUT = 3.0
 # Calls and other work that wait at once, and clients that are kept.
-_MAX_PENDING, _MAX_CLIENTS = 64, 512
+_MAX_PENDING = 64
+_MAX_CLIENTS = 512
 BUSY = 'too much is under way already'
 # Takes the success of a call and a message.
 Reply = Callable[[bool, str], None]
@@ -55,10 +56,11 @@ class ServiceCalls:
     def expire(self) -> None:
         """Answer calls after their timeout."""
         now = monotonic()
-        for call in [call for call in self._pending if now > call.end]:
-            self._pending.remove(call)
-            call.client.remove_pending_request(call.future)
-            call.answer(False, f'no answer for {call.timeout:g} s')
+        for call in list(self._pending):
+            if now > call.end:
+                self._pending.remove(call)
+                call.client.remove_pending_request(call.future)
+                call.answer(False, f'no answer for {call.timeout:g} s')
 
     def is_ready(self, kind: Any, service: str) -> bool:
         """Return whether a service is known."""
@@ -106,9 +108,10 @@ class ServiceCalls:
         """Set parameters of a node, all or none."""
 
         def on_response(response: Any) -> None:
-            result = response.result
-            default = '' if result.successful else 'no reason given'
-            answer(bool(result.successful), printable(result.reason, 600) or default)
+            reason = printable(response.result.reason, 600)
+            if not (reason or response.result.successful):
+                reason = 'no reason given'
+            answer(bool(response.result.successful), reason)
 
         parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         request = SetParametersAtomically.Request(parameters=parameters)
@@ -121,10 +124,13 @@ class ServiceCalls:
         """Read numeric parameters of a node."""
 
         def on_response(response: Any) -> None:
-            found = zip(names, response.values, strict=False)
-            on_values({name: float(v.double_value or v.integer_value) for name, v in found})
+            numbers = {}
+            for name, value in zip(names, response.values, strict=False):
+                numbers[name] = float(value.double_value or value.integer_value)
+            on_values(numbers)
 
-        request, service = GetParameters.Request(names=names), f'{node}/get_parameters'
+        request = GetParameters.Request(names=names)
+        service = f'{node}/get_parameters'
         self.call(GetParameters, service, request, on_response, lambda *_: None)
 
     def _run(self) -> None:

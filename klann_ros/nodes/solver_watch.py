@@ -46,10 +46,10 @@ class SolverWatch:
         self._node = node
         self._on_parameters = on_parameters
         self._calls = ServiceCalls(node)
-        # The known publishers, and the names of their nodes.
-        self._known: set[tuple[int, ...]] = set()
+        # The identities of the known publishers, and the names of their nodes.
+        self._publishers: set[tuple[int, ...]] = set()
         self._nodes: set[str] = set()
-        # Nodes that are to be asked, and those that were, with the timeout of the request [s].
+        # Timeouts of requests [s] by node: the due ones, and those that were sent.
         self._due: dict[str, float] = {}
         self._asked: dict[str, float] = {}
         self._parameters: dict[str, dict[str, Any]] = {}
@@ -63,8 +63,8 @@ class SolverWatch:
             name = node_of(publisher)
             # A restarted solver has its old name and a new publisher.
             identity = tuple(publisher.endpoint_gid)
-            if name and identity not in self._known:
-                self._known.add(identity)
+            if name and identity not in self._publishers:
+                self._publishers.add(identity)
                 # Nodes outside ROS may have any name, and have no parameters.
                 if not name_refusal(f'{name}/list_parameters'):
                     self._nodes.add(name)
@@ -73,11 +73,14 @@ class SolverWatch:
     def send_requests(self) -> None:
         """Send due and repeated requests; to be called repeatedly."""
         self._calls.expire()
-        for name in [name for name in self._due if name not in self._asked]:
-            ready = [self._calls.is_ready(kind, f'{name}/{last}') for kind, last in _SERVICES]
-            if all(ready):
+        for name in list(self._due):
+            if name not in self._asked and self._has_services(name):
                 self._asked[name] = self._due.pop(name)
                 self._call(name, _SERVICES[0], ListParameters.Request(), self._on_names)
+
+    def _has_services(self, name: str) -> bool:
+        ready = [self._calls.is_ready(kind, f'{name}/{last}') for kind, last in _SERVICES]
+        return all(ready)
 
     def _request(self, name: str) -> None:
         self._due[name] = _FIRST_TIMEOUT
@@ -101,8 +104,9 @@ class SolverWatch:
             self._due[name] = min(2.0 * self._asked.pop(name), _MAX_TIMEOUT)
 
         kind, last = service
-        answered, timeout = partial(on_response, name), self._asked[name]
-        self._calls.call(kind, f'{name}/{last}', request, answered, repeat, timeout=timeout)
+        timeout = self._asked[name]
+        answer = partial(on_response, name)
+        self._calls.call(kind, f'{name}/{last}', request, answer, repeat, timeout=timeout)
 
     def _on_names(self, name: str, response: ListParameters.Response) -> None:
         names = list(response.result.names)
@@ -116,16 +120,16 @@ class SolverWatch:
         self._finish(name)
         try:
             values = [_plain(value) for value in response.values]
-            plain = dict(zip(names, values, strict=True))
+            parameters = dict(zip(names, values, strict=True))
         except (RuntimeError, ValueError) as error:
             # A wrong number of values, or an unknown type.
             text = f'{name} returned invalid parameters: {ros_error(error)}'
             self._node.get_logger().warning(text)
             return
         # Parameter events at the start may arrive before and after the response.
-        if plain != self._parameters.get(name):
-            self._parameters[name] = plain
-            self._on_parameters(SolverParameters(name, time_ns(), plain))
+        if parameters != self._parameters.get(name):
+            self._parameters[name] = parameters
+            self._on_parameters(SolverParameters(name, time_ns(), parameters))
 
     def _finish(self, name: str) -> None:
         del self._asked[name]
@@ -138,4 +142,4 @@ def _plain(value: ParameterValue) -> Any:
     plain = parameter_value_to_python(value)
     if isinstance(plain, str) or not isinstance(plain, Sequence | array):
         return plain
-    return [item[0] if isinstance(item, bytes) else item for item in plain]
+    return [member[0] if isinstance(member, bytes) else member for member in plain]

@@ -42,9 +42,8 @@ _MAX_KEYS = 20
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a player; names of topics become full names."""
-    (slowest, fastest), (rarest, densest) = RATES, _CLOCK_RATES
-    rate = number_type(lambda n: slowest <= n <= fastest, f'within {slowest:g} .. {fastest:g}')
-    clock = number_type(lambda n: rarest <= n <= densest, f'within {rarest:g} .. {densest:g}')
+    rate = _number_within(*RATES)
+    clock_rate = _number_within(*_CLOCK_RATES)
     not_negative = number_type(lambda n: 0.0 <= n < inf, 'a number >= 0')
     positive = number_type(lambda n: 0.0 < n <= inf, 'a number > 0')
     add = parser.add_argument
@@ -60,12 +59,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar='S',
         help='wait S seconds first, so that subscribers find the publishers (default: 0.5)',
     )
-    add('--topics', nargs='+', type=_full, metavar='T', help='play these topics only')
+    add('--topics', nargs='+', type=_full_name, metavar='T', help='play these topics only')
     remap: dict[str, Any] = {'nargs': '+', 'type': _renaming, 'default': [], 'metavar': 'OLD:=NEW'}
     add('--remap', **remap, help='publish OLD as NEW')
     add(
         '--clock',
-        type=clock,
+        type=clock_rate,
         metavar='HZ',
         help="publish the log's time on /clock, so often a second; a recorded /clock is left out",
     )
@@ -73,14 +72,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add('--disable-keyboard-controls', action='store_true', help='leave the terminal alone')
 
 
+def _number_within(lower: float, upper: float) -> Callable[[str], Any]:
+    return number_type(lambda n: lower <= n <= upper, f'within {lower:g} .. {upper:g}')
+
+
 def _renaming(text: str) -> tuple[str, str]:
-    old, given, new = text.partition(':=')
-    if not (old and given and new):
+    old_name, _, new_name = text.partition(':=')
+    if not (old_name and new_name):
         raise argparse.ArgumentTypeError(f'{text} is refused: write OLD:=NEW')
-    return _full(old), _full(new)
+    return _full_name(old_name), _full_name(new_name)
 
 
-def _full(name: str) -> str:
+def _full_name(name: str) -> str:
     return name if name.startswith('/') else f'/{name}'
 
 
@@ -162,8 +165,8 @@ class PlayerControls:
     def _change_rate(self, factor: float) -> tuple[bool, str]:
         # Rounding makes one key undo the other.
         rate = float(f'{self._node.get_parameter("rate").value * factor:.9g}')
-        (result,) = self._node.set_parameters([Parameter('rate', value=rate)])
-        return result.successful, result.reason or f'rate {rate:g}'
+        (answer,) = self._node.set_parameters([Parameter('rate', value=rate)])
+        return answer.successful, answer.reason or f'rate {rate:g}'
 
     def _on_keys(self) -> None:
         actions: dict[str, Callable[[], tuple[bool, str]]] = {

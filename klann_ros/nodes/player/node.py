@@ -165,25 +165,28 @@ class PlayerNode(ProcessNode):
         self._clock_publisher.publish(message)
 
     def _summary(self, options: argparse.Namespace) -> str:
-        rate, position = (self.get_parameter(name).value for name in ('rate', 'position'))
-        parts = [
-            f'ready: {printable(options.log)}, {counted(len(self._topics.names), "topic")}',
-            f'{length(self._log):.3f} s at rate {rate:g}',
-            f'from {position:g} s' if position else '',
-            'again and again' if options.loop else '',
-            'paused' if options.start_paused else '',
-        ]
-        return ', '.join(filter(None, parts))
+        rate = self.get_parameter('rate').value
+        position = self.get_parameter('position').value
+        topics = counted(len(self._topics.names), 'topic')
+        summary = f'ready: {printable(options.log)}, {topics}, {length(self._log):.3f} s'
+        summary += f' at rate {rate:g}'
+        if position:
+            summary += f', from {position:g} s'
+        if options.loop:
+            summary += ', again and again'
+        if options.start_paused:
+            summary += ', paused'
+        return summary
 
     def _warn(self, options: argparse.Namespace) -> None:
         warnings = [self._log.problem] if self._log.problem else []
         names = sorted({topic.name for topic in self._log.topics})
+        content = listed(names) or 'no topics'
         unknown = sorted(set(options.topics or ()) - set(names))
-        has = listed(names) or 'no topics'
-        warnings += [f'{printable(name)} is not in the log; it has {has}' for name in unknown]
-        short = options.start_offset - length(self._log)
-        if short > 0.0:
-            warnings.append(f'the log is {short:.3f} s shorter than the start offset')
+        warnings += [f'{printable(name)} is not in the log; it has {content}' for name in unknown]
+        excess = options.start_offset - length(self._log)
+        if excess > 0.0:
+            warnings.append(f'the log is {excess:.3f} s shorter than the start offset')
         if options.clock and _CLOCK in names:
             warnings.append(f'the {_CLOCK} in the log is not played: --clock publishes it')
         for warning in warnings:
@@ -191,22 +194,24 @@ class PlayerNode(ProcessNode):
 
     def _report(self) -> None:
         """Report late messages, damage found while reading, and other publishers, each once."""
-        shared = self._topics.shared_names()
-        also = f'other nodes publish on {listed(shared)} too; subscribers receive both'
-        lateness = str(self._playback.transport.lateness)
-        for text in (lateness, self._log.problem, also if shared else ''):
+        texts = [str(self._playback.transport.lateness), self._log.problem]
+        shared_names = self._topics.shared_names()
+        if shared_names:
+            names = listed(shared_names)
+            texts.append(f'other nodes publish on {names} too; subscribers receive both')
+        for text in texts:
             if text not in self._reported:
                 self._reported.add(text)
                 self.get_logger().warning(printable_line(text))
 
 
 def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:
-    return [
-        topic
-        for topic in log.topics
-        if (options.topics is None or topic.name in options.topics)
-        and not (options.clock and topic.name == _CLOCK)
-    ]
+    topics = []
+    for topic in log.topics:
+        is_chosen = options.topics is None or topic.name in options.topics
+        if is_chosen and not (options.clock and topic.name == _CLOCK):
+            topics.append(topic)
+    return topics
 
 
 # Topics with several publishers in every system.
@@ -226,8 +231,8 @@ class PlayedTopics:
         self._node = node
         self._renamed = renamed
         self._publishers: dict[Topic, Publisher] = {}
-        # The last message of each that has published any.
-        self._last: dict[Publisher, bytes] = {}
+        # The last message of each publisher that has published any.
+        self._last_messages: dict[Publisher, bytes] = {}
         # The number of messages that each latched topic keeps for late subscribers.
         self.latched: dict[str, int] = {}
         self._qos = QosTexts()
@@ -240,11 +245,11 @@ class PlayedTopics:
                 self._make(name, channels)
             except (endpoints.UnknownMessageTypeError, *ROS_ERRORS) as error:  # noqa: PERF203, RUF100
                 self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
-        shown, more = self._warnings[:_MAX_WARNINGS], len(self._warnings) - _MAX_WARNINGS
-        if more > 0:
-            shown.append(f'and {counted(more, "more warning")} about topics')
-        for warning in shown:
+        for warning in self._warnings[:_MAX_WARNINGS]:
             node.get_logger().warning(printable_line(warning))
+        excess = len(self._warnings) - _MAX_WARNINGS
+        if excess > 0:
+            node.get_logger().warning(f'and {counted(excess, "more warning")} about topics')
 
     @property
     def names(self) -> frozenset[str]:
@@ -258,8 +263,8 @@ class PlayedTopics:
 
     def shared_names(self) -> list[str]:
         """Return the topics on which other nodes publish as well, though one is usual."""
-        own = sorted(self.published_names - _SHARED_TOPICS)
-        return [name for name in own if self._node.count_publishers(name) > 1]
+        names = sorted(self.published_names - _SHARED_TOPICS)
+        return [name for name in names if self._node.count_publishers(name) > 1]
 
     def publish(self, message: Message) -> None:
         """Publish a message's bytes."""
@@ -268,7 +273,7 @@ class PlayedTopics:
             return
         try:
             publisher.publish(message.data)
-            self._last[publisher] = message.data
+            self._last_messages[publisher] = message.data
         except RCLError as error:
             self._node.get_logger().error(
                 f'a message of {printable(message.topic.name)} is left out: {ros_error(error)}',
@@ -277,7 +282,7 @@ class PlayedTopics:
 
     def stop_robots(self) -> None:
         """Publish zero wherever a robot was commanded."""
-        for publisher, data in self._last.items():
+        for publisher, data in self._last_messages.items():
             command = standstill(publisher.topic_name, publisher.msg_type, data)
             if command is not None:
                 endpoints.publish_last(publisher, command)
@@ -290,27 +295,29 @@ class PlayedTopics:
         """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
         namespace = self._node.get_namespace().rstrip('/')
-        full = f'{namespace}/{self._renamed.get(name, name).removeprefix("/")}'
-        reason = endpoints.name_refusal(full)
+        full_name = f'{namespace}/{self._renamed.get(name, name).removeprefix("/")}'
+        reason = endpoints.name_refusal(full_name)
         if first.message_encoding != 'cdr':
             encoding = printable(first.message_encoding) or 'of no encoding'
             reason = reason or f'its messages are {encoding}, not cdr'
         if reason:
             raise ValueError(reason)
         kind = endpoints.message_class(first.type)
-        alike = []
+        playable = []
         for topic in channels:
             if (topic.type, topic.message_encoding) == (first.type, first.message_encoding):
-                alike.append(topic)
+                playable.append(topic)
             else:
                 self._warnings.append(
                     f'{printable(name)} is not played as {printable(topic.type)} '
                     f'({printable(topic.message_encoding)}): in the same log it is '
                     f'{printable(first.type)}'
                 )
-        offered = [qos for topic in alike for qos in self._offered(topic)]
-        publisher = self._node.create_publisher(kind, full, publishing_profile(offered))
-        self._publishers.update(dict.fromkeys(alike, publisher))
+        offered: list[Qos] = []
+        for topic in playable:
+            offered += self._offered(topic)
+        publisher = self._node.create_publisher(kind, full_name, publishing_profile(offered))
+        self._publishers.update(dict.fromkeys(playable, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
@@ -334,15 +341,16 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
         return endpoints.OUTPUT
     first = offered[0]
     latched = latched_count(offered)
-    known = any(profile.depth or profile.history == 'keep_all' for profile in offered)
+    has_depth = any(profile.depth or profile.history == 'keep_all' for profile in offered)
     # A latched topic must not repeat more than was latched; other queues have at least the depth
     # of this package's own.
-    least = (1 if known else LATCHED_DEPTH) if latched else endpoints.DEPTH
-    depth = min(max(latched or first.depth, least), MAX_DEPTH)
-    words = {
-        _policy(ReliabilityPolicy, p.reliability, ReliabilityPolicy.RELIABLE) for p in offered
-    }
-    reliable = ReliabilityPolicy.RELIABLE in words
+    min_depth = (1 if has_depth else LATCHED_DEPTH) if latched else endpoints.DEPTH
+    depth = min(max(latched or first.depth, min_depth), MAX_DEPTH)
+    reliable = any(
+        _policy(ReliabilityPolicy, profile.reliability, ReliabilityPolicy.RELIABLE)
+        == ReliabilityPolicy.RELIABLE
+        for profile in offered
+    )
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
@@ -356,11 +364,11 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
     )
 
 
-def _policy(policies: type, word: str, otherwise: object) -> object:
-    """Return the policy of a recorded word; `otherwise` for one that no publisher can offer."""
+def _policy(policies: type, word: str, default: object) -> object:
+    """Return the policy of a recorded word; `default` for one that no publisher can offer."""
     if word in ('unknown', 'system_default', 'best_available'):
-        return otherwise
-    return policies.__members__.get(word.upper(), otherwise)  # type: ignore[attr-defined]
+        return default
+    return policies.__members__.get(word.upper(), default)  # type: ignore[attr-defined]
 
 
 def main(argv: Sequence[str], stop: StopSignals) -> int:
