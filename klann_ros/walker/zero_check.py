@@ -7,10 +7,13 @@ variance is reported if without an offset the variance is several times larger.
 """
 
 from collections.abc import Sequence
-from math import degrees, radians
+from itertools import combinations
+from math import degrees, isnan, radians
 from typing import NamedTuple
 
-from klann_ros.gait import Feet, stance
+from klann_ros.gait import Feet
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+import numpy as np
 
 # Offsets that are compared, apart from none [rad].
 OFFSETS = tuple(0.1 * tenths for tenths in range(-6, 7) if tenths)
@@ -22,8 +25,8 @@ MEMORY, MIN_SAMPLES, CONFIRMATIONS = 60, 30, 32
 # for 0.1 rad straight on. Where the body tips otherwise than was computed, as on slopes in curves,
 # a ratio of 3 is chance; there the variance with any offset is large [rad^2].
 GATE, NOISE, MAX_VARIANCE = 2.5, radians(0.3) ** 2, radians(0.8) ** 2
-# Where an attitude contradicts a support by more, the feet that carry the body are others [rad].
-TOLERANCE = 0.035
+# Tolerances of rounding: relative area of a vertical facet; load shares and positions [m].
+FLAT, ROUNDING = 1e-9, 1e-12
 
 
 class ZeroOffset(NamedTuple):
@@ -73,6 +76,10 @@ class ZeroCheck:
         self._without = _Differences()
         cranks = range(len(feet.joints))
         self._with = {(crank, offset): _Differences() for crank in cranks for offset in OFFSETS}
+        # The offsets of all cranks in each of these cases, the one without offset first [rad].
+        self._offsets = np.zeros((1 + len(self._with), len(feet.joints)))
+        for case, (crank, offset) in enumerate(self._with, start=1):
+            self._offsets[case, crank] = offset
 
     def update(self, cranks: Sequence[float], attitude: tuple[float, float]) -> None:
         """Take angles of the cranks, and roll and pitch of the body [rad]."""
@@ -81,22 +88,17 @@ class ZeroCheck:
             return
         self._sampled = cranks
         self._count += 1
-        self._compare(self._without, cranks, attitude)
-        for (crank, offset), differences in self._with.items():
-            angles = [*cranks]
-            angles[crank] -= offset
-            self._compare(differences, angles, attitude)
+        feet, _, centres = self._feet.at(np.array(cranks) - self._offsets)
+        measured = complex(*attitude)
+        nearest = _nearest_attitudes(feet, centres, measured).tolist()
+        for differences, expected in zip(
+            (self._without, *self._with.values()), nearest, strict=True
+        ):
+            if not isnan(expected.real):
+                differences.add(expected - measured)
         last_cause, self._cause = self._cause, self._find_cause()
         is_same = bool(self._cause and last_cause and last_cause.joint == self._cause.joint)
         self._confirmations = self._confirmations + 1 if is_same else 0
-
-    def _compare(
-        self, differences: _Differences, cranks: Sequence[float], attitude: tuple[float, float]
-    ) -> None:
-        feet, _, centre = self._feet.at(cranks).tolist()
-        support = stance.support(feet, centre, None, attitude, TOLERANCE)
-        if support is not None:
-            differences.add(complex(support.roll - attitude[0], support.pitch - attitude[1]))
 
     @property
     def offset(self) -> ZeroOffset | None:
@@ -116,3 +118,36 @@ class ZeroCheck:
         if self._count < MIN_SAMPLES or not is_significant:
             return None
         return ZeroOffset(self._feet.joints[crank], angle)
+
+
+def _nearest_attitudes(feet: FloatArray, centres: FloatArray, measured: complex) -> ComplexArray:
+    """
+    Return how bodies rest on their feet: roll + j pitch [rad], NaN where they do not.
+
+    Of several facets of the feet of a body the one nearest to the measured attitude counts. This
+    is `stance.support` for many bodies at once: feet (k, n, 3) and centres of mass (k, 3) [m].
+    """
+    facets = list(combinations(range(feet.shape[1]), 3))
+    a, b, c = np.moveaxis(feet[:, facets], 2, 0)
+    u, v = b - a, c - a
+    normals = np.cross(u, v)
+    nz = normals[..., 2]
+    is_facet = np.abs(nz) > FLAT * (u[..., :2] ** 2 + v[..., :2] ** 2).sum(axis=-1)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        upwards = normals / np.copysign(np.linalg.norm(normals, axis=-1), nz)[..., None]
+        from_corner = centres[:, None] - a
+        above = (from_corner * upwards).sum(axis=-1, keepdims=True)
+        px, py, _ = np.moveaxis(from_corner - above * upwards, -1, 0)
+        shares_b = (px * v[..., 1] - py * v[..., 0]) / nz
+        shares_c = (py * u[..., 0] - px * u[..., 1]) / nz
+    shares = np.minimum(np.minimum(shares_b, shares_c), 1.0 - shares_b - shares_c)
+    lowest = np.einsum('kni,kfi->kfn', feet, upwards).min(axis=-1) - (a * upwards).sum(axis=-1)
+    is_support = is_facet & (shares >= -ROUNDING) & (lowest >= -ROUNDING)
+    rolls = np.arctan2(upwards[..., 1], upwards[..., 2])
+    pitches = -np.arcsin(upwards[..., 0])
+    attitudes = np.where(is_support, rolls + 1j * pitches, np.nan)
+    distances = np.where(is_support, np.abs(attitudes - measured), np.inf)
+    nearest: ComplexArray = np.take_along_axis(
+        attitudes, distances.argmin(axis=1, keepdims=True), axis=1
+    )
+    return nearest[:, 0]
