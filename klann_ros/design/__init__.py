@@ -13,17 +13,17 @@ All values are in SI units. A figure is the one that `klann_ros.datasheet` repor
 
 from .proof import FoundLeg
 from .requirements import Aim, Limit, Requirements, requirements_from, requirements_from_file
-from .search import Found, Progress, search, State
+from .search import Progress, search, SearchResult, State
 from .space import RequirementsError, Space
 
 __all__ = [
     'Aim',
-    'Found',
     'FoundLeg',
     'Limit',
     'Progress',
     'Requirements',
     'RequirementsError',
+    'SearchResult',
     'Space',
     'State',
     'requirements_from',

@@ -26,7 +26,7 @@ from .leg_file import leg_text, parameter_text
 from .page import page
 from .report import leg_name, report, text
 from .requirements import Requirements, requirements_from_file
-from .search import DEFAULT_EVALUATIONS, Found, Progress, search, State
+from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State
 from .space import RequirementsError
 
 NONE_FOUND, INTERRUPTED = 1, 130
@@ -61,7 +61,7 @@ def _design(options: argparse.Namespace) -> int:
         print(_line(requirements, progress), file=sys.stderr, flush=True)
 
     try:
-        found = search(
+        search_result = search(
             requirements,
             seed=options.seed,
             evaluations=options.evaluations,
@@ -73,16 +73,16 @@ def _design(options: argparse.Namespace) -> int:
         )
     except ValueError as error:
         raise UsageError(f'--resume: {error}') from error
-    _write(folder, found)
-    print(text(found, printable(folder)), end='')
-    if not found.legs:
+    _write(folder, search_result)
+    print(text(search_result, printable(folder)), end='')
+    if not search_result.legs:
         return NONE_FOUND
-    return INTERRUPTED if found.is_interrupted else 0
+    return INTERRUPTED if search_result.is_interrupted else 0
 
 
 def _opened(folder: Path, *, resume: bool) -> State | None:
     """Return the state of the search in a folder, which is made; None of a new search."""
-    shown = printable(folder)
+    title = printable(folder)
     if resume and folder.is_dir() and not any(folder.iterdir()):
         # It ended in the first round.
         return None
@@ -91,30 +91,29 @@ def _opened(folder: Path, *, resume: bool) -> State | None:
             content = json.loads(read_regular(folder / STATE, MAX_STATE_SIZE))
             return State.of(content)
         except OSError as error:
-            raise UsageError(f'--resume: {shown} has no search: {error.strerror}') from error
+            raise UsageError(f'--resume: {title} has no search: {error.strerror}') from error
         except (ValueError, TypeError, KeyError) as error:
-            raise UsageError(f'--resume: {shown}/{STATE} is damaged') from error
+            raise UsageError(f'--resume: {title}/{STATE} is damaged') from error
     try:
         folder.mkdir(parents=True)
     except FileExistsError as error:
         advice = 'continue it with --resume, or choose another with -o'
-        raise OutputError(f'{shown} exists already: {advice}') from error
+        raise OutputError(f'{title} exists already: {advice}') from error
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
-        raise OutputError(f'{shown} cannot be made: {printable(reason)}') from error
+        raise OutputError(f'{title} cannot be made: {printable(reason)}') from error
     return None
 
 
-def _write(folder: Path, found: Found) -> None:
+def _write(folder: Path, search_result: SearchResult) -> None:
     """Write all files of a result; those of legs that an earlier one had are removed."""
+    requirements = search_result.requirements
     names: list[str] = []
-    for number, leg in enumerate(found.legs):
+    for number, leg in enumerate(search_result.legs):
         name = leg_name(number)
-        figures = [
-            f'#   {figure}: {found.requirements.figure_text(figure, leg.reached.get(figure))}'
-            for figure in found.requirements.figures
-        ]
-        head = '\n'.join(['# Found by design; its figures:', *figures]) + '\n'
+        head = '# Found by design; its figures:\n'
+        for figure in requirements.figures:
+            head += f'#   {figure}: {requirements.figure_text(figure, leg.reached.get(figure))}\n'
         _save(folder, f'{name}.yaml', head + leg_text(leg.leg))
         names.append(f'{name}.yaml')
         if leg.walker is not None:
@@ -123,21 +122,22 @@ def _write(folder: Path, found: Found) -> None:
     for old in folder.glob('leg_*.yaml'):
         if old.name not in names and not old.is_symlink():
             old.unlink(missing_ok=True)
-    _save(folder, 'design.json', report(found))
-    _save(folder, 'index.html', page(found))
+    _save(folder, 'design.json', report(search_result))
+    _save(folder, 'index.html', page(search_result))
 
 
 def _save(folder: Path, name: str, content: str) -> None:
-    place = folder / name
-    if place.is_symlink():
-        raise OutputError(f'{printable(place)} is a link, which is not followed')
-    Output('-o', os.fspath(place)).write(content.encode(errors='replace'))
+    file = folder / name
+    if file.is_symlink():
+        raise OutputError(f'{printable(file)} is a link, which is not followed')
+    Output('-o', os.fspath(file)).write(content.encode(errors='replace'))
 
 
 def _line(requirements: Requirements, progress: Progress) -> str:
     """Return the progress of a search in a line."""
     best = [
-        f'{name} {requirements.figure_text(name, value)}' for name, value in progress.best.items()
+        f'{name} {requirements.figure_text(name, figure)}'
+        for name, figure in progress.best.items()
     ]
     state = ', '.join(best) or 'no leg holds the limits yet'
     return (
@@ -150,15 +150,15 @@ def _parser() -> ArgumentParser:
     parser = ArgumentParser('design', DESCRIPTION, EPILOG)
     add = parser.add_argument
     add('requirements', metavar='REQUIREMENTS', type=path, help='their file')
-    out = 'for the result (default: the name of REQUIREMENTS and _legs); a new one'
-    add('-o', '--output', metavar='FOLDER', type=path, help=out)
+    folder = 'for the result (default: the name of REQUIREMENTS and _legs); a new one'
+    add('-o', '--output', metavar='FOLDER', type=path, help=folder)
     seed = number_type(lambda n: 0 <= n < 2**53, 'a whole number, 0 or more', int)
     add('--seed', metavar='N', type=seed, default=0, help='of the search, 0')
     add('--time', metavar='S', type=SECONDS, help='end the search after this time [s]')
-    many = f'candidates that are judged, {DEFAULT_EVALUATIONS}'
-    add('--evaluations', metavar='N', type=COUNT, default=DEFAULT_EVALUATIONS, help=many)
+    count = f'candidates that are judged, {DEFAULT_EVALUATIONS}'
+    add('--evaluations', metavar='N', type=COUNT, default=DEFAULT_EVALUATIONS, help=count)
     add('--jobs', metavar='N', type=COUNT, help='processes (default: the CPUs)')
-    where = 'processes of this machine, or a Ray cluster'
-    add('--engine', choices=ENGINES, default='local', help=where)
+    engines = 'processes of this machine, or a Ray cluster'
+    add('--engine', choices=ENGINES, default='local', help=engines)
     add('--resume', action='store_true', help='continue the search in FOLDER')
     return parser

@@ -44,37 +44,39 @@ class Scores(NamedTuple):
 def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
     starts = range(0, len(x), MAX_JUDGED)
-    parts = [_scores(requirements, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
-    if not parts:
+    chunks = [_scores(requirements, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
+    if not chunks:
         return _scores(requirements, space, np.empty((0, len(space.names))))
-    names = parts[0].figures
-    return Scores(
-        np.concatenate([part.losses for part in parts]),
-        np.concatenate([part.violations for part in parts]),
-        {name: np.concatenate([part.figures[name] for part in parts]) for name in names},
-    )
+    losses = np.concatenate([chunk.losses for chunk in chunks])
+    violations = np.concatenate([chunk.violations for chunk in chunks])
+    figures = {}
+    for name in chunks[0].figures:
+        figures[name] = np.concatenate([chunk.figures[name] for chunk in chunks])
+    return Scores(losses, violations, figures)
 
 
 def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     variants = space.variants(x)
     names = frozenset(requirements.figures)
-    found = judge(variants, names, requirements.load)
-    figures = found.figures
+    judgement = judge(variants, names, requirements.load)
+    figures = judgement.figures
     if requirements.target is not None:
         figures['path_error'] = np.full(len(x), np.nan)
-        turning = np.flatnonzero(found.turns)
-        figures['path_error'][turning] = requirements.target.fit(found.h[turning]).error
+        turning = np.flatnonzero(judgement.turns)
+        figures['path_error'][turning] = requirements.target.fit(judgement.h[turning]).error
     aims = requirements.cheap_aims
-    losses = [np.where(found.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in aims]
+    losses = [np.where(judgement.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in aims]
     # Without a cheap aim any candidate that holds the limits is as good.
-    losses = losses or [np.where(found.turns, 0.0, WORST_LOSS)]
-    violations = [found.jam]
+    losses = losses or [np.where(judgement.turns, 0.0, WORST_LOSS)]
+    violations = [judgement.jam]
     for limit in requirements.cheap_limits:
         scale = abs(limit.value) or 1.0
         shortfall = limit.shortfall(figures[limit.figure]) / scale + LIMIT_MARGIN
-        violations.append(np.where(found.turns, shortfall, 10.0))
-    table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T
-    return Scores(table, np.nan_to_num(np.array(violations), nan=10.0, posinf=10.0).T, figures)
+        violations.append(np.where(judgement.turns, shortfall, 10.0))
+    loss_table = np.nan_to_num(np.array(losses), nan=WORST_LOSS, posinf=WORST_LOSS).T
+    return Scores(
+        loss_table, np.nan_to_num(np.array(violations), nan=10.0, posinf=10.0).T, figures
+    )
 
 
 class Island(NamedTuple):
@@ -92,9 +94,11 @@ class Island(NamedTuple):
 
 def evolve(island: Island) -> FloatArray:
     """Return the population of an island after its evaluations, shape (p, d)."""
-    requirements, (space,) = island.requirements, island.requirements.spaces
+    requirements = island.requirements
+    (space,) = requirements.spaces
     random = np.random.default_rng(island.seed)
-    x, spent = island.population, 0
+    x = island.population
+    spent = 0
     if x is None:
         spent = min(POPULATION * SAMPLES_PER_CANDIDATE, max(POPULATION, island.evaluations))
         x = space.sample(random, spent)
@@ -103,16 +107,16 @@ def evolve(island: Island) -> FloatArray:
     return _evolved(requirements, x, random, generations) if generations > 0 else x
 
 
-def _chosen(found: Scores) -> IndexArray:
+def _chosen(sampled: Scores) -> IndexArray:
     """Return a population: half of it the best, half far apart of the rest that is as good."""
-    order = found.order
+    order = sampled.order
     best = order[: POPULATION // 2]
-    fine = order[found.total[order] <= 0.0]
-    rest = np.setdiff1d(fine, best)
-    rest = rest[spread(found.losses[rest], POPULATION - len(best))] if len(rest) else rest
-    both = np.concatenate([best, rest])
-    others = order[~np.isin(order, both)]
-    return np.asarray(np.concatenate([both, others])[:POPULATION], dtype=np.intp)
+    distant = np.setdiff1d(order[sampled.total[order] <= 0.0], best)
+    if len(distant):
+        distant = distant[spread(sampled.losses[distant], POPULATION - len(best))]
+    chosen = np.concatenate([best, distant])
+    remaining = order[~np.isin(order, chosen)]
+    return np.asarray(np.concatenate([chosen, remaining])[:POPULATION], dtype=np.intp)
 
 
 def _evolved(
@@ -126,21 +130,23 @@ def _evolved(
 
     (space,) = requirements.spaces
     first = scores(requirements, space, x[:1])
-    aims, limits = first.losses.shape[1], first.violations.shape[1]
+    aims = first.losses.shape[1]
+    limits = first.violations.shape[1]
 
     class SearchProblem(Problem):  # type: ignore[misc]  # pymoo has no types
         """The requirements as pymoo has them."""
 
         def _evaluate(self, x: Any, out: Any, *_: Any, **__: Any) -> None:
-            found = scores(requirements, space, x)
-            out['F'], out['G'] = found.losses, found.violations
+            candidates = scores(requirements, space, x)
+            out['F'] = candidates.losses
+            out['G'] = candidates.violations
 
     problem = SearchProblem(n_var=x.shape[1], n_obj=aims, n_ieq_constr=limits, xl=0.0, xu=1.0)
     kind = DE if aims == 1 else NSGA2
     algorithm = kind(pop_size=len(x), sampling=x)
     seed = int(random.integers(2**31))
-    found = minimize(problem, algorithm, ('n_gen', generations), seed=seed)
-    return np.array(found.pop.get('X'), dtype=np.float64)
+    optimum = minimize(problem, algorithm, ('n_gen', generations), seed=seed)
+    return np.array(optimum.pop.get('X'), dtype=np.float64)
 
 
 def spread(points: FloatArray, count: int) -> IndexArray:
@@ -149,8 +155,8 @@ def spread(points: FloatArray, count: int) -> IndexArray:
 
     Farthest-point sampling of the points relative to their ranges.
     """
-    reach = np.ptp(points, axis=0)
-    relative = (points - points.min(axis=0)) / np.where(reach > 0.0, reach, 1.0)
+    size = np.ptp(points, axis=0)
+    relative = (points - points.min(axis=0)) / np.where(size > 0.0, size, 1.0)
     chosen = [0]
     distance = np.linalg.norm(relative - relative[0], axis=1)
     while len(chosen) < min(count, len(points)):
@@ -162,10 +168,10 @@ def spread(points: FloatArray, count: int) -> IndexArray:
 def pareto_front(losses: FloatArray) -> IndexArray:
     """Return the rows that no other row dominates, shape (n, m); of equal rows the first."""
     front: list[int] = []
-    for row in np.lexsort(losses.T[::-1]).tolist():
-        better = losses[front] <= losses[row]
-        if not better.all(axis=1).any():
-            front.append(row)
+    for n in np.lexsort(losses.T[::-1]).tolist():
+        is_better = losses[front] <= losses[n]
+        if not is_better.all(axis=1).any():
+            front.append(n)
     return np.array(sorted(front), dtype=np.intp)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from .figures import crank_angles, FIGURES
 from .proof import FoundLeg
 from .report import leg_name, shown_figures
-from .search import Found
+from .search import SearchResult
 
 _STATIC = Path(__file__).resolve().parent / 'static'
 PAGE_PARTS = Parts(
@@ -24,26 +24,30 @@ PAGE_PARTS = Parts(
 ANIMATION_POSES = 120
 
 
-def page(found: Found) -> str:
+def page(search_result: SearchResult) -> str:
     """Return the page of a result."""
-    units, target = found.requirements.units, found.requirements.target
-    title = f'{"Legs that fulfil" if found.legs else "No leg fulfils"} the requirements'
-    about = f'{counted(len(found.legs), "leg")} of {found.state.evaluations} candidates'
+    requirements = search_result.requirements
+    state = search_result.state
+    title = f'{"Legs that fulfil" if search_result.legs else "No leg fulfils"} the requirements'
+    about = f'{counted(len(search_result.legs), "leg")} of {state.evaluations} candidates'
     header = element('header', element('div', element('h1', title), element('p', about)))
-    reasons = [element('li', reason) for reason in found.reasons]
+    reasons = [element('li', reason) for reason in search_result.reasons]
     why = element('section', element('ul', *reasons, class_='findings')) if reasons else Markup()
-    if not found.legs:
+    if not search_result.legs:
         return PAGE_PARTS.page(title, header, why)
-    names = shown_figures(found.requirements)
-    axes = [
-        {'name': name, 'unit': units.name(FIGURES[name].unit)}
-        for name in names
-        if all(isfinite(leg.reached.get(name, np.nan)) for leg in found.legs)
-    ]
+    names = shown_figures(requirements)
+    target = requirements.target
+    axes = []
+    for name in names:
+        figures = [leg.reached.get(name, np.nan) for leg in search_result.legs]
+        if np.isfinite(figures).all():
+            axes.append({'name': name, 'unit': requirements.units.name(FIGURES[name].unit)})
     choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
     data = {
         'axes': axes,
-        'legs': [_leg(found, leg, leg_name(n)) for n, leg in enumerate(found.legs)],
+        'legs': [
+            _leg(search_result, leg, leg_name(n)) for n, leg in enumerate(search_result.legs)
+        ],
         'target': target and [[z.real, z.imag] for z in target.points.tolist()],
     }
     return PAGE_PARTS.page(
@@ -58,51 +62,48 @@ def page(found: Found) -> str:
             element('div', class_='scatter card'),
         ),
         element('section', element('h2', 'Chosen legs'), element('div', class_='chosen')),
-        element('section', element('h2', 'All legs'), _table(found, names)),
+        element('section', element('h2', 'All legs'), _table(search_result, names)),
         data=data,
     )
 
 
-def _table(found: Found, names: list[str]) -> Markup:
-    rows = [
-        (
-            leg_name(n),
-            *(found.requirements.figure_text(name, leg.reached.get(name)) for name in names),
-            f'{100.0 * leg.non_turning_fraction:.1f} %',
-            leg.linkage.name,
-        )
-        for n, leg in enumerate(found.legs)
-    ]
-    heads = ('Leg', *(name.replace('_', ' ') for name in names), 'jams', 'Linkage')
-    return scrolling_table('All legs', heads, rows)
+def _table(search_result: SearchResult, names: list[str]) -> Markup:
+    figure_text = search_result.requirements.figure_text
+    lines = []
+    for n, leg in enumerate(search_result.legs):
+        figures = [figure_text(name, leg.reached.get(name)) for name in names]
+        jams = f'{100.0 * leg.non_turning_fraction:.1f} %'
+        lines.append((leg_name(n), *figures, jams, leg.linkage.name))
+    heads = ('Leg', *[name.replace('_', ' ') for name in names], 'jams', 'Linkage')
+    return scrolling_table('All legs', heads, lines)
 
 
-def _leg(found: Found, leg: FoundLeg, name: str) -> dict[str, Any]:
-    units = found.requirements.units
+def _leg(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str, Any]:
+    requirements = search_result.requirements
     poses: Any = linkage_poses(leg.linkage, crank_angles(ANIMATION_POSES), points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
-    since = (crank_angles(ANIMATION_POSES) - stance.start) % TURN
+    since_start = (crank_angles(ANIMATION_POSES) - stance.start) % TURN
+    figures = {}
+    lines = []
+    for figure, reached in leg.reached.items():
+        figures[figure] = reached / requirements.units.size(FIGURES[figure].unit)
+        expected_text = requirements.figure_text(figure, leg.expected.get(figure))
+        reached_text = requirements.figure_text(figure, reached)
+        lines.append([figure.replace('_', ' '), expected_text, reached_text])
+    margins = []
+    for dimension, ends in leg.margins.items():
+        margins.append([dimension, *[f'{end:.5g}' if isfinite(end) else 'any' for end in ends]])
     return {
         'name': name,
         'linkage': leg.linkage.name,
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
-        'points': [[[float(f'{m:.5g}') for m in p] for p in pose] for pose in poses.points],
-        'stands': (since <= stance.end - stance.start).tolist(),
-        'figures': {
-            key: value / units.size(FIGURES[key].unit) for key, value in leg.reached.items()
-        },
-        'rows': [
-            [
-                key.replace('_', ' '),
-                found.requirements.figure_text(key, leg.expected.get(key)),
-                found.requirements.figure_text(key, value),
-            ]
-            for key, value in leg.reached.items()
+        'points': [
+            [[float(f'{m:.5g}') for m in point] for point in pose] for pose in poses.points
         ],
-        'margins': [
-            [key, *(f'{end:.5g}' if isfinite(end) else 'any' for end in ends)]
-            for key, ends in leg.margins.items()
-        ],
+        'stands': (since_start <= stance.end - stance.start).tolist(),
+        'figures': figures,
+        'rows': lines,
+        'margins': margins,
         'walker': leg.walker is not None,
     }

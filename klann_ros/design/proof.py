@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from klann_ros.datasheet import data_sheet, SheetError
 from klann_ros.gait import NoWalkerError, walk_figures
@@ -15,8 +15,6 @@ from .leg_file import walker_parameters, with_numbers
 from .requirements import Limit, Requirements
 from .space import Space
 
-_Content: TypeAlias = Mapping[str, Any]
-_Figures: TypeAlias = dict[str, float]
 # Relative half-width of all lengths where the requirements have no tolerance.
 DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS, STUDY_ANGLES = 1000, 180
@@ -79,7 +77,8 @@ class ProofError(ValueError):
 
     def __init__(self, text: str, limit: Limit | None = None, value: float = np.nan) -> None:
         super().__init__(text)
-        self.limit, self.value = limit, value
+        self.limit = limit
+        self.value = value
 
 
 def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
@@ -106,8 +105,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         )
     except (SheetError, KinematicsError, ValueError) as error:
         raise ProofError(str(error)) from error
-    (of,) = sheet.legs
-    if not of.turns_fully:
+    (leg_sheet,) = sheet.legs
+    if not leg_sheet.turns_fully:
         raise ProofError('the crank does not turn fully')
     reached = sheet_figures(sheet, linkage)
     if not reached['transmission_angle'] > 0.0:
@@ -117,10 +116,12 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         # In place: it may neither be moved nor turned nor scaled any more.
         fixed = replace(requirements.target, can_move=False, can_turn=False, can_scale=False)
         reached['path_error'] = float(fixed.fit(h).error[0])
-    dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
-    lengths = {d.name: number for d, number in dimensions if d.is_length}
-    is_absolute, width = bool(requirements.tolerance), requirements.tolerance or DEFAULT_TOLERANCE
-    tolerances = {name: width if is_absolute else width * own for name, own in lengths.items()}
+    tolerance = requirements.tolerance or DEFAULT_TOLERANCE
+    tolerances = {
+        dimension.name: tolerance if requirements.tolerance else tolerance * number
+        for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True)
+        if dimension.is_length
+    }
     try:
         study = tolerance_study(linkage, tolerances, samples=STUDY_LEGS, crank_angles=STUDY_ANGLES)
     except ValueError as error:
@@ -130,26 +131,34 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     if requirements.walker is not None:
         walker, figures = _walker(leg, requirements.walker, requirements.speed)
         reached |= figures
-    for limit in requirements.limits:
-        value = reached.get(limit.figure, np.nan)
-        if not limit.shortfall(value) <= 0.0:
-            raise ProofError(f'{limit.figure} does not hold', limit, float(value))
+    _check_limits(requirements, reached)
+    margins = {bar.name: bar.margin for bar in leg_sheet.bars if bar.margin}
     return FoundLeg(
-        leg,
-        candidate.space,
-        candidate.expected,
-        {name: value for name, value in reached.items() if np.isfinite(value)},
-        {bar.name: (bar.margin.least, bar.margin.greatest) for bar in of.bars if bar.margin},
-        width,
-        study.non_turning_fraction,
-        linkage.assembly,
-        walker,
+        leg=leg,
+        space=candidate.space,
+        expected=candidate.expected,
+        reached={name: figure for name, figure in reached.items() if np.isfinite(figure)},
+        margins={name: (margin.least, margin.greatest) for name, margin in margins.items()},
+        tolerance=tolerance,
+        non_turning_fraction=study.non_turning_fraction,
+        assembly=linkage.assembly,
+        walker=walker,
     )
 
 
-def _walker(leg: RobotLeg, wanted: Mapping[str, Any], speed: float) -> tuple[_Content, _Figures]:
+def _check_limits(requirements: Requirements, reached: Mapping[str, float]) -> None:
+    for limit in requirements.limits:
+        figure = reached.get(limit.figure, np.nan)
+        if not limit.shortfall(figure) <= 0.0:
+            raise ProofError(f'{limit.figure} does not hold', limit, float(figure))
+
+
+def _walker(
+    leg: RobotLeg, options: Mapping[str, Any], speed: float
+) -> tuple[Mapping[str, Any], dict[str, float]]:
+    """Return the parameters and the figures of a walker made of a leg."""
     try:
-        parameters = walker_parameters(leg, wanted)
+        parameters = walker_parameters(leg, options)
         walk: Any = walk_figures(robot_from_parameters(parameters))
     except (NoWalkerError, KinematicsError) as error:
         raise ProofError(str(error)) from error

@@ -9,7 +9,7 @@ from klann_ros.sanitize.text import counted, finite, printable_line
 from .figures import FIGURES
 from .proof import FoundLeg
 from .requirements import Requirements
-from .search import Found
+from .search import SearchResult
 
 # Legs in the text; design.json has all.
 MAX_SHOWN = 12
@@ -27,46 +27,48 @@ def shown_figures(requirements: Requirements) -> list[str]:
     return [*dict.fromkeys((*requirements.figures, *ALSO_SHOWN))]
 
 
-def text(found: Found, folder: str) -> str:
+def text(search_result: SearchResult, folder: str) -> str:
     """Return the result as lines."""
-    return '\n'.join(_lines(found, folder)) + '\n'
+    return '\n'.join(_lines(search_result, folder)) + '\n'
 
 
-def _lines(found: Found, folder: str) -> Iterator[str]:
-    requirements, state = found.requirements, found.state
-    if not found.legs:
+def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
+    requirements = search_result.requirements
+    state = search_result.state
+    if not search_result.legs:
         yield f'No leg fulfils the requirements, of {state.evaluations} candidates:'
-        yield from (f'  {printable_line(reason)}' for reason in found.reasons)
+        yield from (f'  {printable_line(reason)}' for reason in search_result.reasons)
         return
-    yield f'{counted(len(found.legs), "leg")} of {state.evaluations} candidates, in {folder}'
+    legs = counted(len(search_result.legs), 'leg')
+    yield f'{legs} of {state.evaluations} candidates, in {folder}'
     names = shown_figures(requirements)
     table = [('', *names, 'linkage')]
-    for number, leg in enumerate(found.legs[:MAX_SHOWN]):
-        own = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
-        table.append((leg_name(number), *own, leg.linkage.name))
+    for number, leg in enumerate(search_result.legs[:MAX_SHOWN]):
+        figures = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
+        table.append((leg_name(number), *figures, leg.linkage.name))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    for row in table:
-        cells = [f'{cell:>{w}}' for cell, w in zip(row[1:-1], widths[1:-1], strict=True)]
-        yield '  '.join([f'{row[0]:<{widths[0]}}', *cells, printable_line(row[-1])]).rstrip()
-    more = len(found.legs) - MAX_SHOWN
+    for name, *figures, linkage in table:
+        cells = [f'{name:<{widths[0]}}', *map(str.rjust, figures, widths[1:-1])]
+        yield '  '.join([*cells, printable_line(linkage)]).rstrip()
+    more = len(search_result.legs) - MAX_SHOWN
     if more > 0:
         yield f'and {more} more'
-    for reason, count in found.refused.items():
+    for reason, count in search_result.refused.items():
         yield f'{counted(count, "candidate")} did not pass the proof: {printable_line(reason)}'
 
 
-def report(found: Found) -> str:
+def report(search_result: SearchResult) -> str:
     """Return the result as JSON, in SI units."""
-    requirements, state = found.requirements, found.state
+    state = search_result.state
     content = {
-        'requirements': json.loads(requirements.text),
-        'seed': found.seed,
+        'requirements': json.loads(search_result.requirements.text),
+        'seed': search_result.seed,
         'evaluations': state.evaluations,
         'hypervolumes': list(state.hypervolumes),
         'units': {name: kind.unit for name, kind in FIGURES.items()},
-        'reasons': list(found.reasons),
-        'refused': dict(found.refused),
-        'legs': [_leg_content(leg, leg_name(n)) for n, leg in enumerate(found.legs)],
+        'reasons': list(search_result.reasons),
+        'refused': dict(search_result.refused),
+        'legs': [_leg_content(leg, leg_name(n)) for n, leg in enumerate(search_result.legs)],
     }
     return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
 

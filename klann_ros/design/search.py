@@ -1,5 +1,6 @@
 """The search of a leg: islands that evolve in any number of processes, then the proof."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
 
@@ -41,11 +42,43 @@ BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
 _Population: TypeAlias = FloatArray | None
-# Space, candidates and scores of each island; space, x, losses and figures of a candidate.
-_Scored: TypeAlias = Sequence[tuple[int, FloatArray, Scores]]
-_Row: TypeAlias = tuple[int, FloatArray, FloatArray, dict[str, float]]
-# Calls a function of each item in processes; returns the answers.
+# Calls a function of each task in processes; returns the answers, or a Refusal without one.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
+
+
+class IslandScores(NamedTuple):
+    """The number of an island, its candidates of shape (n, d), and their scores."""
+
+    island: int
+    x: FloatArray
+    scores: Scores
+
+    @property
+    def holds(self) -> BoolArray:
+        """Return whether each candidate holds all limits."""
+        return np.asarray(self.scores.total <= 0.0)
+
+    @property
+    def turns(self) -> BoolArray:
+        """Return whether each candidate turns."""
+        return np.asarray(self.scores.violations[:, 0] <= 0.0)
+
+
+class Survivor(NamedTuple):
+    """A candidate that holds the limits: the number of its space, x of shape (d,), its scores."""
+
+    space: int
+    x: FloatArray
+    losses: FloatArray
+    figures: dict[str, float]
+
+
+class Refusal(NamedTuple):
+    """Why there is no answer; the limit that does not hold, and the leg's figure (SI)."""
+
+    reason: str
+    limit: Limit | None = None
+    figure: float = np.nan
 
 
 class State(NamedTuple):
@@ -53,7 +86,7 @@ class State(NamedTuple):
     A search between two rounds: all that a later one depends on.
 
     `populations` are those of the islands, and `hypervolumes` those after each round, in the
-    `frame` of the first front: the least of each loss, and its range.
+    `frame` of the first front: the minimum of each loss, and its range.
     """
 
     key: str
@@ -65,25 +98,28 @@ class State(NamedTuple):
 
     def content(self) -> dict[str, Any]:
         """Return it for JSON, whose numbers are exact."""
-        own = self._asdict()
-        own['populations'] = [None if x is None else x.tolist() for x in self.populations]
-        return own
+        populations = [None if x is None else x.tolist() for x in self.populations]
+        return self._replace(populations=tuple(populations))._asdict()
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> 'State':
-        """Return that of JSON; errors are KeyError, TypeError and ValueError."""
-        arrays = [
+        """Return a state from JSON; errors are KeyError, TypeError and ValueError."""
+        populations = [
             None if x is None else np.array(x, dtype=np.float64) for x in content['populations']
         ]
-        hypervolumes = tuple(map(float, content['hypervolumes']))
-        numbers = int(content['rounds']), int(content['evaluations'])
-        frame = tuple((float(low), float(reach)) for low, reach in content['frame'])
-        return cls(str(content['key']), *numbers, tuple(arrays), hypervolumes, frame)
+        return cls(
+            key=str(content['key']),
+            rounds=int(content['rounds']),
+            evaluations=int(content['evaluations']),
+            populations=tuple(populations),
+            hypervolumes=tuple(map(float, content['hypervolumes'])),
+            frame=tuple((float(low), float(size)) for low, size in content['frame']),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """What a search has after a round: evaluations, seconds, hypervolume, best figures (SI)."""
+    """The progress of a search after a round; `best` are figures in SI units."""
 
     evaluations: int
     seconds: float
@@ -92,7 +128,7 @@ class Progress:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """
     The result of a search.
 
@@ -120,7 +156,7 @@ def search(
     engine: str = 'local',
     state: State | None = None,
     on_round: Callable[[State, Progress], object] | None = None,
-) -> Found:
+) -> SearchResult:
     """
     Search for the legs that fulfil the requirements, and prove each.
 
@@ -151,104 +187,107 @@ def search(
         The engine is unavailable, or no worker answers.
 
     """
-    # Of all that a search depends on.
+    # The hash of all that a search depends on.
     key = hashlib.sha256(f'{seed}\n{requirements.text}'.encode()).hexdigest()
-    count = max(ISLANDS, len(requirements.spaces))
-    now = state or State(key, 0, 0, (None,) * count)
-    if now.key != key or len(now.populations) != count:
+    island_count = max(ISLANDS, len(requirements.spaces))
+    state = state or State(key, 0, 0, (None,) * island_count)
+    if state.key != key or len(state.populations) != island_count:
         raise ValueError('the search to resume has other requirements or another seed')
-    start, is_interrupted = monotonic(), False
+    start_time = monotonic()
+    is_interrupted = False
     run = partial(_in_order, jobs=jobs, engine=engine)
     try:
-        while now.evaluations < evaluations:
-            now, every = _next_round(requirements, now, seed, evaluations, run)
+        while state.evaluations < evaluations:
+            state, islands = _next_round(requirements, state, seed, evaluations, run)
             if on_round is not None:
-                seconds = monotonic() - start
-                on_round(now, _progress(requirements.cheap_aims, now, every, seconds))
-            if time_limit is not None and monotonic() - start > time_limit:
+                seconds = monotonic() - start_time
+                on_round(state, _progress(requirements.cheap_aims, state, islands, seconds))
+            if time_limit is not None and monotonic() - start_time > time_limit:
                 break
     except KeyboardInterrupt:
-        if not any(x is not None for x in now.populations):
+        if not any(x is not None for x in state.populations):
             raise
         is_interrupted = True
-    found = _found(requirements, now, seed, run)
-    return replace(found, is_interrupted=is_interrupted)
+    search_result = _proven_legs(requirements, state, seed, run)
+    return replace(search_result, is_interrupted=is_interrupted)
 
 
 def _next_round(
     requirements: Requirements, state: State, seed: int, evaluations: int, run: _Run
-) -> tuple[State, _Scored]:
+) -> tuple[State, list[IslandScores]]:
     """Return the state after a round, and the scores of its populations."""
     numbers = [n for n, x in enumerate(state.populations) if x is None or len(x)]
     share = max(POPULATION, min(MAX_ROUND, evaluations // (len(numbers) * ROUNDS)))
-    islands = [
-        # Of many spaces a worker needs its own alone.
-        Island(
-            replace(requirements, spaces=(requirements.space(n),)),
-            state.populations[n],
-            (seed, state.rounds, n),
-            share,
-        )
-        for n in numbers
-    ]
-    answers = run(evolve, islands)
-    failed = [answer for answer in answers if isinstance(answer, str)]
-    if len(failed) == len(answers):
-        raise EngineError(f'the search failed: {failed[0]}')
+    tasks = []
+    for n in numbers:
+        # A worker needs the space of its island alone.
+        own_requirements = replace(requirements, spaces=(requirements.space(n),))
+        island_seed = (seed, state.rounds, n)
+        tasks.append(Island(own_requirements, state.populations[n], island_seed, share))
+    answers = run(evolve, tasks)
+    refusals = [answer for answer in answers if isinstance(answer, Refusal)]
+    if len(refusals) == len(answers):
+        raise EngineError(f'the search failed: {refusals[0].reason}')
     populations = [*state.populations]
     for n, answer in zip(numbers, answers, strict=True):
-        # Of an island whose worker died twice the population stays as it was.
-        if not isinstance(answer, str):
+        # The population of an island whose worker died twice stays as it was.
+        if not isinstance(answer, Refusal):
             populations[n] = answer
     populations = _migrated(requirements, populations)
-    rounds, spent = state.rounds + 1, state.evaluations + share * len(islands)
-    state = state._replace(rounds=rounds, evaluations=spent, populations=tuple(populations))
-    every = _all_scores(requirements, state)
-    state = _with_hypervolume(state, every)
+    state = state._replace(
+        rounds=state.rounds + 1,
+        evaluations=state.evaluations + share * len(tasks),
+        populations=tuple(populations),
+    )
+    islands = _all_scores(requirements, state)
+    state = _with_hypervolume(state, islands)
     if len(numbers) > ISLANDS and len(requirements.spaces) > ISLANDS:
         # The island of a space has its number.
-        better = _better_half(state, every)
-        pairs = enumerate(state.populations)
-        state = state._replace(populations=tuple(x if n in better else DROPPED for n, x in pairs))
-    return state, every
+        survivors = _better_half(state, islands)
+        for n in range(len(populations)):
+            if n not in survivors:
+                populations[n] = DROPPED
+        state = state._replace(populations=tuple(populations))
+    return state, islands
 
 
 def _migrated(requirements: Requirements, populations: Sequence[_Population]) -> list[_Population]:
     """Return the populations, the worst of each replaced by the best of the one before it."""
-    spaces = len(requirements.spaces)
-    ranked = {
-        n: x[scores(requirements, requirements.space(n), x).order]
-        for n, x in enumerate(populations)
-        if x is not None and len(x)
-    }
-    moved = [*populations]
+    space_count = len(requirements.spaces)
+    ranked = {}
+    for n, x in enumerate(populations):
+        if x is not None and len(x):
+            ranked[n] = x[scores(requirements, requirements.space(n), x).order]
+    migrated = [*populations]
     for n, x in ranked.items():
-        same = [k for k in range(n % spaces, len(populations), spaces) if k != n]
-        before = max([k for k in same if k < n], default=same[-1] if same else n)
-        if before != n and before in ranked:
-            moved[n] = np.concatenate([x[:-MIGRANTS], ranked[before][:MIGRANTS]])
-    return moved
+        # The islands of one space are a ring.
+        ring = range(n % space_count, len(populations), space_count)
+        neighbour = n - space_count if n >= space_count else ring[-1]
+        if neighbour != n and neighbour in ranked:
+            migrated[n] = np.concatenate([x[:-MIGRANTS], ranked[neighbour][:MIGRANTS]])
+    return migrated
 
 
-def _all_scores(requirements: Requirements, state: State) -> _Scored:
+def _all_scores(requirements: Requirements, state: State) -> list[IslandScores]:
     """Return the scores of each island that has a population."""
     return [
-        (n % len(requirements.spaces), x, scores(requirements, requirements.space(n), x))
+        IslandScores(n, x, scores(requirements, requirements.space(n), x))
         for n, x in enumerate(state.populations)
         if x is not None and len(x)
     ]
 
 
-def _with_hypervolume(state: State, every: _Scored) -> State:
+def _with_hypervolume(state: State, islands: Sequence[IslandScores]) -> State:
     """Return the state with the volume that its front dominates."""
-    losses = np.concatenate([s.losses[s.total <= 0.0] for _, _, s in every])
+    losses = np.concatenate([island.scores.losses[island.holds] for island in islands])
     losses = losses[(losses < WORST_LOSS).all(axis=1)]
     if len(losses) and not state.frame:
         # Relative to the first front, so that later ones compare with it.
         front = losses[pareto_front(losses)]
-        low, reach = front.min(axis=0), np.ptp(front, axis=0)
-        reach = np.where(reach > 0.0, reach, np.maximum(np.abs(low), 1e-12))
-        state = state._replace(frame=tuple(zip(low.tolist(), reach.tolist(), strict=True)))
+        low = front.min(axis=0)
+        size = np.ptp(front, axis=0)
+        size = np.where(size > 0.0, size, np.maximum(np.abs(low), 1e-12))
+        state = state._replace(frame=tuple(zip(low.tolist(), size.tolist(), strict=True)))
     return state._replace(hypervolumes=(*state.hypervolumes, _volume(state, losses)))
 
 
@@ -256,170 +295,188 @@ def _volume(state: State, losses: FloatArray) -> float:
     """Return the volume that losses dominate, in the frame of the first front."""
     if not len(losses):
         return 0.0
-    low, reach = np.array(state.frame).T
-    return hypervolume((losses - low) / reach, np.full(len(low), 1.1))
+    low, size = np.array(state.frame).T
+    return hypervolume((losses - low) / size, np.full(len(low), 1.1))
 
 
-def _better_half(state: State, every: _Scored) -> list[int]:
+def _better_half(state: State, islands: Sequence[IslandScores]) -> set[int]:
     """Return the islands whose populations dominate most: half of them, or `ISLANDS`."""
 
-    def rank(item: tuple[int, FloatArray, Scores]) -> tuple[float, ...]:
-        _, _, own = item
-        first = own.order[0]
-        volume = _volume(state, own.losses[own.total <= 0.0])
-        return -volume, float(own.total[first]), float(own.losses[first].sum())
+    def rank(island: IslandScores) -> tuple[float, ...]:
+        losses = island.scores.losses
+        first = island.scores.order[0]
+        volume = _volume(state, losses[island.holds])
+        return -volume, float(island.scores.total[first]), float(losses[first].sum())
 
-    count = max(ISLANDS, (len(every) + 1) // 2)
-    return [n for n, _, _ in sorted(every, key=rank)[:count]]
+    count = max(ISLANDS, (len(islands) + 1) // 2)
+    return {island.island for island in sorted(islands, key=rank)[:count]}
 
 
-def _progress(aims: Sequence[Aim], state: State, every: _Scored, seconds: float) -> Progress:
+def _progress(
+    aims: Sequence[Aim], state: State, islands: Sequence[IslandScores], seconds: float
+) -> Progress:
     best = {}
     for aim in aims:
-        values = [s.figures[aim.figure][s.total <= 0.0] for _, _, s in every]
-        known = np.concatenate(values)
-        known = known[np.isfinite(known)]
-        if len(known):
-            best[aim.figure] = float(known[aim.loss(known).argmin()])
+        figures = [island.scores.figures[aim.figure][island.holds] for island in islands]
+        finite = np.concatenate(figures)
+        finite = finite[np.isfinite(finite)]
+        if len(finite):
+            best[aim.figure] = float(finite[aim.loss(finite).argmin()])
     return Progress(state.evaluations, seconds, state.hypervolumes[-1], best)
 
 
-def _found(requirements: Requirements, state: State, seed: int, run: _Run) -> Found:
-    every = _all_scores(requirements, state)
-    rows = [
-        (space, x[i], s.losses[i], {name: float(v[i]) for name, v in s.figures.items()})
-        for space, x, s in every
-        for i in np.flatnonzero(s.total <= 0.0).tolist()
-    ]
-    if not rows:
-        reasons = failing_figures(requirements, every)
-        return Found(requirements, (), tuple(reasons), state, seed, {})
-    chosen = [rows[k] for k in _chosen(requirements, rows).tolist()]
-    made = run(partial(_made, requirements), chosen)
-    ready = [candidate for candidate in made if not isinstance(candidate, str)]
+def _proven_legs(requirements: Requirements, state: State, seed: int, run: _Run) -> SearchResult:
+    """Refine and prove the best candidates of a search."""
+    islands = _all_scores(requirements, state)
+    survivors = _survivors(requirements, islands)
+    if not survivors:
+        reasons = failing_figures(requirements, islands)
+        return SearchResult(requirements, (), tuple(reasons), state, seed, {})
+    chosen = [survivors[k] for k in _chosen(requirements, survivors).tolist()]
+    answers = run(partial(_fitted, requirements), chosen)
+    candidates = [answer for answer in answers if isinstance(answer, FittedCandidate)]
     if requirements.target is not None:
-        ready.sort(key=lambda candidate: candidate.expected['path_error'])
+        candidates.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
-    refused: dict[str, int] = {}
-    nearest: dict[Limit, float] = {}
-    for start in range(0, len(ready), requirements.count):
-        batch = ready[slice(start, start + requirements.count)]
+    refusals: list[Refusal] = []
+    for start in range(0, len(candidates), requirements.count):
+        batch = candidates[slice(start, start + requirements.count)]
         for answer in run(partial(_proven, requirements), batch):
-            if isinstance(answer, FoundLeg):
+            if isinstance(answer, Refusal):
+                refusals.append(answer)
+            else:
                 legs.append(answer)
-                continue
-            text, limit, value = answer if isinstance(answer, tuple) else (answer, None, 0.0)
-            refused[text] = refused.get(text, 0) + 1
-            if limit is not None:
-                values = [value, nearest.get(limit, value)]
-                # A figure without a value (NaN) is the farthest.
-                misses = np.nan_to_num(limit.shortfall(np.array(values)), nan=np.inf)
-                nearest[limit] = values[int(misses.argmin())]
         if len(legs) >= requirements.count:
             break
     legs = _best(requirements.aims, legs[: requirements.count])
-    reasons = [_shortfall(requirements, limit, value) for limit, value in nearest.items()]
-    reasons += [f'{text}: {counted(n, "leg")}' for text, n in refused.items()]
-    reasons = [] if legs else reasons
-    return Found(requirements, tuple(legs), tuple(reasons), state, seed, refused)
+    counts = dict(Counter(refusal.reason for refusal in refusals))
+    reasons = [] if legs else _refusal_reasons(requirements, refusals, counts)
+    return SearchResult(requirements, tuple(legs), tuple(reasons), state, seed, counts)
 
 
-def _in_order(function: Any, items: Sequence[Any], *, jobs: int | None, engine: str) -> list[Any]:
-    """Return the answers in the order of the items; an item without one has its reason."""
+def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> list[Survivor]:
+    survivors = []
+    for island in islands:
+        space = island.island % len(requirements.spaces)
+        for i in np.flatnonzero(island.holds).tolist():
+            figures = {name: float(column[i]) for name, column in island.scores.figures.items()}
+            survivors.append(Survivor(space, island.x[i], island.scores.losses[i], figures))
+    return survivors
+
+
+def _refusal_reasons(
+    requirements: Requirements, refusals: Sequence[Refusal], counts: Mapping[str, int]
+) -> list[str]:
+    """Return why no leg passed the proof: the nearest figure of each limit, then all reasons."""
+    nearest: dict[Limit, float] = {}
+    for refusal in refusals:
+        if refusal.limit is not None:
+            figures = [refusal.figure, nearest.get(refusal.limit, refusal.figure)]
+            # A figure without a value (NaN) is the farthest.
+            misses = np.nan_to_num(refusal.limit.shortfall(np.array(figures)), nan=np.inf)
+            nearest[refusal.limit] = figures[int(misses.argmin())]
+    reasons = [_shortfall(requirements, limit, figure) for limit, figure in nearest.items()]
+    return reasons + [f'{reason}: {counted(n, "leg")}' for reason, n in counts.items()]
+
+
+def _in_order(function: Any, tasks: Sequence[Any], *, jobs: int | None, engine: str) -> list[Any]:
+    """Return the answers in the order of the tasks; a Refusal of a task without one."""
     if jobs == 1 and engine == 'local':
-        return list(map(function, items))
-    answers = dict(parallel_map(function, items, engine=engine, jobs=jobs))
-    found = [answers[n] for n in range(len(items))]
-    return [answer.reason if isinstance(answer, TaskError) else answer for answer in found]
+        return list(map(function, tasks))
+    unordered = dict(parallel_map(function, tasks, engine=engine, jobs=jobs))
+    answers = []
+    for n in range(len(tasks)):
+        answer = unordered[n]
+        answers.append(Refusal(answer.reason) if isinstance(answer, TaskError) else answer)
+    return answers
 
 
-def _chosen(requirements: Requirements, rows: Sequence[Any]) -> Any:
+def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexArray:
     """Return the candidates to prove: far apart on the front, or of one aim among the best."""
-    losses = np.array([row[2] for row in rows])
+    losses = np.array([survivor.losses for survivor in survivors])
     if losses.shape[1] > 1:
         front = pareto_front(losses)
         front = front[np.argsort(losses[front, 0], kind='stable')]
         return front[spread(losses[front], PROVEN_PER_LEG * requirements.count)]
-    best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES]
-    # Only those of one linkage can be compared.
-    same = best[[rows[k][0] == rows[best[0]][0] for k in best.tolist()]]
-    x = np.array([rows[k][1] for k in same.tolist()])
-    some = same[spread(x, max(requirements.count, REFINED_CANDIDATES))]
-    return some[np.argsort(losses[some, 0], kind='stable')]
+    best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES].tolist()
+    # Only candidates of one linkage can be compared.
+    comparable = np.array([k for k in best if survivors[k].space == survivors[best[0]].space])
+    x = np.array([survivors[k].x for k in comparable.tolist()])
+    distant = comparable[spread(x, max(requirements.count, REFINED_CANDIDATES))]
+    return np.asarray(distant[np.argsort(losses[distant, 0], kind='stable')])
 
 
-def _made(requirements: Requirements, row: _Row) -> FittedCandidate | str:
+def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | Refusal:
     """Return a candidate, refined on a path; or why it is no linkage."""
-    number, x, _, expected = row
-    space, target = requirements.spaces[number], requirements.target
+    space = requirements.spaces[survivor.space]
+    target = requirements.target
     try:
         if target is None:
-            return FittedCandidate(space, space.variants(x[None])[0], expected)
-        linkage, distance = refined(target, space, x)
+            return FittedCandidate(space, space.variants(survivor.x[None])[0], survivor.figures)
+        linkage, distance = refined(target, space, survivor.x)
     except GeometryError as error:
-        return str(error)
-    return FittedCandidate(space, linkage, {**expected, 'path_error': distance})
+        return Refusal(str(error))
+    return FittedCandidate(space, linkage, {**survivor.figures, 'path_error': distance})
 
 
-def _proven(
-    requirements: Requirements, candidate: FittedCandidate
-) -> FoundLeg | tuple[str, Limit | None, float]:
-    """Return a leg with its proof; or why it is none, the limit that fails and the figure."""
+def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | Refusal:
+    """Return a leg with its proof; or why it is none."""
     try:
         return prove(requirements, candidate)
-    except ProofError as refusal:
-        return str(refusal), refusal.limit, refusal.value
+    except ProofError as error:
+        return Refusal(str(error), error.limit, error.value)
 
 
 def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     """Return the legs that no other dominates by the figures of their sheets, by the first aim."""
     if not legs:
         return []
-    rows = [[aim.loss(leg.reached.get(aim.figure, np.inf)) for aim in aims] for leg in legs]
-    table = np.array(rows, dtype=np.float64)
+    losses = np.empty((len(legs), len(aims)))
+    for n, aim in enumerate(aims):
+        losses[:, n] = [aim.loss(leg.reached.get(aim.figure, np.inf)) for leg in legs]
     if len(aims) == 1:
-        return [legs[k] for k in np.argsort(table[:, 0], kind='stable').tolist()]
-    table = np.nan_to_num(table, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
-    front = pareto_front(table)
-    return [legs[k] for k in front[np.argsort(table[front, 0], kind='stable')].tolist()]
+        return [legs[k] for k in np.argsort(losses[:, 0], kind='stable').tolist()]
+    losses = np.nan_to_num(losses, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
+    front = pareto_front(losses)
+    return [legs[k] for k in front[np.argsort(losses[front, 0], kind='stable')].tolist()]
 
 
-def failing_figures(requirements: Requirements, every: _Scored) -> list[str]:
+def failing_figures(requirements: Requirements, islands: Sequence[IslandScores]) -> list[str]:
     """Return why no candidate fulfils the requirements: the figure that fails, and by how much."""
-    turning = [s.violations[:, 0] <= 0.0 for _, _, s in every]
-    if not any(t.any() for t in turning):
-        least = min(float(s.violations[:, 0].min()) for _, _, s in every)
-        missing = f'{100.0 * min(least, 1.0):.1f} % of the turn'
+    if not any(island.turns.any() for island in islands):
+        jam = min(float(island.scores.violations[:, 0].min()) for island in islands)
+        missing = f'{100.0 * min(jam, 1.0):.1f} % of the turn'
         remedy = 'vary more, or other dimensions'
         return [f'no candidate turns fully (the best one misses {missing}): {remedy}']
-    nearest = min(
-        (float(s.total[i]), n, i)
-        for n, ((_, _, s), t) in enumerate(zip(every, turning, strict=True))
-        for i in np.flatnonzero(t).tolist()
-    )
-    _, n, i = nearest
-    found = every[n][2]
+    nearest: dict[str, float] = {}
+    least_violation = np.inf
+    for island in islands:
+        totals = np.where(island.turns, island.scores.total, np.inf)
+        i = int(totals.argmin())
+        if totals[i] < least_violation:
+            least_violation = totals[i]
+            nearest = {name: float(column[i]) for name, column in island.scores.figures.items()}
     reasons = []
     for limit in requirements.cheap_limits:
-        values = [s.figures[limit.figure][t] for (_, _, s), t in zip(every, turning, strict=True)]
-        known = np.concatenate(values)
-        known = known[np.isfinite(known)]
-        own = float(found.figures[limit.figure][i])
-        if limit.shortfall(own) <= 0.0:
+        figure = nearest[limit.figure]
+        if limit.shortfall(figure) <= 0.0:
             continue
-        reason = _shortfall(requirements, limit, own)
-        if len(known):
-            best = float(known[limit.shortfall(known).argmin()])
+        reason = _shortfall(requirements, limit, figure)
+        columns = [island.scores.figures[limit.figure][island.turns] for island in islands]
+        finite = np.concatenate(columns)
+        finite = finite[np.isfinite(finite)]
+        if len(finite):
+            best = float(finite[limit.shortfall(finite).argmin()])
             reason += f'; alone it reaches {requirements.figure_text(limit.figure, best)}'
         reasons.append(reason)
     return reasons or ['the limits hold only within rounding: relax one of them a little']
 
 
-def _shortfall(requirements: Requirements, limit: Limit, value: float) -> str:
+def _shortfall(requirements: Requirements, limit: Limit, figure: float) -> str:
     """Return by how much a figure misses a limit."""
     text = partial(requirements.figure_text, limit.figure)
-    wanted = f'{limit.sense.replace("_", " ")} {text(limit.value)}'
-    if np.isnan(value):
-        return f'{limit.figure} has no value where {wanted} is wanted'
-    miss = text(float(limit.shortfall(value)))
-    return f'{limit.figure} is {text(value)} where {wanted} is wanted, {miss} short'
+    bound = f'{limit.sense.replace("_", " ")} {text(limit.value)}'
+    if np.isnan(figure):
+        return f'{limit.figure} has no value where {bound} is wanted'
+    miss = text(float(limit.shortfall(figure)))
+    return f'{limit.figure} is {text(figure)} where {bound} is wanted, {miss} short'

@@ -7,7 +7,7 @@ from pathlib import Path
 from browser import find
 from browser_page import OpenedPage
 from hostile_leg import LINKAGE
-from klann_ros.design import Found, requirements_from, search
+from klann_ros.design import requirements_from, search, SearchResult
 from klann_ros.design.page import page
 import pytest
 
@@ -20,7 +20,7 @@ FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'),
 
 
 @pytest.fixture(scope='module')
-def found() -> Found:
+def found() -> SearchResult:
     requirements = requirements_from(
         {'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6}
     )
@@ -28,7 +28,7 @@ def found() -> Found:
 
 
 @pytest.fixture(scope='module')
-def pages(found: Found, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def pages(found: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp('designs')
     file = folder / 'hostile.yaml'
     file.write_text(LINKAGE)
@@ -80,7 +80,7 @@ def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Callable[..., Opened
 
 
 def test_the_cards_show_the_figures_in_the_units_of_the_wish(
-    visit: Callable[..., OpenedPage], found: Found
+    visit: Callable[..., OpenedPage], found: SearchResult
 ) -> None:
     opened = visit('legs')
     rows = opened.page.locator('.chosen table').first.locator('tbody tr')

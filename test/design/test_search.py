@@ -6,11 +6,11 @@ from pathlib import Path
 import sys
 
 from klann_ros.datasheet import data_sheet
-from klann_ros.design import Found, refine, requirements_from, search
+from klann_ros.design import refine, requirements_from, search, SearchResult
 from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import FIGURES, judge, sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text, with_numbers
-from klann_ros.design.search import failing_figures
+from klann_ros.design.search import failing_figures, IslandScores
 from klann_ros.gait import walk_figures
 from klann_ros.kinematics import linkage_poses, shipped_linkage, turns_fully, Variants
 from klann_ros.robot import robot_from_file
@@ -31,11 +31,11 @@ TOY = {
 
 
 @pytest.fixture(scope='module')
-def found() -> Found:
+def found() -> SearchResult:
     return search(requirements_from(TOY), evaluations=960)
 
 
-def test_every_leg_closes_all_round_in_one_assembly_mode(found: Found) -> None:
+def test_every_leg_closes_all_round_in_one_assembly_mode(found: SearchResult) -> None:
     alphas = np.linspace(0.0, 2.0 * np.pi, 20_000)
     assert len(found.legs) >= 2
     for leg in found.legs:
@@ -51,7 +51,7 @@ def test_every_leg_closes_all_round_in_one_assembly_mode(found: Found) -> None:
 
 
 def test_the_figures_are_those_that_describe_reports_of_the_file(
-    found: Found, tmp_path: Path
+    found: SearchResult, tmp_path: Path
 ) -> None:
     for leg in found.legs[:3]:
         file = tmp_path / 'leg.yaml'
@@ -65,13 +65,13 @@ def test_the_figures_are_those_that_describe_reports_of_the_file(
             assert leg.reached[name] == pytest.approx(value, rel=2e-3)
 
 
-def test_no_leg_dominates_another(found: Found) -> None:
+def test_no_leg_dominates_another(found: SearchResult) -> None:
     table = [(-leg.reached['stride'], leg.reached['deviation']) for leg in found.legs]
     assert table == sorted(table)
     assert len(pareto_front(np.array(table))) == len(table)
 
 
-def test_a_walker_of_a_leg_walks_forward(found: Found, tmp_path: Path) -> None:
+def test_a_walker_of_a_leg_walks_forward(found: SearchResult, tmp_path: Path) -> None:
     leg = found.legs[0]
     assert leg.walker is not None
     file = tmp_path / 'walker.yaml'
@@ -90,7 +90,7 @@ def test_another_seed_gives_other_legs_and_is_not_resumed() -> None:
         search(replace(requirements, text='other'), state=one.state)
 
 
-def searched(content: Mapping[str, object]) -> Found:
+def searched(content: Mapping[str, object]) -> SearchResult:
     return search(requirements_from(content), evaluations=480)
 
 
@@ -113,7 +113,7 @@ def test_a_search_without_turning_legs_is_reported() -> None:
 @pytest.mark.parametrize('linkage', ['klann', 'slider_crank'])
 def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) -> None:
     names = [name for name, kind in FIGURES.items() if not kind.is_costly and name != 'path_error']
-    limits = {name: {'at_least': min(1e4, 0.999 * FIGURES[name].greatest)} for name in names}
+    limits = {name: {'at_least': min(1e4, 0.999 * FIGURES[name].max_value)} for name in names}
     units = {'length': 'm'}
     none = searched({'linkage': linkage, 'units': units, 'vary': 5, 'load': 1, 'figures': limits})
     assert not none.legs
@@ -199,6 +199,6 @@ def test_a_figure_without_a_value_is_a_reason_in_words(known: list[float]) -> No
     values = np.array([np.nan, np.nan, *known])
     violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(known))
     own = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
-    (reason,) = failing_figures(requirements, [(0, np.zeros((len(values), 1)), own)])
+    (reason,) = failing_figures(requirements, [IslandScores(0, np.zeros((len(values), 1)), own)])
     alone = '; alone it reaches 0.3 m' if known else ''
     assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'
