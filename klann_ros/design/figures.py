@@ -25,14 +25,14 @@ class FigureKind(NamedTuple):
     """
     A figure that requirements may name.
 
-    `unit` is 'm', 'rad', '' or another SI unit, `least` and `greatest` its bounds. A costly one is
-    computed of survivors alone. `needs` is the key of the requirements that defines it.
+    `unit` is 'm', 'rad', '' or another SI unit. A costly one is computed of
+    survivors alone. `needs` is the key of the requirements that defines it.
     """
 
     text: str
     unit: str = ''
-    least: float = 0.0
-    greatest: float = inf
+    min_value: float = 0.0
+    max_value: float = inf
     is_costly: bool = False
     needs: str = ''
 
@@ -98,61 +98,61 @@ def judge(variants: Variants, names: frozenset[str], load: float = 0.0) -> Judge
     jam = np.where(variants.refused, 2.0, turns.missing)
     if variants.base.two_circles:
         with np.errstate(invalid='ignore'):
-            lacking = np.maximum(0.0, -driven_clearances(variants) / variants.base.size)
-        jam += np.where(np.isfinite(lacking), np.minimum(lacking, 1.0), 0.0)
+            missing_clearance = np.maximum(0.0, -driven_clearances(variants) / variants.base.size)
+        jam += np.where(np.isfinite(missing_clearance), np.minimum(missing_clearance, 1.0), 0.0)
     turning = np.flatnonzero(jam == 0.0)
-    h, h_1 = (each.take(turning, axis=1) for each in (turns.h, turns.h_1))
-    paths = SampledPaths(h, h_1)
+    paths = SampledPaths(turns.h.take(turning, axis=1), turns.h_1.take(turning, axis=1))
     stance = paths.stance
-    found = path_figures(paths, stance, paths.heights(stance.mid_swing) - paths.lowest)
-    found['torque_peak'] = load * np.maximum(paths.rise_speed, paths.fall_speed)
-    found['torque_range'] = load * (paths.rise_speed + paths.fall_speed)
-    found['transmission_angle'] = turns.transmission_angle[turning]
-    numbers, dimensions = variants.numbers[:, turning], variants.base.structure.dimensions
-    lengths = numbers[[k for k, d in enumerate(dimensions) if d.kind == 'length']]
-    found['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
-    pivots = [k for k, d in enumerate(dimensions) if d.kind == 'y']
-    base = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
-    found['ground_clearance'] = base - paths.lowest
+    columns = path_figures(paths, stance, paths.heights(stance.mid_swing) - paths.lowest)
+    columns['torque_peak'] = load * np.maximum(paths.rise_speed, paths.fall_speed)
+    columns['torque_range'] = load * (paths.rise_speed + paths.fall_speed)
+    columns['transmission_angle'] = turns.transmission_angle[turning]
+    numbers = variants.numbers[:, turning]
+    dimensions = variants.base.structure.dimensions
+    lengths = numbers[[k for k, dimension in enumerate(dimensions) if dimension.kind == 'length']]
+    columns['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
+    pivots = [k for k, dimension in enumerate(dimensions) if dimension.kind == 'y']
+    lowest_pivot = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
+    columns['ground_clearance'] = lowest_pivot - paths.lowest
     if turns.box is not None:
-        found['width'], found['height'] = turns.box[:, turning]
+        columns['width'], columns['height'] = turns.box[:, turning]
     figures = {}
     # In one order, whatever the hashes of names are.
-    for name in sorted(names & found.keys()):
+    for name in sorted(names & columns.keys()):
         figures[name] = np.full(len(variants), np.nan)
-        figures[name][turning] = found[name]
+        figures[name][turning] = columns[name]
     return Judgement(jam, figures, turns.h.transpose(1, 2, 0))
 
 
 def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
     """Return the figures of a leg's data sheet, as far as it has them."""
     (leg,) = sheet.legs
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     if leg.path is not None:
-        found |= {'stride': leg.path.stride, 'lift': leg.path.lift}
-        found['path_length'] = leg.path.length
-        own = linkage.dimensions
-        pivots = [own[d.name] for d in linkage.structure.dimensions if d.kind == 'y']
-        found['ground_clearance'] = min(pivots, default=0.0) - leg.path.y_range[0]
+        figures |= {'stride': leg.path.stride, 'lift': leg.path.lift}
+        figures['path_length'] = leg.path.length
+        drawn = linkage.dimensions
+        heights = [drawn[d.name] for d in linkage.structure.dimensions if d.kind == 'y']
+        figures['ground_clearance'] = min(heights, default=0.0) - leg.path.y_range[0]
     if leg.stance is not None and leg.path is not None:
         poses: Any = linkage_poses(linkage, [leg.stance.mid_swing])
         step_height = float(poses.h[0, 1]) - leg.path.y_range[0]
-        found |= path_figures(leg.path, leg.stance, step_height)
-    worst = [each.from_in_line.value for each in leg.transmission]
-    found['transmission_angle'] = min(worst, default=0.0)
-    found['width'], found['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
+        figures |= path_figures(leg.path, leg.stance, step_height)
+    angles = [transmission.from_in_line.value for transmission in leg.transmission]
+    figures['transmission_angle'] = min(angles, default=0.0)
+    figures['width'], figures['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
     dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
-    lengths = [number for d, number in dimensions if d.kind == 'length']
-    found['bar_ratio'] = max(lengths) / min(lengths)
+    lengths = [number for dimension, number in dimensions if dimension.kind == 'length']
+    figures['bar_ratio'] = max(lengths) / min(lengths)
     margins = [bar.margin for bar in leg.bars if bar.unit == 'm']
     sides = [min(-m.relative[0], m.relative[1]) for m in margins if m is not None]
     if sides:
-        found['margin'] = min(sides)
+        figures['margin'] = min(sides)
     crank = sheet.cranks[0]
     if crank.loaded is not None:
         torque = crank.loaded.torque
-        found['torque_peak'] = crank.loaded.peak
-        found['torque_range'] = float(torque.max() - torque.min())
+        figures['torque_peak'] = crank.loaded.peak
+        figures['torque_range'] = float(torque.max() - torque.min())
     if crank.motor is not None:
-        found['motor_margin'] = crank.motor.margin
-    return found
+        figures['motor_margin'] = crank.motor.margin
+    return figures

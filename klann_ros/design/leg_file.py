@@ -19,7 +19,7 @@ from klann_ros.robot import RobotLeg
 from klann_ros.sanitize.yaml_text import dump, parameter_file
 import numpy as np
 
-# Of a leg without masses, and of a walker [kg/m, kg].
+# Density of the bars of a leg without masses [kg/m], and masses of a walker [kg].
 DEFAULT_BAR_DENSITY, DEFAULT_BODY_MASS, DEFAULT_FOOT_MASS = 0.1, 1.0, 0.005
 # Relative to the leg's size: half the width of a body, from plane to plane of the legs, and
 # between the legs at both ends.
@@ -47,11 +47,10 @@ def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
         content.pop('start', None)
         content['assembly'] = [*linkage.assembly]
     else:
-        bodies = zip(linkage.structure.bodies, linkage.start, strict=True)
-        content['start'] = {
-            body.angle: round(at / (metre if body.slides else radian), NUMBER_DIGITS)
-            for body, at in bodies
-        }
+        content['start'] = {}
+        for body, coordinate in zip(linkage.structure.bodies, linkage.start, strict=True):
+            unit = metre if body.slides else radian
+            content['start'][body.angle] = round(coordinate / unit, NUMBER_DIGITS)
     content.setdefault('density', DEFAULT_BAR_DENSITY)
     content['source'] = f'design, from the {content["name"]}'
     text = dump(content) + '\n'
@@ -78,7 +77,7 @@ def _geometry(leg: RobotLeg) -> dict[str, Any]:
     return {**{name: numbers[name] for name in NUMBERS}, 'assembly': [*leg.linkage.assembly]}
 
 
-def walker_parameters(leg: RobotLeg, wanted: Mapping[str, Any]) -> dict[str, Any]:
+def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return the parameters of a walker made of one leg, as of solver_node.
 
@@ -93,43 +92,47 @@ def walker_parameters(leg: RobotLeg, wanted: Mapping[str, Any]) -> dict[str, Any
 
     """
     linkage = leg.linkage
+    structure = linkage.structure
     path = foot_path(LinkageLeg(linkage))
     stance = path.stance()
     on_ground = (path.alphas - stance.start) % (2.0 * pi) <= stance.end - stance.start
-    x, low = float(path.h[on_ground, 0].mean()), path.y_range[0]
+    stance_x = float(path.h[on_ground, 0].mean())
+    ground = path.y_range[0]
     points: Any = linkage_poses(linkage, path.alphas, points=True).points
-    size = max(path.y_range[1], float(points[..., 1].max())) - low
+    size = max(path.y_range[1], float(points[..., 1].max())) - ground
     # At both ends of the body a leg is wholly in front of the middle.
-    mount = GAP * size - float(points[..., 0].min())
+    mount_x = GAP * size - float(points[..., 0].min())
     # A positive rate of the cranks walks forward.
     forward = -stance.direction
-    rows, two = GAITS[wanted.get('legs', DEFAULT_LEGS)], wanted.get('motors', DEFAULT_MOTORS) == 2
+    has_two_motors = options.get('motors', DEFAULT_MOTORS) == 2
     legs: dict[str, Any] = {}
-    for row, left_is_second in rows.items():
-        is_rear, is_outer = row.endswith('rear'), row == 'middle' or row.startswith('outer')
-        out = (HALF_WIDTH + PLANE_STEP * is_outer) * size
-        at = -x if row == 'middle' else -mount if is_rear else mount
+    for row, left_is_second in GAITS[options.get('legs', DEFAULT_LEGS)].items():
+        is_rear = row.endswith('rear')
+        is_outer = row == 'middle' or row.startswith('outer')
+        y = (HALF_WIDTH + PLANE_STEP * is_outer) * size
+        x = -stance_x if row == 'middle' else -mount_x if is_rear else mount_x
         for side in ('left', 'right'):
             is_left = side == 'left'
             is_second = left_is_second == is_left
             legs[f'{row}_{side}'] = {
-                'crank_joint': f'{side}_crank' if two else 'crank',
+                'crank_joint': f'{side}_crank' if has_two_motors else 'crank',
                 # Of a leg turned by pi, phase pi is the phase 0 of a front leg.
                 'phase': pi * (is_second != is_rear),
                 'direction': -forward if is_rear else forward,
-                'mount_xyz': [round(at, 6), round(out if is_left else -out, 6), 0.0],
+                'mount_xyz': [round(x, 6), round(y if is_left else -y, 6), 0.0],
                 'mount_rpy': [pi / 2.0, 0.0, pi * is_rear],
             }
-    pivots = points[0, [linkage.structure.points.index(p) for p in linkage.structure.pivots], 1]
+    pivots = points[0, [structure.points.index(name) for name in structure.pivots], 1]
     top, bottom = float(pivots.max()), float(pivots.min())
-    body = [2.0 * (mount + float(np.abs(points[0, 0, 0]))), 1.5 * HALF_WIDTH * size]
+    body_length = 2.0 * (mount_x + float(np.abs(points[0, 0, 0])))
+    body_size = (body_length, 1.5 * HALF_WIDTH * size, max(0.1 * size, top - bottom))
     return {
         'legs': [*legs],
         **_geometry(leg),
-        'bar_density': wanted.get('bar_density', DEFAULT_BAR_DENSITY),
+        'bar_density': options.get('bar_density', DEFAULT_BAR_DENSITY),
         'foot_mass': DEFAULT_FOOT_MASS,
-        'body_mass': wanted.get('body_mass', DEFAULT_BODY_MASS),
-        'body_size': [round(v, 6) for v in (*body, max(0.1 * size, top - bottom))],
+        'body_mass': options.get('body_mass', DEFAULT_BODY_MASS),
+        'body_size': [round(length, 6) for length in body_size],
         'body_centre': [0.0, 0.0, round((top + bottom) / 2.0, 6)],
         **legs,
     }

@@ -17,7 +17,7 @@ MAX_STEPS = 100
 # Crank angles between which the nearest point of a path is sought, and projections onto it.
 NEAREST_ANGLES, PROJECTIONS = 360, 2
 # A step that improves by a smaller part is the last one.
-LEAST_GAIN = 1e-6
+MIN_GAIN = 1e-6
 # Residuals of a leg that does not turn; a start on an end of a range is just within it.
 WORSE, MARGIN = 10.0, 1e-9
 
@@ -60,16 +60,15 @@ def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float
     start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), 0.0)
     if target.is_timed:
         start = start._replace(zero=_best_zero(target, drawn, start))
-    found = _fitted(target, space, start)
+    minimum = _fitted(target, space, start)
     # The figure is the distance of corresponding points: the fit need not improve it.
     fixed = replace(target, can_move=False, can_turn=False, can_scale=False)
-    placed = [_placed(_linkage(space, of.x), of.factor, of.shift) for of in (start, found)]
-    errors = [
-        float(fixed.fit(linkage_poses(leg, crank_angles(NEAREST_ANGLES)).h[None]).error[0])
-        for leg in placed
-    ]
-    better = errors.index(min(errors))
-    return placed[better], errors[better]
+    candidates = []
+    for point in (start, minimum):
+        leg = _placed(_linkage(space, point.x), point.factor, point.shift)
+        path = linkage_poses(leg, crank_angles(NEAREST_ANGLES)).h[None]
+        candidates.append((leg, float(fixed.fit(path).error[0])))
+    return min(candidates, key=lambda candidate: candidate[1])
 
 
 def _linkage(space: Space, x: FloatArray) -> Linkage:
@@ -80,47 +79,49 @@ def _fitted(target: Target, space: Space, start: _Point) -> _Point:
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415
 
-    known: dict[bytes, _Residuals] = {}
+    last: dict[bytes, _Residuals] = {}
     first = _residuals(target, space, start)
     if first is None:
         return start
-    dimensions, count = len(start.x), first.jacobian.shape[1]
 
-    def at(step: FloatArray) -> _Residuals:
+    def residuals_at(step: FloatArray) -> _Residuals:
         key = step.tobytes()
-        if key not in known:
-            found = _residuals(target, space, _moved(target, start, step))
+        if key not in last:
+            residuals = _residuals(target, space, _stepped(target, start, step))
             # A leg that does not turn is no way out: worse than any.
-            known.clear()
-            known[key] = found or _Residuals(WORSE * first.values, first.jacobian)
-        return known[key]
+            last.clear()
+            last[key] = residuals or _Residuals(WORSE * first.values, first.jacobian)
+        return last[key]
 
-    margin = np.zeros(count)
-    low, high = (np.full(count, sign * np.inf) for sign in (-1.0, 1.0))
-    low[:dimensions], high[:dimensions] = -start.x - MARGIN, 1.0 - start.x + MARGIN
-    found = least_squares(
-        lambda step: at(step).values,
-        margin,
-        jac=lambda step: at(step).jacobian,
+    dimension_count = len(start.x)
+    step_size = first.jacobian.shape[1]
+    low = np.full(step_size, -np.inf)
+    high = np.full(step_size, np.inf)
+    low[:dimension_count] = -start.x - MARGIN
+    high[:dimension_count] = 1.0 - start.x + MARGIN
+    solution = least_squares(
+        lambda step: residuals_at(step).values,
+        np.zeros(step_size),
+        jac=lambda step: residuals_at(step).jacobian,
         bounds=(low, high),
         max_nfev=MAX_STEPS,
         xtol=1e-10,
-        ftol=LEAST_GAIN,
+        ftol=MIN_GAIN,
         gtol=None,
     )
-    return _moved(target, start, found.x)
+    return _stepped(target, start, solution.x)
 
 
-def _moved(target: Target, point: _Point, step: FloatArray) -> _Point:
+def _stepped(target: Target, point: _Point, step: FloatArray) -> _Point:
     """Return a point after a step, in the order of the Jacobian's columns."""
     count = len(point.x)
-    rest = iter(step[count:].tolist())
-    turn = next(rest) if target.can_turn else 0.0
-    growth = next(rest) if target.can_scale else 0.0
-    shift = complex(next(rest), next(rest)) if target.can_move else 0j
-    zero = next(rest) if target.is_timed else 0.0
+    motion = iter(step[count:].tolist())
+    rotation = next(motion) if target.can_turn else 0.0
+    growth = next(motion) if target.can_scale else 0.0
+    shift = complex(next(motion), next(motion)) if target.can_move else 0j
+    zero = next(motion) if target.is_timed else 0.0
     x = np.clip(point.x + step[:count], 0.0, 1.0)
-    factor = point.factor * np.exp(growth + 1j * turn)
+    factor = point.factor * np.exp(growth + 1j * rotation)
     return _Point(x, complex(factor), point.shift + shift, point.zero + zero)
 
 
@@ -140,20 +141,20 @@ def _residuals(target: Target, space: Space, point: _Point) -> _Residuals | None
         return None
     h = poses.h @ (1.0, 1j)
     gradient = np.einsum('i,kid->kd', np.array([1.0, 1j]), poses.h_gradient)
-    by_x = point.factor * (gradient @ _number_derivatives(space, point.x))
-    own = point.factor * h
-    columns = [
-        by_x,
-        *([1j * own[:, None]] if target.can_turn else []),
-        *([own[:, None]] if target.can_scale else []),
-        *([np.ones((len(h), 1)), np.full((len(h), 1), 1j)] if target.can_move else []),
-    ]
+    path = point.factor * h
+    columns = [point.factor * (gradient @ _number_derivatives(space, point.x))]
+    if target.can_turn:
+        columns.append(1j * path[:, None])
+    if target.can_scale:
+        columns.append(path[:, None])
+    if target.can_move:
+        columns += [np.ones((len(h), 1)), np.full((len(h), 1), 1j)]
     velocity = point.factor * (poses.h_1 @ (1.0, 1j))
-    gap = own + point.shift - z
+    gap = path + point.shift - z
     if target.is_timed:
-        table = np.hstack([*columns, velocity[:, None]])
-        parts = np.concatenate([gap.real, gap.imag])
-        return _Residuals(parts, np.vstack([table.real, table.imag]))
+        jacobian = np.hstack([*columns, velocity[:, None]])
+        stacked = np.concatenate([gap.real, gap.imag])
+        return _Residuals(stacked, np.vstack([jacobian.real, jacobian.imag]))
     # Across the path: along it the nearest point moves.
     across = np.conj(1j * velocity / np.abs(velocity))
     return _Residuals((across * gap).real, (across[:, None] * np.hstack(columns)).real)
@@ -167,10 +168,10 @@ def _nearest(leg: Linkage, point: _Point, z: ComplexArray) -> FloatArray:
     nearest = alphas[np.nan_to_num(np.abs(path[:, None] - z), nan=np.inf).argmin(axis=0)]
     for _ in range(PROJECTIONS):
         poses: Any = linkage_poses(leg, nearest, velocities=True)
-        at = point.factor * (poses.h @ (1.0, 1j)) + point.shift
+        foot = point.factor * (poses.h @ (1.0, 1j)) + point.shift
         rate = point.factor * (poses.h_1 @ (1.0, 1j))
         with np.errstate(all='ignore'):
-            step = (np.conj(rate) * (z - at)).real / np.abs(rate) ** 2
+            step = (np.conj(rate) * (z - foot)).real / np.abs(rate) ** 2
         reach = TURN / NEAREST_ANGLES
         nearest = nearest + np.clip(np.nan_to_num(step), -reach, reach)
     return np.asarray(nearest, dtype=np.float64)
@@ -178,10 +179,11 @@ def _nearest(leg: Linkage, point: _Point, z: ComplexArray) -> FloatArray:
 
 def _number_derivatives(space: Space, x: FloatArray) -> FloatArray:
     """Return the derivatives of all dimensions by the variables, shape (dimensions, d)."""
-    count, step = len(x), 1e-3
+    count = len(x)
+    step = 1e-3
     # Dimensions are at most of second degree in the variables: these are exact.
-    tried = np.concatenate([x + step * np.eye(count), x - step * np.eye(count)])
-    numbers = space.variants(tried).numbers
+    stencil = np.concatenate([x + step * np.eye(count), x - step * np.eye(count)])
+    numbers = space.variants(stencil).numbers
     return np.asarray((numbers[:, :count] - numbers[:, count:]) / (2.0 * step))
 
 
@@ -196,19 +198,17 @@ def _best_zero(target: Target, leg: Linkage, point: _Point) -> float:
 
 def _placed(linkage: Linkage, factor: complex, shift: complex) -> Linkage:
     """Return a linkage turned, scaled and moved: z -> factor z + shift."""
-    structure, size = linkage.structure, abs(factor)
-    at = {
-        name: factor * pivot + shift
-        for name, pivot in zip(structure.pivots, linkage.pivots, strict=True)
-    }
+    structure = linkage.structure
+    size = abs(factor)
+    pivots = [factor * pivot + shift for pivot in linkage.pivots]
     changes = {}
     for dimension, number in zip(structure.dimensions, linkage.numbers, strict=True):
         if dimension.is_length:
             changes[dimension.name] = size * number
         elif dimension.kind in {'x', 'y'}:
-            z = at[structure.pivots[dimension.place]]
+            z = pivots[dimension.place]
             changes[dimension.name] = z.real if dimension.kind == 'x' else z.imag
         elif structure.bodies[structure.bars[dimension.place][0]].along == GROUND:
-            turned = number + dimension.sense * phase(factor)
-            changes[dimension.name] = float(np.remainder(turned + np.pi, TURN) - np.pi)
+            angle = number + dimension.sense * phase(factor)
+            changes[dimension.name] = float(np.remainder(angle + np.pi, TURN) - np.pi)
     return linkage.varied(changes)

@@ -34,11 +34,11 @@ class Aim(NamedTuple):
     sense: str
     value: float = 0.0
 
-    def loss(self, values: Any) -> Any:
+    def loss(self, figures: Any) -> Any:
         """Return the loss, which is minimized."""
         if self.sense == 'near':
-            return np.abs(values - self.value)
-        return values if self.sense == 'minimize' else -values
+            return np.abs(figures - self.value)
+        return figures if self.sense == 'minimize' else -figures
 
 
 class Limit(NamedTuple):
@@ -48,9 +48,9 @@ class Limit(NamedTuple):
     sense: str
     value: float
 
-    def shortfall(self, values: Any) -> Any:
-        """Return by how much values miss the bound; 0 or less if they hold it."""
-        return self.value - values if self.sense == 'at_least' else values - self.value
+    def shortfall(self, figures: Any) -> Any:
+        """Return by how much figures miss the bound; 0 or less if they hold it."""
+        return self.value - figures if self.sense == 'at_least' else figures - self.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Requirements:
     @property
     def cheap_limits(self) -> tuple[Limit, ...]:
         """Return the limits that are computed in bulk."""
-        return tuple(each for each in self.limits if not FIGURES[each.figure].is_costly)
+        return tuple(limit for limit in self.limits if not FIGURES[limit.figure].is_costly)
 
 
 def requirements_from_file(path: str | Path) -> Requirements:
@@ -127,19 +127,19 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
         It is refused; the text says why.
 
     """
-    wrong = schema_error(content, 'klann_ros.design')
-    if wrong:
-        raise RequirementsError(wrong)
+    if problem := schema_error(content, 'klann_ros.design'):
+        raise RequirementsError(problem)
     units = Units(**content.get('units', {}))
-    place = folder or Path()
-    given = content.get('linkage', [])
-    names = [given] if isinstance(given, str) else given
+    folder = folder or Path()
+    names = content.get('linkage', [])
+    if isinstance(names, str):
+        names = [names]
     if not names and 'grow' not in content:
         raise RequirementsError('linkage is missing, or grow in its place')
-    legs = [_leg(name, place) for name in names]
+    legs = [_leg(name, folder) for name in names]
     aims, limits = _figures(content.get('figures', {}), units)
     metre = units.size('m')
-    target = _target(content, metre, place, legs)
+    target = _target(content, metre, folder, legs)
     spaces = tuple(varied_space(leg, content, units, several=len(legs) > 1) for leg in legs)
     if 'grow' in content:
         spaces += grown_spaces(content['grow'], units, target)
@@ -148,7 +148,7 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
     motor = None
     if 'motor' in content:
         try:
-            motor = motor_from_file(_beside(content['motor'], place))
+            motor = motor_from_file(_beside(content['motor'], folder))
         except MotorFileError as error:
             raise RequirementsError(f'motor: {error}') from error
     requirements = Requirements(
@@ -174,16 +174,16 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
 
 def _warn_of_lengths(requirements: Requirements, content: Mapping[str, Any]) -> None:
     """Warn of lengths that were probably given in millimetres."""
+    ranges = {'grow.crank': content.get('grow', {}).get('crank')}
     vary = content.get('vary')
-    ranges = {f'vary.{k}': v for k, v in vary.items()} if isinstance(vary, Mapping) else {}
-    ranges['grow.crank'] = content.get('grow', {}).get('crank')
-    every = [d for space in requirements.spaces for d in space.linkage.structure.dimensions]
-    named = {'grow.crank', *(f'vary.{d.name}' for d in every if d.unit == 'm')}
-    lengths = {
-        name: max(ends, key=abs)
-        for name, ends in ranges.items()
-        if name in named and isinstance(ends, list)
-    }
+    for space in requirements.spaces:
+        for dimension in space.linkage.structure.dimensions:
+            if dimension.unit == 'm' and isinstance(vary, Mapping):
+                ranges[f'vary.{dimension.name}'] = vary.get(dimension.name)
+    lengths = {}
+    for name, ends in ranges.items():
+        if isinstance(ends, list):
+            lengths[name] = max(ends, key=abs)
     for figure, sense, value in (*requirements.aims, *requirements.limits):
         if FIGURES[figure].unit == 'm':
             lengths[f'figures.{figure}.{sense}'] = value
@@ -233,46 +233,49 @@ def _leg(name: str, folder: Path) -> RobotLeg:
     return RobotLeg('', leg.linkage, masses=leg.masses, description=leg.description)
 
 
-def _figures(given: Mapping[str, Any], units: Units) -> tuple[tuple[Aim, ...], tuple[Limit, ...]]:
+def _figures(
+    content: Mapping[str, Any], units: Units
+) -> tuple[tuple[Aim, ...], tuple[Limit, ...]]:
     aims: list[Aim] = []
     limits: list[Limit] = []
-    for name, wanted in given.items():
+    for name, wanted in content.items():
         if name not in FIGURES:
-            these = f'{", ".join(FIGURES)}{did_you_mean(name, FIGURES)}'
-            raise RequirementsError(f'figures: {printable(name)} is none: these are {these}')
-        place = f'figures.{name}'
-        words: Mapping[str, Any] = {wanted: None} if isinstance(wanted, str) else wanted
-        for word, value in words.items():
-            if word in LIMITS:
-                limits.append(Limit(name, word, _number(name, word, value, units)))
-            elif word == 'near':
-                aims.append(Aim(name, word, _number(name, word, value, units)))
-            elif word not in AIMS:
-                known = (*AIMS, *LIMITS, 'near')
-                these = f'{", ".join(known)}{did_you_mean(word, known)}'
-                raise RequirementsError(f'{place}: {printable(word)} must be one of {these}')
-            elif value is None or value is True:
-                aims.append(Aim(name, word))
+            listing = f'{", ".join(FIGURES)}{did_you_mean(name, FIGURES)}'
+            raise RequirementsError(f'figures: {printable(name)} is none: these are {listing}')
+        key = f'figures.{name}'
+        senses: Mapping[str, Any] = {wanted: None} if isinstance(wanted, str) else wanted
+        for sense, number in senses.items():
+            if sense in LIMITS:
+                limits.append(Limit(name, sense, _number(name, sense, number, units)))
+            elif sense == 'near':
+                aims.append(Aim(name, sense, _number(name, sense, number, units)))
+            elif sense not in AIMS:
+                legal = (*AIMS, *LIMITS, 'near')
+                listing = f'{", ".join(legal)}{did_you_mean(sense, legal)}'
+                raise RequirementsError(f'{key}: {printable(sense)} must be one of {listing}')
+            elif number is None or number is True:
+                aims.append(Aim(name, sense))
             else:
-                raise RequirementsError(f'{place}.{word} takes no value')
-        own = {each.sense: each.value for each in limits if each.figure == name}
-        if own.get('at_least', -inf) > own.get('at_most', inf):
-            raise RequirementsError(f'{place}: at_least is above at_most, which no leg fulfils')
+                raise RequirementsError(f'{key}.{sense} takes no value')
+        bounds = {limit.sense: limit.value for limit in limits if limit.figure == name}
+        if bounds.get('at_least', -inf) > bounds.get('at_most', inf):
+            raise RequirementsError(f'{key}: at_least is above at_most, which no leg fulfils')
         if [aim.figure for aim in aims].count(name) > 1:
-            raise RequirementsError(f'{place}: one of {", ".join(AIMS)} and near, not several')
+            raise RequirementsError(f'{key}: one of {", ".join(AIMS)} and near, not several')
     return tuple(aims), tuple(limits)
 
 
-def _number(name: str, word: str, value: Any, units: Units) -> float:
-    kind, place = FIGURES[name], f'figures.{name}.{word}'
+def _number(name: str, sense: str, value: Any, units: Units) -> float:
+    kind = FIGURES[name]
+    key = f'figures.{name}.{sense}'
     unit = units.name(kind.unit)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        of = f' [{unit}]' if unit else ''
-        raise RequirementsError(f'{place}: {printable(repr(value))} must be a number{of}')
+        unit_text = f' [{unit}]' if unit else ''
+        raise RequirementsError(f'{key}: {printable(repr(value))} must be a number{unit_text}')
     number = float(value) * units.size(kind.unit)
-    if not kind.least <= number <= kind.greatest:
-        ends = [units.text(end, kind.unit) for end in (kind.least, kind.greatest)]
+    if not kind.min_value <= number <= kind.max_value:
+        low, high = (units.text(end, kind.unit) for end in (kind.min_value, kind.max_value))
         hint = f'; {DEGREES_HINT}' if kind.unit == 'rad' and units.angle == 'rad' else ''
-        shown = f'{place}: {value:g} {unit}'.rstrip()
-        raise RequirementsError(f'{shown} is out of its bounds, {ends[0]} to {ends[1]}{hint}')
+        text = f'{value:g} {unit}'.rstrip()
+        raise RequirementsError(f'{key}: {text} is out of its bounds, {low} to {high}{hint}')
     return number

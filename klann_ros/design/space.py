@@ -65,17 +65,19 @@ class Space:
 
     def variants(self, x: FloatArray) -> Variants:
         """Return candidates, x of shape (n, d) in [0, 1]."""
-        values = self.low + x * (self.high - self.low)
-        columns = dict(zip(self.names, values.T, strict=True))
-        modes = self.names[slice(len(self.names) - self.dyads, None)]
-        signs = [np.copysign(1.0, columns.pop(name)) for name in modes]
+        numbers = self.low + x * (self.high - self.low)
+        columns = dict(zip(self.names, numbers.T, strict=True))
+        first_mode = len(self.names) - self.dyads
+        signs = [np.copysign(1.0, columns.pop(name)) for name in self.names[first_mode:]]
         scale = columns.pop('scale', None)
-        own = self.linkage.dimensions
-        for name, (other, sign) in self.ties.items():
-            columns[name] = sign * columns.get(other, np.full(len(x), own[other]))
+        drawn = self.linkage.dimensions
+        for name, (leader, sign) in self.ties.items():
+            columns[name] = sign * columns.get(leader, np.full(len(x), drawn[leader]))
         if scale is not None:
-            lengths = [d.name for d in self.linkage.structure.dimensions if d.unit == 'm']
-            columns |= {name: scale * columns.get(name, own[name]) for name in lengths}
+            for dimension in self.linkage.structure.dimensions:
+                if dimension.unit == 'm':
+                    name = dimension.name
+                    columns[name] = scale * columns.get(name, drawn[name])
         return Variants(self.linkage, columns, assembly=signs or None)
 
     def sample(self, random: np.random.Generator, count: int) -> FloatArray:
@@ -83,8 +85,8 @@ class Space:
         if self.draw is not None:
             return self.draw(self, random, count)
         x = random.uniform(size=(count, len(self.names)))
-        own = np.array([self.linkage.dimensions.get(name, 1.0) for name in self.names])
-        x[0] = np.clip((own - self.low) / (self.high - self.low), 0.0, 1.0)
+        drawn = np.array([self.linkage.dimensions.get(name, 1.0) for name in self.names])
+        x[0] = np.clip((drawn - self.low) / (self.high - self.low), 0.0, 1.0)
         return x
 
 
@@ -109,57 +111,58 @@ def varied_space(
     for name in ranges:
         if name != 'all' and name not in dimensions and not several:
             raise RequirementsError(f'vary: {_unknown(name, dimensions)}')
-    found = {}
+    free_ranges = {}
     for name, dimension in dimensions.items():
-        own = leg.linkage.dimensions[name]
-        given = ranges.get(name, ranges.get('all'))
-        if given is None or name in ties:
+        drawn = leg.linkage.dimensions[name]
+        wanted_range = ranges.get(name, ranges.get('all'))
+        if wanted_range is None or name in ties:
             continue
-        low, high = _range(dimension, own, given, units)
+        low, high = _range(dimension, drawn, wanted_range, units)
         if low < high:
-            found[name] = low, high
+            free_ranges[name] = low, high
     if 'scale' in content:
         low, high = content['scale']
         if not low < high:
             raise RequirementsError(f'scale: the range [{low:g}, {high:g}] is empty')
-        found['scale'] = low, high
-    if not found:
+        free_ranges['scale'] = low, high
+    if not free_ranges:
         raise RequirementsError('vary leaves nothing to vary: give a percentage > 0, or ranges')
-    ends = np.array([*found.values()], dtype=np.float64)
-    return Space(leg, tuple(found), ends[:, 0], ends[:, 1], ties)
+    ends = np.array([*free_ranges.values()], dtype=np.float64)
+    return Space(leg, tuple(free_ranges), ends[:, 0], ends[:, 1], ties)
 
 
-def _range(dimension: Any, own: float, given: Any, units: Units) -> tuple[float, float]:
-    """Return the range of a dimension [m, rad]: its own, or a percentage of its value."""
-    if not isinstance(given, list):
-        ends = own * (1.0 - given / 100.0), own * (1.0 + given / 100.0)
+def _range(dimension: Any, drawn: float, wanted: Any, units: Units) -> tuple[float, float]:
+    """Return the range of a dimension [m, rad]: a list of both ends, or a percentage."""
+    if not isinstance(wanted, list):
+        ends = drawn * (1.0 - wanted / 100.0), drawn * (1.0 + wanted / 100.0)
         return min(ends), max(ends)
-    size, name = units.size(dimension.unit), dimension.name
-    low, high = size * given[0], size * given[1]
-    shown = f'[{given[0]:g}, {given[1]:g}] {units.name(dimension.unit)}'
+    name = dimension.name
+    size = units.size(dimension.unit)
+    low, high = size * wanted[0], size * wanted[1]
+    text = f'[{wanted[0]:g}, {wanted[1]:g}] {units.name(dimension.unit)}'
     if not low < high:
-        raise RequirementsError(f'vary.{name}: the range {shown} is empty')
+        raise RequirementsError(f'vary.{name}: the range {text} is empty')
     if dimension.is_length and low <= 0.0:
-        raise RequirementsError(f'vary.{name}: a length must be > 0, but the range is {shown}')
+        raise RequirementsError(f'vary.{name}: a length must be > 0, but the range is {text}')
     return low, high
 
 
 def _ties(
-    given: Mapping[str, str], dimensions: Iterable[str], *, several: bool
+    texts: Mapping[str, str], dimensions: Iterable[str], *, several: bool
 ) -> Iterable[tuple[str, tuple[str, int]]]:
-    for name, text in given.items():
-        other, sign = (text[1:].strip(), -1) if text.startswith('-') else (text, 1)
-        missing = [each for each in (name, other) if each not in dimensions]
+    for name, text in texts.items():
+        leader, sign = (text[1:].strip(), -1) if text.startswith('-') else (text, 1)
+        missing = [end for end in (name, leader) if end not in dimensions]
         if missing and several:
             continue
         if missing:
             raise RequirementsError(f'tie: {_unknown(missing[0], dimensions)}')
-        if other == name or other in given:
-            raise RequirementsError(f'tie.{printable(name)}: {printable(other)} is tied itself')
-        yield name, (other, sign)
+        if leader == name or leader in texts:
+            raise RequirementsError(f'tie.{printable(name)}: {printable(leader)} is tied itself')
+        yield name, (leader, sign)
 
 
-def _unknown(name: str, known: Iterable[str]) -> str:
-    names = [*known]
+def _unknown(name: str, dimensions: Iterable[str]) -> str:
+    names = [*dimensions]
     hint = did_you_mean(name, names)
     return f'{printable(name)} is no dimension: these are {", ".join(names)}{hint}'

@@ -67,23 +67,28 @@ class Target:
         """Return the best fit of closed paths at equal steps of the crank, shape (n, k, 2)."""
         w = resampled(h[..., 0] + 1j * h[..., 1], by_length=not self.is_timed)
         z = resampled(self.points[None], by_length=not self.is_timed)[0]
-        z_mean, w_mean = z.mean(), w.mean(axis=1)
-        if not self.can_move:
-            z_mean, w_mean = 0.0 * z_mean, 0.0 * w_mean
-        z, w = z - z_mean, w - w_mean[:, None]
-        z_2, w_2 = (np.abs(z) ** 2).sum(), (np.abs(w) ** 2).sum(axis=1)
+        z_mean = z.mean() if self.can_move else 0.0
+        w_mean = w.mean(axis=1) if self.can_move else np.zeros(len(w))
+        z = z - z_mean
+        w = w - w_mean[:, None]
+        z_square = (np.abs(z) ** 2).sum()
+        w_square = (np.abs(w) ** 2).sum(axis=1)
         spectrum = np.fft.fft(z)
-        best, chosen = np.full(len(w), np.inf), np.zeros(len(w), dtype=np.complex128)
-        for one in (w, w[:, ::-1]):
-            own = self._correlation(np.conj(np.fft.fft(one)) * spectrum)
+        best_error = np.full(len(w), np.inf)
+        best_factor = np.zeros(len(w), dtype=np.complex128)
+        # Both directions of travel.
+        for path in (w, w[:, ::-1]):
+            correlation = self._correlation(np.conj(np.fft.fft(path)) * spectrum)
             with np.errstate(all='ignore'):
-                factor = self._factor(own, w_2)
-            error = z_2 + np.abs(factor) ** 2 * w_2 - 2.0 * (np.conj(factor) * own).real
-            better = error < best
-            best, chosen = np.where(better, error, best), np.where(better, factor, chosen)
-        rms = np.sqrt(np.maximum(0.0, best) / PATH_POINTS)
-        shift = z_mean - chosen * w_mean if self.can_move else 0.0 * w_mean
-        return Fit(rms, chosen, shift)
+                factor = self._factor(correlation, w_square)
+            overlap = (np.conj(factor) * correlation).real
+            error = z_square + np.abs(factor) ** 2 * w_square - 2.0 * overlap
+            is_better = error < best_error
+            best_error = np.where(is_better, error, best_error)
+            best_factor = np.where(is_better, factor, best_factor)
+        rms = np.sqrt(np.maximum(0.0, best_error) / PATH_POINTS)
+        shift = np.asarray(z_mean - best_factor * w_mean, dtype=np.complex128)
+        return Fit(rms, best_factor, shift)
 
     def _correlation(self, product: ComplexArray) -> ComplexArray:
         """
@@ -100,23 +105,24 @@ class Target:
             c_0, c_1, c_2 = ((terms * rates**k).sum(axis=1) for k in range(3))
             if step == SHIFT_STEPS:
                 break
-            slope, bend = c_1.real, c_2.real
+            slope = c_1.real
+            bend = c_2.real
             if self.can_turn:
                 slope = (np.conj(c_0) * c_1).real
                 bend = np.abs(c_1) ** 2 + (np.conj(c_0) * c_2).real
             with np.errstate(all='ignore'):
-                ahead = np.where(bend < 0.0, -slope / bend, 0.0)
-            shift += np.clip(ahead, -0.5, 0.5)
+                newton_step = np.where(bend < 0.0, -slope / bend, 0.0)
+            shift += np.clip(newton_step, -0.5, 0.5)
         return np.asarray(c_0, dtype=np.complex128)
 
-    def _factor(self, c: ComplexArray, w_2: FloatArray) -> ComplexArray:
+    def _factor(self, c: ComplexArray, w_square: FloatArray) -> ComplexArray:
         """Return the best rotation and scale from the correlation of two paths."""
         if self.can_turn and self.can_scale:
-            return np.asarray(c / w_2, dtype=np.complex128)
+            return np.asarray(c / w_square, dtype=np.complex128)
         if self.can_turn:
             return np.asarray(c / np.abs(c), dtype=np.complex128)
         if self.can_scale:
-            return np.asarray(np.maximum(0.0, c.real) / w_2 + 0j, dtype=np.complex128)
+            return np.asarray(np.maximum(0.0, c.real) / w_square + 0j, dtype=np.complex128)
         return np.ones(len(c), dtype=np.complex128)
 
 
@@ -131,17 +137,17 @@ def resampled(z: ComplexArray, *, by_length: bool) -> ComplexArray:
         along /= np.where(total > 0.0, total, 1.0)
     else:
         along = np.broadcast_to(np.linspace(0.0, 1.0, count + 1), closed.shape)
-    wanted = np.arange(PATH_POINTS) / PATH_POINTS
+    positions = np.arange(PATH_POINTS) / PATH_POINTS
     # The rows side by side: one search for all.
-    rows = 2.0 * np.arange(len(z))[:, None]
-    place = np.searchsorted((along + rows).ravel(), (wanted + rows).ravel(), side='right') - 1
-    place = place.reshape(len(z), PATH_POINTS) - (count + 1) * np.arange(len(z))[:, None]
-    place = np.clip(place, 0, count - 1)
-    a, b = (np.take_along_axis(along, place + k, axis=1) for k in (0, 1))
-    p, q = (np.take_along_axis(closed, place + k, axis=1) for k in (0, 1))
+    offsets = 2.0 * np.arange(len(z))[:, None]
+    index = np.searchsorted((along + offsets).ravel(), (positions + offsets).ravel(), side='right')
+    index = (index - 1).reshape(len(z), PATH_POINTS) - (count + 1) * np.arange(len(z))[:, None]
+    index = np.clip(index, 0, count - 1)
+    low, high = (np.take_along_axis(along, index + k, axis=1) for k in (0, 1))
+    start, end = (np.take_along_axis(closed, index + k, axis=1) for k in (0, 1))
     with np.errstate(all='ignore'):
-        part = np.where(b > a, (wanted - a) / (b - a), 0.0)
-    return np.asarray(p + part * (q - p))
+        share = np.where(high > low, (positions - low) / (high - low), 0.0)
+    return np.asarray(start + share * (end - start))
 
 
 def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Target:
@@ -157,22 +163,21 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     if ('points' in content) == ('file' in content):
         raise ValueError('either points or file must be there')
     if 'points' in content:
-        points, size = np.array(content['points'], dtype=np.float64) @ (1.0, 1j), metre
+        points = metre * (np.array(content['points'], dtype=np.float64) @ (1.0, 1j))
     else:
         name = content['file']
         path = folder / name if (folder / name).is_file() else Path(name)
         text = read_regular(path, MAX_FILE_SIZE)
         is_svg = path.suffix.lower() == '.svg'
-        points, size = (_svg_points(text), PIXEL) if is_svg else (_csv_points(text), metre)
+        points = PIXEL * _svg_points(text) if is_svg else metre * _csv_points(text)
     if len(points) > 3 and points[0] == points[-1]:
         points = points[:-1]
     if not 3 <= len(points) <= MAX_TARGET_POINTS:
-        msg = f'{len(points)} points: there must be 3 to {MAX_TARGET_POINTS}'
-        raise ValueError(msg)
+        raise ValueError(f'{len(points)} points: there must be 3 to {MAX_TARGET_POINTS}')
     if not np.isfinite(points).all():
         raise ValueError('a point is not finite')
     target = Target(
-        np.asarray(size * points, dtype=np.complex128),
+        np.asarray(points, dtype=np.complex128),
         can_move=content.get('move', True),
         can_turn=content.get('turn', True),
         can_scale=content.get('scale', True),
@@ -185,7 +190,7 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
 
 def _csv_points(text: str) -> ComplexArray:
     """Return the first two columns of a CSV; a heading is skipped, decimal commas are read."""
-    found: list[complex] = []
+    points: list[complex] = []
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip():
             continue
@@ -194,12 +199,13 @@ def _csv_points(text: str) -> ComplexArray:
         try:
             x, y = (float(cell.strip().replace(',', '.')) for cell in cells[:2])
         except ValueError:
-            if not found and number == 1:
+            if not points and number == 1:
                 continue
-            msg = f'line {number}: {printable(line, 60)} must begin with two numbers, x and y'
-            raise ValueError(msg) from None
-        found.append(complex(x, y))
-    return np.array(found, dtype=np.complex128)
+            raise ValueError(
+                f'line {number}: {printable(line, 60)} must begin with two numbers, x and y'
+            ) from None
+        points.append(complex(x, y))
+    return np.array(points, dtype=np.complex128)
 
 
 def _svg_points(text: str) -> ComplexArray:
@@ -216,7 +222,8 @@ def _svg_path(d: str) -> list[complex]:
     from fontTools.pens.recordingPen import RecordingPen  # noqa: PLC0415 - an extra
     from fontTools.svgLib.path import parse_path  # noqa: PLC0415
 
-    pen, points = RecordingPen(), list[complex]()
+    pen = RecordingPen()
+    points: list[complex] = []
     try:
         parse_path(d, pen)
     except ValueError as error:
