@@ -406,3 +406,10 @@ def inverse(matrix: Symmetric) -> Symmetric:
     whole = a * p + b * q + c * r
     s, t, u = a * f - c * c, b * c - a * e, a * d - b * b
     return p / whole, q / whole, r / whole, s / whole, t / whole, u / whole
+
+
+def product(matrix: Symmetric, vector: Triple) -> Triple:
+    """Return a symmetric matrix times a vector."""
+    a, b, c, d, e, f = matrix
+    x, y, z = vector
+    return a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z

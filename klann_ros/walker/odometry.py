@@ -465,10 +465,7 @@ class Odometry:
             with_yaw_rate=self._measured.yaw_rate is None,
         )
         if has_accelerometer:
-            xx, xy, x_yaw, yy, y_yaw, _ = information
-            x, y, yaw = correction
-            force_x = xx * x + xy * y + x_yaw * yaw
-            force_y = xy * x + yy * y + y_yaw * yaw
+            force_x, force_y, _ = stance.product(information, correction)
             if self.accelerometer.is_contradicted(complex(force_x, force_y) / weight, dt):
                 self._reject_accelerometer()
 

@@ -15,8 +15,10 @@ from klann_ros.gait.stance import (
     foot_motion,
     FootMotion,
     gravity_aligned,
+    inverse,
     minimize_slip,
     MotionPrior,
+    product,
     spring_loads,
     support,
     zero_moment_point,
@@ -352,3 +354,12 @@ def test_legs_that_drive_to_the_sides_only_are_refused(six: Robot) -> None:
     ]
     with pytest.raises(NoWalkerError, match='the legs of crank drive the robot nowhere'):
         Feet(replace(six, legs=tuple(legs)))
+
+
+def test_inverse_and_product_are_those_of_matrices() -> None:
+    entries = (5.0, 0.3, -0.7, 4.0, 0.9, 3.0)
+    matrix = np.zeros((3, 3))
+    matrix[np.triu_indices(3)] = entries
+    matrix += np.triu(matrix, 1).T
+    assert product(entries, (0.4, -1.3, 2.1)) == pytest.approx(matrix @ (0.4, -1.3, 2.1))
+    assert inverse(entries) == pytest.approx(np.linalg.inv(matrix)[np.triu_indices(3)])

@@ -274,3 +274,15 @@ def test_the_present_angles_may_be_the_zeros() -> None:
     cranks = plant.commissioning.cranks
     assert cranks['left_crank']['zero'] == pytest.approx(0.4, abs=0.02)
     assert cranks['right_crank']['zero'] == pytest.approx(0.3, abs=0.02)
+
+
+def test_play_of_a_gear_before_the_other_crank_is_no_answer() -> None:
+    """An encoder before a gear of 4 shows the play of its crank, 0.05 rad, four times as large."""
+    plant = Plant('left_crank_gear_ratio=4', None, ['none'])
+    plant.tick(dict.fromkeys(JOINTS, 0.0))
+    for rates in plant.commissioning.turn_all():
+        if rates.get('right_crank'):
+            plant.angles['left_crank'] = 0.05
+        plant.tick({joint: rates.get(joint, 0.0) for joint in JOINTS})
+    assert RIGHT_OK in plant.verdicts
+    assert plant.commissioning.drives['right_crank'] == PLAIN

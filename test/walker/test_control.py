@@ -729,3 +729,14 @@ def test_time_that_goes_back_begins_anew(steering: Steering) -> None:
     watchdog = Watchdog()
     watchdog.feed(1000.0)
     assert [watchdog.age(now) for now in (1001.0, 0.0, 2.0)] == [1.0, 0.0, 2.0]
+
+
+def test_a_zero_that_is_set_is_no_position_offset() -> None:
+    crank = CrankFeedback('crank', 12.0)
+    for tick in range(100):
+        crank.read(0.4, 0.0, DT * tick)
+    crank.shift(-0.4)
+    for tick in range(100, 130):
+        crank.read(0.0, 0.0, DT * tick)
+    assert crank.counts.offsets == 0
+    assert crank.detector.noise == crank.detector.min_noise

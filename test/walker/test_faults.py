@@ -1,6 +1,7 @@
 """Cranks that do not follow their commands, a body that fell, and healthy motors of all kinds."""
 
 from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import copysign, cos, inf, nan, pi, radians, sin
 from random import Random
@@ -16,6 +17,7 @@ from klann_ros.walker import (
     Walker,
 )
 from klann_ros.walker.feedback import CrankFeedback
+from klann_ros.walker.monitors import FollowingMonitor
 import pytest
 
 DT = 0.01
@@ -530,3 +532,35 @@ def test_a_long_feedback_timeout_delays_no_fault(steering: Steering) -> None:
     walk = FaultyWalk(steering, [Motor(factor=-1.0), Motor()], feedback_timeout=10.0).run(3.0)
     assert walk.control.latch.fault is not None
     assert abs(walk.motors[0].position) < 1.0
+
+
+def following_fault(path: Callable[[float], float], times: Iterable[float]) -> bool:
+    """Return whether a crank that is commanded at 1 rad/s has a fault on a path [rad]."""
+    crank = CrankFeedback('crank', 12.0)
+    monitor = FollowingMonitor(crank, 0.15, 0.02)
+    arrivals = deque(times)
+    for tick in range(500):
+        now = tick * DT
+        if arrivals and arrivals[0] <= now:
+            crank.read(path(arrivals.popleft()), 1.0, now)
+        if monitor.update(1.0, DT, now):
+            return True
+    return False
+
+
+@pytest.mark.parametrize(('stop', 'has_fault'), [(0.2, False), (0.4, True)])
+def test_a_crank_that_hesitates_has_no_fault(stop: float, has_fault: bool) -> None:
+    # After 0.15 s without motion eight readings have to confirm it.
+    def path(time: float) -> float:
+        return min(time, 1.0) + max(0.0, time - 1.0 - stop)
+
+    assert following_fault(path, [tick * DT for tick in range(500)]) is has_fault
+
+
+def test_a_silent_publisher_shows_no_following_error() -> None:
+    # A simulation that is paused with its publisher turns no crank: for 2 s, and more slowly then.
+    def path(time: float) -> float:
+        return min(time, 1.0) + 0.11 * max(0.0, time - 3.0)
+
+    times = [tick * DT for tick in range(500) if not 1.0 < tick * DT < 3.0]
+    assert not following_fault(path, [time for time in times if time < 3.14])

@@ -65,6 +65,8 @@ def test_the_crank_and_its_offset_are_found(
 def test_noise_alone_shows_no_offset(two_motors: Feet) -> None:
     assert checked(two_motors, (0.0, 0.0), noise=radians(2.0)) is None
     assert checked(two_motors, (0.1, 0.0), noise=radians(2.0)) is None
+    # An offset explains little of it.
+    assert checked(two_motors, (0.1, 0.0), noise=radians(0.4)) is None
 
 
 def test_a_single_cause_is_confirmed_before_it_is_reported(two_motors: Feet) -> None:
