@@ -224,7 +224,7 @@ class DataSheet:
 
     @property
     def is_single(self) -> bool:
-        """Return whether there is a single leg, whose crank angle is that of its joint."""
+        """Return whether there is a single leg, whose crank angle is its joint's angle."""
         return len(self.cranks) == 1 and self.cranks[0].is_own
 
     @property

@@ -71,9 +71,9 @@ class Iterations:
     """
     A run of Newton-Raphson: iterates, residuals, Jacobians; all arrays are read-only.
 
-    `alpha` is the driving angle [rad]; `names` and `units` are those of the unknowns: 'rad', or
-    'm' for a sliding distance. `x`, shape (k, n), are the iterates, the guess first; `f`, shape
-    (k, n), the equations' left-hand sides at each [m], and `phi`, shape (k, n, n), their Jacobians
+    `alpha` is the driving angle [rad]; `names` and `units` describe the unknowns: 'rad', or 'm'
+    for a sliding distance. `x`, shape (k, n), are the iterates, the guess first; `f`, shape (k,
+    n), the equations' left-hand sides at each [m], and `phi`, shape (k, n, n), their Jacobians
     [m/rad].
     """
 

@@ -11,8 +11,8 @@ def periodic_cubics(
     Return the coefficients of t^0 to t^3 behind each sample, t from 0 to 1 at the next one.
 
     The cubic c_0 + c_1 t + c_2 t^2 + c_3 t^3 has the samples p, q and the slopes m, n at its ends:
-    c_2 = 3 (q - p) - 2 m - n, c_3 = 2 (p - q) + m + n. `slopes` are derivatives by t; `axis` is
-    that of the samples over a period.
+    c_2 = 3 (q - p) - 2 m - n, c_3 = 2 (p - q) + m + n. `slopes` are derivatives by t; along `axis`
+    the samples follow one another over a period.
     """
     next_samples = np.roll(samples, -1, axis)
     next_slopes = np.roll(slopes, -1, axis)

@@ -16,7 +16,9 @@ import numpy as np
 
 SIZE = (420.0, 320.0)
 """Largest width and height of a picture [px]."""
-MARGIN, JOINT, SUPPORT, LETTER = 30.0, 4.0, 9.0, 14.0
+MARGIN = 30.0
+# Radius of a joint, half the width of a support, distance of a letter [px].
+JOINT, SUPPORT, LETTER = 4.0, 9.0, 14.0
 # Samples of a foot path, and frames of a turn.
 SAMPLES = 90
 # A tag, its style, and the attributes that move.
@@ -30,7 +32,7 @@ def pose_svg(
     """
     Return a LinkagePose as SVG: bars, plates, joints and the letters of its points.
 
-    `path` are lines drawn behind it, shape (n, 2) each [m], `names` those of bars by their points.
+    `path` are lines drawn behind it, shape (n, 2) each [m], `names` names of bars by their points.
     """
     view = _View([pose.points, *path])
     shapes = [_polyline(view.points(line), **_PATH) for line in path]
@@ -84,21 +86,21 @@ def animation_svg(leg: Any, *, period: float = 4.0) -> str:
     start, end = leg.reachable_arcs()[0]
     poses = arcs[0] if end - start >= TURN else [*arcs[0], *arcs[0][::-1]]
     view = _View([_feet(poses), *(pose.points for pose in poses)])
-    elements = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
+    shapes = [_polyline(view.points(_feet(arcs[0])), **_PATH)]
     frames = [[*_frame(PoseDrawing.of(pose), view)] for pose in poses]
-    elements += [_animated(shape, period) for shape in zip(*frames, strict=True)]
-    return view.svg(elements, f'{leg.linkage.name or "linkage"}: a turn of the crank')
+    shapes += [_animation(shape, period) for shape in zip(*frames, strict=True)]
+    return view.svg(shapes, f'{leg.linkage.name or "linkage"}: a turn of the crank')
 
 
-def _animated(frames: Sequence[_Shape], period: float) -> str:
+def _animation(frames: Sequence[_Shape], period: float) -> str:
     """Return a shape that moves through its frames in a period [s]."""
     tag, style, first_attributes = frames[0]
     animations = ''
     for name in first_attributes:
-        values = ';'.join(str(attributes[name]) for _, _, attributes in frames)
+        positions = ';'.join(str(attributes[name]) for _, _, attributes in frames)
         animations += (
             f'<animate attributeName="{name}" dur="{period:g}s" repeatCount="indefinite" '
-            f'values="{values}"/>'
+            f'values="{positions}"/>'
         )
     return f'<{tag}{_attributes(style | first_attributes)}>{animations}</{tag}>'
 

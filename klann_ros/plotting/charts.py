@@ -38,7 +38,7 @@ class _Quantity(NamedTuple):
     unit: str = ''
 
 
-def _of_bodies(leg: AnyLeg, *, slides: bool) -> list[tuple[str, str]]:
+def _body_curves(leg: AnyLeg, *, slides: bool) -> list[tuple[str, str]]:
     """Return the curves of the bodies but the crank that slide, or turn."""
     bodies = [*enumerate(leg.linkage.structure.bodies)][1:]
     return [(symbol(body.angle), colour_of(j)) for j, body in bodies if body.slides == slides]
@@ -49,7 +49,7 @@ def _coordinates(pose: LinkagePose, *, slides: bool) -> list[float]:
     return [x for body, x in coordinates if body.slides == slides]
 
 
-def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
+def _block_curves(leg: AnyLeg) -> list[tuple[str, str]]:
     """Return the curves of the transmission angles, one for each block."""
     groups = leg.linkage.structure.groups
     if len(groups) == 1:
@@ -59,16 +59,16 @@ def _of_blocks(leg: AnyLeg) -> list[tuple[str, str]]:
 
 QUANTITIES = {
     'angles': _Quantity(
-        lambda leg: _of_bodies(leg, slides=False),
+        lambda leg: _body_curves(leg, slides=False),
         lambda pose: _coordinates(pose, slides=False),
         unit=DEG,
     ),
     'distances': _Quantity(
-        lambda leg: _of_bodies(leg, slides=True),
+        lambda leg: _body_curves(leg, slides=True),
         lambda pose: _coordinates(pose, slides=True),
         unit='m',
     ),
-    'transmission': _Quantity(_of_blocks, lambda pose: pose.transmission_angles, r'$\mu$', DEG),
+    'transmission': _Quantity(_block_curves, lambda pose: pose.transmission_angles, r'$\mu$', DEG),
     'condition': _Quantity(
         lambda _: [(r'cond $\Phi$', colour_of(0))], lambda pose: (pose.condition,)
     ),
@@ -91,7 +91,7 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
         'transmission', the transmission angle of each block, over the recommended band from 40 to
         140 deg; 'condition', the condition number of Phi; 'foot', the foot's coordinates.
     ax : matplotlib.axes.Axes, optional
-        The axes; by default those of a new figure.
+        The axes; by default the axes of a new figure.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def plot_convergence(
         each the greatest of a block's angles [rad] and distances [m]; or 'residuals', the norm of
         a block's loop equations at each iterate [m].
     ax : matplotlib.axes.Axes, optional
-        The axes; by default those of a new figure.
+        The axes; by default the axes of a new figure.
     **stop
         Stopping criteria: keywords of `Leg.newton`, such as `max_iterations`.
 

@@ -60,7 +60,7 @@ def plot_pose(
     alpha : float, optional
         Crank angle [rad]; by default the pose's, or the first reachable one.
     ax : matplotlib.axes.Axes, optional
-        The axes; by default those of a new figure.
+        The axes; by default the axes of a new figure.
     letters, angles : bool
         Whether to label points, and to draw angles as arcs from the horizontal.
     width : float
@@ -108,7 +108,7 @@ def plot_foot_path(
         The point in place of the foot, as of `foot_path`: 'G', or ('theta3', u, v) for a coupler
         curve.
     ax : matplotlib.axes.Axes, optional
-        The axes; by default those of a new figure.
+        The axes; by default the axes of a new figure.
     **style
         Properties of the line, such as `color` and `label`, by default the point's letter.
 
@@ -126,7 +126,7 @@ def plot_foot_path(
 
     """
     leg = leg_of(linkage)
-    feet = _closed(foot_path(leg, point=point))
+    feet = _closed_path(foot_path(leg, point=point))
     ax = axes_of(ax)
     from matplotlib.cbook import normalize_kwargs  # noqa: PLC0415 - as in `axes_of`
     from matplotlib.lines import Line2D  # noqa: PLC0415 - as in `axes_of`
@@ -155,7 +155,7 @@ def animate(
     frames : int
         Number of poses.
     ax : matplotlib.axes.Axes, optional
-        The axes; by default those of a new figure.
+        The axes; by default the axes of a new figure.
     path : bool
         Whether to draw the foot path.
     **style
@@ -202,7 +202,7 @@ def animate(
     return FuncAnimation(root_figure, show, frames=frames, interval=interval)
 
 
-def _closed(path: FootPath) -> FloatArray:
+def _closed_path(path: FootPath) -> FloatArray:
     """Return the points of a path, closed after a turn; NaN between arcs."""
     if path.full_turn:
         return np.vstack([path.h, path.h[:1]])
@@ -235,7 +235,7 @@ class NoMatplotlibError(ImportError):
 
 
 def axes_of(ax: 'Axes | None') -> 'Axes':
-    """Return the axes, or those of a new figure; raises a NoMatplotlibError without matplotlib."""
+    """Return the axes, or a new figure's; raises a NoMatplotlibError without matplotlib."""
     if ax is not None:
         return ax
     try:

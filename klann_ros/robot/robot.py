@@ -62,7 +62,7 @@ class CrankDrive:
     zero: float = 0.0
 
     def measured(self, position: float, velocity: float | None) -> tuple[float, float | None]:
-        """Return angle and rate of the crank by those of its encoder."""
+        """Return angle and rate of the crank by its encoder's position and velocity."""
         rate = None if velocity is None else velocity / self.encoder_ratio
         return position / self.encoder_ratio - self.zero, rate
 

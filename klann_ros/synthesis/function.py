@@ -128,7 +128,7 @@ def function_generators(
     if (input_start is None, output_start is None) != (len(phi) == 5, len(phi) > 3):
         raise ValueError(f'{len(phi)} precision points need {STARTS[len(phi)]}')
     if len(phi) == 5:
-        return _of_five(phi - phi[0], psi - psi[0], ground)
+        return _five_point_generators(phi - phi[0], psi - psi[0], ground)
     theta2 = phi + (input_start or 0.0)
     starts = [output_start] if output_start is not None else _output_starts(theta2, psi)
     generators = []
@@ -187,11 +187,11 @@ def _output_starts(theta2: FloatArray, psi: FloatArray) -> list[float]:
     return [(middle + offset) / 2.0, (middle - offset) / 2.0]
 
 
-def _of_five(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFourBar]:
+def _five_point_generators(phi: FloatArray, psi: FloatArray, ground: float) -> list[PlacedFourBar]:
     """
     Return the four-bars of five pairs of rotations.
 
-    Seen from the rocker, the crank is a plane in five poses. Its dyads are couplers; the one of
+    Seen from the rocker, the crank is a plane in five poses. Its dyads are couplers; the dyad of
     the two fixed pivots is the ground itself.
     """
     poses = []

@@ -24,13 +24,13 @@ def quick_returns(
     Parameters
     ----------
     time_ratio : float
-        Q >= 1: time of the slow stroke over that of the quick one, the crank turning evenly.
+        Q >= 1: time of the slow stroke over the quick one's, the crank turning evenly.
     swing : float
         Angle between the rocker's limits, in (0, pi) [rad].
     rocker : float
         L4 [m].
     crank : float, optional
-        L2 [m]; else the one with the best least transmission angle.
+        L2 [m]; by default the crank with the best least transmission angle.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def quick_returns(
     lengths = [crank] if crank else np.arange(1, CRANK_SAMPLES) * max_crank / CRANK_SAMPLES
     crank_rockers = []
     for length in map(float, lengths):
-        for geometry in _of_crank(length, alpha, chord, rocker, swing):
+        for geometry in _four_bars_with_crank(length, alpha, chord, rocker, swing):
             bar = FourBar(*geometry.lengths)
             if bar.grashof.motion != 'crank-rocker':
                 continue
@@ -90,7 +90,7 @@ def toggle_couplers(
     return [(float(length), kind) for length, kind in candidates if length > 0.0]
 
 
-def _of_crank(
+def _four_bars_with_crank(
     crank: float, alpha: float, chord: float, rocker: float, swing: float
 ) -> list[FourBarGeometry]:
     """Return the four-bars with a crank, for O2 on either side of the chord."""

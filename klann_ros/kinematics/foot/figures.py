@@ -29,7 +29,7 @@ class _Cubics(NamedTuple):
     c_2: FloatArray
     c_3: FloatArray
 
-    def value(self, t: FloatArray) -> FloatArray:
+    def ordinate(self, t: FloatArray) -> FloatArray:
         return np.asarray(self.c_0 + t * (self.c_1 + t * (self.c_2 + t * self.c_3)))
 
     def slope(self, t: FloatArray) -> FloatArray:
@@ -38,11 +38,11 @@ class _Cubics(NamedTuple):
 
 
 class _Extreme(NamedTuple):
-    """An extreme of each of n curves: the interval, t in it, and the value, shape (n,)."""
+    """An extreme of each of n curves: the interval, t in it, and the ordinate, shape (n,)."""
 
     interval: IndexArray
     t: FloatArray
-    value: FloatArray
+    ordinate: FloatArray
 
 
 class _Coordinate:
@@ -68,7 +68,7 @@ class _Coordinate:
         intervals = np.floor(angles / self._step)
         t = angles / self._step - intervals
         cubics = self.cubics(intervals.astype(np.intp))
-        return cubics.value(t), cubics.slope(t) / self._step
+        return cubics.ordinate(t), cubics.slope(t) / self._step
 
     def extreme(self, sign: float) -> _Extreme:
         """Return the minimum of each path with a sign of 1, the maximum with -1."""
@@ -82,7 +82,7 @@ class _Coordinate:
             root = np.sqrt(np.maximum(0.0, discriminant))
             t = cubics.c_1 / -(cubics.c_2 + sign * root)
         t = np.clip(np.where(np.isfinite(t), t, 0.0), 0.0, 1.0)
-        return _Extreme(interval, t, cubics.value(t))
+        return _Extreme(interval, t, cubics.ordinate(t))
 
 
 class SampledPaths:
@@ -109,9 +109,9 @@ class SampledPaths:
         self._x = _Coordinate(h[0], h_1[0])
         self._y = _Coordinate(h[1], h_1[1])
         lowest = self._y.extreme(1.0)
-        self.lowest = lowest.value
-        self.stride = self._x.extreme(-1.0).value - self._x.extreme(1.0).value
-        self.lift = self._y.extreme(-1.0).value - self.lowest
+        self.lowest = lowest.ordinate
+        self.stride = self._x.extreme(-1.0).ordinate - self._x.extreme(1.0).ordinate
+        self.lift = self._y.extreme(-1.0).ordinate - self.lowest
         self.length = TURN * np.hypot(*h_1).mean(axis=1)
         start, end = self._stance_ends(h, h_1, lowest)
         width = (end - start)[:, None]
@@ -150,7 +150,7 @@ class SampledPaths:
         stands = is_low & (np.sign(h_1[0]) == direction[:, None])
 
         def end_of_stance(*, forward: bool) -> FloatArray:
-            """Return the end of the stances after the lowest points, or their start before."""
+            """Return the ends of the stances, or with `forward` False their starts [rad]."""
             order = lowest.interval[:, None] + (1 + steps if forward else -steps)
             in_stance = np.take_along_axis(stands, order % sample_count, axis=1)
             sample_run = np.argmin(in_stance, axis=1)
@@ -162,7 +162,7 @@ class SampledPaths:
             for _ in range(BISECTIONS):
                 middle = (inside + outside) / 2.0
                 is_backwards = x_cubics.slope(middle) * direction > 0.0
-                holds = (y_cubics.value(middle) <= level) & is_backwards
+                holds = (y_cubics.ordinate(middle) <= level) & is_backwards
                 inside = np.where(holds, middle, inside)
                 outside = np.where(holds, outside, middle)
             return np.asarray(TURN / sample_count * (interval + inside))
@@ -176,7 +176,7 @@ def path_figures(
     """
     Return the figures of one path and its stance, or arrays of many, by name.
 
-    `mid_swing_height` is that of the foot above its lowest point at `stance.mid_swing` [m].
+    `mid_swing_height` is the height of the foot above its lowest point at `stance.mid_swing` [m].
     """
     return {
         'stride': path.stride,
@@ -211,9 +211,9 @@ def _deviation(x: FloatArray, y: FloatArray, speed: FloatArray) -> FloatArray:
 
 def _row_peaks(curves: FloatArray) -> FloatArray:
     """Return the maximum of each row, by a parabola through three samples."""
-    rows = np.arange(len(curves))
+    indices = np.arange(len(curves))
     middle = np.clip(curves.argmax(axis=1), 1, curves.shape[1] - 2)
-    before = curves[rows, middle - 1]
-    after = curves[rows, middle + 1]
-    peaks = parabola_peak(before, curves[rows, middle], after)
+    left = curves[indices, middle - 1]
+    right = curves[indices, middle + 1]
+    peaks = parabola_peak(left, curves[indices, middle], right)
     return np.asarray(np.maximum(curves.max(axis=1), peaks))

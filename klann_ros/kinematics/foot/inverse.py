@@ -31,7 +31,7 @@ class Nearest(NamedTuple):
     The crank angle of the foot's nearest position to a point.
 
     `alpha` is in [0, 2 pi), the first of `ties`, all sorted crank angles with this distance: two
-    where the path crosses itself [rad]. `distance` is that of the foot from the point [m].
+    where the path crosses itself [rad]. `distance` is from the foot to the point [m].
     """
 
     alpha: float

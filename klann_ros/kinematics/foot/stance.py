@@ -42,7 +42,7 @@ class NoStanceError(KinematicsError):
 
 @dataclass(frozen=True, kw_only=True)
 class StanceFigures(Generic[Number]):
-    """The figures of a stance, or arrays of those of many stances; the fields are `Stance`'s."""
+    """The figures of a stance, or arrays for many; `Stance` describes the fields."""
 
     start: Number
     end: Number
@@ -130,7 +130,7 @@ class Stance(StanceFigures[float]):
 
 
 class _Contact(NamedTuple):
-    """An interval of a track within the band on which x is monotone."""
+    """An interval of a track within the band on which x is monotone, with the sign of dx/dt."""
 
     track: Track
     t_0: float
@@ -140,7 +140,7 @@ class _Contact(NamedTuple):
 
 
 def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Stance]:
-    """Return the stances of a band above the lowest point [m]: first the one with that point."""
+    """Return the stances of a band above the lowest point [m], the stance of that point first."""
     ends: list[tuple[float, int, float]] = []
     for k, track in enumerate(tracks):
         for t_0, t_1, y_0, y_1 in monotone_intervals(track, Y):
@@ -151,7 +151,7 @@ def stances(tracks: Sequence[Track], ground: float, rounding: float) -> list[Sta
         t = lowest_t if k == lowest_track else None
         contacts += _contacts(track, min_y + ground, rounding, t)
     lowest = max(contacts, key=lambda contact: (contact.holds_lowest, abs(_advance(contact))))
-    on_ground = _joined([contact for contact in contacts if contact.sign == lowest.sign])
+    on_ground = _join_adjacent([contact for contact in contacts if contact.sign == lowest.sign])
     on_ground.sort(key=lambda contact: not contact.holds_lowest)
     return [_stance(contact, ground) for contact in on_ground]
 
@@ -181,7 +181,7 @@ def _advance(contact: _Contact) -> float:
     return contact.track.value(X, contact.t_1) - contact.track.value(X, contact.t_0)
 
 
-def _joined(contacts: list[_Contact]) -> list[_Contact]:
+def _join_adjacent(contacts: list[_Contact]) -> list[_Contact]:
     """Join adjacent intervals: a path that only touches the band's edge does not leave it."""
     joined: list[_Contact] = []
     for contact in contacts:

@@ -159,7 +159,7 @@ class Track:
         for offset in END_OFFSETS:
             solvable = alpha + inward * offset
             try:
-                return self._leg.solve(_wrapped(solvable) if wrapped else solvable)
+                return self._leg.solve(_wrap_positive(solvable) if wrapped else solvable)
             except KinematicsError as caught:
                 error = caught
                 if self.span.is_turn:
@@ -173,7 +173,7 @@ class Track:
             return np.array((nan, nan))
 
 
-def _wrapped(alpha: float) -> float:
+def _wrap_positive(alpha: float) -> float:
     """Return the angle in [0, 2 pi); a tiny negative one has its remainder rounded to 2 pi."""
     remainder = alpha % TURN
     return remainder if remainder < TURN else 0.0

@@ -186,10 +186,10 @@ def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
     """Return the dead points of a driver, by its angle; see `FourBar.dead_points`."""
     if driver not in ('crank', 'rocker', 'both'):
         raise ValueError(f"driver = {driver!r} is refused: it must be 'crank', 'rocker' or 'both'")
-    of_crank = [] if driver == 'rocker' else [*_of_crank(geometry.lengths)]
-    of_rocker = [] if driver == 'crank' else [*_of_rocker(geometry)]
+    of_crank = [] if driver == 'rocker' else [*_crank_dead_points(geometry.lengths)]
+    of_rocker = [] if driver == 'crank' else [*_rocker_dead_points(geometry)]
     if driver == 'both':
-        of_rocker += _of_rocker(geometry.mirrored())
+        of_rocker += _rocker_dead_points(geometry.mirrored())
 
     def angle(point: DeadPoint) -> float:
         return point.angle
@@ -199,10 +199,10 @@ def dead_points(geometry: FourBarGeometry, driver: str) -> list[DeadPoint]:
 
 def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
     """Return the limits of the rocker; only a motion of 'crank-rocker' has a time ratio."""
-    points = {point.kind: point for point in _of_rocker(geometry)}
+    points = {point.kind: point for point in _rocker_dead_points(geometry)}
     stretched = points.get(STRETCHED)
     folded = points.get(FOLDED)
-    first, last = crank_limits(_reversed(geometry))
+    first, last = crank_limits(_reversed_lengths(geometry))
     # Within first .. last on one side of the ground, or through it where there is no limit.
     swing = (last - first) if first > 0.0 and last < pi else 2.0 * (last - first)
     ratio = nan
@@ -212,7 +212,7 @@ def rocker_limits(geometry: FourBarGeometry, motion: str) -> RockerLimits:
     return RockerLimits(stretched, folded, swing, ratio)
 
 
-def _of_crank(lengths: Lengths) -> Iterator[DeadPoint]:
+def _crank_dead_points(lengths: Lengths) -> Iterator[DeadPoint]:
     """Yield the dead points of the crank: two for each kind, one on each side of the ground."""
     first, last = crank_limits(lengths)
     limits = [(first, FOLDED)] if first > 0.0 else []
@@ -220,22 +220,22 @@ def _of_crank(lengths: Lengths) -> Iterator[DeadPoint]:
         limits.append((last, STRETCHED))
     for angle, kind in limits:
         for theta2 in (-angle, angle):
-            theta3, theta4 = _in_line(lengths, theta2, kind)
+            theta3, theta4 = _angles_in_line(lengths, theta2, kind)
             yield DeadPoint('crank', theta2, kind, theta2, wrap(theta3), wrap(theta4))
 
 
-def _of_rocker(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
+def _rocker_dead_points(geometry: FourBarGeometry) -> Iterator[DeadPoint]:
     """Yield the dead points of the rocker in this assembly, at most one for each kind."""
-    for point in _of_crank(_reversed(geometry)):
+    for point in _crank_dead_points(_reversed_lengths(geometry)):
         theta2 = copysign(pi - abs(point.theta4), point.theta4)
         theta3 = wrap(-point.theta3)
         theta4 = copysign(pi - abs(point.theta2), point.theta2)
-        # Of the two sides of the ground each assembly has one.
+        # Each assembly has one of the two sides of the ground.
         if sin(theta4 - theta3) * geometry.assembly > 0.0:
             yield DeadPoint('rocker', theta4, point.kind, theta2, theta3, theta4)
 
 
-def _in_line(lengths: Lengths, theta2: float, kind: str) -> tuple[float, float]:
+def _angles_in_line(lengths: Lengths, theta2: float, kind: str) -> tuple[float, float]:
     """Return theta3 and theta4 where coupler and rocker are stretched out or folded [rad]."""
     ground, crank, coupler, rocker = lengths
     x = crank * cos(theta2)
@@ -248,6 +248,6 @@ def _in_line(lengths: Lengths, theta2: float, kind: str) -> tuple[float, float]:
     return folded, folded
 
 
-def _reversed(geometry: FourBarGeometry) -> Lengths:
+def _reversed_lengths(geometry: FourBarGeometry) -> Lengths:
     """Return the lengths seen from the rocker: the crank then, all directions mirrored in y."""
     return geometry.ground, geometry.rocker, geometry.coupler, geometry.crank

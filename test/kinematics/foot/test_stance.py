@@ -14,7 +14,7 @@ from klann_ros.kinematics import (
     LinkageLeg,
     NoStanceError,
 )
-from klann_ros.kinematics.foot.stance import _Contact, _joined
+from klann_ros.kinematics.foot.stance import _Contact, _join_adjacent
 import pytest
 from strategies import legs
 
@@ -28,7 +28,7 @@ def test_contacts_that_meet_at_the_start_of_the_turn_are_one(holds: bool) -> Non
     other = _Contact(track, 1.0, 1.5, -1, holds_lowest=False)
     last = _Contact(track, 3.0, 0.2 + math.pi, -1, not holds)
     whole = _Contact(track, 3.0, 0.5 + math.pi, -1, holds_lowest=True)
-    assert _joined([first, other, last]) == [other, whole]
+    assert _join_adjacent([first, other, last]) == [other, whole]
 
 
 def peaucellier(turned: float) -> LinkageLeg:
