@@ -22,38 +22,38 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
 
-def programs(given: dict[str, str]) -> Iterator[tuple[str, str, str]]:
+def programs(arguments: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     """Yield the external programs to start: the reason, the package, the executable."""
     yield 'every launch', 'robot_state_publisher', 'robot_state_publisher'
-    if 'sim' in given:  # an argument of ros2_control.launch.py alone
-        if asked(given, 'hardware'):
+    if 'sim' in arguments:  # an argument of ros2_control.launch.py alone
+        if is_set(arguments, 'hardware'):
             yield 'ros2_control', 'controller_manager', 'ros2_control_node'
         else:
             yield 'hardware:=false', 'mujoco_ros2_control', 'ros2_control_node'
         yield 'ros2_control', 'controller_manager', 'spawner'
-    if given.get('fuse') == 'ekf':
+    if arguments.get('fuse') == 'ekf':
         yield 'fuse:=ekf', 'robot_localization', 'ekf_node'
-    if asked(given, 'rviz'):
+    if is_set(arguments, 'rviz'):
         yield 'rviz:=true', 'rviz2', 'rviz2'
-    if asked(given, 'slider'):
+    if is_set(arguments, 'slider'):
         yield 'slider:=true', 'joint_state_publisher_gui', 'joint_state_publisher_gui'
 
 
-def files(given: dict[str, str]) -> Iterator[str]:
+def files(arguments: dict[str, str]) -> Iterator[str]:
     """Yield the arguments that name an input file."""
-    if 'params_file' in given:  # absent where only the checks are launched
+    if 'params_file' in arguments:  # absent where only the checks are launched
         yield 'params_file'
-    if asked(given, 'rviz'):
+    if is_set(arguments, 'rviz'):
         yield 'rviz_config'
 
 
-def asked(given: dict[str, str], flag: str) -> bool:
-    """Tell whether a flag is set; false if this launch does not have it."""
-    return given.get(flag, 'false').lower() == 'true'
+def is_set(arguments: dict[str, str], flag: str) -> bool:
+    """Return whether a flag is set; False if this launch does not have it."""
+    return arguments.get(flag, 'false').lower() == 'true'
 
 
 def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
-    """Tell whether launch_ros finds a program."""
+    """Return whether launch_ros finds a program."""
     try:
         ExecutableInPackage(package=package, executable=executable).perform(context)
     except (PackageNotFoundError, SubstitutionFailure):
@@ -63,20 +63,20 @@ def is_installed(package: str, executable: str, context: LaunchContext) -> bool:
 
 def check(context: LaunchContext) -> None:
     """Refuse invalid arguments and missing packages before the start."""
-    given = context.launch_configurations
-    for user, package, executable in programs(given):
+    arguments = context.launch_configurations
+    for user, package, executable in programs(arguments):
         if not is_installed(package, executable, context):
             debian = f'ros-{os.environ.get("ROS_DISTRO", "jazzy")}-{package.replace("_", "-")}'
             raise RuntimeError(f'{user} needs {package}: sudo apt install {debian}')
-    for name in files(given):
+    for name in files(arguments):
         # A relative path starts in the user's folder.
-        path = Path(given[name])
+        path = Path(arguments[name])
         if not path.is_file():
             reason = 'it is not a regular file' if path.exists() else 'there is no such file'
             raise RuntimeError(f'{name}:={path}: {reason}')
-    if given.get('linkage'):
+    if arguments.get('linkage'):
         try:
-            linkage_from_file(given['linkage'])
+            linkage_from_file(arguments['linkage'])
         except LinkageFileError as error:
             raise RuntimeError(f'linkage:={error}') from None
 

@@ -65,11 +65,12 @@ ARGUMENTS = (
 def urdf_of(params_file: Path, linkage: str, **names: str) -> str:
     """Return the URDF of the legs that solver_node has with these parameters."""
     try:
-        own = solver_section(parse_file(params_file))
         # The node's default, one leg, where the file has no geometry.
-        parameters = {'legs': [''], **own, **({'linkage': linkage} if linkage else {})}
+        parameters = {'legs': [''], **solver_section(parse_file(params_file))}
+        if linkage:
+            parameters['linkage'] = linkage
         robot = robot_from_parameters(parameters, folders=(params_file.parent,), weigh=False)
-        return urdf(robot, joint_separator=own.get('joint_separator', '/'), **names)
+        return urdf(robot, joint_separator=parameters.get('joint_separator', '/'), **names)
     except (OSError, TypeError, ValueError) as error:
         source = linkage or params_file
         raise RuntimeError(f'{source}: there is no URDF of it: {printable_line(error)}') from None

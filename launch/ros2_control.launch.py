@@ -90,18 +90,18 @@ def description(name: str, urdf: str, sim_time: dict, topics: list) -> Node:
 
 def nodes(context: LaunchContext) -> list[Node]:
     """Return the nodes of ros2_control, and those of klann_ros."""
-    given = context.launch_configurations
-    is_real, is_simulated, is_headless = (
-        given[name].lower() == 'true' for name in ('hardware', 'sim', 'headless')
-    )
+    arguments = context.launch_configurations
+    is_real = arguments['hardware'].lower() == 'true'
+    is_simulated = arguments['sim'].lower() == 'true'
     # A relative path starts in the user's folder.
-    folder = Path.cwd() / (given['folder'] or exported(Path.cwd() / given['params_file']))
+    folder = Path.cwd() / (arguments['folder'] or exported(Path.cwd() / arguments['params_file']))
     if not (folder / files.WALKER).is_file():
         raise RuntimeError(f'folder:={folder}: export --ros2-control has not written it')
-    control, walker = str(folder / files.CONTROLLERS), str(folder / files.WALKER)
+    control = str(folder / files.CONTROLLERS)
+    walker = str(folder / files.WALKER)
     urdf = (folder / (files.HARDWARE if is_real else files.SIMULATED)).read_text(encoding='utf-8')
     urdf = urdf.replace(f'>{files.MODEL}<', f'>{escape(str(folder / files.MODEL))}<')
-    urdf = urdf.replace('"headless">true<', f'"headless">{str(is_headless).lower()}<')
+    urdf = urdf.replace('"headless">true<', f'"headless">{arguments["headless"].lower()}<')
     robot = (folder / files.ROBOT).read_text(encoding='utf-8')
     # MuJoCo's interface publishes /clock.
     sim_time = {'use_sim_time': not is_real}

@@ -23,8 +23,9 @@ TIMEOUT = 300.0
 
 def find(prefix: Path = Path(sys.prefix)) -> str | None:
     """Return a Chromium that starts: the machine's own, else Playwright's in an environment."""
-    brought = prefix.glob('browsers/*/*/*headless?shell')
-    for path in (*filter(None, map(shutil.which, NAMES)), *map(str, brought)):
+    machine_paths = filter(None, map(shutil.which, NAMES))
+    installed_paths = map(str, prefix.glob('browsers/*/*/*headless?shell'))
+    for path in (*machine_paths, *installed_paths):
         # Ubuntu's chromium-browser may be a stub; Playwright's may miss libraries.
         answer = subprocess.run([path, '--version'], capture_output=True, check=False)
         if answer.returncode == 0:
@@ -37,20 +38,21 @@ def provide(env: Environment, work: Path) -> str | None:
     if find(env.folder):
         return None
     playwright = [env.python, '-m', 'playwright', 'install', '--only-shell', 'chromium']
-    ways: dict[str, list[Command]] = {'Playwright': [playwright]}
+    installers: dict[str, list[Command]] = {'Playwright': [playwright]}
     if os.geteuid() == 0 and shutil.which('apt-get'):
         install = [*APT, '--no-install-recommends', 'install', FONTS]
-        ways |= {f'apt-get of {name}': [[*APT, 'update'], [*install, name]] for name in PACKAGES}
+        for name in PACKAGES:
+            installers[f'apt-get of {name}'] = [[*APT, 'update'], [*install, name]]
     variables = env.variables | {'DEBIAN_FRONTEND': 'noninteractive'}
     variables['PLAYWRIGHT_BROWSERS_PATH'] = str(env.folder / 'browsers')
-    for name, commands in ways.items():
+    for name, commands in installers.items():
         print(f'No Chromium: {name} installs one, once, for the tests of the page ...')
         log = work / 'browser.txt'
-        done = all(run(command, variables, log, TIMEOUT) == 0 for command in commands)
+        is_done = all(run(command, variables, log, TIMEOUT) == 0 for command in commands)
         if find(env.folder):
             return None
         lines = log.read_text(encoding='utf-8', errors='replace').splitlines()
         errors = [line for line in lines if line.startswith(('Error', 'E:'))]
         reason = (errors or ['no reason given'])[0]
-        print(f'... {name} failed: {"what it installed does not start" if done else reason}')
+        print(f'... {name} failed: {"what it installed does not start" if is_done else reason}')
     return 'no Chromium for the tests of the page: apt install chromium, or put Chrome into PATH'

@@ -30,7 +30,8 @@ MAX_RERUNS = 5
 def main(arguments: list[str]) -> int:
     """Run the checks; return 0 if all of them passed."""
     names, pytest_arguments = _parse(arguments)
-    failed, summary = [], ''
+    failed = []
+    summary = ''
     with (
         environment('test') as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as folder,
@@ -54,8 +55,9 @@ def main(arguments: list[str]) -> int:
 
         # Sequential checks leave a core idle; the tests run alone.
         with ThreadPoolExecutor(2) as pool:
-            ok = dict(zip(quick, pool.map(passes, quick), strict=True))
-            failed += [name for name in quick if not ok[name]]
+            for name, is_passed in zip(quick, pool.map(passes, quick), strict=True):
+                if not is_passed:
+                    failed.append(name)
         if 'pytest' in names:
             if not passes('pytest') and not (_is_rare(work) and passes('alone')):
                 failed.append('pytest')
@@ -69,8 +71,8 @@ def main(arguments: list[str]) -> int:
 
 
 def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
-    at = arguments.index('--') if '--' in arguments else len(arguments)
-    pytest_arguments = arguments[at:][1:]
+    end = arguments.index('--') if '--' in arguments else len(arguments)
+    pytest_arguments = arguments[end:][1:]
     parser = argparse.ArgumentParser(
         prog='scripts/test',
         description='Run the checks of klann_ros, each in the environment made for them.',
@@ -78,10 +80,11 @@ def _parse(arguments: list[str]) -> tuple[list[str], list[str]]:
     )
     help_text = f'one or more of {", ".join(NAMES)}; default: all of them; also {", ".join(EXTRA)}'
     parser.add_argument('check', nargs='*', metavar='CHECK', help=help_text)
-    chosen = parser.parse_args(arguments[:at]).check
-    if unknown := [name for name in chosen if name not in NAMES + EXTRA]:
+    names = parser.parse_args(arguments[:end]).check
+    unknown = [name for name in names if name not in NAMES + EXTRA]
+    if unknown:
         parser.error(f'no such check: {", ".join(unknown)}')
-    return chosen or list(NAMES), pytest_arguments
+    return names or list(NAMES), pytest_arguments
 
 
 def _commands(env: Environment, work: Path, pytest_arguments: list[str]) -> dict[str, Command]:
@@ -114,14 +117,18 @@ def _is_rare(work: Path) -> bool:
 
 
 def _passes(name: str, command: Command, variables: dict[str, str], work: Path) -> bool:
-    begin, output = time.monotonic(), work / f'{name}.txt'
+    begin = time.monotonic()
+    output = work / f'{name}.txt'
     code = run(command, variables, output, TIMEOUT)
-    result = {0: 'ok', None: 'TIMED OUT'}.get(code, 'FAILED')
-    said = f'{name:14}{result:10}{time.monotonic() - begin:6.1f} s'
+    verdict = {0: 'ok', None: 'TIMED OUT'}.get(code, 'FAILED')
+    report = [f'{name:14}{verdict:10}{time.monotonic() - begin:6.1f} s']
     text = output.read_text(encoding='utf-8', errors='replace')
-    # A skipped test proves nothing, so it is listed.
-    listed = ('SKIPPED', 'MEASURED')
-    skipped = [f'    {line}' for line in text.splitlines() if line.startswith(listed)]
+    if code == 0:
+        # A skipped test proves nothing, so it is listed.
+        lines = [line for line in text.splitlines() if line.startswith(('SKIPPED', 'MEASURED'))]
+        report += [f'    {line}' for line in lines]
+    else:
+        report.append(text)
     # In one piece: another check may end at the same time.
-    print('\n'.join([said, *(skipped if code == 0 else [text])]) + '\n', end='')
+    print('\n'.join(report) + '\n', end='')
     return code == 0

@@ -75,56 +75,56 @@ def main(arguments: list[str]) -> int:
         help='show a simulated leg with errors, its cameras and its calibration until Ctrl-C',
     )
     options = parser.parse_args(arguments)
-    shows = {
-        'demo --walk': options.walk,
-        'demo --calibrate': options.calibrate,
-        'demo': options.view,
-    }
-    for show in (name for name, is_wanted in shows.items() if is_wanted):
-        return _view(show)
+    if options.walk:
+        return _view('demo --walk')
+    if options.calibrate:
+        return _view('demo --calibrate')
+    if options.view:
+        return _view('demo')
     recording = ROOT / 'runs' / f'demo-{datetime.now(timezone.utc):%Y%m%dT%H%M%S.%fZ}'
     with (
         environment('demo') as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
     ):
-        programs, variables = env.folder / 'bin', env.variables | world
+        programs = env.folder / 'bin'
+        variables = env.variables | world
         recording.parent.mkdir(exist_ok=True)
         print(f'Running solver, crank and recorder as three processes for {TURNS} turns ...')
         _record(recording, programs, variables, Path(work))
-        said = _review(recording, programs, variables, Path(work))
-    here = os.path.relpath(recording)
-    player, review = (
-        quote(os.path.relpath(programs / name)) for name in ('player_node', 'review')
-    )
+        report = _review(recording, programs, variables, Path(work))
+    run_path = os.path.relpath(recording)
+    player = quote(os.path.relpath(programs / 'player_node'))
+    review = quote(os.path.relpath(programs / 'review'))
     print(f"""
-{said}
+{report}
 
 The leg made {TURNS} turns. Output:
-  {here}.html    page for a browser: animated leg and charts
-  {here}    recorded run (MCAP; also for Foxglove and ros2 bag)
-Play it back:      {player} {quote(here)}
-Review it again:   {review} {quote(here)}""")
+  {run_path}.html    page for a browser: animated leg and charts
+  {run_path}    recorded run (MCAP; also for Foxglove and ros2 bag)
+Play it back:      {player} {quote(run_path)}
+Review it again:   {review} {quote(run_path)}""")
     return 0
 
 
 def _view(show: str) -> int:
     """Show a moving leg or walker in a browser; return 0 after Ctrl-C."""
-    what, parts = SHOWS[show]
+    title, arguments = SHOWS[show]
     with (
         environment(show) as env,
         tempfile.TemporaryDirectory(prefix='klann_ros-') as work,
         own_world(Path(work)) as world,
         ExitStack() as stack,
     ):
-        programs, variables = env.folder / 'bin', env.variables | world
-        outputs = {name: Path(work, f'{name}.txt') for name in parts}
-        nodes = [
-            stack.enter_context(running([programs / name, *given], variables, outputs[name]))
-            for name, given in parts.items()
-        ]
+        programs = env.folder / 'bin'
+        variables = env.variables | world
+        outputs = {name: Path(work, f'{name}.txt') for name in arguments}
+        nodes = []
+        for name, output in outputs.items():
+            node = running([programs / name, *arguments[name]], variables, output)
+            nodes.append(stack.enter_context(node))
         (ROOT / 'runs').mkdir(exist_ok=True)
-        print(f'{what} moves; its page follows. Ctrl-C ends it.', flush=True)
+        print(f'{title} moves; its page follows. Ctrl-C ends it.', flush=True)
         view = [programs / 'view_node', '--port', '0', '--open', '--runs', ROOT / 'runs']
         nodes.append(stack.enter_context(running(view, variables)))
         try:
@@ -132,9 +132,8 @@ def _view(show: str) -> int:
                 pause()
         except CommandError:
             return 0
-        raise CommandError(
-            '\n'.join(['a node has ended', *(last_lines(each, 3) for each in outputs.values())])
-        )
+        last = [last_lines(output, 3) for output in outputs.values()]
+        raise CommandError('\n'.join(['a node has ended', *last]))
 
 
 def _record(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> None:
@@ -144,24 +143,25 @@ def _record(recording: Path, programs: Path, variables: dict[str, str], work: Pa
     outputs = {name: work / f'{name}.txt' for name in parameters}
     with ExitStack() as stack:
         nodes = {}
-        for name, values in parameters.items():
-            options = ['--ros-args', *(word for value in values for word in ('-p', value))]
-            command = [programs / name, *options]
+        for name, assignments in parameters.items():
+            command: list[object] = [programs / name, '--ros-args']
+            for assignment in assignments:
+                command += ['-p', assignment]
             node = running(command, variables, outputs[name])
             nodes[name] = stack.enter_context(node)
         deadline = time.monotonic() + TIMEOUT
         while all(node.poll() is None for node in nodes.values()) and time.monotonic() < deadline:
             pause()
-        turned = nodes['crank_node'].poll() == 0
+        has_turned = nodes['crank_node'].poll() == 0
         # The last answers are still in transport.
         pause(0.5)
         codes = {name: end(node) for name, node in nodes.items()}
         pause(0)
-    if not turned or any(codes.values()):
-        said = [
-            f'{name} ended with {codes[name]}: {last_lines(outputs[name], 12)}' for name in codes
-        ]
-        raise CommandError('\n'.join(['the crank did not finish its turns', *said]))
+    if not has_turned or any(codes.values()):
+        lines = ['the crank did not finish its turns']
+        for name, code in codes.items():
+            lines.append(f'{name} ended with {code}: {last_lines(outputs[name], 12)}')
+        raise CommandError('\n'.join(lines))
 
 
 def _review(recording: Path, programs: Path, variables: dict[str, str], work: Path) -> str:

