@@ -1,5 +1,5 @@
 """
-What a pose of each linkage costs, beside the Klann leg's, and beside another checkout's.
+Time a pose of each linkage, compared with the Klann leg and with another checkout.
 
     python3 benchmarks/linkages.py [CHECKOUT]
 
@@ -35,11 +35,11 @@ AIMS = (
     ('arrays x 72 numpy', 'objects x 72 numpy', 1 / 5),
     ('arrays x 72 numba', 'objects x 72 numba', 1 / 5),
 )
-# And of the other checkout's time for the same.
-MOST_OF_THE_OTHER = 1.05
+# Maximum ratio to the time of the other checkout for the same poses.
+MAX_CHECKOUT_RATIO = 1.05
 HELD = (
     'klann warm',
-    *(f'{what} {kernel}' for what in ('klann_poses', '1000 legs x 72')
+    *(f'{poses} {kernel}' for poses in ('klann_poses', '1000 legs x 72')
       for kernel in ('numpy', 'numba')),
 )  # fmt: skip
 
@@ -78,14 +78,14 @@ def linkage_turn(name: str, kernel: Kernel) -> int:
 
 def objects(kernel: Kernel) -> int:
     """Make a thousand geometries as objects, one by one, and solve them."""
-    made = [kinematics.KlannGeometry(l_bc=float(length)) for length in LENGTHS[:1000]]
-    kinematics.klann_poses(made, SWEEP, kernel=kernel)
+    legs = [kinematics.KlannGeometry(l_bc=float(length)) for length in LENGTHS[:1000]]
+    kinematics.klann_poses(legs, SWEEP, kernel=kernel)
     return 1000 * SWEEP.size
 
 
-def objects_made(made: Sequence[KlannGeometry], kernel: Kernel) -> int:
+def existing_objects(legs: Sequence[KlannGeometry], kernel: Kernel) -> int:
     """Solve a thousand geometries that are there already."""
-    kinematics.klann_poses(made, SWEEP, kernel=kernel)
+    kinematics.klann_poses(legs, SWEEP, kernel=kernel)
     return 1000 * SWEEP.size
 
 
@@ -101,32 +101,32 @@ def ways() -> dict[str, Callable[[], int]]:
     """Return what this checkout can do, by name."""
     klann = kinematics.KlannLeg()
     klann.solve(0.0)
-    made = [kinematics.KlannGeometry(l_bc=float(length)) for length in LENGTHS[:1000]]
-    found: dict[str, Callable[[], int]] = {'klann warm': partial(warm, klann)}
+    legs = [kinematics.KlannGeometry(l_bc=float(length)) for length in LENGTHS[:1000]]
+    calls: dict[str, Callable[[], int]] = {'klann warm': partial(warm, klann)}
     for name in ('jansen', 'stephenson', 'four_bar'):
         leg = kinematics.LinkageLeg(kinematics.shipped_linkage(name))
         leg.solve(0.0)
-        found[f'{name} warm'] = partial(warm, leg, 1)
+        calls[f'{name} warm'] = partial(warm, leg, 1)
     kernels: tuple[Kernel, ...] = ('numpy', 'numba')
     for kernel in kernels:
-        found[f'klann_poses {kernel}'] = partial(klann_turn, kernel)
-        found[f'1000 legs x 72 {kernel}'] = partial(objects_made, made, kernel)
-        found[f'objects x 72 {kernel}'] = partial(objects, kernel)
+        calls[f'klann_poses {kernel}'] = partial(klann_turn, kernel)
+        calls[f'1000 legs x 72 {kernel}'] = partial(existing_objects, legs, kernel)
+        calls[f'objects x 72 {kernel}'] = partial(objects, kernel)
         if hasattr(kinematics, 'linkage_poses'):
-            found[f'arrays x 72 {kernel}'] = partial(arrays, kernel)
-            found[f'jansen bulk {kernel}'] = partial(linkage_turn, 'jansen', kernel)
+            calls[f'arrays x 72 {kernel}'] = partial(arrays, kernel)
+            calls[f'jansen bulk {kernel}'] = partial(linkage_turn, 'jansen', kernel)
     if hasattr(kinematics, 'linkage_poses'):
-        found['stephenson bulk numpy'] = partial(linkage_turn, 'stephenson', 'numpy')
-    return found
+        calls['stephenson bulk numpy'] = partial(linkage_turn, 'stephenson', 'numpy')
+    return calls
 
 
 def work() -> None:
     """Time a way whenever its name comes in on standard input; print the seconds a pose."""
-    found = ways()
-    print(*found, sep='|', flush=True)
+    calls = ways()
+    print(*calls, sep='|', flush=True)
     for line in sys.stdin:
         begin = perf_counter()
-        poses = found[line.strip()]()
+        poses = calls[line.strip()]()
         print((perf_counter() - begin) / poses, flush=True)
 
 
@@ -171,41 +171,41 @@ class Checkout:
         self._process.wait()
 
 
-def ratio(own: list[float], other: list[float]) -> float:
-    """Return how many times as long one takes: the median over the rounds."""
-    return median(a / b for a, b in zip(own, other, strict=True))
+def ratio(times: list[float], reference: list[float]) -> float:
+    """Return the ratio of the times to a reference: the median over the rounds."""
+    return median(a / b for a, b in zip(times, reference, strict=True))
 
 
 def main() -> int:
     """Print the figures; return 0 if all aims are met."""
-    ours = Checkout(HERE.parent)
-    others = [Checkout(Path(folder).resolve()) for folder in sys.argv[1:2]]
-    both = [ours, *others]
-    for checkout in both:
+    here = Checkout(HERE.parent)
+    checkouts_there = [Checkout(Path(folder).resolve()) for folder in sys.argv[1:2]]
+    checkouts = [here, *checkouts_there]
+    for checkout in checkouts:
         for way in checkout.ways:
             checkout.run(way)
     for k in range(ROUNDS):
-        for way in ours.ways:
+        for way in here.ways:
             # In turn, and which is first in turn as well.
-            for checkout in both[:: 1 if k % 2 == 0 else -1]:
+            for checkout in checkouts[:: 1 if k % 2 == 0 else -1]:
                 if way in checkout.ways:
                     checkout.measure(way)
-    for checkout in both:
+    for checkout in checkouts:
         checkout.end()
     print(f'{"us a pose, " + str(ROUNDS) + " rounds":24} {"here":>9} {"there":>9} {"ratio":>7}')
-    for way, times in ours.times.items():
-        there = others[0].times.get(way) if others else None
+    for way, times in here.times.items():
+        there = checkouts_there[0].times.get(way) if checkouts_there else None
         beside = f' {median(there) * 1e6:9.4f} {ratio(times, there):7.3f}' if there else ''
         print(f'{way:24} {median(times) * 1e6:9.4f}{beside}')
     met = [
-        is_met(f'{way} / {other}', ratio(ours.times[way], ours.times[other]), most)
-        for way, other, most in AIMS
+        is_met(f'{way} / {base}', ratio(here.times[way], here.times[base]), max_ratio)
+        for way, base, max_ratio in AIMS
     ]
     met += [
         is_met(
-            f'{way} here / there', ratio(ours.times[way], checkout.times[way]), MOST_OF_THE_OTHER
+            f'{way} here / there', ratio(here.times[way], checkout.times[way]), MAX_CHECKOUT_RATIO
         )
-        for checkout in others
+        for checkout in checkouts_there
         for way in HELD
     ]
     return exit_code(*met)

@@ -47,9 +47,9 @@ class Way:
         """Return the median time a pose [s]."""
         return median(self.times)
 
-    def ratio(self, other: 'Way') -> float:
-        """Return how much longer it takes a pose than another: the median over the rounds."""
-        return median(own / its for own, its in zip(self.times, other.times, strict=True))
+    def ratio(self, reference: 'Way') -> float:
+        """Return the ratio of its times a pose to a reference: the median over the rounds."""
+        return median(time / base for time, base in zip(self.times, reference.times, strict=True))
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Aim:
     """Maximum ratio of the times per pose of two solvers; None: only reported."""
 
     way: str
-    other: str
-    most: float | None = None
+    reference: str
+    max_ratio: float | None = None
 
 
 def run(ways: Sequence[Way], expected: np.ndarray, rounds: int) -> None:
@@ -84,12 +84,12 @@ def report(ways: Sequence[Way], aims: Sequence[Aim]) -> bool:
     named = {way.name: way for way in ways}
     met = True
     for aim in aims:
-        ratio = named[aim.way].ratio(named[aim.other])
-        name = f'{aim.way} / {aim.other}'
-        if aim.most is None:
+        ratio = named[aim.way].ratio(named[aim.reference])
+        name = f'{aim.way} / {aim.reference}'
+        if aim.max_ratio is None:
             print(f'{name}: {ratio:.4f}')
         else:
-            met &= is_met(name, ratio, aim.most)
+            met &= is_met(name, ratio, aim.max_ratio)
     return met
 
 
@@ -252,7 +252,7 @@ def by_the_million() -> bool:
     step_leg, fast_leg = PylinkageLeg(GEOMETRY, step), PylinkageLeg(GEOMETRY, step)
 
     def ours(kernel: str, **more: bool) -> Way:
-        name = ' '.join(['klann_poses', kernel, *(f'+ {what}' for what in more)])
+        name = ' '.join(['klann_poses', kernel, *(f'+ {quantity}' for quantity in more)])
         return Way(
             name, MILLION, lambda: klann_poses(GEOMETRY, alphas, out=out, kernel=kernel, **more).h
         )

@@ -173,7 +173,7 @@ class Blockwise:
         """Return the end of a path by its bars and u, and its pivots with a factor."""
         terms, constant = path_terms(self.structure, path, *vectors)
         start = np.zeros(np.shape(u[-1]), dtype=np.complex128) + fixed * constant
-        return sum((w * u[j] for j, w in terms.items()), start)
+        return joints.vector_sum(terms, u, start)
 
     def _put(
         self, name: str, array: Any, coordinate: Callable[[int], Any], *ends: Callable[[Path], Any]

@@ -291,9 +291,8 @@ def feet(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> Float
     terms, constant = linkage.point_rows[linkage.foot]
     u = vectors(leg, angles) if u is None else u
     with np.errstate(invalid='ignore', over='ignore'):
-        h = np.full(len(angles), constant, dtype=np.complex128)
-        for j, w in terms.items():
-            h += w * u[j]
+        start = np.full(len(angles), constant, dtype=np.complex128)
+        h = joints.vector_sum(terms, u, start)
     return np.column_stack([h.real, h.imag])
 
 

@@ -13,7 +13,7 @@ between the links of a dyad, and stands for it where loops are coupled.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import hypot, prod
+from math import hypot
 from typing import Any
 
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
@@ -21,7 +21,7 @@ from klann_ros.kinematics.errors import UnreachableError
 import numpy as np
 
 from .dyads import cross, Dyad, dyad_solver, DyadSolver, max_vector_length, RELATIVE_ROUNDING
-from .joints import Closing, jacobian_column, Vectors
+from .joints import Closing, jacobian_column, vector_sum, Vectors
 from .structure import Structure
 
 # Of many linkages there are arrays.
@@ -53,8 +53,7 @@ class Block:
     @cached_property
     def slides(self) -> bool:
         """Return whether any of its bodies slides."""
-        structure = self.structure
-        return structure.slides and any(structure.bodies[j].slides for j in self.unknowns)
+        return self.structure.slides and self.structure.slides_any(self.unknowns)
 
     @property
     def two_branches(self) -> bool:
@@ -64,8 +63,7 @@ class Block:
     @property
     def sense(self) -> int:
         """Return the product of its angles' senses: their sign convention is no assembly mode."""
-        turning = [j for j in self.unknowns if not self.structure.bodies[j].slides]
-        return prod(self.structure.senses[j] for j in turning)
+        return self.structure.turning_sense(self.unknowns)
 
     @cached_property
     def _dyad(self) -> DyadSolver | None:
@@ -123,16 +121,14 @@ class Block:
 
     def closure_vector(self, u: Vectors) -> Any:
         """Return a dyad's W_a u_a + W_b u_b as the other bodies require it [m]."""
-        placed_terms, closure = self._placed_terms
-        for j, w in placed_terms:
-            closure = closure + w * u[j]
-        return -closure
+        _, constant = self.rows[0]
+        return -vector_sum(self._placed_terms, u, constant)
 
     @cached_property
-    def _placed_terms(self) -> tuple[tuple[tuple[int, complex], ...], complex]:
-        """Return a dyad's loop without its own two bodies: coefficients and constant [m]."""
-        terms, constant = self.rows[0]
-        return tuple((j, w) for j, w in terms.items() if j not in self.unknowns), constant
+    def _placed_terms(self) -> Terms:
+        """Return the coefficients of a dyad's loop but for its own two bodies [m]."""
+        terms, _ = self.rows[0]
+        return {j: w for j, w in terms.items() if j not in self.unknowns}
 
     def place(self, u: Vectors, alpha: float, sign: int) -> tuple[complex, complex]:
         """
@@ -199,7 +195,7 @@ class Block:
 
     def openings(self, u: Vectors) -> list[Any]:
         """Return the closure error of each loop [m]."""
-        return [sum((w * u[j] for j, w in terms.items()), c) for terms, c in self.rows]
+        return [vector_sum(terms, u, constant) for terms, constant in self.rows]
 
     def closure_error(self, u: Vectors) -> float:
         """Return the norm of its loops' closure errors [m]."""
@@ -221,7 +217,7 @@ class Block:
         def close(du: Vectors, further: Sequence[Any] = ()) -> Any:
             openings = []
             for k, (terms, _) in enumerate(self.rows):
-                opening = sum((w * du[j] for j, w in terms.items()), 0j * du[0])
+                opening = vector_sum(terms, du, 0j * du[0])
                 openings.append(opening + (further[k] if further else 0.0))
             return changes(np.array(openings))
 

@@ -26,6 +26,14 @@ from .structure import FIXED, Structure
 Vectors: TypeAlias = Any
 
 
+def vector_sum(terms: Mapping[int, Any], u: Vectors, start: Any) -> Any:
+    """Return a start and the sum of W_j u_j: the end of a path."""
+    end = start
+    for j, w in terms.items():
+        end = end + w * u[j]
+    return end
+
+
 def body_vectors(structure: Structure, x: Sequence[Any]) -> list[Any]:
     """Return u_j of every body by its coordinates, the crank's first [rad, m]."""
     u: list[Any] = [None] * len(structure.bodies)

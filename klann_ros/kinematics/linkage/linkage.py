@@ -304,7 +304,9 @@ class Linkage(LoopEquations):
         if count == len(self.blocks):
             return self
         structure = self.structure.prefix(count)
-        number_of = dict(zip(self.structure.slots, self.numbers, strict=True))
+        number_of = {}
+        for dimension, number in zip(self.structure.dimensions, self.numbers, strict=True):
+            number_of[dimension.kind, dimension.place] = number
         bars = [n for n, (body, _) in enumerate(self.structure.bars) if body in self.prefix_bodies]
         numbers = []
         for d in structure.dimensions:

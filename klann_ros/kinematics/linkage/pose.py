@@ -11,6 +11,7 @@ import numpy as np
 
 from . import joints
 from .linkage import Linkage
+from .structure import Structure
 
 
 def closed_form_vectors(linkage: Linkage, alpha: float) -> list[complex]:
@@ -41,7 +42,11 @@ def _branch_vectors(linkage: Linkage, alpha: float) -> list[complex]:
 
 def initial_guess(linkage: Linkage, alpha: float) -> tuple[float, ...]:
     """Return the other coordinates at a crank angle; see `closed_form_vectors`."""
-    u, structure = closed_form_vectors(linkage, alpha), linkage.structure
+    return _other_coordinates(linkage.structure, closed_form_vectors(linkage, alpha))
+
+
+def _other_coordinates(structure: Structure, u: Sequence[complex]) -> tuple[float, ...]:
+    """Return the coordinates of all bodies but the crank."""
     return tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
 
 
@@ -199,9 +204,9 @@ def _format(state: LinkagePose | LinkageMotion, linkage: Linkage) -> str:
 def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> LinkagePose:
     """Return the pose of body vectors from the geometric method."""
     structure = linkage.structure
-    x = tuple(float(joints.coordinate(structure, u, j)) for j in range(1, len(u)))
+    x = _other_coordinates(structure, u)
     terms, constant = linkage.point_rows[linkage.foot]
-    foot = sum((w * u[j] for j, w in terms.items()), constant)
+    foot = joints.vector_sum(terms, u, constant)
     sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
     residual = float(np.hypot.reduce([block.closure_error(u) for block in linkage.blocks]))
     rates = (nan,) * len(x)

@@ -85,7 +85,16 @@ from typing import Any, NamedTuple
 from klann_ros.kinematics.angles import MAX_UNWRAPPED, wrap
 
 from .equations import LoopEquations
-from .step_source import BlockSource, elimination_source, format_sum, LoopVectors, Sum, Term, Terms
+from .step_source import (
+    BlockSource,
+    elimination_source,
+    format_sum,
+    LoopVectors,
+    repeat,
+    Sum,
+    Term,
+    Terms,
+)
 from .structure import Structure
 
 # A guess of coupled loops that needs more correction may have left its branch [rad].
@@ -208,10 +217,9 @@ class StepSource:
         """Return the constants of a linkage of this structure."""
         constants = self._vectors.constants(linkage.bars)
         _, foot = linkage.point_rows[linkage.foot]
-        fixed = {f'c{k}': constant for k, (_, constant) in enumerate(linkage.rows)}
-        for name, constant in (*fixed.items(), ('h', foot)):
-            constants[f'{name}x'] = constant.real
-            constants[f'{name}y'] = constant.imag
+        for k, (_, constant) in enumerate(linkage.rows):
+            constants |= {f'c{k}x': constant.real, f'c{k}y': constant.imag}
+        constants |= {'hx': foot.real, 'hy': foot.imag}
         for b, block in enumerate(linkage.blocks):
             constants[f'rounding{b}'] = block.rounding
             # The determinant's sign, and the limits below which it is rounding, or singular.
@@ -229,7 +237,8 @@ class StepSource:
     def text(self, constants: Iterable[str]) -> str:
         """Return the source of all functions, for constants of these names."""
         lines = []
-        for size in sorted({len(self._source.blocks[b][0]) for b in self._coupled}):
+        sizes = {len(self._source.blocks[b][0]) for b in self._coupled}
+        for size in sorted(sizes):
             lines += elimination_source(size)
         lines += _fill(
             _FUNCTIONS,
@@ -237,8 +246,8 @@ class StepSource:
             p=_tuple('p', self._others),
             q=_tuple('q', self._others),
             newton=self._newton(),
-            tangent_steps=[f'p{j} += step * q{j}' for j in self._others],
-            rates=['q0 = rate', *(f'q{j} *= rate' for j in self._others)],
+            tangent_steps=repeat('p{0} += step * q{0}', self._others),
+            rates=['q0 = rate', *repeat('q{} *= rate', self._others)],
             velocity=self._velocity(),
             acceleration=self._acceleration(),
         )
@@ -253,7 +262,7 @@ class StepSource:
         # Distances are as precise as angles, in the linkage's size.
         length_tolerance = ['length_tolerance = tolerance * size'] * self._structure.slides
         guess = f'{_tuple("o", self._others)} = {_tuple("p", self._others)}'
-        gaps = [f'f{k}{axis}' for k in range(len(self._loops)) for axis in 'xy']
+        gaps = repeat('f{0}x, f{0}y', range(len(self._loops)))
         return _fill(
             _NEWTON,
             guess=[guess] if self._coupled else [],
@@ -270,8 +279,8 @@ class StepSource:
             # Vectors of the foot alone, before the angles are wrapped.
             foot_vectors=vectors.lines(self._bodies, foot_alone),
             coefficients=self._coefficients(),
-            signs=[f'signed{b} = D{b} * sign{b}' for b in self._blocks],
-            wrong_sign=' or '.join(f'signed{b} < least{b}' for b in self._blocks),
+            signs=repeat('signed{0} = D{0} * sign{0}', self._blocks),
+            wrong_sign=' or '.join(repeat('signed{0} < least{0}', self._blocks)),
             refuse_jump=self._refuse_jump() if self._coupled else [],
             wrap=self._wrap(),
             singular=' or '.join(map(self._is_singular, self._blocks)),
@@ -288,17 +297,17 @@ class StepSource:
         for k, terms in enumerate(self._loops):
             for axis in 'xy' if 0 in terms else '':
                 sign, v = terms[0]
-                known = format_sum([(1, f'c{k}{axis}'), (sign, f'v{v}{axis}')])
-                lines.append(f'k{k}{axis} = {known}')
+                opening = format_sum([(1, f'c{k}{axis}'), (sign, f'v{v}{axis}')])
+                lines.append(f'k{k}{axis} = {opening}')
         return lines
 
     def _openings(self) -> list[str]:
         lines = []
         for k, terms in enumerate(self._loops):
-            known = f'k{k}' if 0 in terms else f'c{k}'
+            start = f'k{k}' if 0 in terms else f'c{k}'
             for axis in 'xy':
                 products = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
-                opening = format_sum([(1, f'{known}{axis}'), *products])
+                opening = format_sum([(1, f'{start}{axis}'), *products])
                 lines.append(f'f{k}{axis} = {opening}')
         return lines
 
@@ -306,12 +315,13 @@ class StepSource:
         conditions = []
         for b, (_, loops) in enumerate(self._source.blocks):
             for k in loops:
-                conditions += [f'-rounding{b} <= f{k}{axis} <= rounding{b}' for axis in 'xy']
+                conditions.append(f'-rounding{b} <= f{k}x <= rounding{b}')
+                conditions.append(f'-rounding{b} <= f{k}y <= rounding{b}')
         return ' and '.join(conditions)
 
     @property
     def _vanish(self) -> str:
-        return ' or '.join(f'D{b} == 0.0' for b in self._dyads)
+        return ' or '.join(repeat('D{} == 0.0', self._dyads))
 
     def _corrections(self) -> list[str]:
         lines: list[str] = []
@@ -358,7 +368,7 @@ class StepSource:
             _COEFFICIENTS,
             vanish=self._vanish,
             no_coefficients=self._no_coefficients,
-            no_determinants=[f'D{b} = 0.0' for b in self._coupled],
+            no_determinants=repeat('D{} = 0.0', self._coupled),
             coefficients=lines,
         )
 
@@ -382,9 +392,9 @@ class StepSource:
             return []
         return _fill(
             _WRAP,
-            inside=' and '.join(f'-pi < p{j} <= pi' for j in turning),
-            near=' and '.join(f'-MAX_UNWRAPPED < p{j} < MAX_UNWRAPPED' for j in turning),
-            wraps=[f'p{j} = wrap(p{j})' for j in turning],
+            inside=' and '.join(repeat('-pi < p{} <= pi', turning)),
+            near=' and '.join(repeat('-MAX_UNWRAPPED < p{} < MAX_UNWRAPPED', turning)),
+            wraps=repeat('p{0} = wrap(p{0})', turning),
         )
 
     def _is_singular(self, block: int) -> str:
@@ -399,10 +409,12 @@ class StepSource:
         return f'abs(signed{block}) * inverse{block}'
 
     def _foot(self) -> str:
-        terms = self._vectors.foot.values()
-        x = format_sum([(1, 'hx'), *((sign, f'v{v}x') for sign, v in terms)])
-        y = format_sum([(1, 'hy'), *((sign, f'v{v}y') for sign, v in terms)])
-        return f'{x}, {y}'
+        x = [(1, 'hx')]
+        y = [(1, 'hy')]
+        for sign, v in self._vectors.foot.values():
+            x.append((sign, f'v{v}x'))
+            y.append((sign, f'v{v}y'))
+        return f'{format_sum(x)}, {format_sum(y)}'
 
     # Motion.
 
@@ -419,7 +431,7 @@ class StepSource:
         vectors = self._vectors
         lines = vectors.lines(self._bodies, vectors.in_loops | vectors.in_foot)
         lines += self._source.determinants()
-        lines += [f's{j} = q{j} * q{j}' for j in self._bodies]
+        lines += repeat('s{0} = q{0} * q{0}', self._bodies)
         accelerations: dict[int, Term] = {0: (1, 'change')}
         for b, (_, loops) in enumerate(self._source.blocks):
             opened = [self._second_derivative(self._loops[k], accelerations) for k in loops]
@@ -458,7 +470,7 @@ def _fill(template: str, **parts: str | Sequence[str]) -> list[str]:
 
 
 def _tuple(letter: str, numbers: Iterable[int]) -> str:
-    return f'({", ".join(f"{letter}{j}" for j in numbers)},)'
+    return f'({", ".join(repeat(letter + "{}", numbers))},)'
 
 
 _makers: dict[Structure, tuple[StepSource, Callable[..., Any]]] = {}

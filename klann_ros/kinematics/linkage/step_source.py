@@ -7,7 +7,6 @@ equations, D the determinants, g and h the Jacobian's columns of a sliding dyad.
 """
 
 from collections.abc import Iterable, Sequence
-from math import prod
 
 from .structure import FIXED, Structure
 
@@ -48,13 +47,15 @@ class LoopVectors:
                 constants |= {f'b{v}': w.imag, f'g{v}': -sense * w.imag}
         return constants
 
-    def lines(self, bodies: Iterable[int], wanted: set[int]) -> list[str]:
-        """Return what computes the vectors that are wanted, of some bodies."""
+    def lines(self, bodies: Iterable[int], numbers: set[int]) -> list[str]:
+        """Return what computes the vectors of these numbers that are fixed to some bodies."""
         lines = []
         # Sliding bodies follow the turning ones that carry them.
         for body in sorted(bodies, key=lambda j: self._structure.bodies[j].slides):
-            vectors = {v: bars for (j, bars), v in self._numbers.items() if j == body}
-            body_bars = {v: bars for v, bars in vectors.items() if v in wanted}
+            body_bars = {}
+            for (j, bars), v in self._numbers.items():
+                if j == body and v in numbers:
+                    body_bars[v] = bars
             if self._structure.bodies[body].slides:
                 for v in body_bars:
                     lines += self._sliding_lines(body, v)
@@ -111,9 +112,9 @@ class LoopVectors:
                 x.append((-sign, f'v{v}x * {squares[frame]}'))
                 y.append((-sign, f'v{v}y * {squares[frame]}'))
                 if frame != body:
-                    turned = self._structure.senses[frame] * sign
-                    x.append((-turned, f'l{v}y * 2.0 * q{body} * q{frame}'))
-                    y.append((turned, f'l{v}x * 2.0 * q{body} * q{frame}'))
+                    sense = self._structure.senses[frame] * sign
+                    x.append((-sense, f'l{v}y * 2.0 * q{body} * q{frame}'))
+                    y.append((sense, f'l{v}x * 2.0 * q{body} * q{frame}'))
         return x, y
 
     def _sliding_lines(self, body: int, v: int) -> list[str]:
@@ -169,7 +170,7 @@ class BlockSource:
 
     def slides(self, block: int) -> bool:
         """Return whether a body of a block slides."""
-        return any(self._structure.bodies[j].slides for j in self.blocks[block][0])
+        return self._structure.slides_any(self.blocks[block][0])
 
     def sine_sign(self, block: int) -> int:
         """Return the sign between the determinant D and the block's sine."""
@@ -177,8 +178,7 @@ class BlockSource:
         if self.is_coupled(block):
             return 1
         if self.slides(block):
-            turning = (j for j in group if not self._structure.bodies[j].slides)
-            return prod(self._structure.senses[j] for j in turning)
+            return self._structure.turning_sense(group)
         terms = self._vectors.loops[loops[0]]
         a, b = group
         return -terms[a][0] * terms[b][0]
@@ -191,7 +191,8 @@ class BlockSource:
                 continue
             loop = self._vectors.loops[loops[0]]
             if not self.slides(block):
-                (_, p), (_, q) = (loop[j] for j in group)
+                a, b = group
+                (_, p), (_, q) = loop[a], loop[b]
                 lines.append(f'D{block} = v{p}x * v{q}y - v{p}y * v{q}x')
                 continue
             for side, j in zip('gh', group, strict=True):
@@ -216,7 +217,7 @@ class BlockSource:
                     text = f'r{k}{axis}'
                 right.append(text)
         if self.is_coupled(block):
-            changes = ', '.join(f'{letter}{j}' for j in group)
+            changes = ', '.join(repeat(letter + '{}', group))
             arguments = ', '.join([*self._jacobian(block), *right])
             lines.append(f'D{block}, {changes} = solve{len(group)}({arguments})')
             return lines, {j: (-1, f'{letter}{j}') for j in group}
@@ -253,6 +254,11 @@ class BlockSource:
         return entries
 
 
+def repeat(text: str, numbers: Iterable[int]) -> list[str]:
+    """Return a text once for each number, which stands for its braces."""
+    return [text.format(number) for number in numbers]
+
+
 def format_sum(terms: Sequence[Term]) -> str:
     """Return a sum of signed products; 0.0 for none."""
     ordered = sorted(terms, key=lambda term: -term[0])
@@ -264,7 +270,7 @@ def elimination_source(n: int) -> list[str]:
     """Return a function that solves n equations by Gauss's elimination with row pivots."""
     rows = [[f'm{i}_{j}' for j in range(n)] + [f'b{i}'] for i in range(n)]
     entries = [', '.join(row[:-1]) for row in rows]
-    right = [f'b{i}' for i in range(n)]
+    right = repeat('b{}', range(n))
     lines = [f'def solve{n}({", ".join([*entries, *right])}):', '    det = 1.0']
     failed = ', '.join(['0.0'] * (n + 1))
     for k in range(n):
@@ -283,6 +289,6 @@ def elimination_source(n: int) -> list[str]:
             for j in range(k + 1, n + 1):
                 lines += [f'    {rows[i][j]} -= t * {rows[k][j]}']
     for k in reversed(range(n)):
-        known = ''.join(f' - {rows[k][j]} * {rows[j][n]}' for j in range(k + 1, n))
-        lines += [f'    b{k} = (b{k}{known}) / {rows[k][k]}']
+        solved = ''.join(f' - {rows[k][j]} * {rows[j][n]}' for j in range(k + 1, n))
+        lines += [f'    b{k} = (b{k}{solved}) / {rows[k][k]}']
     return [*lines, f'    return det, {", ".join(right)}']

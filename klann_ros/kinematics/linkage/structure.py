@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence, Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from math import prod
 from typing import NamedTuple
 
 from klann_ros.kinematics.errors import GeometryError
@@ -182,21 +183,27 @@ class Structure:
         """Return the labels of the bodies."""
         return tuple(body.label or body.angle for body in self.bodies)
 
-    @property
-    def slots(self) -> tuple[tuple[str, int], ...]:
-        """Return the kind and the place of each dimension."""
-        return tuple((dimension.kind, dimension.place) for dimension in self.dimensions)
-
     @cached_property
     def senses(self) -> tuple[int, ...]:
         """Return +1 or -1 for each body's angle."""
         return tuple(body.sense for body in self.bodies)
 
+    def slides_any(self, bodies: Iterable[int]) -> bool:
+        """Return whether any of some bodies slides."""
+        return any(self.bodies[j].slides for j in bodies)
+
+    def turning_sense(self, bodies: Iterable[int]) -> int:
+        """Return the product of the senses of those of some bodies that turn."""
+        return prod(self.senses[j] for j in bodies if not self.bodies[j].slides)
+
     @cached_property
     def along(self) -> tuple[int | None, ...]:
         """Return the body that each one slides along, FIXED for the ground, None if it turns."""
-        names = {**{name: j for j, name in enumerate(self.angles)}, GROUND: FIXED, '': None}
-        return tuple(names[body.along] for body in self.bodies)
+        indices: dict[str, int | None] = dict(
+            zip(self.angles, range(len(self.bodies)), strict=True)
+        )
+        indices |= {GROUND: FIXED, '': None}
+        return tuple(indices[body.along] for body in self.bodies)
 
     @cached_property
     def frames(self) -> tuple[int, ...]:
@@ -206,7 +213,7 @@ class Structure:
     @cached_property
     def slides(self) -> bool:
         """Return whether anything slides."""
-        return any(body.slides for body in self.bodies)
+        return self.slides_any(range(len(self.bodies)))
 
     @cached_property
     def bars(self) -> tuple[tuple[int, Bar], ...]:
@@ -403,11 +410,11 @@ def _names(a: Body, b: Body, placed: AbstractSet[str]) -> tuple[str, str, str, s
     if a.slides or b.slides:
         link, slider = sorted((a, b), key=lambda body: body.slides)
         return _names_of_slide(link, slider, placed)
-    joint = next((point for point in a.points if point in b.points and point not in placed), '')
-    p = next((point for point in a.points if point in placed), '?')
-    q = next((point for point in b.points if point in placed), '?')
-    link_a = ''.join(point for point in a.points if point in (p, q, joint))
-    link_b = ''.join(point for point in b.points if point in (p, q, joint))
+    p = _first_of(a.points, placed, '?')
+    q = _first_of(b.points, placed, '?')
+    ends = p, q, _first_of(a.points, {*b.points} - placed, '')
+    link_a = ''.join(point for point in a.points if point in ends)
+    link_b = ''.join(point for point in b.points if point in ends)
     return p, q, link_a, link_b
 
 
@@ -415,11 +422,15 @@ def _names_of_slide(
     link: Body, slider: Body, placed: AbstractSet[str]
 ) -> tuple[str, str, str, str]:
     """Return the placed end, the slider and the link between them; there is no second link."""
-    p = next((point for point in (*link.points, *slider.points) if point in placed), '?')
+    p = _first_of((*link.points, *slider.points), placed, '?')
     if slider.along == link.angle:
-        pinned = next((point for point in slider.points if point in placed), slider.points[0])
-        return p, pinned, link.angle, ''
+        return p, _first_of(slider.points, placed, slider.points[0]), link.angle, ''
     return p, slider.angle, ''.join(link.points[:2]), ''
+
+
+def _first_of(points: Iterable[str], choices: AbstractSet[str], default: str) -> str:
+    """Return the first of the points that is among some choices."""
+    return next((point for point in points if point in choices), default)
 
 
 def _opposite_brace(brace: Brace | None) -> Brace | None:

@@ -34,13 +34,13 @@ def check_differences(
     assert regular.mean() > 0.3
     for k, name in enumerate(poses.dimension_names):
         up, down = (changed(name, step) for step in (STEP, -STEP))
-        for of in ('angles', 'points'):
-            slopes = (getattr(up, of) - getattr(down, of))[regular] / (2.0 * STEP)
+        for quantity in ('angles', 'points'):
+            slopes = (getattr(up, quantity) - getattr(down, quantity))[regular] / (2.0 * STEP)
             turn = math.pi / STEP
             # Across the end of (-pi, pi] an angle changes by a whole turn.
-            slopes -= turn * np.round(slopes / turn) if of == 'angles' else 0.0
-            found = getattr(poses, f'{of}_gradient')[regular][..., k]
-            np.testing.assert_allclose(found, slopes, rtol=1e-6, atol=1e-6)
+            slopes -= turn * np.round(slopes / turn) if quantity == 'angles' else 0.0
+            gradient = getattr(poses, f'{quantity}_gradient')[regular][..., k]
+            np.testing.assert_allclose(gradient, slopes, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
@@ -50,8 +50,8 @@ def test_they_are_differences_of_poses(name: str) -> None:
     assert poses.dimension_names == tuple(linkage.dimensions)
 
     def changed(name: str, step: float) -> LinkagePoses:
-        other = linkage.varied({name: linkage.dimensions[name] + step})
-        return linkage_poses(other, ALPHAS, angles=True, points=True)
+        varied = linkage.varied({name: linkage.dimensions[name] + step})
+        return linkage_poses(varied, ALPHAS, angles=True, points=True)
 
     check_differences(poses, linkage.foot, changed)
 
@@ -74,13 +74,15 @@ def test_one_pose_has_the_same(name: str) -> None:
     poses = linkage_poses(leg, ALPHAS, angles=True, gradients=True)
     for k in np.flatnonzero(np.isfinite(poses.h_gradient[:, 0, 0]))[::9]:
         pose = leg.closed_form(ALPHAS[k])
-        one = leg.gradient(pose)
-        assert one.dimension_names == poses.dimension_names
+        gradient = leg.gradient(pose)
+        assert gradient.dimension_names == poses.dimension_names
         allowed = 1e-10 / min(pose.sines) ** 3
-        np.testing.assert_allclose(one.angles_gradient, poses.angles_gradient[k], atol=allowed)
-        np.testing.assert_allclose(one.h_gradient, poses.h_gradient[k], atol=allowed)
+        np.testing.assert_allclose(
+            gradient.angles_gradient, poses.angles_gradient[k], atol=allowed
+        )
+        np.testing.assert_allclose(gradient.h_gradient, poses.h_gradient[k], atol=allowed)
     again = copy.deepcopy(leg)
-    np.testing.assert_array_equal(again.gradient(pose).h_gradient, one.h_gradient)
+    np.testing.assert_array_equal(again.gradient(pose).h_gradient, gradient.h_gradient)
 
 
 def test_a_singular_pose_has_no_gradient() -> None:

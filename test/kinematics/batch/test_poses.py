@@ -67,8 +67,8 @@ def test_the_shape_is_that_of_legs_and_angles(
 ) -> None:
     alphas = np.linspace(0.0, 7.0, math.prod(shape)).reshape(shape)
     geometries = [SEM104, PATENT, STUCK] * 17
-    given = SEM104 if count is None else geometries[:count]
-    poses = klann_poses(given, alphas, angles=True, points=True, kernel=kernel)
+    legs = SEM104 if count is None else geometries[:count]
+    poses = klann_poses(legs, alphas, angles=True, points=True, kernel=kernel)
     leading = shape if count is None else (count, *shape)
     assert poses.h.shape == (*leading, 2)
     assert poses.reason.shape == leading
@@ -85,15 +85,15 @@ def test_the_shape_is_that_of_legs_and_angles(
 @pytest.mark.parametrize('count', [BLOCK_SIZE - 1, BLOCK_SIZE, BLOCK_SIZE + 1, 2 * BLOCK_SIZE + 3])
 def test_where_blocks_end_does_not_matter(count: int, kernel: str) -> None:
     alphas = np.linspace(-9.0, 9.0, count)
-    whole = klann_poses(STUCK, alphas, angles=True, kernel=kernel)
+    poses = klann_poses(STUCK, alphas, angles=True, kernel=kernel)
     for k in (0, BLOCK_SIZE - 2, count // 2, count - 1):
         alone = klann_poses(STUCK, alphas[k], angles=True, kernel=kernel)
-        np.testing.assert_array_equal(whole.h[k], alone.h)
-        np.testing.assert_array_equal(whole.angles[k], alone.angles)
-        assert whole.reason[k] == alone.reason
-    many = klann_poses([STUCK] * count, alphas[:2], kernel=kernel)
-    np.testing.assert_array_equal(many.h, np.broadcast_to(whole.h[:2], (count, 2, 2)))
-    np.testing.assert_array_equal(many.reason, np.broadcast_to(whole.reason[:2], (count, 2)))
+        np.testing.assert_array_equal(poses.h[k], alone.h)
+        np.testing.assert_array_equal(poses.angles[k], alone.angles)
+        assert poses.reason[k] == alone.reason
+    repeated = klann_poses([STUCK] * count, alphas[:2], kernel=kernel)
+    np.testing.assert_array_equal(repeated.h, np.broadcast_to(poses.h[:2], (count, 2, 2)))
+    np.testing.assert_array_equal(repeated.reason, np.broadcast_to(poses.reason[:2], (count, 2)))
 
 
 @both_kernels
@@ -156,12 +156,12 @@ def test_any_iterable_of_geometries_is_taken() -> None:
 
 def test_the_results_are_read_only_and_the_input_is_left_alone() -> None:
     alphas = np.linspace(0.0, 1.0, 5)
-    before = alphas.copy()
+    original = alphas.copy()
     poses = klann_poses(SEM104, alphas, angles=True, points=True)
     assert not any(
         array.flags.writeable for array in (poses.h, poses.reason, poses.angles, poses.points)
     )
-    np.testing.assert_array_equal(alphas, before)
+    np.testing.assert_array_equal(alphas, original)
     assert alphas.flags.writeable
 
 

@@ -37,8 +37,8 @@ def dyad(
     d = np.sqrt((q - p).real ** 2 + (q - p).imag ** 2)
     # The law of cosines by sin^2 of half the angle at P between PQ and PJ, and 1 less that.
     half = (r_q - (d - r_p)) * (r_q + (d - r_p)) / (4 * d * r_p)
-    rest = ((d + r_p) - r_q) * ((d + r_p) + r_q) / (4 * d * r_p)
-    cosine, sine = rest - half, 2 * np.sqrt(half * rest)
+    complement = ((d + r_p) - r_q) * ((d + r_p) + r_q) / (4 * d * r_p)
+    cosine, sine = complement - half, 2 * np.sqrt(half * complement)
     joint = p + (q - p) * ((cosine + 1j * sign * sine) * (r_p / d))
     reach = r_p + r_q
     return joint, (d - abs(r_p - r_q)) / reach, (reach - d) / reach, sine * d / r_q
@@ -48,41 +48,41 @@ def dyad(
 def legs() -> tuple[KlannGeometry, ...]:
     """Return legs far from the known ones: most of them do not turn fully."""
     random = np.random.default_rng(104)
-    made: list[KlannGeometry] = []
-    while len(made) < LEGS:
-        base = (KlannGeometry.sem104(), KlannGeometry.patent())[len(made) % 2]
+    geometries: list[KlannGeometry] = []
+    while len(geometries) < LEGS:
+        base = (KlannGeometry.sem104(), KlannGeometry.patent())[len(geometries) % 2]
         numbers = {name: getattr(base, name) * random.uniform(0.7, 1.3) for name in NUMBERS}
-        signs = base.assembly if len(made) % 3 else tuple(random.choice([-1, 1], 2).tolist())
+        signs = base.assembly if len(geometries) % 3 else tuple(random.choice([-1, 1], 2).tolist())
         try:
-            made.append(replace(base, **numbers, assembly=signs))
+            geometries.append(replace(base, **numbers, assembly=signs))
         except GeometryError:
             continue
-    return tuple(made)
+    return tuple(geometries)
 
 
 def judge(geometries: tuple[KlannGeometry, ...], alphas: np.ndarray) -> Judgement:
     """Judge poses; `alphas` has shape (n, k) or (1, k)."""
 
-    def of(name: str) -> Extended:
+    def column(name: str) -> Extended:
         return np.array([[getattr(leg, name)] for leg in geometries], dtype=np.longdouble)
 
-    s_1, s_2 = (of('assembly')[..., i] for i in (0, 1))
+    s_1, s_2 = (column('assembly')[..., i] for i in (0, 1))
     alphas = alphas.astype(np.longdouble)
-    bend_c, bend_g = (np.exp(1j * of(name)) for name in ('angle_bcg', 'angle_fgh'))
-    b = 1j * of('y_a') + of('l_ab') * np.exp(1j * alphas)
-    e = of('x_e') + 1j * of('y_e')
+    bend_c, bend_g = (np.exp(1j * column(name)) for name in ('angle_bcg', 'angle_fgh'))
+    b = 1j * column('y_a') + column('l_ab') * np.exp(1j * alphas)
+    e = column('x_e') + 1j * column('y_e')
     with np.errstate(invalid='ignore'):
-        c, *first = dyad(b, of('x_d') + 0j * b, of('l_bc'), of('l_dc'), s_1)
-        g = c + of('l_cg') / of('l_bc') * bend_c * (c - b)
-        f, *second = dyad(e, g, of('l_ef'), of('l_fg'), s_2)
-        h = g + of('l_gh') / of('l_fg') * bend_g.conj() * (g - f)
+        c, *first = dyad(b, column('x_d') + 0j * b, column('l_bc'), column('l_dc'), s_1)
+        g = c + column('l_cg') / column('l_bc') * bend_c * (c - b)
+        f, *second = dyad(e, g, column('l_ef'), column('l_fg'), s_2)
+        h = g + column('l_gh') / column('l_fg') * bend_g.conj() * (g - f)
     reason, sure = np.full(b.shape, Reason.SOLVED), np.ones(b.shape, dtype=bool)
-    for far, close, (folded, stretched, _) in (
+    for too_far, too_close, (folded, stretched, _) in (
         (Reason.DYAD_2_TOO_FAR, Reason.DYAD_2_TOO_CLOSE, second),
         (Reason.DYAD_1_TOO_FAR, Reason.DYAD_1_TOO_CLOSE, first),
     ):
-        reason[stretched < 0] = far
-        reason[folded < 0] = close
+        reason[stretched < 0] = too_far
+        reason[folded < 0] = too_close
         sure &= ~(np.minimum(abs(stretched), abs(folded)) <= BAND)
     sine = np.minimum(first[-1], second[-1]).astype(np.float64)
     return Judgement(h.astype(np.complex128), reason, sure, sine)
@@ -108,7 +108,7 @@ def test_exactly_the_reachable_poses_are_solved_and_exact_to_rounding(kernel: st
     np.testing.assert_array_equal(np.isnan(poses.h).all(axis=2), poses.reason != 0)
     # The set is a hard one.
     assert 0.5 < (reason != 0).any(axis=1).mean() < 0.95
-    assert all((reason == each).mean() > 0.01 for each in range(6) if each != 1)
+    assert all((reason == code).mean() > 0.01 for code in range(6) if code != 1)
     solved = (reason == 0) & sure
     assert (error(poses.h, h)[solved] <= 1e-14 / np.minimum(1.0, sine[solved])).all()
 
@@ -124,5 +124,5 @@ def test_the_edge_of_the_reach_is_sharp(offset: float, kernel: str) -> None:
         poses = klann_poses(leg, angles, kernel=kernel)
         np.testing.assert_array_equal(poses.reason[sure], reason[sure])
         solved = sure & (reason == 0)
-        apart = error(poses.h, h)[solved]
-        assert (apart <= 1e-11 / np.minimum(1.0, 1e3 * sine[solved])).all()
+        errors = error(poses.h, h)[solved]
+        assert (errors <= 1e-11 / np.minimum(1.0, 1e3 * sine[solved])).all()

@@ -82,9 +82,9 @@ def test_the_statistics_are_those_of_the_legs() -> None:
     numbers = np.array(SEM104.linkage.numbers) + widths * errors.T
     drawn = [SEM104.varied(dict(zip(NUMBERS, row, strict=True))) for row in numbers.tolist()]
     h = klann_poses(drawn, study.alphas).h
-    apart = h - study.nominal
-    distance = np.sort(np.linalg.norm(apart, axis=2), axis=0)
-    np.testing.assert_allclose(study.mean, apart.mean(axis=0), atol=1e-15)
+    shift = h - study.nominal
+    distance = np.sort(np.linalg.norm(shift, axis=2), axis=0)
+    np.testing.assert_allclose(study.mean, shift.mean(axis=0), atol=1e-15)
     np.testing.assert_allclose(study.rms, np.sqrt((distance**2).mean(axis=0)), atol=1e-15)
     np.testing.assert_allclose(study.p95, distance[47], atol=1e-15)
     np.testing.assert_allclose(study.p99, distance[49], atol=1e-15)
@@ -113,13 +113,13 @@ def test_the_ranking_is_the_effect_of_small_tolerances() -> None:
 
 
 def test_the_seed_makes_it_repeatable_and_the_results_are_read_only() -> None:
-    one, same, other = (
+    study, repeated, reseeded = (
         tolerance_study(SEM104, 0.01, samples=20, crank_angles=10, seed=seed) for seed in (1, 1, 2)
     )
-    for field in fields(one):
-        np.testing.assert_array_equal(getattr(one, field.name), getattr(same, field.name))
-    assert not np.array_equal(one.mean, other.mean)
-    arrays = [getattr(one, field.name) for field in fields(one)]
+    for field in fields(study):
+        np.testing.assert_array_equal(getattr(study, field.name), getattr(repeated, field.name))
+    assert not np.array_equal(study.mean, reseeded.mean)
+    arrays = [getattr(study, field.name) for field in fields(study)]
     assert not any(array.flags.writeable for array in arrays if isinstance(array, np.ndarray))
 
 

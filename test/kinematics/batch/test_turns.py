@@ -16,8 +16,10 @@ def test_a_turn_has_the_poses_of_the_batch(name: str, kernel: str) -> None:
     poses = linkage_poses(legs, alphas(COUNT), velocities=True, points=True, kernel='numpy')
     assert np.array_equal(turns.missing, (poses.reason != 0).mean(axis=1))
     assert np.count_nonzero(turns.missing == 0.0) > 0
-    for own, other in ((turns.h, poses.h), (turns.h_1, poses.h_1)):
-        assert np.allclose(own, np.moveaxis(other, 2, 0), rtol=1e-7, atol=1e-10, equal_nan=True)
+    for of_turns, of_batch in ((turns.h, poses.h), (turns.h_1, poses.h_1)):
+        assert np.allclose(
+            of_turns, np.moveaxis(of_batch, 2, 0), rtol=1e-7, atol=1e-10, equal_nan=True
+        )
     turning = np.flatnonzero(turns.missing == 0.0)
     expected = np.ptp(poses.points[turning], axis=(1, 2)).T
     assert np.allclose(turns.box[:, turning], expected, rtol=1e-9)
@@ -31,9 +33,9 @@ def test_the_worst_transmission_angle_is_that_of_many_more_angles(kernel: str) -
     dense = linkage_poses(legs, alphas(20 * COUNT), transmission_angles=True).transmission_angles
     worst = np.minimum(dense, np.pi - dense)[turning].min(axis=(1, 2))
     # Legs that jam between the angles have NaN.
-    known = np.isfinite(worst)
-    assert np.count_nonzero(known) > 50
-    assert np.abs(turns.transmission_angle[turning] - worst)[known].max() < 2e-3
+    is_finite = np.isfinite(worst)
+    assert np.count_nonzero(is_finite) > 50
+    assert np.abs(turns.transmission_angle[turning] - worst)[is_finite].max() < 2e-3
 
 
 @pytest.mark.parametrize('kernel', KERNELS)

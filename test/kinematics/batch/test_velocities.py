@@ -55,14 +55,14 @@ def _expected(leg: Leg[Any, Any], alpha: float) -> tuple[np.ndarray, float] | No
     ids=['klann', 'press'],
 )
 def test_many_linkages_have_each_their_own(linkage: Linkage, changes: Any) -> None:
-    many = Variants(linkage, changes)
-    found = linkage_poses(many, ALPHAS, gradients=True, **EVERYTHING)
+    variants = Variants(linkage, changes)
+    poses = linkage_poses(variants, ALPHAS, gradients=True, **EVERYTHING)
     for i in range(2):
-        one = linkage_poses(many[i], ALPHAS, gradients=True, **EVERYTHING)
-        for name, array in one.arrays().items():
-            np.testing.assert_allclose(found.arrays()[name][i], array, rtol=0, atol=1e-12)
-    assert (found.reason[2] == Reason.REFUSED).all()
-    assert all(np.isnan(array[2]).all() for array in found.arrays().values())
+        alone = linkage_poses(variants[i], ALPHAS, gradients=True, **EVERYTHING)
+        for name, array in alone.arrays().items():
+            np.testing.assert_allclose(poses.arrays()[name][i], array, rtol=0, atol=1e-12)
+    assert (poses.reason[2] == Reason.REFUSED).all()
+    assert all(np.isnan(array[2]).all() for array in poses.arrays().values())
 
 
 @pytest.mark.parametrize('name', NAMES)
@@ -72,13 +72,13 @@ def test_each_is_that_of_the_leg(name: str) -> None:
     n = len(leg.joint_names) - 1
     for kernel in ('numpy', 'numba'):
         poses = linkage_poses(leg, ALPHAS, kernel=kernel, **EVERYTHING)
-        found = [np.reshape(getattr(poses, where), (len(ALPHAS), -1)) for where in ALL]
-        for row, own in zip(np.concatenate(found, axis=1), expected, strict=True):
-            if own is None:
+        columns = [np.reshape(getattr(poses, name), (len(ALPHAS), -1)) for name in ALL]
+        for row, limits in zip(np.concatenate(columns, axis=1), expected, strict=True):
+            if limits is None:
                 assert np.isnan(row).all()
             else:
-                values, allowed = own
-                error = row - values
+                leg_numbers, allowed = limits
+                error = row - leg_numbers
                 error[-n:] = np.remainder(error[-n:] + math.pi, 2 * math.pi) - math.pi
                 assert (abs(error) <= allowed).all()
 

@@ -54,8 +54,8 @@ def test_every_assembly_closes_and_differs_from_the_others(name: str) -> None:
         again = LinkageLeg(pose.linkage).solve(pose.alpha)
         assert again.x == pytest.approx(pose.x, abs=1e-9)
     angles = np.array([pose.x for pose in poses])
-    apart = np.abs(np.exp(1j * angles[:, None]) - np.exp(1j * angles)).max(axis=-1)
-    assert (apart + np.eye(len(poses)) > 1e-6).all()
+    differences = np.abs(np.exp(1j * angles[:, None]) - np.exp(1j * angles)).max(axis=-1)
+    assert (differences + np.eye(len(poses)) > 1e-6).all()
 
 
 def test_assemblies_are_those_that_close_somewhere() -> None:
@@ -110,8 +110,8 @@ def test_the_possible_assemblies_are_listed() -> None:
         'assembly: [1]', text=FOUR_BAR.replace('80', '999')
     )
     assert 'start is missing: an angle for every body, or in its place assembly' in refusal('')
-    far = FOUR_BAR.replace('length: 80', 'length: 250')
-    assert refusal('start: {crank: 180, coupler: 15, rocker: 80}', text=far).endswith(
+    long_ground = FOUR_BAR.replace('length: 80', 'length: 250')
+    assert refusal('start: {crank: 180, coupler: 15, rocker: 80}', text=long_ground).endswith(
         'in no assembly it closes at crank = 180 deg, in [1] it does at 252.1 .. 467.9 deg'
     )
 

@@ -42,8 +42,8 @@ def test_a_linkage_is_added_by_a_file_alone(tmp_path: Path) -> None:
     velocity = leg.velocity(leg.solve(0.0), 2.0)
     assert velocity.h == pytest.approx((0.0, 0.2), abs=1e-14)
     assert velocity.joints == pytest.approx((2.0, 0.0, 2.0), abs=1e-14)
-    (start, end), *others = leg.reachable_arcs()
-    assert not others
+    (start, end), *more_arcs = leg.reachable_arcs()
+    assert not more_arcs
     assert end - start < 2 * math.pi
 
 
@@ -171,17 +171,20 @@ def test_a_bend_beyond_a_turn_is_refused(name: str, degrees: float) -> None:
 
 
 def test_a_bend_of_a_whole_turn_is_none() -> None:
-    turned = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi)
-    assert LinkageLeg(turned.linkage).solve(1.0).h == pytest.approx(
+    bent_back = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi)
+    assert LinkageLeg(bent_back.linkage).solve(1.0).h == pytest.approx(
         LinkageLeg(LEG).solve(1.0).h, abs=1e-14
     )
     KlannGeometry(angle_fgh=math.radians(360.0))
 
 
 def test_margins_of_a_bend_are_searched_for_a_whole_turn() -> None:
-    turned = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi).linkage
-    own, other = length_margins(LEG)['angle_bcg'], length_margins(turned)['angle_bcg']
-    assert other.changes == pytest.approx(own.changes, abs=1e-9)
+    bent_back = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi).linkage
+    margin, bent_back_margin = (
+        length_margins(LEG)['angle_bcg'],
+        length_margins(bent_back)['angle_bcg'],
+    )
+    assert bent_back_margin.changes == pytest.approx(margin.changes, abs=1e-9)
 
 
 def test_a_tolerance_of_degrees_is_refused() -> None:
@@ -242,6 +245,6 @@ def test_a_bend_in_degrees_is_refused_in_a_file() -> None:
         caught.value
     )
     assert linkage_from_text(bent % (', angle: deg', start), 'bent.yaml')
-    far = bent.replace('bend: 30', 'bend: 400')
+    beyond_a_turn = bent.replace('bend: 30', 'bend: 400')
     with pytest.raises(LinkageFileError, match=r'bend: 400 must be within \+-360 deg$'):
-        linkage_from_text(far % (', angle: deg', start), 'bent.yaml')
+        linkage_from_text(beyond_a_turn % (', angle: deg', start), 'bent.yaml')

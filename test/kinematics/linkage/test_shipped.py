@@ -35,7 +35,7 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
     units = {'length': 'm', 'angle': 'rad', **content.get('units', {})}
     metre, radian = METRES[units['length']], {'rad': 1.0, 'deg': math.pi / 180}[units['angle']]
     structure = pose.linkage.structure
-    at = {n: complex(*p) for n, p in zip(structure.points, pose.points, strict=True)}
+    points = {n: complex(*p) for n, p in zip(structure.points, pose.points, strict=True)}
     x = dict(zip(structure.angles, pose.joints, strict=True))
     u = {'ground': 1.0 + 0j}
     # What slides follows what it slides along.
@@ -43,18 +43,18 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
         sense = -1.0 if body.get('clockwise') else 1.0
         along = body.get('slides', {}).get('along')
         u[name] = u[along] if along else cmath.exp(1j * sense * x[name])
-    yield from (abs(at[name] - metre * complex(*p)) for name, p in content['pivots'].items())
+    yield from (abs(points[name] - metre * complex(*p)) for name, p in content['pivots'].items())
     for name, body in content['bodies'].items():
         for line in [body['slides']] if 'slides' in body else []:
             way = x[name] * cmath.exp(1j * radian * line.get('direction', 0.0)) * u[name]
-            yield abs(at[line['to']] - at[line['from']] - way)
+            yield abs(points[line['to']] - points[line['from']] - way)
         for bar in body.get('bars', ()):
-            vector, length = at[bar['to']] - at[bar['from']], metre * bar['length']
+            vector, length = points[bar['to']] - points[bar['from']], metre * bar['length']
             if 'brace' not in bar:
                 bent = cmath.exp(1j * radian * bar.get('bend', 0.0))
                 yield abs(vector - length * bent * u[name])
                 continue
-            base, brace = at[bar['brace']['from']] - at[bar['from']], bar['brace']
+            base, brace = points[bar['brace']['from']] - points[bar['from']], bar['brace']
             yield abs(abs(vector) - length)
             yield abs(abs(vector - base) - metre * brace['length'])
             is_left = (base.conjugate() * vector).imag > 0.0
@@ -63,10 +63,10 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_each_pose_has_the_numbers_of_the_file_from_its_start_on(name: str) -> None:
-    leg, turned = LinkageLeg(shipped_linkage(name)), ROCKING.get(name, [(0.0, TURN)])
+    leg, expected_arcs = LinkageLeg(shipped_linkage(name)), ROCKING.get(name, [(0.0, TURN)])
     content = yaml.safe_load((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'))
     arcs = leg.reachable_arcs()
-    np.testing.assert_allclose(arcs, turned, rtol=0, atol=1e-9 if name in ROCKING else 0.0)
+    np.testing.assert_allclose(arcs, expected_arcs, rtol=0, atol=1e-9 if name in ROCKING else 0.0)
     (start, end), *_ = arcs
     # Where a crank does not turn fully, its arc but for the singular ends.
     ends = 0.01 if name in ROCKING else 0.0
@@ -77,24 +77,24 @@ def test_each_pose_has_the_numbers_of_the_file_from_its_start_on(name: str) -> N
     assert np.abs(np.diff(points, axis=0)).max() <= 0.1 * np.ptp(points, axis=(0, 1)).max()
     if 'start' in content:
         radian = 1.0 if content.get('units', {}).get('angle', 'rad') == 'rad' else math.pi / 180
-        given = {key: radian * value for key, value in content['start'].items()}
+        start_angles = {key: radian * value for key, value in content['start'].items()}
         bodies = leg.linkage.structure.bodies
-        pose = leg.solve(given[bodies[0].angle])
+        pose = leg.solve(start_angles[bodies[0].angle])
         for body, x in zip(bodies, pose.joints, strict=True):
-            apart = abs(math.remainder(given[body.angle] - x, TURN))
-            assert body.slides or apart <= math.radians(45.0)
+            difference = abs(math.remainder(start_angles[body.angle] - x, TURN))
+            assert body.slides or difference <= math.radians(45.0)
 
 
 def test_the_klann_file_is_the_klann_leg() -> None:
-    general, special = LinkageLeg(shipped_linkage('klann')), KlannLeg()
-    assert general.linkage.joint_names == special.joint_names
-    assert general.linkage.assembly == special.geometry.assembly
-    order = [general.linkage.structure.points.index(letter) for letter in 'ABCDEFGH']
+    linkage_leg, klann_leg = LinkageLeg(shipped_linkage('klann')), KlannLeg()
+    assert linkage_leg.linkage.joint_names == klann_leg.joint_names
+    assert linkage_leg.linkage.assembly == klann_leg.geometry.assembly
+    order = [linkage_leg.linkage.structure.points.index(letter) for letter in 'ABCDEFGH']
     for alpha in np.linspace(0.0, TURN, 37).tolist():
-        one, other = general.solve(alpha), special.solve(alpha)
+        pose, klann_pose = linkage_leg.solve(alpha), klann_leg.solve(alpha)
         for name in ('x', 'h', 'coefficients', 'sines', 'clearances', 'condition'):
-            np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-12)
-        np.testing.assert_allclose(one.points[order], other.points, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(getattr(pose, name), getattr(klann_pose, name), atol=1e-12)
+        np.testing.assert_allclose(pose.points[order], klann_pose.points, rtol=0, atol=1e-12)
         # SEM 104 measures delta + theta outside the joint F.
-        mu_1, mu_2 = other.transmission_angles
-        np.testing.assert_allclose(one.transmission_angles, (mu_1, math.pi - mu_2))
+        mu_1, mu_2 = klann_pose.transmission_angles
+        np.testing.assert_allclose(pose.transmission_angles, (mu_1, math.pi - mu_2))

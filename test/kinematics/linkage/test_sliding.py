@@ -28,12 +28,12 @@ DIGITS = {'rtol': 0.0, 'atol': 1e-12}
 def motions(linkage: Linkage) -> tuple[Array, Array, Array]:
     """Return the coordinates over some turns, and their first and second derivatives."""
     leg = LinkageLeg(linkage)
-    found = []
+    rows = []
     for alpha in ALPHAS.tolist():
         pose = leg.solve(alpha)
         motion = leg.acceleration(pose, 1.0, 0.0)
-        found.append((pose.x, motion.velocity.joints[1:], motion.joints[1:]))
-    x, first, second = (np.array(column) for column in zip(*found, strict=True))
+        rows.append((pose.x, motion.velocity.joints[1:], motion.joints[1:]))
+    x, first, second = (np.array(column) for column in zip(*rows, strict=True))
     return x, first, second
 
 
@@ -61,19 +61,19 @@ def test_the_quick_return_is_the_textbooks() -> None:
     x, first, second = motions(linkage)
     d, r, arm, link, level = 0.2, 0.1, 0.4, 0.15, 0.4
     c, s = np.cos(ALPHAS), np.sin(ALPHAS)
-    far = np.sqrt(d**2 + r**2 + 2 * d * r * s)
+    distance = np.sqrt(d**2 + r**2 + 2 * d * r * s)
     phi = np.arctan2(d + r * s, r * c)
-    phi_1 = r * (r + d * s) / far**2
-    phi_2 = d * r * c * (d**2 - r**2) / far**4
-    for found, expected in (
+    phi_1 = r * (r + d * s) / distance**2
+    phi_2 = d * r * c * (d**2 - r**2) / distance**4
+    for computed, expected in (
         (x[:, 0], phi),
         (first[:, 0], phi_1),
         (second[:, 0], phi_2),
-        (x[:, 1], far),
-        (first[:, 1], d * r * c / far),
-        (second[:, 1], -d * r * s / far - (d * r * c) ** 2 / far**3),
+        (x[:, 1], distance),
+        (first[:, 1], d * r * c / distance),
+        (second[:, 1], -d * r * s / distance - (d * r * c) ** 2 / distance**3),
     ):
-        np.testing.assert_allclose(found, expected, **DIGITS)
+        np.testing.assert_allclose(computed, expected, **DIGITS)
     # The ram is an offset slider-crank that the arm drives.
     up = arm * np.sin(phi) - level
     w = np.sqrt(link**2 - up**2)
@@ -97,9 +97,9 @@ def test_the_quick_return_takes_twice_as_long_out_as_back() -> None:
 def test_the_scotch_yoke_is_a_cosine() -> None:
     x, first, second = motions(shipped_linkage('scotch_yoke'))
     c, s = 0.08 * np.cos(ALPHAS), 0.08 * np.sin(ALPHAS)
-    for found, (yoke, pin) in zip((x, first, second), ((c, s), (-s, c), (-c, -s)), strict=True):
-        np.testing.assert_allclose(found[:, 0], yoke, **DIGITS)
-        np.testing.assert_allclose(found[:, 1], pin, **DIGITS)
+    for columns, (yoke, pin) in zip((x, first, second), ((c, s), (-s, c), (-c, -s)), strict=True):
+        np.testing.assert_allclose(columns[:, 0], yoke, **DIGITS)
+        np.testing.assert_allclose(columns[:, 1], pin, **DIGITS)
 
 
 def test_a_piston_out_of_reach_is_reported_with_its_shortfall() -> None:
@@ -134,9 +134,9 @@ def test_a_line_on_a_line_and_a_coupled_one_are_solved() -> None:
         for alpha in ALPHAS.tolist():
             pose = leg.solve(alpha)
             assert pose.residual <= 1e-14
-            other = leg.closed_form(alpha)
-            np.testing.assert_allclose(pose.x, other.x, rtol=0, atol=1e-11)
-            np.testing.assert_allclose(pose.coefficients, other.coefficients, rtol=0, atol=1e-8)
+            closed = leg.closed_form(alpha)
+            np.testing.assert_allclose(pose.x, closed.x, rtol=0, atol=1e-11)
+            np.testing.assert_allclose(pose.coefficients, closed.coefficients, rtol=0, atol=1e-8)
         poses = linkage_poses(leg.linkage, ALPHAS)
         assert not poses.reason.any()
         assert poses.h[-1] == pytest.approx(leg.solve(float(ALPHAS[-1])).h, abs=1e-12)

@@ -80,17 +80,17 @@ def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
     content = yaml.safe_load((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'))
     for angle, body in content['bodies'].items():
         if 'slides' not in body:
-            first, *others = body['bars']
+            first, *further_bars = body['bars']
             middle, half = f'{first["from"]}_{angle}', first['length'] / 2
-            parts = ((first['from'], middle), (middle, first['to']))
-            halves = [{'from': p, 'to': q, 'length': half} for p, q in parts]
-            body['bars'] = [*halves, *others]
+            ends = ((first['from'], middle), (middle, first['to']))
+            halves = [{'from': p, 'to': q, 'length': half} for p, q in ends]
+            body['bars'] = [*halves, *further_bars]
     finer = linkage_from_text(yaml.safe_dump(content, sort_keys=False), 'finer')
     assert unknowns(finer) == unknowns(plain)
     assert finer.assembly == plain.assembly
     assert LinkageLeg(finer).reachable_arcs() == LinkageLeg(plain).reachable_arcs()
-    pose, other = LinkageLeg(finer).solve(1.0), LinkageLeg(plain).solve(1.0)
-    assert pose.h == pytest.approx(other.h, abs=1e-14)
+    pose, plain_pose = LinkageLeg(finer).solve(1.0), LinkageLeg(plain).solve(1.0)
+    assert pose.h == pytest.approx(plain_pose.h, abs=1e-14)
 
 
 def described(case: dict) -> dict:
