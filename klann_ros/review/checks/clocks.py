@@ -22,10 +22,10 @@ _MIN_MESSAGES = 10
 def check_clocks(review: Review) -> Iterator[Finding]:
     """Yield clock offsets and late messages."""
     topics = [topic for topic in review.recording.topics if _has_latency(topic.latencies)]
-    off = [topic for topic in topics if _clock_is_off(topic.figures, review.limits)]
-    yield from _latency(review, [topic for topic in topics if topic not in off])
-    if off:
-        yield _publishers_clock([topic.figures for topic in off])
+    offset_topics = [topic for topic in topics if _clock_is_off(topic.figures, review.limits)]
+    yield from _latency(review, [topic for topic in topics if topic not in offset_topics])
+    if offset_topics:
+        yield _publishers_clock([topic.figures for topic in offset_topics])
     else:
         # Stamps usually have the publisher's clock: one finding is enough.
         yield from _stamps(review)
@@ -33,15 +33,16 @@ def check_clocks(review: Review) -> Iterator[Finding]:
 
 def check_order(review: Review) -> Iterator[Finding]:
     """Yield log times and stamps that go back."""
-    back = [topic for topic in review.recording.topics if len(topic.set_back)]
-    if back:
-        often = times(max(len(topic.set_back) for topic in back))
-        by = max(int(topic.set_back[:, 1].max()) for topic in back) / 1e9
-        names = listed(topic.name for topic in back)
-        text = f'the log times go back {often}, by {by:.3g} s or more, on {names}'
+    topics = [topic for topic in review.recording.topics if len(topic.set_back)]
+    if topics:
+        steps = [topic.set_back for topic in topics]
+        repetition = times(max(map(len, steps)))
+        max_step = max(int(topic_steps[:, 1].max()) for topic_steps in steps) / 1e9
+        names = listed(topic.name for topic in topics)
+        text = f'the log times go back {repetition}, by {max_step:.3g} s or more, on {names}'
         meaning = "the recorder's clock was set back, or the log was merged from others"
-        first = min(int(topic.set_back[0, 0]) for topic in back)
-        yield Finding('order', Severity.WARNING, text, meaning, review.since_start(first))
+        first_time = min(int(topic_steps[0, 0]) for topic_steps in steps)
+        yield Finding('order', Severity.WARNING, text, meaning, review.since_start(first_time))
         return
     reordered = {topic.name for topic in review.recording.topics if topic.reordered}
     for leg in review.legs:
@@ -77,49 +78,50 @@ def _is_steady(topic: TopicFigures) -> bool:
 
 def _publishers_clock(topics: list[TopicFigures]) -> Finding:
     worst = max(topics, key=lambda topic: abs(topic.latency_p50))
-    off = worst.latency_p50
+    offset = f'{abs(worst.latency_p50):.3f} s'
     names = listed(topic.name for topic in topics)
     # A negative latency proves an offset; a steady positive one only suggests it.
-    side = 'seems {:.3f} s behind' if off > 0 else 'is {:.3f} s ahead of'
-    text = f"the publisher's clock {side.format(abs(off))} the recorder's ({names})"
+    relation = f'seems {offset} behind' if worst.latency_p50 > 0 else f'is {offset} ahead of'
+    text = f"the publisher's clock {relation} the recorder's ({names})"
     meaning = 'two machines with different clocks hide the latency; synchronise them (chrony, ptp)'
     return Finding('clock', Severity.WARNING, text, meaning)
 
 
 def _latency(review: Review, topics: Iterable[TopicRecording]) -> Iterator[Finding]:
     limit = review.limits.latency
-    for topic in (each for each in topics if each.is_periodic):
-        if topic.figures.latency_p99 <= limit:
+    for topic in topics:
+        if not topic.is_periodic or topic.figures.latency_p99 <= limit:
             continue
         # Messages that waited for a stalled recorder do not count.
-        waited = overlaps(topic.times, topic.times, review.recording.unrecorded)
-        latencies = np.where(waited, np.nan, topic.latencies)
+        has_waited = overlaps(topic.times, topic.times, review.recording.unrecorded)
+        latencies = np.where(has_waited, np.nan, topic.latencies)
         if not _has_latency(latencies) or np.nanpercentile(latencies, 99.0) <= limit:
             continue
-        late, known = latencies > limit, int(np.count_nonzero(~np.isnan(latencies)))
+        is_late = latencies > limit
+        count = int(np.count_nonzero(~np.isnan(latencies)))
         text = (
-            f'{int(late.sum())} of {known} messages of {printable(topic.name)} took more than '
+            f'{int(is_late.sum())} of {count} messages of {printable(topic.name)} took more than '
             f'{limit:g} s to arrive, up to {float(np.nanmax(latencies)):.3f} s'
         )
         meaning = 'the recorder or the network was overloaded'
         if topic.figures.latency_p50 > limit and _is_steady(topic.figures):
             meaning = 'all take about equally long: a slow link, or unsynchronised clocks'
-        time = review.since_start(topic.times[int(np.argmax(late))])
+        time = review.since_start(topic.times[int(np.argmax(is_late))])
         yield Finding('latency', Severity.WARNING, text, meaning, time)
 
 
 def _stamps(review: Review) -> Iterator[Finding]:
     for leg in review.legs:
         clock = review.recording.clock
-        off = _offset(leg, clock)
-        if abs(off) > review.limits.clock_offset:
-            side = 'behind' if off < 0 else 'ahead of'
-            of = CLOCK if leg.recording.solver.sim_time else "the log's clock"
-            text = f'the stamps of the poses are {abs(off):.3f} s {side} {of}'
-            why = (
+        offset = _offset(leg, clock)
+        if abs(offset) > review.limits.clock_offset:
+            relation = 'behind' if offset < 0 else 'ahead of'
+            reference = CLOCK if leg.recording.solver.sim_time else "the log's clock"
+            text = f'the stamps of the poses are {abs(offset):.3f} s {relation} {reference}'
+            meaning = (
                 'the inputs have another clock, or are that old; tf and viewers may drop the poses'
             )
-            yield Finding('clock', Severity.WARNING, text, why, leg=leg.recording.title)
+            yield Finding('clock', Severity.WARNING, text, meaning, leg=leg.recording.title)
 
 
 def _offset(leg: ReviewedLeg, clock: Series) -> float:

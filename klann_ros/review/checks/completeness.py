@@ -20,21 +20,23 @@ def check_container(review: Review) -> Iterator[Finding]:
     """Yield damage of the log, and missing poses."""
     recording = review.recording
     if recording.problems:
-        shown = '; '.join(recording.problems[:_MAX_PROBLEMS])
-        more = len(recording.problems) - _MAX_PROBLEMS
-        also = f'; and {more} more' if more > 0 else ''
+        problems = '; '.join(recording.problems[:_MAX_PROBLEMS])
+        unlisted_count = len(recording.problems) - _MAX_PROBLEMS
+        if unlisted_count > 0:
+            problems += f'; and {unlisted_count} more'
         meaning = 'only the readable part is judged; `recover` restores a complete run'
-        what = 'the log is damaged'
+        fault = 'the log is damaged'
         if recording.is_refused_only:
             meaning = 'the rest is judged; a machine with more memory can read all of it'
-            what = 'part of the log is refused'
-        yield Finding('container', Severity.ERROR, f'{what}: {shown}{also}', meaning)
+            fault = 'part of the log is refused'
+        yield Finding('container', Severity.ERROR, f'{fault}: {problems}', meaning)
     if recording.stopped:
         text = f'the recording ended early: {recording.stopped}'
         yield Finding('container', Severity.WARNING, text, 'later messages are not in the run')
-    for failed in recording.undecoded:
-        messages = f'{counted(failed.count, "message")} of {printable(failed.topic)}'
-        text, time = f'{messages} cannot be decoded', review.since_start(failed.time)
+    for undecoded in recording.undecoded:
+        messages = f'{counted(undecoded.count, "message")} of {printable(undecoded.topic)}'
+        text = f'{messages} cannot be decoded'
+        time = review.since_start(undecoded.time)
         meaning = 'the bytes do not match the type, or joints have no positions; they are ignored'
         yield Finding('decode', Severity.ERROR, text, meaning, time)
     yield from _poses(review)
@@ -43,32 +45,34 @@ def check_container(review: Review) -> Iterator[Finding]:
 def check_recorder_findings(review: Review) -> Iterator[Finding]:
     """Yield the findings of the recorder, whose run is judged again as a whole."""
     recorded = review.recording.recorder_findings
-    for found in recorded[:_MAX_RECORDER_FINDINGS]:
-        what = ' of '.join(printable(part) for part in (found.check, found.leg) if part)
-        text = f'the recorder reported: {printable_line(found.text)} ({what})'
+    for finding in recorded[:_MAX_RECORDER_FINDINGS]:
+        source = printable(finding.check)
+        if finding.leg:
+            source += f' of {printable(finding.leg)}'
+        text = f'the recorder reported: {printable_line(finding.text)} ({source})'
         meaning = 'it was on /diagnostics during the recording; the whole run is judged separately'
-        time = review.since_start(found.time)
+        time = review.since_start(finding.time)
         yield Finding('recorder_finding', Severity.NOTE, text, meaning, time)
-    more = len(recorded) - _MAX_RECORDER_FINDINGS
-    if more > 0:
-        text = f'the recorder reported {more} more findings'
+    unlisted_count = len(recorded) - _MAX_RECORDER_FINDINGS
+    if unlisted_count > 0:
+        text = f'the recorder reported {unlisted_count} more findings'
         meaning = 'they are in the run (klann_ros.finding)'
         yield Finding('recorder_finding', Severity.NOTE, text, meaning)
 
 
 def _poses(review: Review) -> Iterator[Finding]:
-    there_are = any(len(leg.recording.poses) for leg in review.legs)
-    if not there_are:
+    has_poses = any(len(leg.recording.poses) for leg in review.legs)
+    if not has_poses:
         text = 'there is no pose in the run (no joint_states of a leg)'
         meaning = 'nothing can be judged: was solver_node running, and its topic recorded?'
         yield Finding('poses', Severity.ERROR, text, meaning)
     for leg in review.legs:
         title = leg.recording.title
-        if there_are and not len(leg.recording.poses):
+        if has_poses and not len(leg.recording.poses):
             text = 'there is no pose of this leg in the run'
             meaning = 'its solver defines it; its crank joint was probably never published'
             yield Finding('poses', Severity.NOTE, text, meaning, leg=title)
-        elif there_are and leg.recording.solver.leg is None:
+        elif has_poses and leg.recording.solver.leg is None:
             text = 'the run does not contain the geometry'
             legs = ', '.join(preset_names())
             meaning = f'no pose can be judged; give the leg by --geometry FILE, or one of {legs}'
@@ -80,7 +84,8 @@ def check_losses(review: Review) -> Iterator[Finding]:
     recording = review.recording
     for topic in recording.topics:
         if topic.lost:
-            text, meaning = f'{_messages(topic.lost, topic)} lost', _meaning(topic, recording)
+            text = f'{_messages(topic.lost, topic)} lost'
+            meaning = _meaning(topic, recording)
             time = review.since_start(topic.missing[0, 1]) if len(topic.missing) else None
             yield Finding('lost', Severity.WARNING, text, meaning, time)
         if topic.early:
@@ -100,11 +105,11 @@ def _meaning(topic: TopicRecording, recording: RunRecording) -> str:
     in_transit = 'published and did not reach the run: a short queue, or an overload'
     if not topic.dropped:
         return f'they were {in_transit}'
-    why = '; '.join(filter(None, (recording.file_fault, recording.stopped)))
-    why = why or 'its queue was full, or the disk refused them'
-    rest = (topic.lost or 0) - topic.dropped
-    others = f', {rest} were {in_transit}' if rest > 0 else ''
-    return f'the recorder had received {topic.dropped} of them{others}. Its reason: {why}'
+    reason = '; '.join(filter(None, (recording.file_fault, recording.stopped)))
+    reason = reason or 'its queue was full, or the disk refused them'
+    in_transit_count = (topic.lost or 0) - topic.dropped
+    others = f', {in_transit_count} were {in_transit}' if in_transit_count > 0 else ''
+    return f'the recorder had received {topic.dropped} of them{others}. Its reason: {reason}'
 
 
 def _messages(number: int, topic: TopicRecording) -> str:
@@ -118,20 +123,22 @@ _FOOT_TOPICS = ('point_h', 'velocity_h')
 def check_gaps(review: Review) -> Iterator[Finding]:
     """Yield gaps within the run, restarts of publishers, stalls, and poses that ended early."""
     explained = _explained_intervals(review)
-    found = [
-        gap
-        for (topic,), own in groupby(review.gaps, key=attrgetter('topics'))
-        for gap in exclude_intervals(list(own), explained.get(topic, review.recording.unrecorded))
-    ]
-    answers = {topic for leg in review.legs for topic in answer_topics(leg.recording)}
-    # A restart of a solver leaves inputs without answer: that is a gap.
-    restarts = [one for one in found if one.is_restart and answers.isdisjoint(one.topics)]
-    gaps = [one for one in found if one not in restarts]
+    answers: set[str] = set()
+    for leg in review.legs:
+        answers.update(answer_topics(leg.recording))
+    gaps: list[Gap] = []
+    restarts: list[Gap] = []
+    for (topic,), topic_gaps in groupby(review.gaps, key=attrgetter('topics')):
+        intervals = explained.get(topic, review.recording.unrecorded)
+        for gap in exclude_intervals([*topic_gaps], intervals):
+            # A restart of a solver leaves inputs without answer: that is a gap.
+            is_restart = gap.is_restart and answers.isdisjoint(gap.topics)
+            (restarts if is_restart else gaps).append(gap)
     if gaps:
         yield _gap(review, _join(gaps))
     for first in _join(restarts)[:1]:
-        names, wait = listed(first.topics), f'{first.length:.3f} s'
-        text = f'another publisher of {names} began {wait} after the last'
+        names = listed(first.topics)
+        text = f'another publisher of {names} began {first.length:.3f} s after the last'
         meaning = 'a node was shut down and started again; the time between is no gap'
         time = review.since_start(first.begin)
         yield Finding('restart', Severity.NOTE, text, meaning, time)
@@ -146,14 +153,14 @@ def _explained_intervals(review: Review) -> dict[str, tuple[Interval, ...]]:
     """Return the explained intervals by topic: no valid input, restart, pause or damage."""
     recording = review.recording
     paused = [*recording.unrecorded, *pauses(recording.clock)]
-    found = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
+    explained = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
     for leg in review.legs:
-        own = refused_intervals(leg.evaluated, leg.answers)
-        restarts = recording.restarts_on(leg.recording.crank_topics)
-        own += [(begin, end + MAX_RESPONSE_TIME) for begin, end in restarts]
+        intervals = refused_intervals(leg.evaluated, leg.answers)
+        for begin, end in recording.restarts_on(leg.recording.crank_topics):
+            intervals.append((begin, end + MAX_RESPONSE_TIME))
         for topic in answer_topics(leg.recording):
-            found.setdefault(topic, [*paused]).extend(own)
-    return {topic: merge_intervals(intervals) for topic, intervals in found.items()}
+            explained.setdefault(topic, [*paused]).extend(intervals)
+    return {topic: merge_intervals(intervals) for topic, intervals in explained.items()}
 
 
 def answer_topics(leg: LegRecording) -> list[str]:
@@ -177,16 +184,16 @@ def _join(gaps: list[Gap]) -> list[Gap]:
 
 def _gap(review: Review, gaps: list[Gap]) -> Finding:
     longest = max(gaps, key=attrgetter('length'))
-    what = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
+    text = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
     if len(gaps) > 1:
-        at = review.since_start(longest.begin)
-        what = f'{len(gaps)} gaps; the longest: {what} at {at:.3f} s'
+        begin = review.since_start(longest.begin)
+        text = f'{len(gaps)} gaps; the longest: {text} at {begin:.3f} s'
     count = _unanswered(review)
     if count:
         angles = verb(count, 'crank angle was', 'crank angles were')
-        what += f'; {count} {angles} not answered meanwhile'
+        text += f'; {count} {angles} not answered meanwhile'
     meaning = 'the publisher stalled, or messages could not reach the recorder'
-    return Finding('gap', Severity.WARNING, what, meaning, review.since_start(gaps[0].begin))
+    return Finding('gap', Severity.WARNING, text, meaning, review.since_start(gaps[0].begin))
 
 
 def _unanswered(review: Review) -> int:
@@ -200,15 +207,16 @@ def _unanswered(review: Review) -> int:
 
 def _ended(review: Review) -> Iterator[Finding]:
     for leg in review.legs:
-        poses, cranks = leg.evaluated.poses, leg.evaluated.cranks
+        poses = leg.evaluated.poses
+        cranks = leg.evaluated.cranks
         if not (len(poses) and len(cranks)):
             continue
-        silent = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
-        if silent > review.limits.stale_time:
-            after = counted(leg.answers.late, 'crank angle')
-            text = f'the poses ended {silent:.1f} s before the crank did; {after} came after them'
-            why = (
+        silence = (int(cranks.times[-1]) - int(poses.times[-1])) / 1e9
+        if silence > review.limits.stale_time:
+            late = counted(leg.answers.late, 'crank angle')
+            text = f'the poses ended {silence:.1f} s before the crank did; {late} came after them'
+            meaning = (
                 'the solver stopped, refused every angle, or its poses did not reach the recorder'
             )
             time = review.since_start(poses.times[-1])
-            yield Finding('stale', Severity.WARNING, text, why, time, leg.recording.title)
+            yield Finding('stale', Severity.WARNING, text, meaning, time, leg.recording.title)

@@ -1,6 +1,7 @@
 """`review --each`: many runs, one row each."""
 
 import argparse
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -40,7 +41,6 @@ from .judge import (
 )
 from .rows import (
     check_table,
-    EXIT_CODES,
     FINDINGS,
     OK,
     Row,
@@ -87,17 +87,14 @@ def _each(options: argparse.Namespace) -> int:
     annotated = _annotated(options, runs)
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
-    tasks = [
-        Task(run, robot, limits, expectations, page, copy)
-        for run, page, copy in zip(runs, pages, annotated, strict=True)
-    ]
+    tasks = []
+    for run, page, copy in zip(runs, pages, annotated, strict=True):
+        tasks.append(Task(run, robot, limits, expectations, page, copy))
     rows = _resumed(tasks, options.table) if options.resume else {}
     is_whole, faults = _judge(tasks, rows, options)
     finished = [rows[number] for number in sorted(rows)]
     print(_report(finished, len(runs)))
-    links = {
-        rows[number].run: pages[number] for number in rows if rows[number].verdict != UNREADABLE
-    }
+    links = {row.run: pages[n] for n, row in rows.items() if row.verdict != UNREADABLE}
     savers = {
         '--table': partial(save_table, options.table or '', finished),
         '--junit': partial(save_junit, finished),
@@ -126,22 +123,28 @@ def _judge(
     tasks: Sequence[Task], rows: dict[int, Row], options: argparse.Namespace
 ) -> tuple[bool, list[str]]:
     """Add the missing rows; return whether all are there, and the faults of pages."""
-    left = [number for number in range(len(tasks)) if number not in rows]
+    missing = [number for number in range(len(tasks)) if number not in rows]
     faults: list[str] = []
     judged = judge_unordered(
-        [tasks[number] for number in left],
+        [tasks[number] for number in missing],
         engine=options.engine,
         jobs=options.jobs,
         time_limit=options.time_limit,
         address=options.ray_address,
     )
     with tqdm(
-        judged, total=len(left), unit='run', delay=1.0, leave=False, file=sys.stderr, disable=None
+        judged,
+        total=len(missing),
+        unit='run',
+        delay=1.0,
+        leave=False,
+        file=sys.stderr,
+        disable=None,
     ) as bar:
         try:
-            for number, found in bar:
-                rows[left[number]] = found.row
-                faults += found.faults
+            for number, judgement in bar:
+                rows[missing[number]] = judgement.row
+                faults += judgement.faults
         except KeyboardInterrupt:
             # Finished rows are written; a second Ctrl-C must not interrupt that.
             signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -159,9 +162,13 @@ def _resumed(tasks: Sequence[Task], table: str) -> dict[int, Row]:
     """Return the valid rows of a table, by the numbers of their tasks."""
     if not Path(table).exists():
         return {}
-    known = {row.run: row for row in rows_from_table(table) if row.verdict != UNREADABLE}
-    pairs = ((number, known.get(printable(task.run.path))) for number, task in enumerate(tasks))
-    return {n: row for n, row in pairs if row is not None and _is_valid(row, tasks[n])}
+    rows_of_runs = {row.run: row for row in rows_from_table(table) if row.verdict != UNREADABLE}
+    rows = {}
+    for number, task in enumerate(tasks):
+        row = rows_of_runs.get(printable(task.run.path))
+        if row is not None and _is_valid(row, task):
+            rows[number] = row
+    return rows
 
 
 def _is_valid(row: Row, task: Task) -> bool:
@@ -194,11 +201,11 @@ def _paths(folder: Path, runs: Sequence[FoundRun], suffix: str) -> list[str]:
         reason = 'it is no folder' if folder.exists() else error.strerror
         raise OutputError(f'{printable(folder)} cannot be made: {reason}') from error
     digits = len(str(len(runs)))
-    names = (f'{n:0{digits}}_{_plain(Path(run.path).name)}' for n, run in enumerate(runs, 1))
-    return [
-        '' if run.fault else str(folder / f'{name}{suffix}')
-        for name, run in zip(names, runs, strict=True)
-    ]
+    paths = []
+    for number, run in enumerate(runs, 1):
+        name = f'{number:0{digits}}_{_plain(Path(run.path).name)}{suffix}'
+        paths.append('' if run.fault else str(folder / name))
+    return paths
 
 
 def _plain(name: str) -> str:
@@ -207,15 +214,17 @@ def _plain(name: str) -> str:
 
 
 def _report(rows: Sequence[Row], asked: int) -> str:
-    counts = ', '.join(
-        f'{sum(row.verdict == verdict for row in rows)} {words}'
-        for verdict, words in ((OK, 'ok'), (FINDINGS, 'with findings'), (UNREADABLE, 'unreadable'))
+    verdicts = Counter(row.verdict for row in rows)
+    counts = (
+        f'{verdicts[OK]} ok, {verdicts[FINDINGS]} with findings, {verdicts[UNREADABLE]} unreadable'
     )
-    worst = sorted((row for row in rows if row.reason), key=lambda row: -EXIT_CODES[row.verdict])
-    lines = [f'{row.verdict:<10}  {row.run}: {row.reason}' for row in worst[:_MAX_LINES]]
-    if len(worst) > _MAX_LINES:
-        lines.append(f'... and {len(worst) - _MAX_LINES} more: --table has them all')
-    return '\n'.join([f'{counted(len(rows), "run")} of {asked}: {counts}', *lines])
+    lines = [f'{counted(len(rows), "run")} of {asked}: {counts}']
+    faulty = [row for row in rows if row.reason]
+    faulty.sort(key=lambda row: -row.exit_code)
+    lines += [f'{row.verdict:<10}  {row.run}: {row.reason}' for row in faulty[:_MAX_LINES]]
+    if len(faulty) > _MAX_LINES:
+        lines.append(f'... and {len(faulty) - _MAX_LINES} more: --table has them all')
+    return '\n'.join(lines)
 
 
 def _parser() -> ArgumentParser:

@@ -47,55 +47,72 @@ def find_runs(paths: Iterable[str]) -> list[FoundRun]:
     into is in the list with its reason, as is an empty folder: its recorder may have died early. A
     link to a folder is followed once: in what it leads to, other links to folders are not.
     """
-    found: dict[str, FoundRun] = {}
+    runs: dict[str, FoundRun] = {}
     for path in paths:
         for run in _runs(Path(path), ()):
-            found.setdefault(os.path.realpath(run.path) + run.fault, run)
-    return list(found.values())
+            runs.setdefault(os.path.realpath(run.path) + run.fault, run)
+    return list(runs.values())
 
 
 def _runs(
-    path: Path, above: tuple[tuple[int, int], ...], *, is_linked: bool = False
+    path: Path, parents: tuple[tuple[int, int], ...], *, is_linked: bool = False
 ) -> Iterator[FoundRun]:
-    """Yield the runs at a path; `above` are device and inode of the folders that it is in."""
+    """Yield the runs at a path; `parents` are device and inode of the folders that it is in."""
     try:
         status = path.stat()
         is_folder = stat.S_ISDIR(status.st_mode)
         entries = sorted(path.iterdir(), key=natural) if is_folder else []
     except (OSError, ValueError) as error:
         # A link in a folder may lead nowhere.
-        if not above or not isinstance(error, FileNotFoundError):
+        if not parents or not isinstance(error, FileNotFoundError):
             reason = getattr(error, 'strerror', None) or error
             yield FoundRun(str(path), f'{printable(path)} cannot be read: {reason}')
         return
-    here, is_link = (status.st_dev, status.st_ino), bool(above) and path.is_symlink()
-    faults = {
-        'is a link in a linked folder, not followed': is_link and is_linked,
-        'leads back to a folder that it is in': here in above,
-        'is an empty folder: there is no log in it': above and not entries,
-    }
-    fault = next((text for text, holds in faults.items() if holds and is_folder), '')
-    if fault:
-        yield FoundRun(str(path), f'{printable(path)} {fault}')
-    elif is_folder and not _is_run(entries):
-        for entry in (each for each in entries if not each.name.startswith('.')):
-            if is_log_name(entry):
-                yield FoundRun(str(entry))
-            else:
-                yield from _runs(entry, (*above, here), is_linked=is_linked or is_link)
-    elif is_folder or not above:
+    if is_folder:
+        inode = (status.st_dev, status.st_ino)
+        yield from _runs_in_folder(path, entries, parents, inode, is_linked=is_linked)
+    elif not parents:
         yield FoundRun(str(path))
+
+
+def _runs_in_folder(
+    folder: Path,
+    entries: Sequence[Path],
+    parents: tuple[tuple[int, int], ...],
+    inode: tuple[int, int],
+    *,
+    is_linked: bool,
+) -> Iterator[FoundRun]:
+    is_link = bool(parents) and folder.is_symlink()
+    fault = ''
+    if is_link and is_linked:
+        fault = 'is a link in a linked folder, not followed'
+    elif inode in parents:
+        fault = 'leads back to a folder that it is in'
+    elif parents and not entries:
+        fault = 'is an empty folder: there is no log in it'
+    if fault or _is_run(entries):
+        yield FoundRun(str(folder), fault and f'{printable(folder)} {fault}')
+        return
+    for entry in entries:
+        if is_log_name(entry) and not entry.name.startswith('.'):
+            yield FoundRun(str(entry))
+        elif not entry.name.startswith('.'):
+            yield from _runs(entry, (*parents, inode), is_linked=is_linked or is_link)
 
 
 def _is_run(entries: Sequence[Path]) -> bool:
     """Return whether a folder is one run: by its metadata, or as recorders number its files."""
+    if any(entry.name == FILE_NAME for entry in entries):
+        return True
     logs = [entry for entry in entries if is_log_name(entry) and not entry.name.startswith('.')]
-    parts = [re.fullmatch(r'(.+)_\d+', run_name(log)) for log in logs]
-    is_one = len({part and part[1] for part in parts}) == 1 and None not in parts
-    return is_one or any(entry.name == FILE_NAME for entry in entries)
+    numbered = [re.fullmatch(r'(.+)_\d+', run_name(log)) for log in logs]
+    names = {match and match[1] for match in numbered}
+    return len(names) == 1 and None not in names
 
 
-CHECK, BASELINE = 'expected', 'baseline'
+CHECK = 'expected'
+BASELINE = 'baseline'
 _KEYS = ('topics', 'allow', 'baseline')
 _TOPIC_KEYS = ('min_rate', 'max_gap', 'max_lost')
 
@@ -123,15 +140,16 @@ class Expectations:
 
     def unmet(self, review: Review, baseline: Review | None) -> Iterator[Finding]:
         """Yield the unmet expectations of a reviewed run."""
-        known = {topic.name: topic for topic in review.topics}
+        topics = {topic.name: topic for topic in review.topics}
         for name, expected in self.topics.items():
-            for text in _unmet(known.get(name), expected):
-                severity = Severity.ERROR if name not in known else Severity.WARNING
+            for text in _unmet(topics.get(name), expected):
+                severity = Severity.WARNING if name in topics else Severity.ERROR
                 meaning = 'the run does not meet the expectations (--expect)'
                 yield Finding(CHECK, severity, f'{printable(name)} {text}', meaning)
-        for found in compare(baseline, review).differences if baseline is not None else ():
+        for difference in compare(baseline, review).differences if baseline is not None else ():
             meaning = 'it differs from the baseline, the first run in the text'
-            yield Finding(BASELINE, Severity.WARNING, found.text, meaning, leg=found.leg)
+            leg = difference.leg
+            yield Finding(BASELINE, Severity.WARNING, difference.text, meaning, leg=leg)
 
 
 def _unmet(topic: TopicFigures | None, expected: ExpectedTopic) -> Iterator[str]:
@@ -167,14 +185,16 @@ def expectations_from_file(path: str) -> Expectations:
 def _expectations(content: Any, folder: Path) -> Expectations:
     _must(isinstance(content, Mapping), f'it must be a mapping of {", ".join(_KEYS)}')
     _only(content, _KEYS)
-    topics, allow, baseline = (content.get(key) for key in _KEYS)
+    topics = content.get('topics')
+    allow = content.get('allow')
+    baseline = content.get('baseline')
     example = '"/joint_states: {min_rate: 190}"'
     _must(isinstance(topics, Mapping | None), f'topics must be a mapping, such as {example}')
-    are_names = isinstance(allow, list | None) and all(isinstance(one, str) for one in allow or ())
+    are_names = isinstance(allow, list | None) and all(isinstance(n, str) for n in allow or ())
     _must(are_names, 'allow must be a list of checks, such as [latency, gap]')
     _must(isinstance(baseline, str | None), 'baseline must be the path of a run')
     return Expectations(
-        {str(name): _topic(name, of) for name, of in (topics or {}).items()},
+        {str(name): _topic(name, limits) for name, limits in (topics or {}).items()},
         frozenset(allow or ()),
         str(folder / Path(baseline).expanduser()) if baseline else '',
     )
@@ -185,13 +205,15 @@ def _topic(name: Any, content: Any) -> ExpectedTopic:
         return ExpectedTopic()
     _must(isinstance(content, Mapping), f'{name} must be a mapping of {", ".join(_TOPIC_KEYS)}')
     _only(content, _TOPIC_KEYS)
-    for key, value in content.items():
-        most = 1.0 if key == 'max_lost' else inf
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (number and 0 <= value <= most):
-            what = 'a share, 0 to 1' if key == 'max_lost' else 'a number >= 0'
-            raise ValueError(f'{name} {key} = {value!r} is refused: it must be {what}')
-    return ExpectedTopic(**{key: float(value) for key, value in content.items()})
+    limits = {}
+    for key, limit in content.items():
+        max_limit = 1.0 if key == 'max_lost' else inf
+        is_number = isinstance(limit, int | float) and not isinstance(limit, bool)
+        if not (is_number and 0 <= limit <= max_limit):
+            requirement = 'a share, 0 to 1' if key == 'max_lost' else 'a number >= 0'
+            raise ValueError(f'{name} {key} = {limit!r} is refused: it must be {requirement}')
+        limits[key] = float(limit)
+    return ExpectedTopic(**limits)
 
 
 def _must(condition: bool, text: str) -> None:
@@ -223,7 +245,8 @@ class Task:
     @property
     def settings(self) -> str:
         """Return a hash of the settings."""
-        legs, expected = self.robot and self.robot.legs, self.expectations
+        legs = self.robot and self.robot.legs
+        expected = self.expectations
         settings = (
             __version__,
             self.limits,
@@ -276,15 +299,15 @@ def judge_unordered(
 
 
 def _unreadable(task: Task, reason: object) -> Judged:
-    known = {**written(task.run), 'settings': task.settings}
-    return Judged(unreadable_row(task.run.path, reason, **known))
+    return Judged(unreadable_row(task.run.path, reason, task.settings, written(task.run)))
 
 
 def judge(task: Task) -> Judged:
     """Return the row of a run, and write its outputs."""
     if task.run.fault:
         return _unreadable(task, task.run.fault)
-    known = {**written(task.run), 'settings': task.settings}
+    # Before the review: a run that is written to meanwhile has to be judged again.
+    files = written(task.run)
     try:
         baseline = _baseline(task.expectations.baseline, task.robot, task.limits)
         review = review_run(
@@ -298,7 +321,8 @@ def judge(task: Task) -> Judged:
         return _unreadable(task, str(error) or 'there is not memory enough for it')
     findings = (*review.findings, *task.expectations.unmet(review, baseline))
     review = replace(review, findings=findings)
-    row = reviewed_row(task.run.path, review, findings, task.expectations.allow, **known)
+    allowed_checks = task.expectations.allow
+    row = reviewed_row(task.run.path, review, allowed_checks, task.settings, files)
     return Judged(row, tuple(_write_outputs(task, review)))
 
 

@@ -1,7 +1,7 @@
 """The row of a run, and the reports of all rows: tables, JUnit XML for CI, and an HTML index."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
 from io import BytesIO, StringIO
@@ -20,7 +20,9 @@ from klann_ros.sanitize.files import open_regular
 from klann_ros.sanitize.text import counted, finite, printable, printable_line
 from klann_ros.web import element, FRAME, Markup, number, Parts, scrolling_table, SHARED
 
-OK, FINDINGS, UNREADABLE = 'ok', 'findings', 'unreadable'
+OK = 'ok'
+FINDINGS = 'findings'
+UNREADABLE = 'unreadable'
 EXIT_CODES = {OK: 0, FINDINGS: 1, UNREADABLE: 2}
 
 
@@ -68,64 +70,80 @@ TEXTS = frozenset({'run', 'verdict', 'reason', 'findings', 'settings'})
 COUNTS = frozenset(field.name for field in fields(Row) if 'int' in str(field.type))
 
 
-def unreadable_row(path: str, reason: object, **known: Any) -> Row:
-    """Return the row of an unreadable run."""
-    shown = printable(path)
+def unreadable_row(path: str, reason: object, settings: str, files: Mapping[str, int]) -> Row:
+    """Return the row of an unreadable run; `files` are size and modification, if known."""
+    run = printable(path)
     # The row has the path already.
-    words = printable_line(reason).removeprefix(f'{shown} ')
-    return Row(shown, UNREADABLE, words, **known)
+    text = printable_line(reason).removeprefix(f'{run} ')
+    size = files.get('size')
+    modified = files.get('modified')
+    return Row(run, UNREADABLE, text, size=size, modified=modified, settings=settings)
 
 
 def reviewed_row(
-    path: str, review: Review, found: Iterable[Finding], allowed: frozenset[str], **known: Any
+    path: str,
+    review: Review,
+    allowed_checks: frozenset[str],
+    settings: str,
+    files: Mapping[str, int],
 ) -> Row:
-    """Return the row of a reviewed run; `allowed` are the checks whose findings do not count."""
-    findings = list(found)
-    judged = [each for each in findings if each.check not in allowed]
-    faults = sorted((each for each in judged if each.is_fault), key=lambda each: -each.severity)
-    recording, legs = review.recording, review.legs
-    gaps = (topic.longest_gap for topic in review.topics)
-    values: dict[str, Any] = {
-        'run': printable(path),
-        'verdict': FINDINGS if faults else OK,
-        'reason': f'{faults[0].check}: {located(faults[0].leg, faults[0].text)}' if faults else '',
-        **{
-            f'{severity.name.lower()}s': sum(each.severity == severity for each in judged)
-            for severity in Severity
-        },
-        'allowed': len(findings) - len(judged),
-        'start_time': recording.start / 1e9,
-        'duration': recording.duration,
-        'messages': sum(topic.count for topic in review.topics),
-        'topics': len(review.topics),
-        'legs': len(legs),
-        'poses': sum(len(leg.recording.poses) for leg in legs),
-        'lost': sum(topic.lost or 0 for topic in review.topics),
-        'longest_gap': max(filter(isfinite, gaps), default=None),
-        'turns': _of_legs(legs, 'turns', lambda found: max(found, key=abs)),
-        **{name: _of_legs(legs, name, max) for name in _MAXIMA},
-        'worst_transmission_angle': _of_legs(legs, 'worst_transmission_angle', min),
-        'findings': json.dumps(
-            [_finding_values(each, allowed) for each in findings], ensure_ascii=False
+    """Return the row of a reviewed run; findings of allowed checks do not count."""
+    findings = review.findings
+    counted_findings = [finding for finding in findings if finding.check not in allowed_checks]
+    faults = [finding for finding in counted_findings if finding.is_fault]
+    reason = ''
+    if faults:
+        worst = max(faults, key=lambda fault: fault.severity)
+        reason = f'{worst.check}: {located(worst.leg, worst.text)}'
+    severities = Counter(finding.severity for finding in counted_findings)
+    topics = review.topics
+    legs = review.legs
+    turns = _finite_figures(legs, 'turns')
+    return Row(
+        run=printable(path),
+        verdict=FINDINGS if faults else OK,
+        reason=reason,
+        errors=severities[Severity.ERROR],
+        warnings=severities[Severity.WARNING],
+        notes=severities[Severity.NOTE],
+        allowed=len(findings) - len(counted_findings),
+        start_time=review.recording.start / 1e9,
+        duration=review.recording.duration,
+        messages=sum(topic.count for topic in topics),
+        topics=len(topics),
+        legs=len(legs),
+        poses=sum(len(leg.recording.poses) for leg in legs),
+        lost=sum(topic.lost or 0 for topic in topics),
+        longest_gap=max(filter(isfinite, (topic.longest_gap for topic in topics)), default=None),
+        turns=max(turns, key=abs, default=None),
+        stride=max(_finite_figures(legs, 'stride'), default=None),
+        lift=max(_finite_figures(legs, 'lift'), default=None),
+        worst_residual=max(_finite_figures(legs, 'worst_residual'), default=None),
+        worst_angle_error=max(_finite_figures(legs, 'worst_angle_error'), default=None),
+        worst_foot_error=max(_finite_figures(legs, 'worst_foot_error'), default=None),
+        worst_transmission_angle=min(
+            _finite_figures(legs, 'worst_transmission_angle'), default=None
         ),
-    }
-    return Row(**values, **known)
+        findings=_findings_json(findings, allowed_checks),
+        settings=settings,
+        size=files.get('size'),
+        modified=files.get('modified'),
+    )
 
 
-_MAXIMA = ('stride', 'lift', 'worst_residual', 'worst_angle_error', 'worst_foot_error')
+def _findings_json(findings: Iterable[Finding], allowed_checks: frozenset[str]) -> str:
+    entries = []
+    for finding in findings:
+        is_allowed = finding.check in allowed_checks
+        severity = 'allowed' if is_allowed else finding.severity.name.lower()
+        text = printable_line(finding.text)
+        entries.append(dict(finite({**asdict(finding), 'severity': severity, 'text': text})))
+    return json.dumps(entries, ensure_ascii=False)
 
 
-def _finding_values(finding: Finding, allowed: frozenset[str]) -> dict[str, Any]:
-    severity = 'allowed' if finding.check in allowed else finding.severity.name.lower()
-    values = {**asdict(finding), 'severity': severity, 'text': printable_line(finding.text)}
-    return dict(finite(values))
-
-
-def _of_legs(
-    legs: Iterable[ReviewedLeg], name: str, chosen: Callable[[list[float]], float]
-) -> float | None:
-    known = [value for leg in legs if isfinite(value := getattr(leg.figures, name))]
-    return chosen(known) if known else None
+def _finite_figures(legs: Iterable[ReviewedLeg], name: str) -> list[float]:
+    """Return a figure of each leg that has it."""
+    return [*filter(isfinite, (getattr(leg.figures, name) for leg in legs))]
 
 
 # Largest table that is read [bytes]: of a million runs.
@@ -150,8 +168,7 @@ def save_table(path: str, rows: Iterable[Row], file: BinaryIO) -> None:
     if Path(path).suffix.lower() == '.parquet':
         _save_parquet(rows, file)
     else:
-        cells = ([_cell(name, getattr(row, name)) for name in NAMES] for row in rows)
-        write_table((NAMES, *cells), file)
+        write_table((NAMES, *map(_csv_cells, rows)), file)
 
 
 def rows_from_table(path: str) -> list[Row]:
@@ -163,29 +180,34 @@ def rows_from_table(path: str) -> list[Row]:
         data = file.read()
     try:
         if path.lower().endswith('.parquet'):
-            made = _pyarrow()[1].read_table(BytesIO(data)).to_pylist()
-        else:
-            made = _csv_rows(data)
-        return [Row(**{name: row[name] for name in NAMES}) for row in made]
+            return _parquet_rows(data)
+        return _csv_rows(data)
     except (KeyError, ValueError, TypeError) as error:
         raise TableError(f'{printable(path)} is no table of runs: {error}') from error
 
 
-def _cell(name: str, value: Any) -> str:
-    if value is None:
-        return ''
-    if name not in TEXTS:
-        return repr(value)
-    # A quote of its own is marked, too.
-    return f"'{value}" if value.startswith("'") else harmless(value)
+def _csv_cells(row: Row) -> list[str]:
+    cells = []
+    for name in NAMES:
+        field_value = getattr(row, name)
+        if field_value is None:
+            cells.append('')
+        elif name not in TEXTS:
+            cells.append(repr(field_value))
+        elif field_value.startswith("'"):
+            # A quote of the text is marked, too.
+            cells.append(f"'{field_value}")
+        else:
+            cells.append(harmless(field_value))
+    return cells
 
 
-def _csv_rows(data: bytes) -> list[dict[str, Any]]:
-    reader = csv.DictReader(StringIO(data.decode(), newline=''))
-    return [{name: _value(name, cells[name]) for name in NAMES} for cells in reader]
+def _csv_rows(data: bytes) -> list[Row]:
+    table = csv.DictReader(StringIO(data.decode(), newline=''))
+    return [Row(**{name: _parse_cell(name, cells[name]) for name in NAMES}) for cells in table]
 
 
-def _value(name: str, cell: str) -> Any:
+def _parse_cell(name: str, cell: str) -> Any:
     if name in TEXTS:
         return cell.removeprefix("'")
     if not cell:
@@ -193,14 +215,19 @@ def _value(name: str, cell: str) -> Any:
     return int(cell) if name in COUNTS else float(cell)
 
 
+def _parquet_rows(data: bytes) -> list[Row]:
+    _, parquet = _pyarrow()
+    records = parquet.read_table(BytesIO(data)).to_pylist()
+    return [Row(**{name: record[name] for name in NAMES}) for record in records]
+
+
 def _save_parquet(rows: Iterable[Row], file: BinaryIO) -> None:
     arrow, parquet = _pyarrow()
-    kinds = (
-        arrow.string() if name in TEXTS else arrow.int64() if name in COUNTS else arrow.float64()
-        for name in NAMES
-    )
-    schema = arrow.schema([*zip(NAMES, kinds, strict=True)])
-    table = arrow.Table.from_pylist([*map(asdict, rows)], schema=schema)
+    columns = []
+    for name in NAMES:
+        number_type = arrow.int64() if name in COUNTS else arrow.float64()
+        columns.append((name, arrow.string() if name in TEXTS else number_type))
+    table = arrow.Table.from_pylist([*map(asdict, rows)], schema=arrow.schema(columns))
     parquet.write_table(table, file, compression='zstd')
 
 
@@ -231,14 +258,14 @@ def save_junit(rows: Sequence[Row], file: BinaryIO) -> None:
         elif row.verdict == FINDINGS:
             check = row.reason.partition(':')[0]
             failure = SubElement(case, 'failure', type=check, message=_text(row.reason))
-            failure.text = '\n'.join(
-                _text(
-                    printable_line(f'{each["severity"].upper()} {each["check"]}: {each["text"]}')
-                )
-                for each in json.loads(row.findings)
-            )
+            failure.text = '\n'.join(map(_finding_line, json.loads(row.findings)))
     indent(root)
     ElementTree(root).write(file, encoding='utf-8', xml_declaration=True)
+
+
+def _finding_line(finding: Mapping[str, Any]) -> str:
+    severity = finding['severity'].upper()
+    return _text(printable_line(f'{severity} {finding["check"]}: {finding["text"]}'))
 
 
 def _text(text: str) -> str:
@@ -263,11 +290,10 @@ _GROUPS = ((UNREADABLE, 'Not readable'), (FINDINGS, 'With findings'), (OK, 'Noth
 def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: BinaryIO) -> None:
     """Write the index at `path` to an open file, with links to the pages of runs."""
     folder = Path(path).resolve().parent
-    links = {
-        run: quote(os.path.relpath(Path(page).resolve(), folder))
-        for run, page in pages.items()
-        if page
-    }
+    links = {}
+    for run, page in pages.items():
+        if page:
+            links[run] = quote(os.path.relpath(Path(page).resolve(), folder))
     file.write(_page(rows, links).encode(errors='replace'))
 
 
@@ -291,37 +317,29 @@ def _summary(rows: Sequence[Row]) -> str:
 
 
 def _checks(rows: Sequence[Row]) -> Markup:
-    counts = Counter(
-        check
-        for row in rows
-        for check in {
-            each['check']
-            for each in json.loads(row.findings)
-            if each['severity'] in ('error', 'warning')
-        }
-    )
+    counts = Counter[str]()
+    for row in rows:
+        findings = json.loads(row.findings)
+        counts.update({f['check'] for f in findings if f['severity'] in ('error', 'warning')})
     if not counts:
         return Markup()
-    items = (
-        element('li', element('strong', check), f' in {counted(count, "run")}')
-        for check, count in counts.most_common()
-    )
+    lines = []
+    for check, count in counts.most_common():
+        lines.append(element('li', element('strong', check), f' in {counted(count, "run")}'))
     heading = element('h2', 'Findings by check', id='checks')
-    return element('section', heading, element('ul', *items), aria_labelledby='checks')
+    return element('section', heading, element('ul', *lines), aria_labelledby='checks')
 
 
 def _groups(rows: Sequence[Row], links: Mapping[str, str]) -> Iterator[Markup]:
-    for verdict, words in _GROUPS:
-        own = [row for row in rows if row.verdict == verdict]
-        if own:
-            heading = element('h2', f'{words} ({len(own)})', id=verdict)
-            table = scrolling_table(
-                words, _HEADS, (_row(row, links.get(row.run, '')) for row in own)
-            )
+    for verdict, title in _GROUPS:
+        cells = [_cells(row, links.get(row.run, '')) for row in rows if row.verdict == verdict]
+        if cells:
+            heading = element('h2', f'{title} ({len(cells)})', id=verdict)
+            table = scrolling_table(title, _HEADS, cells)
             yield element('section', heading, table, aria_labelledby=verdict)
 
 
-def _row(row: Row, link: str) -> tuple[str, ...]:
+def _cells(row: Row, link: str) -> tuple[str, ...]:
     return (
         element('a', row.run, href=link) if link else row.run,
         element('span', row.reason, class_='reason'),

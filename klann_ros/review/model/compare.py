@@ -30,19 +30,20 @@ class Quantity(NamedTuple):
 def leg_dimensions(solver: LegSolver) -> dict[str, Quantity | str]:
     """Return all known dimensions of a leg."""
     leg = solver.leg
-    found: dict[str, Quantity | str] = {
+    dimensions: dict[str, Quantity | str] = {
         'direction': Quantity(solver.direction),
         'phase': Quantity(solver.phase, 'rad'),
     }
     if leg is not None:
         linkage = leg.linkage
-        found |= {'linkage': linkage.name, 'foot': linkage.structure.foot}
+        dimensions['linkage'] = linkage.name
+        dimensions['foot'] = linkage.structure.foot
         for body in linkage.structure.bodies:
-            found[f'sense of {body.angle}'] = Quantity(body.sense)
+            dimensions[f'sense of {body.angle}'] = Quantity(body.sense)
         for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True):
-            found[dimension.name] = Quantity(number, dimension.unit)
-        found['assembly'] = str(list(leg.assembly))
-    return found
+            dimensions[dimension.name] = Quantity(number, dimension.unit)
+        dimensions['assembly'] = str(list(leg.assembly))
+    return dimensions
 
 
 @dataclass(frozen=True)
@@ -73,74 +74,84 @@ class Comparison:
 
 def compare(first: Review, second: Review) -> Comparison:
     """Compare the dimensions of legs, and their motion at equal crank angles."""
-    ones, others = (
-        {leg.recording.title: leg for leg in review.legs} for review in (first, second)
-    )
-    pairs_ = [(ones[title], others[title]) for title in ones if title in others]
-    return Comparison(
-        (first.recording.path, second.recording.path),
-        (
-            *_unmatched_legs(ones, others),
-            *(found for pair in pairs_ for found in _differences(first.limits, *pair)),
-        ),
-        tuple(remark for pair in pairs_ for remark in _remarks(*pair)),
-    )
+    first_legs = {leg.recording.title: leg for leg in first.legs}
+    second_legs = {leg.recording.title: leg for leg in second.legs}
+    differences = [*_unmatched_legs(first_legs, second_legs)]
+    remarks: list[str] = []
+    for title, first_leg in first_legs.items():
+        if title in second_legs:
+            differences += _differences(first.limits, first_leg, second_legs[title])
+            remarks += _remarks(first_leg, second_legs[title])
+    paths = (first.recording.path, second.recording.path)
+    return Comparison(paths, tuple(differences), tuple(remarks))
 
 
 def _unmatched_legs(
-    ones: Mapping[str, ReviewedLeg], others: Mapping[str, ReviewedLeg]
+    first_legs: Mapping[str, ReviewedLeg], second_legs: Mapping[str, ReviewedLeg]
 ) -> Iterator[Difference]:
-    for which, own, foreign in (('first', ones, others), ('second', others, ones)):
-        for title in (title for title in own if title not in foreign):
-            text = f'the leg {printable(title) or "without a name"} is in the {which} run only'
-            yield Difference('legs', text, inf, '', title)
+    for run, legs, other_legs in (
+        ('first', first_legs, second_legs),
+        ('second', second_legs, first_legs),
+    ):
+        for title in legs:
+            if title not in other_legs:
+                name = printable(title) or 'without a name'
+                text = f'the leg {name} is in the {run} run only'
+                yield Difference('legs', text, inf, '', title)
 
 
-def _differences(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
+def _differences(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:
     # An unknown leg does not differ.
-    if one.recording.solver.leg and other.recording.solver.leg:
-        yield from _dimensions(limits, one, other)
-    yield from _motion(limits, one, other)
+    if first.recording.solver.leg and second.recording.solver.leg:
+        yield from _dimensions(limits, first, second)
+    yield from _motion(limits, first, second)
 
 
-def _dimensions(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
-    title = one.recording.title
-    before, after = leg_dimensions(one.recording.solver), leg_dimensions(other.recording.solver)
-    if before.keys() != after.keys():
-        kinds = f'{before["linkage"]} in the first run, {after["linkage"]} in the second'
+def _dimensions(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:
+    title = first.recording.title
+    first_dimensions = leg_dimensions(first.recording.solver)
+    second_dimensions = leg_dimensions(second.recording.solver)
+    if first_dimensions.keys() != second_dimensions.keys():
+        linkages = first_dimensions['linkage'], second_dimensions['linkage']
+        kinds = f'{linkages[0]} in the first run, {linkages[1]} in the second'
         yield Difference('linkage', f'the linkages differ: {kinds}', inf, '', title)
         return
-    for name, a in before.items():
-        b = after[name]
+    for name, a in first_dimensions.items():
+        b = second_dimensions[name]
         text = f'{name} is {a} in the first run, {b} in the second'
         if not (isinstance(a, Quantity) and isinstance(b, Quantity)):
             if a != b:
                 yield Difference(name, text, inf, '', title)
         elif abs(b.value - a.value) > limits.compare_length:
-            by = b.value - a.value
-            share = f', {by / a.value:+.3%}' if a.value else ''
-            yield Difference(name, text + share, by, a.unit, title)
+            change = b.value - a.value
+            share = f', {change / a.value:+.3%}' if a.value else ''
+            yield Difference(name, text + share, change, a.unit, title)
 
 
-def _remarks(one: ReviewedLeg, other: ReviewedLeg) -> Iterator[str]:
+def _remarks(first: ReviewedLeg, second: ReviewedLeg) -> Iterator[str]:
     """Yield the parts of a leg that could not be compared."""
-    of = f'{printable(one.recording.title)}: ' if one.recording.title else ''
-    both = (('first', one), ('second', other))
-    unknown = [which for which, leg in both if leg.recording.solver.leg is None]
-    if len(unknown) == 2:
-        yield f'{of}neither run contains the geometry: motion not compared (--geometry FILE)'
-    elif unknown:
-        yield f'{of}the {unknown[0]} run does not contain its geometry: lengths not compared'
+    title = first.recording.title
+    prefix = f'{printable(title)}: ' if title else ''
+    is_first_unknown = first.recording.solver.leg is None
+    is_second_unknown = second.recording.solver.leg is None
+    if is_first_unknown and is_second_unknown:
+        yield f'{prefix}neither run contains the geometry: motion not compared (--geometry FILE)'
+    elif is_first_unknown or is_second_unknown:
+        run = 'first' if is_first_unknown else 'second'
+        yield f'{prefix}the {run} run does not contain its geometry: lengths not compared'
 
 
-def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Difference]:
+def _motion(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:
     """Yield the distance of the motion in one run from the leg of the other."""
-    leg, moved, title = one.recording.solver.leg, other, one.recording.title
+    title = first.recording.title
+    leg = first.recording.solver.leg
+    moving = second
     if leg is None:
-        leg, moved = other.recording.solver.leg, one
-    if leg is None or moved.evaluated.poses.values.shape[1] != len(leg.joint_names):
+        leg = second.recording.solver.leg
+        moving = first
+    if leg is None or moving.evaluated.poses.values.shape[1] != len(leg.joint_names):
         return
-    angle, path = _distances(moved, leg, limits)
+    angle, path = _distances(moving, leg, limits)
     if angle > limits.compare_angle:
         text = f'the angles differ by up to {angle:.3g} rad at the same crank angle'
         yield Difference('angles', text, angle, 'rad', title)
@@ -149,29 +160,31 @@ def _motion(limits: Limits, one: ReviewedLeg, other: ReviewedLeg) -> Iterator[Di
         yield Difference('path', text, path, 'm', title)
 
 
-def _distances(moved: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, float]:
+def _distances(moving: ReviewedLeg, leg: AnyLeg, limits: Limits) -> tuple[float, float]:
     """
     Return the largest differences of a run from a leg: angles [rad], feet [m].
 
     Poses that are wrong by the geometry of their own run are findings, not differences.
     """
-    run, errors = moved.evaluated, moved.errors
-    sound, right = np.ones(len(run.poses), dtype=bool), np.ones(len(run.feet), dtype=bool)
+    run = moving.evaluated
+    errors = moving.errors
+    are_poses_right = np.ones(len(run.poses), dtype=bool)
+    are_feet_right = np.ones(len(run.feet), dtype=bool)
     if errors is not None:
-        sound = errors.angle_errors <= limits.compare_angle
-        right = errors.foot_errors <= limits.compare_path
+        are_poses_right = errors.angle_errors <= limits.compare_angle
+        are_feet_right = errors.foot_errors <= limits.compare_path
     worst_angle = worst_foot = 0.0
     for block in solve_blocks(run, leg):
-        sound_here = sound[block.rows]
-        worst_angle = max(worst_angle, _worst(block.angle_errors(leg)[sound_here]))
-        both = right[block.of_feet] & sound_here[block.of_poses]
-        h = feet(leg, block.solved[block.of_poses[both]])
+        is_right = are_poses_right[block.rows]
+        worst_angle = max(worst_angle, _worst(block.angle_errors(leg)[is_right]))
+        are_both_right = are_feet_right[block.of_feet] & is_right[block.of_poses]
+        h = feet(leg, block.solved[block.of_poses[are_both_right]])
         with np.errstate(over='ignore'):
-            distances = np.hypot(*(run.feet.values[block.of_feet[both]] - h).T)
+            distances = np.hypot(*(run.feet.values[block.of_feet[are_both_right]] - h).T)
         worst_foot = max(worst_foot, _worst(distances))
     return worst_angle, worst_foot
 
 
-def _worst(values: FloatArray) -> float:
-    worst = float(np.fmax.reduce(values, axis=None, initial=0.0))
+def _worst(errors: FloatArray) -> float:
+    worst = float(np.fmax.reduce(errors, axis=None, initial=0.0))
     return worst if isfinite(worst) else inf
