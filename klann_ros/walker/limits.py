@@ -1,7 +1,7 @@
 """Limits of a walker's motion: speeds, accelerations, jerks, curvature and crank rates."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import copysign, inf, sqrt
 from typing import NamedTuple
@@ -44,42 +44,35 @@ class AxisLimits(NamedTuple):
         return min(self.acceleration, before + self.jerk * dt, eased)
 
 
+def _limit(default: float, text: str, minimum: float, maximum: float) -> float:
+    """Return a field with the description and the range of its parameter of walker_node."""
+    metadata = {'text': f'greatest {text}', 'range': (minimum, maximum)}
+    limit: float = field(default=default, metadata=metadata)
+    return limit
+
+
 @dataclass(frozen=True)
 class MotionLimits:
-    """
-    What a walker may do.
+    """What a walker may do; the parameters of walker_node are declared by these fields."""
 
-    Attributes
-    ----------
-    max_linear, max_angular : float
-        Largest speed forwards [m/s] and yaw rate to the left [rad/s].
-    max_linear_backward, max_angular_right : float
-        Those in the other direction; negative: the same.
-    max_linear_acceleration, max_angular_acceleration : float
-        Their largest increase [m/s^2, rad/s^2].
-    max_linear_deceleration, max_angular_deceleration : float
-        Their largest decrease; below MIN_DECELERATION that of the increase.
-    max_linear_jerk, max_angular_jerk : float
-        Largest change of an acceleration [m/s^3, rad/s^3]; a deceleration begins at once.
-    max_curvature : float
-        Of its path [1/m]; infinite where it may turn on the spot.
-    max_crank_rate : float
-        Of each crank [rad/s].
-
-    """
-
-    max_linear: float = 0.3
-    max_angular: float = 0.3
-    max_linear_backward: float = -1.0
-    max_angular_right: float = -1.0
-    max_linear_acceleration: float = 0.3
-    max_angular_acceleration: float = 0.6
-    max_linear_deceleration: float = 0.0
-    max_angular_deceleration: float = 0.0
-    max_linear_jerk: float = inf
-    max_angular_jerk: float = inf
-    max_curvature: float = inf
-    max_crank_rate: float = 3.0
+    max_linear: float = _limit(0.3, 'speed forwards [m/s]', 0.0, 100.0)
+    max_angular: float = _limit(0.3, 'yaw rate to the left [rad/s]', 0.0, 100.0)
+    max_linear_backward: float = _limit(
+        -1.0, 'speed backwards; negative: as forwards [m/s]', -1.0, 100.0
+    )
+    max_angular_right: float = _limit(
+        -1.0, 'yaw rate to the right; negative: as left', -1.0, 100.0
+    )
+    max_linear_acceleration: float = _limit(0.3, 'growth of the speed [m/s^2]', 1e-3, 1e3)
+    max_angular_acceleration: float = _limit(0.6, 'growth of the yaw rate [rad/s^2]', 1e-3, 1e3)
+    # A deceleration begins at once, without a limit of the jerk.
+    max_linear_deceleration: float = _limit(0.0, 'decrease; 0: as growth [m/s^2]', 0.0, 1e3)
+    max_angular_deceleration: float = _limit(0.0, 'decrease; 0: as growth [rad/s^2]', 0.0, 1e3)
+    max_crank_rate: float = _limit(3.0, 'rate of a crank [rad/s]', 1e-3, 1e3)
+    # Infinite where it may turn on the spot.
+    max_curvature: float = _limit(inf, 'curvature of the path [1/m]', 0.0, 1e3)
+    max_linear_jerk: float = _limit(inf, 'change of a growth of the speed [m/s^3]', 0.0, 1e3)
+    max_angular_jerk: float = _limit(inf, 'change of a growth of the yaw rate [rad/s^3]', 0.0, 1e3)
 
     @cached_property
     def axes(self) -> tuple[AxisLimits, AxisLimits]:

@@ -1,7 +1,7 @@
 """The parameters of `walker_node`, besides those of its legs."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import Field, fields
 from math import inf, isinf
 from typing import Any
 
@@ -22,12 +22,12 @@ TYPE_REMEDIES = {
 _LIMITS, _SETTINGS, _NOISE = MotionLimits(), ControllerSettings(), OdometryNoise()
 
 
-def _limit(name: str, text: str, minimum: float, maximum: float) -> Declaration:
+def _limit(limit: Field[float]) -> Declaration:
     """Return a limit of the motion; 0 stands for an infinite one."""
-    limit, description = getattr(_LIMITS, name), f'greatest {text}'
-    if isinf(limit):
-        limit, description = 0.0, f'{description}; 0: any'
-    return number(name, limit, description, minimum, maximum, read_only=False)
+    text, default = limit.metadata['text'], getattr(_LIMITS, limit.name)
+    if isinf(default):
+        default, text = 0.0, f'{text}; 0: any'
+    return number(limit.name, default, text, *limit.metadata['range'], read_only=False)
 
 
 def _setting(name: str, text: str, minimum: float, maximum: float) -> Declaration:
@@ -39,20 +39,7 @@ def _noise(name: str, text: str, minimum: float, maximum: float) -> Declaration:
     return number(name, getattr(_NOISE, name), text, minimum, maximum)
 
 
-LIMITS = (
-    _limit('max_linear', 'speed forwards [m/s]', 0.0, 100.0),
-    _limit('max_angular', 'yaw rate to the left [rad/s]', 0.0, 100.0),
-    _limit('max_linear_backward', 'speed backwards; negative: as forwards [m/s]', -1.0, 100.0),
-    _limit('max_angular_right', 'yaw rate to the right; negative: as left', -1.0, 100.0),
-    _limit('max_linear_acceleration', 'growth of the speed [m/s^2]', 1e-3, 1e3),
-    _limit('max_angular_acceleration', 'growth of the yaw rate [rad/s^2]', 1e-3, 1e3),
-    _limit('max_linear_deceleration', 'decrease; 0: as growth [m/s^2]', 0.0, 1e3),
-    _limit('max_angular_deceleration', 'decrease; 0: as growth [rad/s^2]', 0.0, 1e3),
-    _limit('max_crank_rate', 'rate of a crank [rad/s]', 1e-3, 1e3),
-    _limit('max_curvature', 'curvature of the path [1/m]', 0.0, 1e3),
-    _limit('max_linear_jerk', 'change of a growth of the speed [m/s^3]', 0.0, 1e3),
-    _limit('max_angular_jerk', 'change of a growth of the yaw rate [rad/s^3]', 0.0, 1e3),
-)
+LIMITS = tuple(map(_limit, fields(MotionLimits)))
 CONTROL = (
     number('rate', 100.0, 'commands a second [Hz]', 1.0, 1e3),
     COMMAND_TYPE,
