@@ -25,11 +25,11 @@ from support.programs import command, cpu_of, memory_of, support_command
 
 ROUNDS, SECONDS = sized(1, 3, 5), sized(0.2, 2.0, 4.0)
 RATE, TOPICS = 1000.0, 3
-MOST_CPU = 0.25
-# What rosbag2's C++ recorder was seen to need on this load [us a message].
-ROSBAG2 = 26.0
+MAX_CPU_RATIO = 0.25
+# CPU time of rosbag2's C++ recorder on this load [us a message].
+ROSBAG2_CPU = 26.0
 FLOOD_TOPICS, FLOOD_RATE, FLOOD_SECONDS = 5, 2000.0, sized(0.2, 20.0, 60.0)
-# How many messages are published at once: a publisher that wakes up for each has no time for it.
+# Messages that are published at once: a publisher that wakes up for each has no time for it.
 BURST = 5
 
 
@@ -42,39 +42,42 @@ class Cost(NamedTuple):
     lost: int
 
 
-def measured(*, ours: bool, topics: int, rate: float, seconds: float) -> Cost:
+def measure(*, ours: bool, topics: int, rate: float, seconds: float) -> Cost:
     """Start a recorder of topics of joint states, publish on each at a rate [Hz], end it."""
     names = [f'/load_{number}' for number in range(topics)]
     rclpy.init()
     with tempfile.TemporaryDirectory() as work:
         node = rclpy.create_node('probe')
         publishers = [node.create_publisher(JointState, name, OUTPUT) for name in names]
-        run, log = Path(work, 'run'), Path(work, 'recorder.log')
+        run = Path(work, 'run')
+        log = Path(work, 'recorder.log')
         line = support_command('stock_recorder', run, *names)
         if ours:
             line = command('recorder_node', output=run, topics=f'[{",".join(names)}]')
         with log.open('w') as errors:
             process = subprocess.Popen(line, stdin=subprocess.PIPE, stderr=errors)
-        while any(each.get_subscription_count() < 1 for each in publishers):
+        while any(publisher.get_subscription_count() < 1 for publisher in publishers):
             if process.poll() is not None:
                 raise SystemExit(f'the recorder has ended:\n{log.read_text()}')
             time.sleep(0.05)
         time.sleep(REST)
-        idle = cpu_of(process.pid)
+        first_cpu = cpu_of(process.pid)
         time.sleep(REST)
-        idle = cpu_of(process.pid) - idle
-        warm_up, count = round(rate * REST / 2.0), round(rate * seconds)
-        publish(publishers, rate, warm_up)
-        before = cpu_of(process.pid)
+        idle_cpu = cpu_of(process.pid) - first_cpu
+        warm_up_count = round(rate * REST / 2.0)
+        publish(publishers, rate, warm_up_count)
+        first_cpu = cpu_of(process.pid)
+        count = round(rate * seconds)
         publish(publishers, rate, count)
-        spent, memory = cpu_of(process.pid) - before, memory_of(process.pid)
+        cpu = cpu_of(process.pid) - first_cpu
+        memory = memory_of(process.pid)
         if ours:
             process.terminate()
         process.communicate()
         node.destroy_node()
         rclpy.shutdown()
-        lost = (warm_up + count) * topics - written(run)
-    return Cost(spent / (count * topics) * 1e6, idle / REST * 100.0, memory, lost)
+        lost = (warm_up_count + count) * topics - count_messages(run)
+    return Cost(cpu / (count * topics) * 1e6, idle_cpu / REST * 100.0, memory, lost)
 
 
 def publish(publishers: list[Any], rate: float, count: int) -> None:
@@ -84,57 +87,53 @@ def publish(publishers: list[Any], rate: float, count: int) -> None:
     data = serialize_message(state)
     begin = time.perf_counter()
     for k in range(count):
-        if k % BURST == 0 and (left := begin + k / rate - time.perf_counter()) > 0:
-            time.sleep(left)
+        if k % BURST == 0:
+            time.sleep(max(0.0, begin + k / rate - time.perf_counter()))
         for publisher in publishers:
             publisher.publish(data)
-    # What is under way counts as well.
+    # Messages on their way count as well.
     time.sleep(0.5)
 
 
-def written(run: Path) -> int:
-    """Return how many messages are in a run, each with the number that follows."""
-    seen: Counter[str] = Counter()
+def count_messages(run: Path) -> int:
+    """Return the number of messages in a run, whose sequence numbers must have no gap."""
+    counts: Counter[str] = Counter()
     with open_log(run) as log:
         for message in log.messages():
             if message.topic.name.startswith('/load_'):
-                seen[message.topic.name] += 1
-                if message.sequence != seen[message.topic.name]:
+                counts[message.topic.name] += 1
+                if message.sequence != counts[message.topic.name]:
                     raise SystemExit(f'{message.topic.name}: a number is missing')
-    return seen.total()
+    return counts.total()
 
 
 def compare() -> bool:
     """Print what both recorders cost; return whether the aims are met."""
-    rounds: list[dict[bool, Cost]] = []
+    stock_costs: list[Cost] = []
+    our_costs: list[Cost] = []
     for k in range(ROUNDS):
-        # In turn, and which is first in turn as well.
-        order = (False, True) if k % 2 == 0 else (True, False)
-        rounds.append(
-            {
-                ours: measured(ours=ours, topics=TOPICS, rate=RATE, seconds=SECONDS)
-                for ours in order
-            }
-        )
+        # They run in turn, and they begin a round in turn.
+        for ours in (k % 2 == 1, k % 2 == 0):
+            cost = measure(ours=ours, topics=TOPICS, rate=RATE, seconds=SECONDS)
+            (our_costs if ours else stock_costs).append(cost)
     print(f'{TOPICS} topics of {RATE:g} Hz, {ROUNDS} rounds in turn of {SECONDS:g} s')
     print(f'{"":16} {"CPU/us":>8} {"idle/%":>7} {"MB":>6} {"lost":>5}')
-    for name, ours in (('stock recorder', False), ('recorder_node', True)):
-        cpu, idle, memory = (
-            median(getattr(both[ours], word) for both in rounds)
-            for word in ('cpu', 'idle', 'memory')
-        )
-        lost = sum(both[ours].lost for both in rounds)
+    for name, costs in (('stock recorder', stock_costs), ('recorder_node', our_costs)):
+        cpu = median(cost.cpu for cost in costs)
+        idle = median(cost.idle for cost in costs)
+        memory = median(cost.memory for cost in costs)
+        lost = sum(cost.lost for cost in costs)
         print(f'{name:16} {cpu:8.1f} {idle:7.2f} {memory:6.1f} {lost:5}')
-    ratio = median(both[True].cpu / both[False].cpu for both in rounds)
-    own = median(both[True].cpu for both in rounds)
-    lost = sum(both[True].lost for both in rounds)
-    is_met('cpu beside rosbag2', own, ROSBAG2, ' us')
-    return is_met('cpu', ratio, MOST_CPU) and lost == 0
+    our_cpu = median(cost.cpu for cost in our_costs)
+    is_met('cpu beside rosbag2', our_cpu, ROSBAG2_CPU, ' us')
+    pairs = zip(our_costs, stock_costs, strict=True)
+    ratio = median(our_cost.cpu / stock_cost.cpu for our_cost, stock_cost in pairs)
+    return is_met('cpu', ratio, MAX_CPU_RATIO) and lost == 0
 
 
 def flood() -> bool:
-    """Print what recorder_node loses of a flood; return whether that is nothing."""
-    cost = measured(ours=True, topics=FLOOD_TOPICS, rate=FLOOD_RATE, seconds=FLOOD_SECONDS)
+    """Print the cost and the losses of recorder_node in a flood; return whether it lost none."""
+    cost = measure(ours=True, topics=FLOOD_TOPICS, rate=FLOOD_RATE, seconds=FLOOD_SECONDS)
     print(
         f'{FLOOD_TOPICS * FLOOD_RATE:g} messages/s for {FLOOD_SECONDS:g} s: {cost.cpu:.1f} us a '
         f'message, {cost.memory:.0f} MB'
@@ -143,5 +142,5 @@ def flood() -> bool:
 
 
 if __name__ == '__main__':
-    met = [compare(), flood()]
-    sys.exit(exit_code(*met))
+    aims_met = [compare(), flood()]
+    sys.exit(exit_code(*aims_met))
