@@ -8,7 +8,7 @@ A definition has MCAP's format ``ros2msg``: the type's own .msg file, then for e
 depth first and each once, a line of 80 ``=``, a line ``MSG: pkg/Type`` and that type's file.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 import os
 from pathlib import Path
 import re
@@ -63,7 +63,9 @@ def _collect(type_name: str, prefixes: list[Path], texts: dict[str, str]) -> Non
     key = f'{package}/{name}'
     if key not in texts:
         texts[key] = _read(package, name, prefixes)
-        for field_type in _field_types(texts[key]):
+        # The first word of a line, without array and bound, is the type of a field or constant.
+        for match in filter(None, map(_FIELD.match, texts[key].splitlines())):
+            field_type = match[1]
             if field_type not in _PRIMITIVES:
                 inner = field_type if '/' in field_type else f'{package}/{field_type}'
                 _collect(inner, prefixes, texts)
@@ -88,11 +90,6 @@ def _text(path: Path, type_name: str) -> str:
     if len(data) > _MAX_FILE_SIZE:
         raise UnknownTypeError(type_name, f'{path} is longer than {_MAX_FILE_SIZE} bytes')
     return data.decode('utf-8', 'replace')
-
-
-def _field_types(text: str) -> Iterator[str]:
-    """Yield the type of each field and constant: the first word, without array and bound."""
-    return (match[1] for match in map(_FIELD.match, text.splitlines()) if match)
 
 
 def split_type(name: str, *, short: bool = False) -> tuple[str, str] | None:

@@ -244,15 +244,15 @@ class _Extension:
 
     def _void_metadata(self) -> None:
         """Make rosbag2's old record a private one, which readers skip, and forget its index."""
-        kept_records = []
+        other_records = []
         for record in self._groups[Opcode.METADATA_INDEX]:
             index = parse(MetadataIndex, record[slice(RECORD_HEAD.size, None)])
             if index.name == RECORD_NAME:
                 self._file.seek(index.offset)
                 self._file.write(_VOID)
             else:
-                kept_records.append(record)
-        self._groups[Opcode.METADATA_INDEX] = kept_records
+                other_records.append(record)
+        self._groups[Opcode.METADATA_INDEX] = other_records
 
     def _append(self, messages: TopicMessages) -> None:
         """Append messages in chunks; their records are made in one array, used again."""

@@ -152,7 +152,7 @@ class TopicCounters:
 class StoredCounts:
     """Messages that were passed to a run, by topic name."""
 
-    # In the run.
+    # Messages in the run.
     written: Counter[str]
     # Written, but no longer in the run, or not known to be.
     dropped: Counter[str]

@@ -158,7 +158,7 @@ class Log(AbstractContextManager['Log']):
         messages = _merged(sources, names)
         return (message for message in messages if first <= message.log_time <= last)
 
-    def latest(self, counts: Mapping[str, int], before: int) -> list[Message]:
+    def latest(self, counts: Mapping[str, int], end_time: int) -> list[Message]:
         """
         Return the last messages before a log time [ns], ordered by log time.
 
@@ -166,11 +166,11 @@ class Log(AbstractContextManager['Log']):
         ----------
         counts
             Wanted number of messages by topic.
-        before
+        end_time
             The log time before which they were received.
 
         """
-        return _latest(self._sources, counts, before)
+        return _latest(self._sources, counts, end_time)
 
     def blocks(self, progress: Callable[[float], object] | None = None) -> Iterator[MessageBlock]:
         """

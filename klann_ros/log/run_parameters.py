@@ -142,7 +142,7 @@ class TopicCount:
     """Counts of a topic's messages in a recording: received = skipped + dropped + written."""
 
     received: int
-    # In the run.
+    # Messages in the run.
     written: int
     # Received, but not in the run.
     dropped: int = 0

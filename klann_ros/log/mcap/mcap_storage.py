@@ -373,11 +373,7 @@ def _can_merge(parts: list[_Part], file_size: int) -> bool:
 
 
 def _remarks(scan: RecordScan, private_count: int, unverified_count: int) -> Iterator[str]:
-    """
-    Yield remarks on a pass.
-
-    The counts are of records of unknown kinds in its contents, and of messages without a CRC.
-    """
+    """Yield remarks on a pass whose content has private records and messages without a CRC."""
     report = scan.report
     yield from report.remarks
     private_count += report.unknown

@@ -132,15 +132,11 @@ class RecordScan:
                 yield RecordSpan(span.opcode, span.offset, self._next - span.start), content
         report = self.report
         if self._data_end is not None and not report.losses and not report.problems:
-            report.verified = self._data_crc_matches(self._data_end)
-
-    def _data_crc_matches(self, end: RecordSpan) -> bool:
-        try:
-            return records.check_data(self._file, end)
-        except DamagedError as damage:
-            text = f'{damage.reason}: something in it was changed'
-            self.report.problems.append(Problem(end.offset, text))
-            return False
+            try:
+                report.verified = records.check_data(self._file, self._data_end)
+            except DamagedError as damage:
+                text = f'{damage.reason}: something in it was changed'
+                report.problems.append(Problem(self._data_end.offset, text))
 
     def _span_at(self, offset: int) -> RecordSpan:
         """Return the place of a record; raise if its end is not reliable."""

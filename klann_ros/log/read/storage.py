@@ -99,10 +99,10 @@ class MessageBlock:
                         topic, data[start:end].tobytes(), log_time, publish_time, sequence
                     )
 
-    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
+    def rows(self, indices: NDArray[np.bool_] | NDArray[np.intp], size: int) -> NDArray[np.uint8]:
         """Return the data of some messages of the same size, shape (number, size)."""
         windows = sliding_window_view(np.frombuffer(self.data, np.uint8), size)
-        return np.asarray(windows[self.starts[which]])
+        return np.asarray(windows[self.starts[indices]])
 
 
 def block_of_messages(

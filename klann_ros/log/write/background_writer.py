@@ -33,9 +33,9 @@ RunEntry = Callable[[RunWriter], None]
 class SplitLimits:
     """Limits that finish a file; 0 is no limit."""
 
-    # Of the file [bytes].
+    # Size of the file [bytes].
     size: int = 0
-    # Between its first and its last message [s].
+    # Time between its first and its last message [s].
     duration: float = 0.0
 
     def are_reached(self, size: int, duration: float) -> bool:
@@ -121,7 +121,10 @@ class BackgroundWriter:
         self._closing = True
         self._filled.set()
         self._thread.join()
-        self._drop_queued()
+        while self._queue:
+            queued = self._queue.popleft()
+            if isinstance(queued, Message):
+                self.counters[queued.topic.name].unwritten += 1
         self._attempt(lambda: self._write_last(last))
         self._attempt(self._writer.close)
         return self.failure
@@ -208,10 +211,3 @@ class BackgroundWriter:
             self._writer.write(queued)
         except (UnwritableError, MalformedQosError):
             self.counters[queued.topic.name].unwritten += 1
-
-    def _drop_queued(self) -> None:
-        """Count the queued messages as dropped."""
-        while self._queue:
-            queued = self._queue.popleft()
-            if isinstance(queued, Message):
-                self.counters[queued.topic.name].unwritten += 1

@@ -86,7 +86,7 @@ class EventOpening:
 
 
 class _RunContext:
-    """What every run of an event is told about the time before it: entries, solvers, pauses."""
+    """The entries, solver parameters and pauses that each run of an event begins with."""
 
     def __init__(self, entries: Sequence[RunEntry]) -> None:
         self._entries = entries
@@ -120,6 +120,26 @@ class _RunContext:
         for changes in self._solvers.values():
             while len(changes) > 1 and changes[1].time < earliest:
                 changes.popleft()
+
+
+class _StatusReporter:
+    """Passes success and messages on to the user, and remembers failures."""
+
+    def __init__(self, on_status: Callable[[bool, str], object]) -> None:
+        self.report = on_status
+        # The failure of the last event; '' without one.
+        self.failure = ''
+        self.has_failed = False
+
+    def report_success(self, text: str) -> None:
+        self.failure = ''
+        self.report(True, text)
+
+    def report_failure(self, text: str) -> None:
+        """Report an event that is missing or incomplete."""
+        self.failure = text
+        self.has_failed = True
+        self.report(False, text)
 
 
 class EventRun(RecordingSession):
@@ -198,7 +218,7 @@ class EventSession:
         self._folder = folder
         self._settings = settings
         self._open_run = open_run
-        self._on_status = on_status
+        self._status = _StatusReporter(on_status)
         self._context = _RunContext(entries)
         duration = settings.pre_trigger + _FINDING_DELAY
         self._buffer = RingBuffer(
@@ -208,9 +228,6 @@ class EventSession:
         self._event: EventRun | None = None
         self._closing: EventRun | None = None
         self._pending_triggers: list[RecordedFinding] = []
-        # The failure of the last event; '' without one.
-        self._failure = ''
-        self._has_failed = False
         # Number of events.
         self._count = 0
         # Messages of the closed runs.
@@ -259,7 +276,7 @@ class EventSession:
             return True, f'{self._opening.path}, which a slow disk is still opening'
         if self._pending_triggers:
             return True, 'the run of the last event is being closed; this one follows'
-        return False, self._failure
+        return False, self._status.failure
 
     def tick(self) -> None:
         """Begin and end events; to be called every 0.1 s, and after changes."""
@@ -293,7 +310,10 @@ class EventSession:
         """Return the present state."""
         event = self._event or self._closing
         state = event.state() if event is not None else RecordingState()
-        failures = (self._failure,) if self._failure else ()
+        stage = 'opening the run of an event' if self._opening else 'waiting for a trigger'
+        if self._event is not None:
+            stage = 'recording an event'
+        failures = [self._status.failure] if self._status.failure else []
         buffered = min(self._buffer.buffered_time(monotonic()), self._settings.pre_trigger)
         return replace(
             state,
@@ -302,7 +322,7 @@ class EventSession:
             paused=self.pauses.paused,
             failure='',
             faults=(*state.faults, *failures),
-            stage=self._stage(),
+            stage=stage,
             buffer={
                 'buffered [s]': f'{buffered:.1f}',
                 'buffered [bytes]': self._buffer.size,
@@ -310,11 +330,6 @@ class EventSession:
                 'events': self._count,
             },
         )
-
-    def _stage(self) -> str:
-        if self._event is not None:
-            return 'recording an event'
-        return 'opening the run of an event' if self._opening else 'waiting for a trigger'
 
     def finish(self) -> tuple[bool, str]:
         """End a present event; return success and a message for the user."""
@@ -330,7 +345,7 @@ class EventSession:
             return self.finish()
         runs = f'{counted(self._count, "event")} in {printable(self._folder)}'
         message = runs if self._count else 'no trigger occurred; nothing was written'
-        return not self._has_failed, message
+        return not self._status.has_failed, message
 
     def _open_event(self) -> None:
         """Open the run of the pending triggers."""
@@ -354,7 +369,9 @@ class EventSession:
         try:
             opened = opening.run.result()
         except (LogError, OSError) as error:
-            self._fail(f'the event ({opening.causes[0].check}) is not recorded: {error}')
+            self._status.report_failure(
+                f'the event ({opening.causes[0].check}) is not recorded: {error}'
+            )
         else:
             self._begin(opened, opening)
 
@@ -382,10 +399,10 @@ class EventSession:
             'evicted': str(buffer.evicted),
         }
         event.put_entry(lambda run: run.add_metadata(EVENT_RECORD, record))
-        self._on_status(True, f'{causes[0].check}: recording to {printable(event.path)}')
+        self._status.report(True, f'{causes[0].check}: recording to {printable(event.path)}')
         if buffer.evicted and buffered < pre_trigger:
             available = f'only {buffered:.1f} s of {pre_trigger:g} s before it'
-            self._on_status(False, f'{available} were still in memory (pre_trigger_bytes)')
+            self._status.report(False, f'{available} were still in memory (pre_trigger_bytes)')
 
     def _finalize(self, event: EventRun) -> None:
         """Wait for the end of a run, add its counts, and report its outcome."""
@@ -398,16 +415,9 @@ class EventSession:
             self._event = None
         self._stored = _add_counts(self._stored, event.counts())
         if ok:
-            self._failure = ''
-            self._on_status(True, message)
+            self._status.report_success(message)
         else:
-            self._fail(message)
-
-    def _fail(self, text: str) -> None:
-        """Report an event that is missing or incomplete."""
-        self._failure = text
-        self._has_failed = True
-        self._on_status(False, text)
+            self._status.report_failure(message)
 
 
 def _add_counts(stored: StoredCounts, counts: Mapping[str, TopicCount]) -> StoredCounts:

@@ -81,9 +81,9 @@ class _Channel:
 def _check_times(name: str, *times: int) -> None:
     """Raise an UnwritableError for times [ns] that do not fit into a record."""
     if min(times) < 0 or max(times) >= _TIME_END:
-        shown = ' and '.join(f'{time} ns' for time in times)
+        text = ' and '.join(f'{time} ns' for time in times)
         raise UnwritableError(
-            f'{printable(name)}: the times {shown} must be within 0 and 2^64 - 1 ns'
+            f'{printable(name)}: the times {text} must be within 0 and 2^64 - 1 ns'
         )
 
 
@@ -162,26 +162,23 @@ class McapFile(DurableFile):
         if len(chunk) > self._chunk_size:
             self._finish_chunk()
 
-    def attach(self, attachment: Attachment) -> None:
+    def attach(self, file: Attachment) -> None:
         """Add an attachment."""
         self.raise_failure()
-        _check_times(attachment.name, attachment.log_time, attachment.create_time)
+        _check_times(file.name, file.log_time, file.create_time)
         offset = self.size
         record = AttachmentRecord(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
+            file.create_time, file.log_time, file.name, file.media_type, file.data
         )
+        length = self.append(encoded(record))
         index = AttachmentIndex(
             offset,
-            self.append(encoded(record)),
-            attachment.log_time,
-            attachment.create_time,
-            len(attachment.data),
-            attachment.name,
-            attachment.media_type,
+            length,
+            file.log_time,
+            file.create_time,
+            len(file.data),
+            file.name,
+            file.media_type,
         )
         self._summary[Opcode.ATTACHMENT_INDEX].append(encoded(index))
 
