@@ -1,5 +1,5 @@
 """
-What walker_node hears and says, and nothing computed.
+A relay with the topics of walker_node, which computes nothing.
 
     python3 walker_relay.py lean | rclpy
 
@@ -37,29 +37,30 @@ class Relay(Node):  # type: ignore[misc] # Node is Any
         options: dict[str, Any] = {'raw': True, 'callback_group': RawCallbackGroup()}
         for kind, topic, callback in (
             (JointState, 'crank_state', self._relay_raw if raw else self._relay),
-            (Imu, 'imu', self._hear),
-            (TwistStamped, 'cmd_vel', self._hear),
+            (Imu, 'imu', self._ignore),
+            (TwistStamped, 'cmd_vel', self._ignore),
         ):
             self.create_subscription(kind, topic, callback, INPUT, **(options if raw else {}))
         self._reader = JointsReader(CRANKS[:1])
-        self._filled = odometry_template('odom', 'base_link'), JointStateTemplate(CRANKS)
-        self._typed = Odometry(), JointState(name=CRANKS, position=[0.0] * 2, velocity=[0.0] * 2)
+        self._odom_template = odometry_template('odom', 'base_link')
+        self._command_template = JointStateTemplate(CRANKS)
+        self._odom_message = Odometry()
+        self._command_message = JointState(name=CRANKS, position=[0.0] * 2, velocity=[0.0] * 2)
 
-    def _hear(self, message: Any, info: Any) -> None:
+    def _ignore(self, message: Any, info: Any) -> None:
         pass
 
     def _relay_raw(self, data: bytes, _: Any) -> None:
         reading = self._reader.read(data)[CRANKS[0]]
-        odom, command = self._filled
         stamp = reading.sec, reading.nanosec
-        self._odom.publish(odom.fill(*stamp, *(0.0,) * 28))
-        self._commands.publish(command.fill(*stamp, (0.0, 0.0), (0.0, 0.0)))
+        self._odom.publish(self._odom_template.fill(*stamp, *(0.0,) * 28))
+        self._commands.publish(self._command_template.fill(*stamp, (0.0, 0.0), (0.0, 0.0)))
 
     def _relay(self, message: JointState, _: Any) -> None:
-        odom, command = self._typed
-        odom.header.stamp = command.header.stamp = message.header.stamp
-        self._odom.publish(odom)
-        self._commands.publish(command)
+        self._odom_message.header.stamp = message.header.stamp
+        self._command_message.header.stamp = message.header.stamp
+        self._odom.publish(self._odom_message)
+        self._commands.publish(self._command_message)
 
 
 if __name__ == '__main__':
