@@ -178,14 +178,14 @@ def ratio(times: list[float], reference: list[float]) -> float:
 
 def main() -> int:
     """Print the figures; return 0 if all aims are met."""
-    here = Checkout(HERE.parent)
+    this = Checkout(HERE.parent)
     checkouts_there = [Checkout(Path(folder).resolve()) for folder in sys.argv[1:2]]
-    checkouts = [here, *checkouts_there]
+    checkouts = [this, *checkouts_there]
     for checkout in checkouts:
         for way in checkout.ways:
             checkout.run(way)
     for k in range(ROUNDS):
-        for way in here.ways:
+        for way in this.ways:
             # In turn, and which is first in turn as well.
             for checkout in checkouts[:: 1 if k % 2 == 0 else -1]:
                 if way in checkout.ways:
@@ -193,17 +193,19 @@ def main() -> int:
     for checkout in checkouts:
         checkout.end()
     print(f'{"us a pose, " + str(ROUNDS) + " rounds":24} {"here":>9} {"there":>9} {"ratio":>7}')
-    for way, times in here.times.items():
-        there = checkouts_there[0].times.get(way) if checkouts_there else None
-        beside = f' {median(there) * 1e6:9.4f} {ratio(times, there):7.3f}' if there else ''
-        print(f'{way:24} {median(times) * 1e6:9.4f}{beside}')
+    for way, times in this.times.items():
+        reference = checkouts_there[0].times.get(way) if checkouts_there else None
+        line = f'{way:24} {median(times) * 1e6:9.4f}'
+        if reference:
+            line += f' {median(reference) * 1e6:9.4f} {ratio(times, reference):7.3f}'
+        print(line)
     met = [
-        is_met(f'{way} / {base}', ratio(here.times[way], here.times[base]), max_ratio)
+        is_met(f'{way} / {base}', ratio(this.times[way], this.times[base]), max_ratio)
         for way, base, max_ratio in AIMS
     ]
     met += [
         is_met(
-            f'{way} here / there', ratio(here.times[way], checkout.times[way]), MAX_CHECKOUT_RATIO
+            f'{way} here / there', ratio(this.times[way], checkout.times[way]), MAX_CHECKOUT_RATIO
         )
         for checkout in checkouts_there
         for way in HELD

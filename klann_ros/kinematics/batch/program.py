@@ -233,7 +233,7 @@ class _Compiler:
             'links': tuple(self._outputs(self._vectors[j]) for j in self._dyad_of if links),
             'points': tuple(map(self._outputs, points)),
             'determinants': tuple(map(output, determinants)),
-            'gradients': {name: tuple(map(output, some)) for name, some in derivatives.items()},
+            'gradients': {name: tuple(map(output, derivatives[name])) for name in derivatives},
         }
         rate_names: dict[str, str] = {}
         if rates:
@@ -290,12 +290,12 @@ class _Compiler:
         return path if self._cost(best) >= self._cost(path) else self._shortest(best)
 
     def _cost(self, path: Path) -> tuple[int, int]:
-        """Return the number of blocks along a path, the crank's included, and that of its bars."""
+        """Return the numbers of blocks, the crank included, and of bars along a path."""
         blocks = {self._dyad_of.get(j, -1) for j in self._bodies(path)}
         return len(blocks), len(path.bars)
 
     def _end(self, path: Path, without: Sequence[int]) -> Vector:
-        """Return a path's vector: the crank's part, that of the dyads, and a constant."""
+        """Return a path's vector: what the crank and the dyads add to it, and a constant."""
         end = self._crank_part(path)
         bodies = {*self._bodies(path)} - {*without}
         for k, dyad in enumerate(self._dyads):
@@ -378,16 +378,18 @@ class _Compiler:
     def _gradient(self, name: str) -> Iterator[Number]:
         """Yield the derivatives of the foot, of all points or of all angles."""
         structure = self._structure
-        zero, one = self._recorder.zero, self._recorder.one
+        zero = self._recorder.zero
+        unit = self._recorder.one
         if name == 'angles':
             for j in range(1, len(structure.bodies)):
-                yield from self._derivatives([], {j: one.with_sign(structure.senses[j])})
+                yield from self._derivatives([], {j: unit.with_sign(structure.senses[j])})
             return
         for number in [self._foot] if name == 'h' else range(len(structure.points)):
             path = self._paths.points[number]
-            for axis, direct in (('x', Vector(one, zero)), ('y', Vector(zero, one))):
-                rotations = {j: self._body_part(path, j).turned() for j in self._bodies(path)}
-                rates = {j: getattr(turned, axis) for j, turned in rotations.items()}
+            for axis, direct in (('x', Vector(unit, zero)), ('y', Vector(zero, unit))):
+                rates = {}
+                for j in self._bodies(path):
+                    rates[j] = getattr(self._body_part(path, j).turned(), axis)
                 yield from self._derivatives([(path, direct)], rates)
 
     def _derivatives(self, arms: list[Arm], rates: dict[int, Number]) -> Iterator[Number]:
@@ -420,12 +422,12 @@ class _Compiler:
             component: Number = getattr(weight, dimension.kind)
             return -component if dimension.sense < 0 else component
         # Bars that occur equally often in all paths are moved together.
-        moved: dict[tuple[int, ...], list[int]] = {}
+        bars_of: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
             occurrences = tuple(dict(path.bars).get(bar, 0) for path, _ in arms)
-            moved.setdefault(occurrences, []).append(bar)
+            bars_of.setdefault(occurrences, []).append(bar)
         derivative = self._recorder.zero
-        for occurrences, bars in moved.items():
+        for occurrences, bars in bars_of.items():
             if any(occurrences):
                 weight = self._weight(arms, occurrences)
                 derivative += weight.dot(self._moved(dimension, bars))

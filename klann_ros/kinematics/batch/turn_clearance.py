@@ -105,7 +105,7 @@ class _PinnedClearances:
         distance = self._program.distances[k]
         cached = _cached_parts(indices)
         kernel = NumpyKernel(self._program, (distance,), SAMPLES_PER_TURN * max(map(len, cached)))
-        return np.concatenate([self._smallest(k, kernel, some) for some in cached])
+        return np.concatenate([self._smallest(k, kernel, part) for part in cached])
 
     def _smallest(self, k: int, kernel: NumpyKernel, indices: IndexArray) -> FloatArray:
         # Samples start with the crank along the ground: they include the angles of the smallest
@@ -139,7 +139,7 @@ class _SlidingClearances:
 
     def smallest(self, k: int, indices: IndexArray) -> FloatArray:
         """Return the smallest clearance of a dyad, for some of the linkages, shape (n,) [m]."""
-        clearances = [self._smallest(k, some) for some in _cached_parts(indices)]
+        clearances = [self._smallest(k, part) for part in _cached_parts(indices)]
         return np.concatenate([np.empty(0), *clearances])
 
     def _smallest(self, k: int, indices: IndexArray) -> FloatArray:

@@ -24,7 +24,7 @@ from .dyads import cross, Dyad, dyad_solver, DyadSolver, max_vector_length, RELA
 from .joints import Closing, jacobian_column, vector_sum, Vectors
 from .structure import Structure
 
-# Of many linkages there are arrays.
+# Coefficients of the bodies; arrays for many linkages.
 Terms = Mapping[int, Any]
 
 

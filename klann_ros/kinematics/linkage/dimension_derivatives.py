@@ -28,17 +28,17 @@ def moved_bars(structure: Structure, dimension: Dimension) -> tuple[int, ...]:
     if dimension.kind in ('x', 'y'):
         return ()
     body, bar = structure.bars[dimension.place]
-    moved = [dimension.place]
+    changed_bars = [dimension.place]
     ends = {bar.end}
     for number, (later_body, later) in enumerate(structure.bars):
         if later_body != body or number <= dimension.place:
             continue
         braced = later.brace is not None and not ends.isdisjoint((later.start, later.brace.start))
         if braced:
-            moved.append(number)
+            changed_bars.append(number)
         if braced or later.start in ends:
             ends.add(later.end)
-    return tuple(moved)
+    return tuple(changed_bars)
 
 
 def vector_derivatives(
@@ -51,26 +51,28 @@ def vector_derivatives(
     """
     shape = np.broadcast_shapes(*map(np.shape, bars))
     count = len(dimensions)
-    pivots = np.zeros((len(structure.pivots), count, *[1] * len(shape)), dtype=np.complex128)
-    moved = np.zeros((len(bars), count, *shape), dtype=np.complex128)
+    pivot_shape = len(structure.pivots), count, *[1] * len(shape)
+    pivot_changes = np.zeros(pivot_shape, dtype=np.complex128)
+    bar_changes = np.zeros((len(bars), count, *shape), dtype=np.complex128)
     for n, dimension in enumerate(dimensions):
         if dimension.kind in ('x', 'y'):
-            pivots[dimension.place, n] = dimension.sense * (1.0 if dimension.kind == 'x' else 1j)
+            unit = 1.0 if dimension.kind == 'x' else 1j
+            pivot_changes[dimension.place, n] = dimension.sense * unit
         for number in moved_bars(structure, dimension):
             z = bars[number]
             body, bar = structure.bars[number]
             is_of_bar = number == dimension.place
             if bar.brace is None:
                 is_length = dimension.kind == 'length'
-                moved[number, n] = z / abs(z) if is_length else dimension.sense * 1j * z
+                bar_changes[number, n] = z / abs(z) if is_length else dimension.sense * 1j * z
                 continue
             points = body_points(structure, bars)
-            changes = body_points(structure, [*moved[:, n]])
+            changes = body_points(structure, [*bar_changes[:, n]])
             z_q = z - (points[body, bar.brace.start] - points[body, bar.start])
             d_base = changes[body, bar.brace.start] - changes[body, bar.start]
             p = abs(z) if is_of_bar and dimension.kind == 'length' else 0.0
             q = np.real(np.conj(z_q) * d_base)
             if is_of_bar and dimension.kind == 'brace':
                 q = q + abs(z_q)
-            moved[number, n] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
-    return pivots, moved
+            bar_changes[number, n] = 1j * (q * z - p * z_q) / np.imag(np.conj(z) * z_q)
+    return pivot_changes, bar_changes

@@ -237,7 +237,7 @@ class LineOnLink(_SlidingDyad):
         return _ordered(dyad, link, (along_line - self._c.real) * link)
 
     def clearance(self, closure: Any, _: Vectors = ()) -> Any:
-        """Return the distance of the end from the link's pivot less that of the line [m]."""
+        """Return the excess of the end's distance from the link's pivot over the line's [m]."""
         return abs(closure) - abs(self._c.imag)
 
     def column_lengths(self, closure: Any) -> Any:

@@ -243,7 +243,7 @@ class LoopEquations:
         return _plane(q_u @ self.vectors(alpha, x) + q)
 
     def point_velocities(self, vectors: ComplexArray) -> FloatArray:
-        """Return the points' derivative, shape (p, 2), from that of the bodies' vectors."""
+        """Return the points' derivative, shape (p, 2), by the derivative of the vectors u."""
         return _plane(self.point_equations[0] @ vectors)
 
     def vectors(self, alpha: Any, x: Any) -> ComplexArray:

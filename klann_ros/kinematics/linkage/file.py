@@ -379,7 +379,7 @@ def schema_error(content: Any, package: str = __package__) -> str:
     """
     Return the first error of a file's content, with its place; empty if there is none.
 
-    The schema is that of the package, of a linkage by default.
+    The schema is the one in the package, for a linkage by default.
     """
     schema = _schema(package)
     if content is None:

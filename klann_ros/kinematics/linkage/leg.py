@@ -170,7 +170,7 @@ class Leg(Generic[PoseT, MotionT]):
                     self._last = pose
                     return pose  # type: ignore[no-any-return]  # of its class
         self._last = pose = self._follow_branch(crank_angle(alpha), last)
-        return pose  # type: ignore[no-any-return]  # as above
+        return pose  # type: ignore[no-any-return]  # of its class
 
     def _follow_branch(self, alpha: float, last: Any) -> Any:
         """

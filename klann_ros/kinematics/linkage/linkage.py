@@ -21,7 +21,7 @@ from .structure import dimension_places, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.
 MAX_START_ITERATIONS = 50
-# Of |sin| between two links at the start: below it the assembly mode is undefined.
+# Minimum |sin| between two links at the start: below it the assembly mode is undefined.
 MIN_START_SINE = 1e-6
 GeometryT = TypeVar('GeometryT', bound='NamedGeometry')
 
@@ -261,10 +261,10 @@ class Linkage(LoopEquations):
         Their shapes are (n - 1, d) and (2, d).
         The loops stay closed, Phi dx = -df: see `dimension_derivatives`.
         """
-        rows, moved, changed = self._row_derivatives
+        rows, row_changes, constant_changes = self._row_derivatives
         u = self.vectors(alpha, x)
         jacobian = real_rows(rows @ joints.vector_jacobian(self.structure, u)[:, 1:])
-        opened = real_rows(u @ moved + changed)
+        opened = real_rows(u @ row_changes + constant_changes)
         dx = np.asarray(-np.linalg.solve(jacobian[:-2], opened[:-2]))
         return dx, opened[-2:] + jacobian[-2:] @ dx
 
@@ -356,7 +356,7 @@ class NamedGeometry:
         dimension_places(self.structure.dimensions, replaced)
         return replace(self, **replaced)
 
-    def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - as above
+    def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - see `varied`
         """Return it scaled by a factor; raises a GeometryError unless it is positive."""
         factor = validation.factor(factor)
         lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']

@@ -82,8 +82,8 @@ def closes_somewhere(linkage: Linkage) -> bool:
 
 def is_driven(block: Block) -> bool:
     """Return whether a block is a dyad of two links whose ends the crank alone moves."""
-    (terms, _), *others = block.rows
-    return not others and not block.slides and {0, *block.unknowns} == terms.keys()
+    terms, _ = block.rows[0]
+    return block.is_dyad and not block.slides and {0, *block.unknowns} == terms.keys()
 
 
 def driven_arcs(block: Block) -> list[Arc]:

@@ -177,16 +177,17 @@ else:
 class StepFunctions(NamedTuple):
     """The functions of a linkage."""
 
-    # Of alpha, the other angles, the tolerance [rad] and the most iterations: the pose; None where
-    # it does not converge, or not on the branch.
+    # Takes alpha, the other angles, the tolerance [rad] and the maximum of iterations; returns the
+    # pose, None where it does not converge, or not on the branch.
     correct: Callable[..., Any]
-    # Of alpha, a step of the crank, and the x and coefficients of the pose before it: the same as
-    # `correct`, from the guess along the tangent.
+    # Takes alpha, a step of the crank, the x and coefficients of the pose before it, and the
+    # limits of `correct`; returns the pose from the guess along the tangent.
     predict: Callable[..., Any]
-    # Of alpha, x, coefficients and the crank's rate: the rates of all angles, and of the foot.
+    # Takes alpha, x, coefficients and the crank's rate; returns the rates of all angles, and of
+    # the foot.
     velocity: Callable[..., Any]
-    # Of alpha, x, coefficients, the crank's rate and its change: the accelerations of all angles,
-    # and of the foot.
+    # Takes what `velocity` takes, and the change of the crank's rate; returns the accelerations of
+    # all angles, and of the foot.
     acceleration: Callable[..., Any]
 
 

@@ -16,7 +16,7 @@ Term = tuple[int, str]
 Sum = tuple[list[Term], list[Term]]
 # A vector: the bars that it is the sum of.
 Bars = tuple[tuple[int, int], ...]
-# Of each body the vector that it adds to a loop, or to the foot: its sign, and its number.
+# The vector that each body adds to a loop, or to the foot: its sign, and its number.
 Terms = dict[int, tuple[int, int]]
 
 

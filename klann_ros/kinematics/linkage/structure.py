@@ -464,12 +464,10 @@ def _require(condition: bool, otherwise: str) -> None:
         raise GeometryError(otherwise)
 
 
-def dimension_places(
-    dimensions: Sequence[Dimension], wanted: Iterable[str] = ()
-) -> dict[str, int]:
+def dimension_places(dimensions: Sequence[Dimension], names: Iterable[str] = ()) -> dict[str, int]:
     """Return the place of each dimension under its name; a GeometryError where one is wanting."""
     places = {dimension.name: number for number, dimension in enumerate(dimensions)}
-    unknown = [name for name in wanted if name not in places]
+    unknown = [name for name in names if name not in places]
     hint = did_you_mean(unknown[0], places) if unknown else ''
     there_are = f'there are {", ".join(places)}{hint}'
     _require(not unknown, f'{", ".join(unknown)}: no such dimension; {there_are}')

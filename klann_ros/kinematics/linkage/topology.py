@@ -131,19 +131,20 @@ def _check_connected(graph: _Graph) -> None:
         msg = f'there are {len(graph.bodies)} bodies: more than {MAX_BODIES} are not solved'
         raise GeometryError(msg)
     reached: set[str | int] = {-1, *graph.pivots}
-    apart = list(range(len(graph.bodies)))
-    while apart:
-        on_reached_carrier = [j for j in apart if graph.along[j] in reached]
-        joined = [j for j in apart if not reached.isdisjoint(graph.bodies[j])]
+    unreached = list(range(len(graph.bodies)))
+    while unreached:
+        on_reached_carrier = [j for j in unreached if graph.along[j] in reached]
+        joined = [j for j in unreached if not reached.isdisjoint(graph.bodies[j])]
         joined += [j for j in on_reached_carrier if j not in joined]
         if not joined:
+            j = unreached[0]
             raise GeometryError(
-                f'body {graph.names[apart[0]]} ({"-".join(graph.bodies[apart[0]])}) is connected '
+                f'body {graph.names[j]} ({"-".join(graph.bodies[j])}) is connected '
                 f'to no pivot, not even by other bodies: the pivots are {", ".join(graph.pivots)}'
             )
         for j in joined:
             reached |= {j, *graph.bodies[j]}
-            apart.remove(j)
+            unreached.remove(j)
 
 
 class Path(NamedTuple):
