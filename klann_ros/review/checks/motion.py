@@ -9,7 +9,7 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.recording import LegRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import median, merge_intervals, overlaps, pairs, time_steps
-from klann_ros.sanitize.text import listed, times as times_
+from klann_ros.sanitize.text import listed, times as repeated
 import numpy as np
 
 _FULL_TURN = 2 * np.pi
@@ -40,8 +40,8 @@ def check_motion(review: Review) -> Iterator[Finding]:
                 yield from _jumps(review, leg.evaluated)
             yield from _standstill(review, leg.evaluated)
         # With a geometry `check_poses` judges every foot; two solvers may have two legs.
-        alone = leg.answers.duplicates.solvers == 1
-        if leg.errors is None and len(leg.evaluated.feet) and alone:
+        has_one_solver = leg.answers.duplicates.solvers == 1
+        if leg.errors is None and len(leg.evaluated.feet) and has_one_solver:
             yield from _drift(review, leg.evaluated)
 
 
@@ -49,76 +49,84 @@ def back_and_forth(review: Review, leg: LegRecording) -> IndexArray:
     """Return the inputs after which the crank jumps, and back at its next jump: two sources."""
     steps = np.diff(leg.cranks.values[:, 0])
     jumps = np.flatnonzero(np.abs(steps) > review.limits.crank_jump)
-    there, back = steps[jumps[:-1]], steps[jumps[1:]]
-    swaps = np.abs(there + back) < np.abs(there) / 2
+    jump_sizes = steps[jumps]
+    returns = np.abs(jump_sizes[:-1] + jump_sizes[1:]) < np.abs(jump_sizes[:-1]) / 2
     if _is_shared(review, leg):
         # Under load the inputs of each publisher arrive in blocks, with few jumps between them.
-        needed = 2.0
+        min_swaps = 2.0
     else:
         # One source may rock the crank, but not between two inputs.
-        swaps &= np.diff(jumps) == 1
-        needed = max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps))
-    rows = jumps[:-1][swaps]
-    return rows if len(rows) >= needed else rows[:0]
+        returns &= np.diff(jumps) == 1
+        min_swaps = max(_MIN_SWAPS, _MIN_SWAP_SHARE * len(steps))
+    swaps = jumps[:-1][returns]
+    return swaps if len(swaps) >= min_swaps else swaps[:0]
 
 
 def _is_shared(review: Review, leg: LegRecording) -> bool:
     return len(leg.crank_topics) > 1 or review.recording.is_shared(leg.crank_topics)
 
 
-def _swaps(review: Review, leg: LegRecording, rows: IndexArray) -> Finding:
-    by = np.abs(np.diff(leg.cranks.values[:, 0])[rows]).max()
-    text = f'the crank angle jumps back and forth {times_(rows.size)}, by up to {by:.3g} rad'
-    where = f' ({listed(sorted(leg.crank_topics))})'
-    meaning = f'two sources alternate, or an encoder slips{where}'
+def _swaps(review: Review, leg: LegRecording, swaps: IndexArray) -> Finding:
+    max_jump = np.abs(np.diff(leg.cranks.values[:, 0])[swaps]).max()
+    repetition = repeated(swaps.size)
+    text = f'the crank angle jumps back and forth {repetition}, by up to {max_jump:.3g} rad'
+    topics = listed(sorted(leg.crank_topics))
+    meaning = f'two sources alternate, or an encoder slips ({topics})'
     if _is_shared(review, leg):
-        meaning = f'multiple publishers set the crank at once{where}, each with its own angle'
-    time = review.since_start(leg.cranks.times[rows[0] + 1])
+        meaning = f'multiple publishers set the crank at once ({topics}), each with its own angle'
+    time = review.since_start(leg.cranks.times[swaps[0] + 1])
     return Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     # `check_answers` finds invalid angles; NaN fails the comparison.
-    alphas, times = leg.cranks.values[:, 0], leg.cranks.times
-    valid = np.abs(alphas) <= MAX_CRANK_ANGLE
-    if not valid.all():
-        alphas, times = alphas[valid], times[valid]
+    alphas = leg.cranks.values[:, 0]
+    times = leg.cranks.times
+    is_valid = np.abs(alphas) <= MAX_CRANK_ANGLE
+    if not is_valid.all():
+        alphas = alphas[is_valid]
+        times = times[is_valid]
     if len(alphas) < 2:
         return
     steps = np.abs(np.diff(alphas))
-    usual, period = median(steps), median(time_steps(times))
-    limit = max(review.limits.crank_jump, _JUMP_RATIO * usual)
-    rows = np.flatnonzero(steps > limit)
+    median_step = median(steps)
+    period = median(time_steps(times))
+    limit = max(review.limits.crank_jump, _JUMP_RATIO * median_step)
+    jumps = np.flatnonzero(steps > limit)
     # A new publisher may start at another angle.
     restarts = review.recording.restarts_on(leg.crank_topics)
     unrecorded = merge_intervals([*review.recording.unrecorded, *restarts])
-    rows = rows[~overlaps(times[rows], times[rows + 1], unrecorded)]
+    jumps = jumps[~overlaps(times[jumps], times[jumps + 1], unrecorded)]
     # The crank turns on while messages are lost or delayed.
-    waits = (times[rows + 1] - times[rows]) / 1e9
-    unseen = waits > max(_MISSING_RATIO * period, review.limits.gap_time)
-    turned = _MISSING_RATIO * usual / max(period, _MIN_PERIOD) * waits * unseen
-    rows = rows[steps[rows] - turned > limit]
-    if rows.size:
-        text = f'the crank angle jumps {times_(rows.size)}, by up to {steps[rows].max():.3g} rad'
+    waits = (times[jumps + 1] - times[jumps]) / 1e9
+    is_unseen = waits > max(_MISSING_RATIO * period, review.limits.gap_time)
+    unseen_rotations = _MISSING_RATIO * median_step / max(period, _MIN_PERIOD) * waits * is_unseen
+    jumps = jumps[steps[jumps] - unseen_rotations > limit]
+    if jumps.size:
+        max_jump = steps[jumps].max()
+        text = f'the crank angle jumps {repeated(jumps.size)}, by up to {max_jump:.3g} rad'
         meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
-        time = review.since_start(times[rows[0] + 1])
+        time = review.since_start(times[jumps[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 
 
 def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
-    alphas, times = leg.cranks.values[:, 0], leg.cranks.times
+    alphas = leg.cranks.values[:, 0]
+    times = leg.cranks.times
     changes = np.flatnonzero(alphas[1:] != alphas[:-1])
     if not changes.size:
         return
     steps = time_steps(times)
     # The time of gaps does not count.
-    regular = steps <= Limits().max_interval(median(steps))
-    elapsed = np.concatenate([[0.0], np.cumsum(steps * regular)])
-    firsts, lasts = np.append(0, changes + 1), np.append(changes, len(times) - 1)
-    still = elapsed[lasts] - elapsed[firsts]
-    longest = int(np.argmax(still))
-    if still[longest] > _MIN_STANDSTILL:
-        text = f'the crank stands still for {still[longest]:.1f} s, while its angle is published'
+    is_regular = steps <= Limits().max_interval(median(steps))
+    elapsed = np.concatenate([[0.0], np.cumsum(steps * is_regular)])
+    firsts = np.append(0, changes + 1)
+    lasts = np.append(changes, len(times) - 1)
+    durations = elapsed[lasts] - elapsed[firsts]
+    longest = int(np.argmax(durations))
+    duration = durations[longest]
+    if duration > _MIN_STANDSTILL:
+        text = f'the crank stands still for {duration:.1f} s, while its angle is published'
         meaning = 'expected at rest; otherwise the sensor is frozen'
         time = review.since_start(times[firsts[longest]])
         yield Finding('frozen', Severity.NOTE, text, meaning, time, leg.title)
@@ -135,53 +143,59 @@ def _drift(review: Review, leg: LegRecording) -> Iterator[Finding]:
 def _path_drift(leg: LegRecording) -> float:
     """Return how far the foot paths of the first and the last quarter are apart; NaN if short."""
     of_feet, of_poses = pairs(leg.feet.stamps, leg.poses.stamps)
-    alphas, feet = leg.poses.values[of_poses, 0], leg.feet.values[of_feet]
-    finite = np.isfinite(alphas) & np.isfinite(feet).all(axis=1)
-    alphas, feet = alphas[finite], feet[finite]
+    alphas = leg.poses.values[of_poses, 0]
+    feet = leg.feet.values[of_feet]
+    is_finite = np.isfinite(alphas) & np.isfinite(feet).all(axis=1)
+    alphas = alphas[is_finite]
+    feet = feet[is_finite]
     quarter = len(alphas) // _DRIFT_PARTS
-    first, last = slice(0, quarter), slice(len(alphas) - quarter, len(alphas))
+    first = slice(0, quarter)
+    last = slice(len(alphas) - quarter, len(alphas))
     if quarter < _DRIFT_PARTS or min(np.ptp(alphas[first]), np.ptp(alphas[last])) < _FULL_TURN:
         return nan
-    known, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
-    apart = np.hypot(*(feet[last] - known).T)[is_exact]
-    return float(apart.max()) if apart.size else nan
+    first_feet, is_exact = _interpolated(alphas[first], feet[first], alphas[last])
+    distances = np.hypot(*(feet[last] - first_feet).T)[is_exact]
+    return float(distances.max()) if distances.size else nan
 
 
 def _interpolated(
-    alphas: FloatArray, feet: FloatArray, at: FloatArray
+    alphas: FloatArray, feet: FloatArray, new_alphas: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return interpolated feet, and where the interpolation is exact enough."""
-    wanted, known = np.mod(at, _FULL_TURN), np.sort(np.mod(alphas, _FULL_TURN))
-    found = [np.interp(wanted, alphas, column, period=_FULL_TURN) for column in feet.T]
-    known = np.concatenate([known[-1:] - _FULL_TURN, known, known[:1] + _FULL_TURN])
-    after = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
-    left, right = wanted - known[after - 1], known[after] - wanted
+    """Return feet at other crank angles, and where the interpolation is exact enough."""
+    new_angles = np.mod(new_alphas, _FULL_TURN)
+    columns = [np.interp(new_angles, alphas, column, period=_FULL_TURN) for column in feet.T]
+    nodes = np.sort(np.mod(alphas, _FULL_TURN))
+    nodes = np.concatenate([nodes[-1:] - _FULL_TURN, nodes, nodes[:1] + _FULL_TURN])
+    after = np.clip(np.searchsorted(nodes, new_angles), 1, len(nodes) - 1)
     # The error is this half product times the curvature of the path.
-    return np.column_stack(found), left * right / 2 < _MAX_CHORD
+    half_products = (new_angles - nodes[after - 1]) * (nodes[after] - new_angles) / 2
+    return np.column_stack(columns), half_products < _MAX_CHORD
 
 
 def check_walking(review: Review) -> Iterator[Finding]:
     """Yield crank lag, phase error and odometry error above their limits."""
-    limits, since = review.limits, review.since_start
+    limits = review.limits
     for walk in review.walks:
-        title, lag, phase = walk.namespace.lstrip('/'), walk.crank_lag, walk.phase_error
+        title = walk.namespace.lstrip('/')
+        lag = walk.crank_lag
+        phase = walk.phase_error
         if lag > limits.crank_lag and walk.lag_time is not None:
             text = f'a crank was up to {degrees(lag):.3g} deg off its command'
             meaning = 'its motor is too weak or blocked, or its encoder jumped'
-            time = since(walk.lag_time)
+            time = review.since_start(walk.lag_time)
             yield Finding('crank_lag', Severity.WARNING, text, meaning, time, title)
         if phase > limits.phase and walk.phase_time is not None:
-            off = f'up to {degrees(phase):.3g} deg off its command'
-            text = f'the phase between two cranks was {off}'
+            error = f'up to {degrees(phase):.3g} deg'
+            text = f'the phase between two cranks was {error} off its command'
             meaning = 'the gait was not kept; the body may lose its support'
-            time = since(walk.phase_time)
+            time = review.since_start(walk.phase_time)
             yield Finding('phase', Severity.WARNING, text, meaning, time, title)
-        off_limit = walk.odometry_error > limits.odometry * walk.distance
-        if off_limit and walk.odometry_time is not None:
+        is_odometry_off = walk.odometry_error > limits.odometry * walk.distance
+        if is_odometry_off and walk.odometry_time is not None:
             text = (
                 f'odometry was up to {walk.odometry_error:.3g} m off the ground truth over '
                 f'{walk.distance:.3g} m, its heading up to {degrees(walk.heading_error):.3g} deg'
             )
             meaning = 'the feet slipped, crank angles were lost, or it turned without an IMU'
-            time = since(walk.odometry_time)
+            time = review.since_start(walk.odometry_time)
             yield Finding('odometry', Severity.WARNING, text, meaning, time, title)

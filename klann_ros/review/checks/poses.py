@@ -25,7 +25,7 @@ class WrongPoses(NamedTuple):
     """Flags of the wrong poses by fault; the faults exclude each other."""
 
     not_finite: BoolArray
-    open_: BoolArray
+    not_closed: BoolArray
     unreachable: BoolArray
     flipped: BoolArray
 
@@ -33,16 +33,16 @@ class WrongPoses(NamedTuple):
     def of(cls, errors: PoseErrors, limits: Limits) -> 'WrongPoses':
         """Return which poses are wrong."""
         not_finite = np.isinf(errors.residuals)
-        open_ = ~not_finite & (errors.residuals > limits.closure)
-        closed = ~not_finite & ~open_
+        not_closed = ~not_finite & (errors.residuals > limits.closure)
+        closed = ~not_finite & ~not_closed
         sines = np.sin(errors.transmission_angles).min(axis=1)
         flipped = closed & (errors.angle_errors * sines > limits.angle)
-        return cls(not_finite, open_, closed & np.isnan(errors.angle_errors), flipped)
+        return cls(not_finite, not_closed, closed & np.isnan(errors.angle_errors), flipped)
 
     def any(self) -> BoolArray:  # noqa: A003, RUF100 - as NumPy calls it
         """Return the poses with any fault."""
-        found: BoolArray = np.logical_or.reduce(self)
-        return found
+        is_wrong: BoolArray = np.logical_or.reduce(self)
+        return is_wrong
 
 
 def wrong_poses(leg: ReviewedLeg, errors: PoseErrors, limits: Limits) -> WrongPoses:
@@ -54,8 +54,14 @@ def wrong_poses(leg: ReviewedLeg, errors: PoseErrors, limits: Limits) -> WrongPo
     return wrong
 
 
-# A fault: its check, flags of poses or feet, verbs for one and several, text and meaning.
-_Fault = tuple[str, BoolArray, tuple[str, str], str, str]
+class _Fault(NamedTuple):
+    """A fault of poses or feet."""
+
+    check: str
+    flags: BoolArray  # of the poses or feet
+    verbs: tuple[str, str]  # for one and several
+    text: str
+    meaning: str
 
 
 def check_poses(review: Review) -> Iterator[Finding]:
@@ -65,43 +71,44 @@ def check_poses(review: Review) -> Iterator[Finding]:
             continue
         wrong = wrong_poses(leg, leg.errors, review.limits)
         feet = _feet(leg, leg.errors, review.limits, wrong.any())
-        for what, series, faults in (
+        for noun, series, faults in (
             ('poses', leg.evaluated.poses, _poses(leg.errors, wrong)),
             ('feet (point_h)', leg.evaluated.feet, feet),
         ):
-            for check, which, verbs, fault, meaning in faults:
-                if which.any():
-                    count = int(which.sum())
-                    text = f'{count} of {len(which)} {what} {verb(count, *verbs)} {fault}'
-                    time = review.since_start(series.times[int(np.argmax(which))])
+            for fault in faults:
+                if fault.flags.any():
+                    count = int(fault.flags.sum())
+                    subject = f'{count} of {len(fault.flags)} {noun}'
+                    text = f'{subject} {verb(count, *fault.verbs)} {fault.text}'
+                    time = review.since_start(series.times[int(np.argmax(fault.flags))])
                     title = leg.recording.title
-                    yield Finding(check, Severity.ERROR, text, meaning, time, title)
+                    yield Finding(fault.check, Severity.ERROR, text, fault.meaning, time, title)
 
 
 def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
     flipped = _by_up_to(errors.angle_errors, wrong.flipped, 'rad')
-    yield (
+    yield _Fault(
         'nan',
         wrong.not_finite,
         ('has', 'have'),
         'an angle that is not finite',
         'solver_node never publishes such a pose: another node did',
     )
-    yield (
+    yield _Fault(
         'closure',
-        wrong.open_,
+        wrong.not_closed,
         ('does', 'do'),
-        f'not close the loops{_by_up_to(errors.residuals, wrong.open_, "m")}',
+        f'not close the loops{_by_up_to(errors.residuals, wrong.not_closed, "m")}',
         'the poses are of a leg with other dimensions',
     )
-    yield (
+    yield _Fault(
         'reach',
         wrong.unreachable,
         ('stands', 'stand'),
         'at a crank angle that the leg cannot reach',
         'the loops still close within the limit: the crank is at the end of its range',
     )
-    yield (
+    yield _Fault(
         'branch',
         wrong.flipped,
         ('is', 'are'),
@@ -114,7 +121,7 @@ def _feet(
     leg: ReviewedLeg, errors: PoseErrors, limits: Limits, wrong_poses_: BoolArray
 ) -> Iterator[_Fault]:
     not_finite = np.isinf(errors.foot_errors)
-    yield (
+    yield _Fault(
         'nan',
         not_finite,
         ('is', 'are'),
@@ -124,19 +131,19 @@ def _feet(
     wrong = ~not_finite & (errors.foot_errors > limits.foot)
     if wrong.any():
         wrong &= ~_follow(leg, wrong_poses_)
-    by = _by_up_to(errors.foot_errors, wrong, 'm')
-    yield (
+    distance = _by_up_to(errors.foot_errors, wrong, 'm')
+    yield _Fault(
         'foot',
         wrong,
         ('is', 'are'),
-        f'not at the position that the angles of their poses give{by}',
+        f'not at the position that the angles of their poses give{distance}',
         'angles and foot contradict each other: the bent bodies, or GH, have other dimensions',
     )
 
 
-def _by_up_to(errors: FloatArray, which: BoolArray, unit: str) -> str:
+def _by_up_to(errors: FloatArray, flags: BoolArray, unit: str) -> str:
     """Return the largest of some errors in words."""
-    return f' (by up to {errors[which].max():.3g} {unit})' if which.any() else ''
+    return f' (by up to {errors[flags].max():.3g} {unit})' if flags.any() else ''
 
 
 def _follow(leg: ReviewedLeg, wrong: BoolArray) -> BoolArray:
@@ -180,12 +187,12 @@ def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]
 
 
 def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
-    found, title = leg.answers, leg.recording.title
+    title = leg.recording.title
     for cause in (Cause.NO_ANGLE, Cause.OUT_OF_REACH):
-        rows = found.of(cause)
+        rows = leg.answers.of(cause)
         if not rows.size:
             continue
-        angles = f'{rows.size} of {found.asked} crank angles'
+        angles = f'{rows.size} of {leg.answers.asked} crank angles'
         time = review.since_start(leg.evaluated.cranks.times[rows[0]])
         if cause == Cause.NO_ANGLE:
             were = verb(rows.size, 'was', 'were')
@@ -201,24 +208,26 @@ def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 
 def _missing_answers(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
-    found = leg.unanswered
-    if found.unexplained <= 0:
+    unanswered = leg.unanswered
+    if unanswered.unexplained <= 0:
         return
-    own = [t for t in review.recording.topics if t.name in leg.evaluated.pose_topics]
-    unknown = next((topic for topic in own if topic.lost is None), None)
     severity = Severity.WARNING
     meaning = 'the solver was overloaded or not running, or its input was lost'
-    if unknown is not None:
-        severity = Severity.NOTE
-        why = 'it has several publishers'
-        why = why if unknown.shared else 'its messages have no sequence numbers'
-        meaning = (
-            f'the answers may have been lost on their way into the log: losses of '
-            f'{printable(unknown.name)} are unknown, as {why}'
-        )
-    were = verb(found.count, 'was', 'were')
-    text = f'{found.count} of {leg.answers.asked} crank angles {were} not answered{found}'
-    time = review.since_start(leg.evaluated.cranks.times[found.other_rows[0]])
+    for topic in review.recording.topics:
+        if topic.name in leg.evaluated.pose_topics and topic.lost is None:
+            severity = Severity.NOTE
+            reason = 'its messages have no sequence numbers'
+            if topic.shared:
+                reason = 'it has several publishers'
+            meaning = (
+                f'the answers may have been lost on their way into the log: losses of '
+                f'{printable(topic.name)} are unknown, as {reason}'
+            )
+            break
+    were = verb(unanswered.count, 'was', 'were')
+    angles = f'{unanswered.count} of {leg.answers.asked} crank angles'
+    text = f'{angles} {were} not answered{unanswered}'
+    time = review.since_start(leg.evaluated.cranks.times[unanswered.other_rows[0]])
     yield Finding('answers', severity, text, meaning, time, leg.recording.title)
 
 
@@ -236,17 +245,17 @@ def check_solvers(review: Review) -> Iterator[Finding]:
 
 def _stamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield several answers to the stamp of one input."""
-    found = leg.answers
-    if found.duplicates.solvers > 1:
-        asked = counted(found.asked, 'crank angle')
-        yield _several(review, leg, found.duplicates, f'{found.count} answers to {asked}')
-    elif len(found.duplicates.rows):
-        count = len(np.unique(found.duplicates.inputs))
+    answers = leg.answers
+    duplicates = answers.duplicates
+    if duplicates.solvers > 1:
+        angles = counted(answers.asked, 'crank angle')
+        yield _several(review, leg, duplicates, f'{answers.count} answers to {angles}')
+    elif len(duplicates.rows):
+        count = len(np.unique(duplicates.inputs))
         were = verb(count, 'angle was', 'angles were')
-        text = f'{count} of {found.asked} crank {were} answered more than once'
+        text = f'{count} of {answers.asked} crank {were} answered more than once'
         meaning = 'a second solver ran for a moment, or the log holds answers twice'
-        first = leg.evaluated.poses.times[found.duplicates.rows.min()]
-        time = review.since_start(first)
+        time = review.since_start(leg.evaluated.poses.times[duplicates.rows.min()])
         yield Finding('solvers', Severity.NOTE, text, meaning, time, leg.recording.title)
 
 
@@ -267,53 +276,63 @@ def _unstamped(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
 
 def _by_number(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     """Yield more answers than inputs, where every lost input is known."""
-    asked, answers = leg.evaluated.unstamped, leg.evaluated.poses.times
-    of_cranks = [t for t in review.recording.topics if t.name in leg.evaluated.crank_topics]
-    lost = sum(topic.lost or 0 for topic in of_cranks)
-    if not len(asked) or any(topic.lost is None for topic in of_cranks):
+    inputs = leg.evaluated.unstamped
+    answers = leg.evaluated.poses.times
+    crank_topics = leg.evaluated.crank_topics
+    losses = [topic.lost for topic in review.recording.topics if topic.name in crank_topics]
+    if not len(inputs) or None in losses:
         return
-    inside = np.flatnonzero((answers >= asked[0]) & (answers <= asked[-1] + MAX_RESPONSE_TIME))
-    if len(inside) > _DUPLICATE_RATIO * (len(asked) + lost) + _EDGE_ANSWERS:
-        ratio = round(len(inside) / (len(asked) + lost))
+    input_count = len(inputs) + sum(lost or 0 for lost in losses)
+    last_answer = inputs[-1] + MAX_RESPONSE_TIME
+    inside = np.flatnonzero((answers >= inputs[0]) & (answers <= last_answer))
+    if len(inside) > _DUPLICATE_RATIO * input_count + _EDGE_ANSWERS:
+        ratio = round(len(inside) / input_count)
         first = inside[:1]
         duplicates = Duplicates(first, first, np.zeros(1, dtype=bool), max(2, ratio))
-        text = f'{len(inside)} answers to {counted(len(asked), "crank angle")}'
+        text = f'{len(inside)} answers to {counted(len(inputs), "crank angle")}'
         yield _several(review, leg, duplicates, text)
 
 
 def _several(review: Review, leg: ReviewedLeg, duplicates: Duplicates, counts: str) -> Finding:
     evaluated = leg.evaluated
     names = sorted(evaluated.solver.nodes)
-    who = f'{in_words(duplicates.solvers)} solvers'
-    who += f' ({listed(names)})' if len(names) > 1 else ''
-    apart = _apart(evaluated, duplicates, review.limits)
-    severity = Severity.ERROR if apart else Severity.WARNING
-    text = f'{who} answer on {listed(sorted(evaluated.pose_topics))}: {counts}{apart}'
+    solvers = f'{in_words(duplicates.solvers)} solvers'
+    if len(names) > 1:
+        solvers += f' ({listed(names)})'
+    difference = _difference_text(evaluated, duplicates, review.limits)
+    severity = Severity.ERROR if difference else Severity.WARNING
+    topics = listed(sorted(evaluated.pose_topics))
+    text = f'{solvers} answer on {topics}: {counts}{difference}'
     meaning = 'subscribers receive all of them: stop one, or give it its own namespace'
     time = review.since_start(evaluated.poses.times[duplicates.rows.min()])
     return Finding('solvers', severity, text, meaning, time, leg.recording.title)
 
 
-def _apart(leg: LegRecording, duplicates: Duplicates, limits: Limits) -> str:
+def _difference_text(leg: LegRecording, duplicates: Duplicates, limits: Limits) -> str:
     """Return the largest difference of answers to one input in words; '' for none."""
     rows = duplicates.rows[duplicates.alone]
     stamps = leg.poses.stamps[rows]
-    known = leg.solver.leg
+    solved_leg = leg.solver.leg
 
-    def turned(one: FloatArray, other: FloatArray) -> FloatArray:
-        return differences(known, one[:, 1:], other[:, 1:]) if known else wrapped(one - other)
+    def rotation(a: FloatArray, b: FloatArray) -> FloatArray:
+        return differences(solved_leg, a[:, 1:], b[:, 1:]) if solved_leg else wrapped(a - b)
 
-    angle = _spread(stamps, leg.poses.values[rows], turned)
-    of_them = isin(leg.feet.stamps, stamps)
-    foot = _spread(leg.feet.stamps[of_them], leg.feet.values[of_them], np.subtract)
-    parts = [f'{angle:.3g} rad'] if angle > limits.angle else []
-    parts += [f'{foot:.3g} m'] if foot > limits.foot else []
-    return f', up to {" and ".join(parts)} apart' if parts else ''
+    angle = _spread(stamps, leg.poses.values[rows], rotation)
+    is_answer = isin(leg.feet.stamps, stamps)
+    distance = _spread(leg.feet.stamps[is_answer], leg.feet.values[is_answer], np.subtract)
+    sizes = []
+    if angle > limits.angle:
+        sizes.append(f'{angle:.3g} rad')
+    if distance > limits.foot:
+        sizes.append(f'{distance:.3g} m')
+    return f', up to {" and ".join(sizes)} apart' if sizes else ''
 
 
-def _spread(stamps: IntArray, values: FloatArray, difference: Callable[..., FloatArray]) -> float:
-    """Return the largest difference of values with equal stamps."""
+def _spread(stamps: IntArray, answers: FloatArray, subtract: Callable[..., FloatArray]) -> float:
+    """Return the largest difference of answers with equal stamps."""
     order = np.argsort(stamps, kind='stable')
-    stamps, values = stamps[order], values[order]
-    apart = np.abs(difference(values, values[np.searchsorted(stamps, stamps)]))
-    return float(np.fmax.reduce(apart, axis=None, initial=0.0))
+    stamps = stamps[order]
+    answers = answers[order]
+    first_answers = answers[np.searchsorted(stamps, stamps)]
+    distances = np.abs(subtract(answers, first_answers))
+    return float(np.fmax.reduce(distances, axis=None, initial=0.0))
