@@ -35,6 +35,23 @@ Errors                 `KinematicsError`: `GeometryError`, `LinkageFileError`,
                        `CrankAngleError`, `UnreachableError`, `LoopsOpenError`,
                        `NotConvergedError`, ...
 =====================  ================================================================
+
+Other packages of klann_ros use these as well; they may change with any version.
+
+=====================  ================================================================
+Constants              `BENDS`, `JOINTS`, `LENGTHS`, `NUMBERS`, `PRESETS` of the Klann
+                       leg; `FIXED`, `GROUND`, `GROUND_BAND`; `COLOURS`, `colour_of`
+Files                  `LENGTH_UNITS`, `NUMBER_DIGITS`, `SHIPPED`, `is_linkage`,
+                       `linkage_text`, `content_with_numbers`, `schema_error`,
+                       `structure_of`
+Structure              `as_linkage`, `Structure`, `Bar`, `body_points`
+Motion of bodies       `body_vectors`, `solve_rates`, `velocity_product`, `cross`
+Parts of batches       `vectors`, `feet`, `loop_errors`, `transmission_angles`,
+                       `differences`, `wrapped`, `whole_turns`, `driven_clearances`
+Foot paths             `path_figures`, `SampledPaths`, `periodic_cubics`
+Searches and checks    `peak`, `parabola_peak`, `crank_limits`, `rate`
+Drawing                `PoseDrawing`, `pose_svg`
+=====================  ================================================================
 """
 
 from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
