@@ -99,15 +99,15 @@ def test_no_input_is_overwritten_nor_a_file_that_a_leg_may_name(
 ) -> None:
     contents = {'leg': 'linkage: linkage.yaml\n', 'linkage.yaml': LINKAGE}
     contents['motor'] = Path(MOTOR).read_text()
-    for each, text in contents.items():
-        (tmp_path / each).write_text(text)
-    paths = [str(tmp_path / each) for each in ('leg', 'motor', name)]
+    for file, text in contents.items():
+        (tmp_path / file).write_text(text)
+    paths = [str(tmp_path / file) for file in ('leg', 'motor', name)]
     assert main([paths[0], '--motor', paths[1], option, paths[2]]) == 3
     out, error = capsys.readouterr()
     assert (out, error.count('\n')) == ('', 1)
     assert error.startswith(f'describe: {option} ')
     assert reason in error
-    assert {each: (tmp_path / each).read_text() for each in contents} == contents
+    assert {file: (tmp_path / file).read_text() for file in contents} == contents
 
 
 def test_a_hostile_name_moves_no_terminal_and_is_whole_in_json(

@@ -30,8 +30,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     leg, hostile = robot_of('sem104'), folder / 'hostile.yaml'
     hostile.write_text(LINKAGE)
     walker = robot_from_file(ROOT / 'config' / 'walker6.yaml')
-    one = robot_from_file(hostile).with_rods(1.0)
-    named = replace(one.legs[0], name=HOSTILE, crank_joint=HOSTILE)
+    hostile_robot = robot_from_file(hostile).with_rods(1.0)
+    named = replace(hostile_robot.legs[0], name=HOSTILE, crank_joint=HOSTILE)
     sheets = {
         'leg': data_sheet(leg, load=10.0, motor=motor),
         'cannot': data_sheet(leg, speed=-20.0, motor=motor),
@@ -41,10 +41,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             Robot(HOSTILE, (named,), source=HOSTILE), load=1.0, motor=motor, samples=90
         ),
     }
-    made = {name: folder / f'{name}.html' for name in ALL}
+    paths = {name: folder / f'{name}.html' for name in ALL}
     for name, sheet in sheets.items():
-        made[name].write_text(page(sheet), encoding='utf-8')
-    return made
+        paths[name].write_text(page(sheet), encoding='utf-8')
+    return paths
 
 
 @pytest.mark.parametrize('name', ALL)
@@ -64,8 +64,8 @@ def test_it_is_self_contained_and_fits_a_phone(
 @pytest.mark.parametrize(('name', 'scheme'), [('walker', 'dark'), ('cannot', 'light')])
 def test_axe_finds_no_barrier(visit: Callable[..., OpenedPage], name: str, scheme: str) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
-    found = axe.Axe().run(visit(name, color_scheme=scheme).page).response['violations']
-    assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in found] == []
+    barriers = axe.Axe().run(visit(name, color_scheme=scheme).page).response['violations']
+    assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in barriers] == []
 
 
 @pytest.mark.parametrize('degrees', [0.0, 60.0, 200.0])
@@ -76,32 +76,34 @@ def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(
     opened.page.locator('.angle').fill(repr(degrees / 360.0 + 1e-4))
     pose = KlannLeg().solve(np.radians(degrees))
     points = opened.points('.drawing')
-    for name, at in zip('ABCDEFGH', pose.points, strict=True):
-        assert np.abs(points[name] - at).max() <= 1e-5
+    for name, point in zip('ABCDEFGH', pose.points, strict=True):
+        assert np.abs(points[name] - point).max() <= 1e-5
     assert opened.page.locator('.at').text_content() == f'{degrees:.1f}°'
-    moved = opened.page.locator('.cursor').first.get_attribute('transform')
-    assert float(moved.split('(')[1].split()[0]) == pytest.approx(364 * degrees / 360, abs=0.06)
+    transform = opened.page.locator('.cursor').first.get_attribute('transform')
+    assert float(transform.split('(')[1].split()[0]) == pytest.approx(
+        364 * degrees / 360, abs=0.06
+    )
 
 
 def test_it_plays_and_pauses_in_the_direction_of_the_crank(
     visit: Callable[..., OpenedPage],
 ) -> None:
-    for name, way in (('leg', 1.0), ('cannot', -1.0)):
+    for name, direction in (('leg', 1.0), ('cannot', -1.0)):
         opened = visit(name)
         play, slider = opened.page.locator('.play'), opened.page.locator('.angle')
-        before = slider.input_value()
+        start = slider.input_value()
         play.click()
-        while slider.input_value() == before:
+        while slider.input_value() == start:
             # Playwright's own waiting needs what the policy forbids.
             opened.page.wait_for_timeout(5)
         play.click()
-        after = slider.input_value()
+        end = slider.input_value()
         # Of a turn the shorter way.
-        moved = (float(after) - float(before) + 0.5) % 1.0 - 0.5
-        assert way * moved > 0.0
+        rotation = (float(end) - float(start) + 0.5) % 1.0 - 0.5
+        assert direction * rotation > 0.0
         assert play.text_content() == 'Play'
         opened.page.wait_for_timeout(60)
-        assert slider.input_value() == after
+        assert slider.input_value() == end
 
 
 def test_a_motor_that_is_too_weak_is_reported_first(visit: Callable[..., OpenedPage]) -> None:

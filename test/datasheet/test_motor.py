@@ -20,8 +20,8 @@ GOOD = {'stall_torque': 2.0, 'no_load_speed': 100.0, 'gear_ratio': 10.0, 'effici
 ANGLES = 2.0 * pi * np.arange(8) / 8
 
 
-def load(still: list[float], squared: list[float]) -> CrankLoad:
-    return CrankLoad(ANGLES[: len(still)], np.array(still), np.array(squared))
+def load(static_torque: list[float], squared: list[float]) -> CrankLoad:
+    return CrankLoad(ANGLES[: len(static_torque)], np.array(static_torque), np.array(squared))
 
 
 def test_the_line_is_that_of_the_gears_output() -> None:
@@ -44,7 +44,7 @@ def test_the_motor_margin_is_available_over_required_torque() -> None:
 
 
 @pytest.mark.parametrize(
-    ('still', 'squared', 'speed', 'continuous', 'fault'),
+    ('static_torque', 'squared', 'speed', 'continuous', 'fault'),
     [
         ([2.0, 0.0], 0.0, 10.5, None, 'no faster than 10 rad/s'),
         ([2.0, 0.0], 0.0, 9.0, None, 'where 2 N m are needed'),
@@ -57,10 +57,10 @@ def test_the_motor_margin_is_available_over_required_torque() -> None:
     ],
 )
 def test_each_fault_is_reported(
-    still: list[float], squared: float, speed: float, continuous: float | None, fault: str
+    static_torque: list[float], squared: float, speed: float, continuous: float | None, fault: str
 ) -> None:
     motor = Motor(**GOOD, continuous_torque=continuous)
-    judged = verdict(motor, load(still, [squared] * len(still)), speed)
+    judged = verdict(motor, load(static_torque, [squared] * len(static_torque)), speed)
     assert not judged.turns
     assert len(judged.faults) == 1
     assert fault in judged.faults[0]
@@ -81,17 +81,17 @@ def test_the_fastest_is_the_first_speed_at_which_something_is_short(
     needs: list[tuple[float, float]],
 ) -> None:
     motor = Motor(**(GOOD | {'stall_torque': 1.0, 'efficiency': 0.8}))
-    found = verdict(motor, load(*map(list, zip(*needs, strict=True))), 1.0).fastest
+    fastest = verdict(motor, load(*map(list, zip(*needs, strict=True))), 1.0).fastest
     speeds = np.linspace(0.0, motor.output_no_load_speed, 2001)
-    still, squared = np.array(needs).T[:, :, None]
-    torque = still + squared * speeds**2
-    driven = torque.max(axis=0) <= motor.torque(0.0) * (1.0 - speeds / speeds[-1]) + 1e-9
-    held = -torque.min(axis=0) <= motor.holding_torque + 1e-9
-    short = speeds[~(driven & held)]
+    static_torque, squared = np.array(needs).T[:, :, None]
+    torque = static_torque + squared * speeds**2
+    is_driven = torque.max(axis=0) <= motor.torque(0.0) * (1.0 - speeds / speeds[-1]) + 1e-9
+    is_held = -torque.min(axis=0) <= motor.holding_torque + 1e-9
+    short = speeds[~(is_driven & is_held)]
     first = short[0] if short.size else speeds[-1]
     # An angle may be short between two speeds only.
-    assert found <= first + 1e-6
-    inside = (speeds < found - 1e-6) & ~(driven & held)
+    assert fastest <= first + 1e-6
+    inside = (speeds < fastest - 1e-6) & ~(is_driven & is_held)
     assert not inside.any()
 
 

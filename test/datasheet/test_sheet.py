@@ -38,16 +38,16 @@ def sheet(sem: Robot) -> DataSheet:
 
 
 @pytest.mark.parametrize(
-    ('speed', 'least', 'greatest', 'ripple'),
+    ('speed', 'min_torque', 'max_torque', 'ripple'),
     # MuJoCo's actuator, whose servo lets the speed ripple, and by how much it may be off.
     [(2.0, -3.543, 1.581, 0.0025), (TURN, -8.389, 2.721, 0.011)],
 )
 def test_the_torque_is_that_of_an_actuator(
-    sem: Robot, speed: float, least: float, greatest: float, ripple: float
+    sem: Robot, speed: float, min_torque: float, max_torque: float, ripple: float
 ) -> None:
     (crank,) = data_sheet(sem, speed=speed).cranks
-    assert crank.empty.torque.min() == pytest.approx(least, rel=ripple)
-    assert crank.empty.torque.max() == pytest.approx(greatest, rel=ripple)
+    assert crank.empty.torque.min() == pytest.approx(min_torque, rel=ripple)
+    assert crank.empty.torque.max() == pytest.approx(max_torque, rel=ripple)
 
 
 def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
@@ -61,18 +61,20 @@ def test_the_motion_is_that_of_the_kinematics(sheet: DataSheet) -> None:
         assert leg['stance'][name] == pytest.approx(getattr(stance, name), rel=1e-9)
     assert leg['stance']['body_speed'] == pytest.approx(stance.speed(2.0))
     margins = length_margins(KlannGeometry.sem104())
-    found = {bar['name']: bar for bar in leg['bars']}
-    assert found.keys() == margins.keys()
-    assert found['l_bc']['least'] == pytest.approx(margins['l_bc'].least, abs=1e-9)
-    assert found['l_gh']['greatest'] is None
+    bars = {bar['name']: bar for bar in leg['bars']}
+    assert bars.keys() == margins.keys()
+    assert bars['l_bc']['least'] == pytest.approx(margins['l_bc'].least, abs=1e-9)
+    assert bars['l_gh']['greatest'] is None
     sem104 = KlannGeometry.sem104()
     poses = linkage_poses(sem104, leg['crank_angle'], transmission_angles=True)
     assert np.allclose(np.transpose([leg['path']['x'], leg['path']['y']]), poses.h, atol=1e-12)
-    reported = np.transpose([each['angle'] for each in leg['transmission']])
+    reported = np.transpose([dyad['angle'] for dyad in leg['transmission']])
     assert np.allclose(reported, poses.transmission_angles, atol=1e-9)
     # The published extremes of SEM 104's dyads.
-    least, greatest = (leg['transmission'][0][name]['value'] for name in ('least', 'greatest'))
-    assert np.degrees([least, greatest]) == pytest.approx([31.19, 156.15], abs=0.02)
+    min_angle, max_angle = (
+        leg['transmission'][0][name]['value'] for name in ('least', 'greatest')
+    )
+    assert np.degrees([min_angle, max_angle]) == pytest.approx([31.19, 156.15], abs=0.02)
 
 
 def test_forces_are_those_of_the_dynamics(sem: Robot, sheet: DataSheet) -> None:
@@ -84,8 +86,8 @@ def test_forces_are_those_of_the_dynamics(sem: Robot, sheet: DataSheet) -> None:
         expected = dynamics.crank_torque(alphas, 2.0, 0.0, loads)
         assert content['legs'][0][case]['torque'] == pytest.approx(expected, abs=1e-9)
         crank = content['cranks'][0][case]
-        known = np.interp(crank['angle'], alphas, expected, period=TURN)
-        assert crank['torque'] == pytest.approx(known, abs=1e-3)
+        torque = np.interp(crank['angle'], alphas, expected, period=TURN)
+        assert crank['torque'] == pytest.approx(torque, abs=1e-3)
         pins = dynamics.reactions(alphas, 2.0, 0.0, loads).pins
         for joint in content['legs'][0][case]['joints']:
             forces = [abs(force) for (name, _), force in pins.items() if name == joint['name']]
@@ -115,8 +117,8 @@ def test_peaks_are_those_of_dense_sampling(name: str) -> None:
     # Two legs on one joint: the gait of all is another matter.
     robot = replace(robot, legs=robot.legs[:2])
     coarse, dense = (data_sheet(robot, load=40.0, **s) for s in ({}, {'samples': 2_500}))
-    for one, other in zip(peaks(coarse), peaks(dense), strict=True):
-        assert one == pytest.approx(other, rel=1e-4)
+    for coarse_peak, dense_peak in zip(peaks(coarse), peaks(dense), strict=True):
+        assert coarse_peak == pytest.approx(dense_peak, rel=1e-4)
 
 
 def peaks(sheet: DataSheet) -> list[float]:
@@ -130,14 +132,16 @@ def test_a_leg_that_weighs_nothing_carries_a_load(sem: Robot, sheet: DataSheet) 
     assert unloaded.legs[0].path is not None
     assert unloaded.cranks[0].hardest is None
     light = data_sheet(bare(sem), speed=2.0, load=10.0)
-    for one in (unloaded, light):
-        assert 'bar_density [kg/m]' in one.no_forces
+    for massless in (unloaded, light):
+        assert 'bar_density [kg/m]' in massless.no_forces
     assert light.cranks[0].empty is None
-    (own,) = light.cranks
-    (heavy,) = sheet.cranks
-    difference = heavy.loaded.torque - heavy.empty.torque
-    expected = np.interp(own.loaded.alphas, heavy.loaded.alphas, difference, period=TURN)
-    assert own.loaded.torque == pytest.approx(expected, abs=1e-4)
+    (light_crank,) = light.cranks
+    (heavy_crank,) = sheet.cranks
+    difference = heavy_crank.loaded.torque - heavy_crank.empty.torque
+    expected = np.interp(
+        light_crank.loaded.alphas, heavy_crank.loaded.alphas, difference, period=TURN
+    )
+    assert light_crank.loaded.torque == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_joint_carries_the_legs_that_it_turns_by_their_phases() -> None:
@@ -187,9 +191,9 @@ def test_the_angle_of_a_joint_is_not_that_of_a_leg_with_a_phase() -> None:
     assert not crank.is_own
     expected = -robot.dynamics(robot.legs[0]).crank_torque(0.5 - crank.empty.alphas, sheet.speed)
     assert crank.empty.torque == pytest.approx(expected, abs=1e-9)
-    shown = page(sheet)
-    assert 'angle of axle / deg' in shown
-    assert 'Crank axle' in shown
+    html = page(sheet)
+    assert 'angle of axle / deg' in html
+    assert 'Crank axle' in html
 
 
 # Its links are in line twice a turn, where no velocity follows.

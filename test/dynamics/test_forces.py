@@ -65,8 +65,8 @@ def test_power_is_the_rate_of_energy(name: str) -> None:
     dynamics, step = weighed(name), 1e-6
     alphas = angles_of(dynamics, 11)
 
-    def energy(at: Array) -> Array:
-        return dynamics.kinetic_energy(at, 2.0) + dynamics.potential_energy(at)
+    def energy(crank_angles: Array) -> Array:
+        return dynamics.kinetic_energy(crank_angles, 2.0) + dynamics.potential_energy(crank_angles)
 
     slope = (energy(alphas + step) - energy(alphas - step)) / (2 * step)
     torque = dynamics.crank_torque(alphas, 2.0)
@@ -88,32 +88,36 @@ def test_the_forces_on_each_body_move_it(name: str) -> None:
     linkage = shipped_linkage(name)
     dynamics, step, rate = Dynamics(linkage, rods(linkage, 1.0)), 1e-4, 2.0
     alpha = 1.0
-    found = dynamics.reactions(np.array([alpha]), rate)
+    reactions = dynamics.reactions(np.array([alpha]), rate)
     leg = LinkageLeg(linkage)
     places = []
     for k in (-1, 0, 1):
         pose = leg.closed_form(alpha + k * step)
         points = dict(zip(linkage.structure.points, pose.points, strict=True))
         u, frames = pose.vectors, linkage.structure.frames
-        turned = [u[f] if f >= 0 else 1.0 for f in frames]
+        rotations = [u[f] if f >= 0 else 1.0 for f in frames]
         starts = [complex(*points[body.points[0]]) for body in linkage.structure.bodies]
         centres = (mass.centre for mass in dynamics.masses.bodies)
-        places.append([s + c * t for s, c, t in zip(starts, centres, turned, strict=True)])
-    before, at, after = (np.array(each) for each in places)
-    accelerations = (before - 2 * at + after) / step**2 * rate**2
+        places.append([s + c * t for s, c, t in zip(starts, centres, rotations, strict=True)])
+    earlier, present, later = (np.array(step_places) for step_places in places)
+    accelerations = (earlier - 2 * present + later) / step**2 * rate**2
     for j, (body, mass) in enumerate(
         zip(linkage.structure.bodies, dynamics.masses.bodies, strict=True)
     ):
-        total = sum(force[0] for (_, own), force in found.pins.items() if own == body.angle)
-        for sliding, (square, _) in found.lines.items():
-            other = next(b for b in linkage.structure.bodies if b.angle == sliding)
+        force_sum = sum(
+            force[0] for (_, angle), force in reactions.pins.items() if angle == body.angle
+        )
+        for sliding, (square, _) in reactions.lines.items():
+            slider = next(b for b in linkage.structure.bodies if b.angle == sliding)
             bars = [bar for _, bar in linkage.structure.bars]
-            line = linkage.bars[bars.index(other.bars[0])]
+            line = linkage.bars[bars.index(slider.bars[0])]
             frame = linkage.structure.frames[linkage.structure.angles.index(sliding)]
-            way = 1j * line * (leg.closed_form(alpha).vectors[frame] if frame >= 0 else 1.0)
-            total += square[0] * way * ((sliding == body.angle) - (other.along == body.angle))
-        total += mass.mass * dynamics.gravity
-        assert total == pytest.approx(mass.mass * accelerations[j], abs=1e-5)
+            direction = 1j * line * (leg.closed_form(alpha).vectors[frame] if frame >= 0 else 1.0)
+            force_sum += (
+                square[0] * direction * ((sliding == body.angle) - (slider.along == body.angle))
+            )
+        force_sum += mass.mass * dynamics.gravity
+        assert force_sum == pytest.approx(mass.mass * accelerations[j], abs=1e-5)
 
 
 def test_a_crank_of_a_parallelogram_is_a_pendulum() -> None:
@@ -129,9 +133,9 @@ def test_a_crank_of_a_parallelogram_is_a_pendulum() -> None:
 
 def test_a_simulation_keeps_its_energy() -> None:
     dynamics = weighed('klann')
-    moved = simulate(dynamics, 0.0, np.linspace(0.0, 0.05, 3), alpha=1.0, alpha_rate=4.0)
-    energy = dynamics.kinetic_energy(moved.alpha, moved.alpha_rate)
-    energy = energy + dynamics.potential_energy(moved.alpha)
+    simulation = simulate(dynamics, 0.0, np.linspace(0.0, 0.05, 3), alpha=1.0, alpha_rate=4.0)
+    energy = dynamics.kinetic_energy(simulation.alpha, simulation.alpha_rate)
+    energy = energy + dynamics.potential_energy(simulation.alpha)
     np.testing.assert_allclose(energy, energy[0], rtol=1e-8)
 
 

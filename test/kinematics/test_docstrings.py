@@ -27,8 +27,8 @@ def test_the_examples_are_true(name: str) -> None:
 def test_every_public_name_is_documented_with_examples() -> None:
     text = klann_ros.kinematics.__doc__ or ''
     assert text.count('>>>') >= 5
-    rest = {name for name in klann_ros.kinematics.__all__ if f'`{name}`' not in text}
-    assert rest == {
+    undocumented = {name for name in klann_ros.kinematics.__all__ if f'`{name}`' not in text}
+    assert undocumented == {
         # Named by what they belong to.
         *('AnyLeg', 'Leg', 'KlannMotion', 'FourBarMotion', 'LinkageMotion'),
         *('ImmobileDirectionError', 'NoFootPathError', 'NoStanceError', 'NotAssembledError'),

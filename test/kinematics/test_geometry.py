@@ -132,8 +132,8 @@ def test_an_extremum_beside_zero_is_not_missed(
 ) -> None:
     # The leg of SEM 104, turned so that |EG| has an extremum just beside a crank angle of 0.
     beside_zero = {'x_d': 0.33793, 'y_a': 0.12808, 'x_e': 0.30368, 'y_e': 0.23522}
-    (found,) = reachable_arcs(KlannGeometry(**change, **beside_zero))
-    assert found == pytest.approx(arc, abs=1e-4)
+    (reachable_arc,) = reachable_arcs(KlannGeometry(**change, **beside_zero))
+    assert reachable_arc == pytest.approx(arc, abs=1e-4)
 
 
 def test_an_arc_through_zero_is_one_arc() -> None:
@@ -154,9 +154,9 @@ def points(thing: Any, alpha: float) -> np.ndarray:
 @pytest.mark.parametrize('thing', THINGS, ids=IDS)
 @pytest.mark.parametrize('alpha', [0.3, 2.0, 4.4])
 def test_scaling_and_mirroring_apply_to_every_point(thing: Any, alpha: float) -> None:
-    own = points(thing, alpha)
-    np.testing.assert_allclose(points(thing.scaled(2.5), alpha), 2.5 * own, atol=1e-12)
-    np.testing.assert_allclose(points(thing.mirrored(), -alpha), own * [1, -1], atol=1e-12)
+    original = points(thing, alpha)
+    np.testing.assert_allclose(points(thing.scaled(2.5), alpha), 2.5 * original, atol=1e-12)
+    np.testing.assert_allclose(points(thing.mirrored(), -alpha), original * [1, -1], atol=1e-12)
     assert type(thing.scaled(2.5)) is type(thing.mirrored()) is type(thing)
 
 
@@ -193,9 +193,9 @@ def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
     for theta2 in (0.4, 2.5, 5.0):
         _, theta3, theta4 = BAR.closed_form(theta2).joints
         around = np.roll([math.pi, theta2, theta3, theta4 + math.pi], -LINKS.index(fixed))
-        _, driven, across, other = around + (math.pi - around[0])
+        _, crank, coupler, rocker = around + (math.pi - around[0])
         for assembly in (1, -1):
-            f = BAR.inversion(fixed, assembly).f(driven, [across, other - math.pi])
+            f = BAR.inversion(fixed, assembly).f(crank, [coupler, rocker - math.pi])
             assert f == pytest.approx(0.0, abs=1e-15)
 
 

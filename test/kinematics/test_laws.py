@@ -71,11 +71,13 @@ def test_a_solved_pose_closes_and_keeps_every_bar(leg: AnyLeg, alpha: float) -> 
 @given(leg=legs(), alpha=alphas)
 def test_both_methods_give_the_same_pose(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)
-    other = leg.closed_form(alpha)
-    assert difference(pose, other) <= allowed(pose)
-    np.testing.assert_allclose(pose.points, other.points, rtol=0, atol=allowed(pose))
-    np.testing.assert_allclose(pose.coefficients, other.coefficients, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(pose.sines, other.sines, rtol=0, atol=1e-9)
+    geometric_pose = leg.closed_form(alpha)
+    assert difference(pose, geometric_pose) <= allowed(pose)
+    np.testing.assert_allclose(pose.points, geometric_pose.points, rtol=0, atol=allowed(pose))
+    np.testing.assert_allclose(
+        pose.coefficients, geometric_pose.coefficients, rtol=1e-8, atol=1e-9
+    )
+    np.testing.assert_allclose(pose.sines, geometric_pose.sines, rtol=0, atol=1e-9)
 
 
 @FOR_EACH
@@ -95,9 +97,9 @@ def test_a_pose_is_in_its_assembly_as_good_as_its_transmission_angles(
 def test_many_at_once_are_the_same_as_one_by_one(
     leg: AnyLeg, alpha: float, changes: list[float]
 ) -> None:
-    first = next(iter(leg.linkage.dimensions))
-    value = leg.linkage.dimensions[first]
-    variants = Variants(leg.linkage, {first: [value * (1 + change) for change in changes]})
+    name = next(iter(leg.linkage.dimensions))
+    number = leg.linkage.dimensions[name]
+    variants = Variants(leg.linkage, {name: [number * (1 + change) for change in changes]})
     at = np.array([alpha, alpha + 1.0])
     # Of numba's kernels batch/test_velocities.py claims the same.
     poses = linkage_poses(variants, at, angles=True, points=True, kernel='numpy')
@@ -128,20 +130,23 @@ def test_velocity_and_acceleration_are_differences_of_poses(
     # Differences are off by a third derivative, which grows with a power of 1 / sine.
     pose = solved(leg, alpha, 0.2)
 
-    def at(time: float) -> Any:
+    def pose_at(time: float) -> Any:
         return solved(leg, alpha + rate * time + spin * time**2 / 2, 0.2)
 
-    before, after = at(-STEP), at(STEP)
+    earlier, later = pose_at(-STEP), pose_at(STEP)
     velocity, acceleration = leg.velocity(pose, rate), leg.acceleration(pose, rate, spin)
     scale = max(1.0, *map(abs, pose.coefficients)) ** 5
     np.testing.assert_allclose(
-        velocity.points, (after.points - before.points) / (2 * STEP), rtol=0, atol=1e-7 * scale
+        velocity.points, (later.points - earlier.points) / (2 * STEP), rtol=0, atol=1e-7 * scale
     )
-    first, last = leg.velocity(before, rate - spin * STEP), leg.velocity(after, rate + spin * STEP)
-    for part in ('points', 'joints', 'h'):
-        change = np.subtract(getattr(last, part), getattr(first, part)) / (2 * STEP)
-        found = getattr(acceleration, part)
-        np.testing.assert_allclose(found, change, rtol=1e-6, atol=1e-6 * scale)
+    first, last = (
+        leg.velocity(earlier, rate - spin * STEP),
+        leg.velocity(later, rate + spin * STEP),
+    )
+    for attribute in ('points', 'joints', 'h'):
+        change = np.subtract(getattr(last, attribute), getattr(first, attribute)) / (2 * STEP)
+        derivative = getattr(acceleration, attribute)
+        np.testing.assert_allclose(derivative, change, rtol=1e-6, atol=1e-6 * scale)
     assert velocity.joints[0] == rate
     assert acceleration.joints[0] == spin
 
@@ -153,11 +158,11 @@ def test_in_motion_no_bar_changes_its_length_and_the_pivots_rest(
 ) -> None:
     pose, structure = solved(leg, alpha), leg.linkage.structure
     acceleration = leg.acceleration(pose, rate, change)
-    velocity, still = acceleration.velocity, [*map(structure.points.index, structure.pivots)]
-    for moving in (velocity, acceleration):
-        limit = 1e-13 * (1.0 + np.abs(moving.points).max())
-        np.testing.assert_allclose(moving.points[leg.linkage.foot], moving.h, rtol=0, atol=limit)
-        assert not moving.points[still].any()
+    velocity, pivots = acceleration.velocity, [*map(structure.points.index, structure.pivots)]
+    for motion in (velocity, acceleration):
+        limit = 1e-13 * (1.0 + np.abs(motion.points).max())
+        np.testing.assert_allclose(motion.points[leg.linkage.foot], motion.h, rtol=0, atol=limit)
+        assert not motion.points[pivots].any()
     p, v, a = pose.points, velocity.points, acceleration.points
     scale = 1e-12 * (1.0 + abs(v).max() ** 2 + abs(a).max())
     for number, (_, bar) in enumerate(structure.bars):
@@ -239,8 +244,8 @@ def test_invalid_rates_and_forces_are_refused(
 
 def turned_about(linkage: Linkage) -> Linkage:
     """Return it with every angle but the crank's measured the other way round."""
-    crank, *others = linkage.structure.bodies
-    bodies = (crank, *(body._replace(clockwise=not body.clockwise) for body in others))
+    crank, *driven = linkage.structure.bodies
+    bodies = (crank, *(body._replace(clockwise=not body.clockwise) for body in driven))
     structure = replace(linkage.structure, bodies=bodies)
     start = None
     if linkage.start_guess is not None:
@@ -270,21 +275,23 @@ def test_a_similar_linkage_moves_alike(
     alpha: float,
 ) -> None:
     pose = solved(leg, alpha, 0.1)
-    other = leg_of(change(leg.linkage))
-    like = solved(other, crank * alpha, 0.09)
+    similar_leg = leg_of(change(leg.linkage))
+    similar_pose = solved(similar_leg, crank * alpha, 0.09)
     motion = leg.acceleration(pose, 2.0, 3.0)
-    alike = other.acceleration(like, crank * 2.0, crank * 3.0)
+    similar_motion = similar_leg.acceleration(similar_pose, crank * 2.0, crank * 3.0)
     factor = max(map(abs, points))
-    for one, two, digits in (
-        (pose.points, like.points, 1e-12),
-        (motion.velocity.points, alike.velocity.points, 1e-9),
-        (motion.points, alike.points, 1e-8),
+    for original, similar, digits in (
+        (pose.points, similar_pose.points, 1e-12),
+        (motion.velocity.points, similar_motion.velocity.points, 1e-9),
+        (motion.points, similar_motion.points, 1e-8),
     ):
-        limit = digits * factor * (1.0 + np.abs(one).max())
-        np.testing.assert_allclose(two, one * points, rtol=0, atol=limit)
+        limit = digits * factor * (1.0 + np.abs(original).max())
+        np.testing.assert_allclose(similar, original * points, rtol=0, atol=limit)
     if leg.linkage.is_dyadic:
         expected = np.multiply(pose.clearances, factor)
-        np.testing.assert_allclose(like.clearances, expected, rtol=1e-9, atol=1e-11 * factor)
+        np.testing.assert_allclose(
+            similar_pose.clearances, expected, rtol=1e-9, atol=1e-11 * factor
+        )
 
 
 # Where it has been, and where it can be.
@@ -300,11 +307,11 @@ def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
             expected = leg.closed_form(alpha)
         except KinematicsError as error:
             assume(getattr(error, 'shortfall', 1.0) > 1e-12)
-            before = leg.last
+            last_pose = leg.last
             with pytest.raises(type(error)) as caught:
                 leg.solve(alpha)
             assert caught.value.args == error.args
-            assert leg.last is before
+            assert leg.last is last_pose
         else:
             # With the ends of a dyad together but for rounding, its links point anywhere.
             assume(min(expected.sines) > 1e-6 or min(expected.clearances) < 1e-9)
@@ -358,11 +365,11 @@ def test_the_singularity_is_at_the_ends_of_the_arcs(leg: AnyLeg) -> None:
 def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) -> None:
     # |BD| reaches its greatest length just where BC and DC are in line.
     stretched = KlannGeometry(l_bc=0.12 + math.hypot(0.35, 0.09) - 0.14 + 1e-16).linkage
-    for leg, at in (
+    for leg, alpha in (
         (leg_of(stretched), math.atan2(-0.09, 0.35) + math.pi + 1e-9),
         (leg_of(KNOWN['crank-rocker'].linkage.varied({'coupler': 0.18, 'rocker': 0.08})), 0.0),
     ):
-        pose = getattr(leg, method)(at)
+        pose = getattr(leg, method)(alpha)
         for motion, arguments in (
             (leg.velocity, (1.0,)),
             (leg.acceleration, (1.0, 0.0)),
@@ -372,7 +379,7 @@ def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) 
             with pytest.raises(SingularPoseError, match='is singular'):
                 motion(pose, *arguments)
         # The next solve does without its tangent.
-        assert leg.solve(at + 0.1).iterations > 0
+        assert leg.solve(alpha + 0.1).iterations > 0
 
 
 # Objects.
@@ -404,15 +411,15 @@ def test_a_pose_of_another_linkage_is_refused_and_one_of_an_equal_one_is_not() -
     ):
         with pytest.raises(ValueError, match=r"another linkage, 'Jansen leg' with m, j, b"):
             ask()
-    own, equal = klann.solve(1.0), fresh('sem104').solve(1.0)
-    assert klann.velocity(equal, 1.0).h == klann.velocity(own, 1.0).h
+    klann_pose, equal_pose = klann.solve(1.0), fresh('sem104').solve(1.0)
+    assert klann.velocity(equal_pose, 1.0).h == klann.velocity(klann_pose, 1.0).h
 
 
 @pytest.mark.parametrize('name', NAMES)
 def test_a_pose_and_its_motion_are_shown_in_a_line(name: str) -> None:
     leg = fresh(name)
     pose = leg.closed_form(leg.reachable_arcs()[0][0] + 0.5)
-    for shown in (repr(pose), repr(leg.velocity(pose, 1.0))):
-        assert len(shown) < 300
-        assert all(f'{joint}=' in shown for joint in leg.joint_names)
-        assert 'h=(' in shown
+    for line in (repr(pose), repr(leg.velocity(pose, 1.0))):
+        assert len(line) < 300
+        assert all(f'{joint}=' in line for joint in leg.joint_names)
+        assert 'h=(' in line

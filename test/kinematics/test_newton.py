@@ -188,9 +188,9 @@ def test_it_stops_at_the_first_small_correction(tolerance: float) -> None:
     run = leg.iterations(ALPHA, guess, tolerance=tolerance)
     small = np.abs(run.corrections).max(axis=1) <= tolerance
     assert small.tolist() == [False] * (len(small) - 1) + [True]
-    both = leg.iterations(ALPHA, guess, tolerance=tolerance, residual=1e-12)
-    assert len(both.x) >= len(run.x)
-    assert both.residuals[-1] < 1e-12
+    closed_run = leg.iterations(ALPHA, guess, tolerance=tolerance, residual=1e-12)
+    assert len(closed_run.x) >= len(run.x)
+    assert closed_run.residuals[-1] < 1e-12
 
 
 @pytest.mark.parametrize('name', ['tolerance', 'residual'])

@@ -27,9 +27,9 @@ def test_it_finds_a_root_of_any_odd_order(
         return math.copysign(abs(t - zero) ** (2 * odd + 1) * math.exp(t), t - zero)
 
     ends = [(t, function(t)) for t in (zero - left, zero + right)]
-    found = root(function, *ends)
+    crossing = root(function, *ends)
     # Near its root the function may underflow to 0.
-    assert abs(found - zero) <= 1e-14 * (1.0 + abs(zero)) or function(found) == 0.0
+    assert abs(crossing - zero) <= 1e-14 * (1.0 + abs(zero)) or function(crossing) == 0.0
     assert len(calls) < MAX_CALLS
     assert all(ends[0][0] <= t <= ends[1][0] for t in calls)
 
@@ -61,58 +61,58 @@ def test_a_root_may_be_anything_with_a_change_of_sign(function: Any, expected: A
     assert root(function, (0.0, function(0.0)), (1.0, function(1.0))) == expected
 
 
-def falling(which: np.ndarray, at: np.ndarray) -> np.ndarray:
+def falling(indices: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return functions negative beyond ENDS: smooth, steep, a jump, one that ends, a root."""
-    end = ENDS[which]
+    end = ENDS[indices]
     with np.errstate(invalid='ignore'):
-        values = [
-            end - at**3 / end**2,
-            np.tanh(50.0 * (end - at)),
-            np.where(at <= end, 1.0, -1.0),
-            np.where(at <= end, 0.3, -np.inf),
-            np.sqrt(end - at),
+        shapes = [
+            end - t**3 / end**2,
+            np.tanh(50.0 * (end - t)),
+            np.where(t <= end, 1.0, -1.0),
+            np.where(t <= end, 0.3, -np.inf),
+            np.sqrt(end - t),
         ]
-    return np.choose(which, values)
+    return np.choose(indices, shapes)
 
 
 def test_the_last_nonnegative_argument_is_found_to_rounding() -> None:
-    found = last_nonnegative(falling, np.zeros(5), np.ones(5))
-    assert found == pytest.approx(ENDS, rel=4e-16, abs=2e-16)
-    assert (np.nan_to_num(falling(np.arange(5), found), nan=-1.0) >= 0.0).all()
+    last_arguments = last_nonnegative(falling, np.zeros(5), np.ones(5))
+    assert last_arguments == pytest.approx(ENDS, rel=4e-16, abs=2e-16)
+    assert (np.nan_to_num(falling(np.arange(5), last_arguments), nan=-1.0) >= 0.0).all()
 
 
 def test_many_smooth_functions_take_few_calls() -> None:
     calls = []
 
-    def function(which: np.ndarray, at: np.ndarray) -> np.ndarray:
-        calls.append(len(which))
-        return np.cos(at) - at * (1.0 + which)
+    def function(indices: np.ndarray, t: np.ndarray) -> np.ndarray:
+        calls.append(len(indices))
+        return np.cos(t) - t * (1.0 + indices)
 
     last_nonnegative(function, np.zeros(3), np.ones(3))
     assert sum(calls) < 3 * 15
 
 
 def test_a_function_negative_at_its_start_ends_there() -> None:
-    assert last_nonnegative(lambda _, at: -1.0 - at, np.zeros(1), np.ones(1)).tolist() == [0.0]
+    assert last_nonnegative(lambda _, t: -1.0 - t, np.zeros(1), np.ones(1)).tolist() == [0.0]
 
 
 def test_minima_of_every_shape_are_found() -> None:
     places = np.array([0.31, -0.77, 0.05, 0.999, 0.5])
 
-    def function(which: np.ndarray, at: np.ndarray) -> np.ndarray:
-        x, k = at - places[which, None], which[:, None]
+    def function(indices: np.ndarray, arguments: np.ndarray) -> np.ndarray:
+        x, k = arguments - places[indices, None], indices[:, None]
         shapes = [x**2, np.abs(x), np.sqrt(np.abs(x)), np.expm1(x) - x, x**4 + np.maximum(x, 0.0)]
         return np.choose(k, shapes)
 
-    at, least = minimum_near(function, np.zeros(5), 1.0, np.full(5, 1e-16))
-    assert at == pytest.approx(places, abs=1e-3)
-    assert least == pytest.approx(0.0, abs=3e-4)
-    assert least[[0, 3, 4]] == pytest.approx(0.0, abs=1e-14)
-    assert least[1] == pytest.approx(0.0, abs=1e-8)
+    arguments, minima = minimum_near(function, np.zeros(5), 1.0, np.full(5, 1e-16))
+    assert arguments == pytest.approx(places, abs=1e-3)
+    assert minima == pytest.approx(0.0, abs=3e-4)
+    assert minima[[0, 3, 4]] == pytest.approx(0.0, abs=1e-14)
+    assert minima[1] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_function_without_values_has_no_minimum() -> None:
-    _, least = minimum_near(
-        lambda _, at: np.full(at.shape, np.nan), np.zeros(2), 1.0, np.full(2, 1e-16)
+    _, minima = minimum_near(
+        lambda _, t: np.full(t.shape, np.nan), np.zeros(2), 1.0, np.full(2, 1e-16)
     )
-    assert least.tolist() == [np.inf, np.inf]
+    assert minima.tolist() == [np.inf, np.inf]

@@ -141,14 +141,14 @@ B_AT_170 = 0.12 * math.cos(math.radians(170.0)), 0.09 + 0.12 * math.sin(math.rad
 def test_an_unreachable_angle_has_its_shortfall_and_leaves_the_last_pose(
     leg: AnyLeg, degrees: float, names: tuple[str, ...], shortfall: float, text: str
 ) -> None:
-    before, alpha = leg.solve(1.0), math.radians(degrees)
+    last_pose, alpha = leg.solve(1.0), math.radians(degrees)
     with pytest.raises(UnreachableError, match=text) as caught:
         leg.solve(alpha)
     error = caught.value
     assert (error.alpha, error.dyad, error.stretched) == (alpha, 1, 'further' in text)
     assert error.names == names
     assert error.shortfall == pytest.approx(shortfall, abs=1e-15)
-    assert leg.last is before
+    assert leg.last is last_pose
 
 
 def test_the_second_dyad_is_named_too() -> None:
@@ -273,11 +273,11 @@ def test_an_invalid_angle_is_refused_and_changes_nothing(
     make: Make, method: str, value: object
 ) -> None:
     leg = make()
-    before = leg.solve(1.0)
+    last_pose = leg.solve(1.0)
     with pytest.raises(CrankAngleError, match='finite and within') as caught:
         getattr(leg, method)(value)
     assert caught.value.alpha is value
-    assert leg.last is before
+    assert leg.last is last_pose
 
 
 @for_both

@@ -37,7 +37,9 @@ def test_a_leg_is_drawn_with_its_joints_and_keeps_its_pose(name: str) -> None:
     # The next solution starts from the leg's own last pose.
     assert leg.solve(pose.crank_angle) == pose
     assert len(list(moving.iter(SVG + 'circle'))) == len(circles)
-    assert {len(each.attrib['values'].split(';')) for each in moving.iter(SVG + 'animate')} in (
+    assert {
+        len(animation.attrib['values'].split(';')) for animation in moving.iter(SVG + 'animate')
+    } in (
         {91},
         {182},
     )

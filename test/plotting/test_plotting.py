@@ -92,19 +92,19 @@ def test_a_pin_joins_bodies_and_a_point_does_not() -> None:
 @pytest.mark.parametrize('linkage', every_linkage(), ids=lambda linkage: linkage.name)
 def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
     pose = LinkageLeg(linkage).closed_form(linkage.start[0])
-    drawn = PoseDrawing.of(pose)
-    for name, at in drawn.points.items():
-        side = np.array(drawn.free_side(name))
-        for body in drawn.bodies:
+    drawing = PoseDrawing.of(pose)
+    for name, point in drawing.points.items():
+        side = np.array(drawing.free_side(name))
+        for body in drawing.bodies:
             for bar in body.bars:
                 if name in bar:
-                    other = drawn.points[bar[1] if bar[0] == name else bar[0]]
-                    along = (other - at) / np.hypot(*(other - at))
+                    end = drawing.points[bar[1] if bar[0] == name else bar[0]]
+                    along = (end - point) / np.hypot(*(end - point))
                     assert side @ along < math.cos(math.radians(30.0)), (name, bar)
 
 
 @pytest.mark.parametrize(
-    'given',
+    'linkage',
     [
         KlannGeometry.sem104(),
         KlannGeometry.sem104().linkage,
@@ -113,16 +113,16 @@ def test_no_letter_is_on_a_bar(linkage: Linkage) -> None:
         FourBar(0.18, 0.08, 0.2, 0.15).geometry,
         LinkageLeg(shipped_linkage('stephenson')),
     ],
-    ids=lambda given: type(given).__name__,
+    ids=lambda linkage: type(linkage).__name__,
 )
-def test_a_linkage_a_geometry_or_a_leg_is_drawn(given: object) -> None:
+def test_a_linkage_a_geometry_or_a_leg_is_drawn(linkage: object) -> None:
     for ax in (
-        plotting.plot_pose(given, 1.0, ax=new_axes()),
-        plotting.plot_foot_path(given, ax=new_axes()),
+        plotting.plot_pose(linkage, 1.0, ax=new_axes()),
+        plotting.plot_foot_path(linkage, ax=new_axes()),
     ):
         assert ax.get_aspect() == 1
         assert (ax.get_xlabel(), ax.get_ylabel()) == ('x / m', 'y / m')
-    assert plotting.plot_turn(given, ax=new_axes()).lines
+    assert plotting.plot_turn(linkage, ax=new_axes()).lines
 
 
 @pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry])
@@ -192,32 +192,32 @@ QUANTITIES: dict[str, tuple[Callable[[LinkagePose], Sequence[float]], str]] = {
 
 
 @pytest.mark.parametrize(
-    ('leg', 'what'),
+    ('leg', 'quantity'),
     [
-        *((PATENT, what) for what in ('angles', 'distances')),
-        *((JANSEN, what) for what in ('transmission', 'condition', 'foot')),
-        *((leg, what) for leg in SLIDING for what in ('angles', 'distances')),
+        *((PATENT, quantity) for quantity in ('angles', 'distances')),
+        *((JANSEN, quantity) for quantity in ('transmission', 'condition', 'foot')),
+        *((leg, quantity) for leg in SLIDING for quantity in ('angles', 'distances')),
     ],
     ids=lambda value: value if isinstance(value, str) else value.linkage.name,
 )
-def test_a_turn_shows_a_quantity_of_the_poses(leg: AnyLeg, what: str) -> None:
-    values, unit = QUANTITIES[what]
-    if not values(leg.solve(1.0)):
-        with pytest.raises(ValueError, match=f'the linkage has no {what}'):
-            plotting.plot_turn(leg, what, ax=new_axes())
+def test_a_turn_shows_a_quantity_of_the_poses(leg: AnyLeg, quantity: str) -> None:
+    numbers, unit = QUANTITIES[quantity]
+    if not numbers(leg.solve(1.0)):
+        with pytest.raises(ValueError, match=f'the linkage has no {quantity}'):
+            plotting.plot_turn(leg, quantity, ax=new_axes())
         return
-    ax = plotting.plot_turn(leg, what, ax=new_axes())
+    ax = plotting.plot_turn(leg, quantity, ax=new_axes())
     assert ax.get_ylabel().endswith(unit)
     assert ax.get_xlim() == (0.0, 360.0)
     for k, line in enumerate(ax.lines):
-        alphas, shown = line.get_xydata()[::40].T
-        expected = [values(leg.closed_form(math.radians(alpha)))[k] for alpha in alphas]
+        alphas, curve = line.get_xydata()[::40].T
+        expected = [numbers(leg.closed_form(math.radians(alpha)))[k] for alpha in alphas]
         if unit == ' / °':
             assert np.abs(np.diff(line.get_ydata())).max() < 6.0
-            apart = np.remainder(np.radians(shown) - expected + np.pi, 2 * np.pi) - np.pi
-            assert np.abs(apart).max() < 1e-12
+            difference = np.remainder(np.radians(curve) - expected + np.pi, 2 * np.pi) - np.pi
+            assert np.abs(difference).max() < 1e-12
         else:
-            assert shown == pytest.approx(expected, rel=1e-12, abs=1e-12)
+            assert curve == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_a_crank_that_does_not_turn_fully_has_its_arc() -> None:
@@ -237,12 +237,12 @@ def test_convergence_is_that_of_newtons_iterates() -> None:
         'corrections': (corrections[:, :2].max(axis=1), corrections[:, 2:].max(axis=1)),
         'residuals': (np.hypot(f[:, 0], f[:, 1]), np.hypot(f[:, 2], f[:, 3])),
     }
-    for what, (first, second) in expected.items():
-        ax = plotting.plot_convergence(leg, ALPHA, GUESS, what, ax=new_axes())
-        for line, values in zip(ax.lines, (first, second), strict=True):
-            k, seen = line.get_xydata().T
-            np.testing.assert_array_equal(k, 1 + np.arange(len(values)))
-            np.testing.assert_allclose(np.nan_to_num(seen), values, rtol=1e-12)
+    for measure, (first, second) in expected.items():
+        ax = plotting.plot_convergence(leg, ALPHA, GUESS, measure, ax=new_axes())
+        for line, expected_curve in zip(ax.lines, (first, second), strict=True):
+            k, curve = line.get_xydata().T
+            np.testing.assert_array_equal(k, 1 + np.arange(len(expected_curve)))
+            np.testing.assert_allclose(np.nan_to_num(curve), expected_curve, rtol=1e-12)
         assert ax.get_yscale() == 'log'
 
 
@@ -264,7 +264,7 @@ def test_a_frame_of_an_animation_is_its_pose() -> None:
         pose = leg.closed_form(frame * math.tau / 8)
         points = dict(zip(leg.linkage.structure.points, pose.points, strict=True))
         assert {t.get_text(): tuple(t.xy) for t in ax.texts} == {
-            name: tuple(at) for name, at in points.items()
+            name: tuple(point) for name, point in points.items()
         }
         joints = [line.get_xydata() for line in ax.lines if line.get_linestyle() == 'None']
         assert sorted(map(tuple, np.vstack(joints))) == sorted(map(tuple, pose.points))

@@ -19,14 +19,14 @@ def test_positions_are_the_printed_ones(example: dict[str, Any]) -> None:
     for theta_2, theta_4, theta_3 in example['rows']:
         modes = (FourBar(*example['lengths'], mode) for mode in (1, -1))
         poses = [mode.closed_form(math.radians(theta_2 - ground)) for mode in modes]
-        away = [
+        errors = [
             max(
-                abs(math.remainder(math.degrees(found) + ground - printed, 360.0))
-                for found, printed in ((pose.theta3, theta_3), (pose.theta4, theta_4))
+                abs(math.remainder(math.degrees(angle) + ground - printed, 360.0))
+                for angle, printed in ((pose.theta3, theta_3), (pose.theta4, theta_4))
             )
             for pose in poses
         ]
-        assert min(away) <= example['tolerance']
+        assert min(errors) <= example['tolerance']
 
 
 @pytest.mark.parametrize('example', PRINTED['rocker-positions'], ids=lambda each: each['source'])
@@ -35,11 +35,11 @@ def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]
     printed = np.array(example['cosines_of_theta_4'] + example['cosines_of_theta_2'])
     assert np.abs(np.cos([*theta_4, *theta_2]) - printed).max() < 6e-4
     assert np.abs(np.cos(theta_2 - theta_4) - example['cosines_of_differences']).max() < 3e-4
-    (found,) = function_generators(
+    (linkage,) = function_generators(
         theta_2, theta_4, input_start=0.0, output_start=0.0, ground=example['ground']
     )
-    assert found.is_sound
-    assert found.geometry.lengths[1:] == pytest.approx(
+    assert linkage.is_sound
+    assert linkage.geometry.lengths[1:] == pytest.approx(
         example['lengths'], rel=example['tolerance']
     )
     # Freudenstein's equation holds to rounding.
@@ -48,17 +48,21 @@ def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]
     assert np.allclose(left, np.cos(theta_2 - theta_4), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize('example', PRINTED['velocities'], ids=lambda each: each['source'][:30])
+@pytest.mark.parametrize(
+    'example', PRINTED['velocities'], ids=lambda four_bar: four_bar['source'][:30]
+)
 def test_velocities_are_the_printed_ones(example: dict[str, Any]) -> None:
     x, y = example['pivot']
     ground = math.atan2(y, x)
     bars = [FourBar(math.hypot(x, y), *example['bars'], assembly) for assembly in (1, -1)]
     poses = [(bar, bar.closed_form(example['theta_2'] - ground)) for bar in bars]
-    each, pose = min(poses, key=lambda pair: abs(pair[1].theta3 + ground - example['theta_3']))
-    moving = each.velocity(pose, example['omega_2'])
-    found = [pose.theta3 + ground, pose.theta4 + ground, moving.theta3, moving.theta4]
+    four_bar, pose = min(
+        poses, key=lambda bar_and_pose: abs(bar_and_pose[1].theta3 + ground - example['theta_3'])
+    )
+    moving = four_bar.velocity(pose, example['omega_2'])
+    motion = [pose.theta3 + ground, pose.theta4 + ground, moving.theta3, moving.theta4]
     printed = [example[name] for name in ('theta_3', 'theta_4', 'omega_3', 'omega_4')]
-    assert found == pytest.approx(printed, rel=0, abs=6e-5)
+    assert motion == pytest.approx(printed, rel=0, abs=6e-5)
 
 
 ARM = """
@@ -81,17 +85,17 @@ def test_quick_returns_move_as_printed(example: dict[str, Any]) -> None:
     leg = LinkageLeg(linkage_from_text(ARM, 'arm'))
     rate = example['speed'] * 2.0 * math.pi / 60.0
     pose = leg.closed_form(math.radians(example['theta_2']))
-    moving = leg.velocity(pose, rate)
-    changing = leg.acceleration(pose, rate, 0.0)
-    found = {
+    velocity = leg.velocity(pose, rate)
+    acceleration = leg.acceleration(pose, rate, 0.0)
+    computed = {
         'arm': math.degrees(pose.x[0]),
         'F': pose.h,
-        'omega': moving.joints[1],
+        'omega': velocity.joints[1],
         # The program gives the velocity of the arm against the block.
-        'slide': -moving.joints[2],
-        'epsilon': changing.joints[1],
-        'v_F': moving.h,
-        'a_F': changing.h,
+        'slide': -velocity.joints[2],
+        'epsilon': acceleration.joints[1],
+        'v_F': velocity.h,
+        'a_F': acceleration.h,
     }
     for name, printed in example['printed'].items():
-        assert np.allclose(found[name], printed, rtol=0, atol=example['tolerance'][name]), name
+        assert np.allclose(computed[name], printed, rtol=0, atol=example['tolerance'][name]), name

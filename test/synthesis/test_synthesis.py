@@ -37,7 +37,9 @@ def tasks(count: int) -> st.SearchStrategy[tuple[PlacedFourBar, list[float]]]:
 
 def poses_of(linkage: PlacedFourBar, thetas: list[float]) -> list[PlanePose]:
     positions = [position_at(linkage, theta) for theta in thetas]
-    return [PlanePose(each.p, float(np.angle(each.b - each.a))) for each in positions]
+    return [
+        PlanePose(position.p, float(np.angle(position.b - position.a))) for position in positions
+    ]
 
 
 def rocker_angles(linkage: PlacedFourBar, thetas: list[float]) -> np.ndarray:
@@ -49,8 +51,8 @@ def rotations(linkage: PlacedFourBar) -> np.ndarray:
     return np.exp(1j * (np.array(linkage.thetas) - linkage.thetas[0]))
 
 
-def same(linkage: PlacedFourBar, other: PlacedFourBar) -> bool:
-    return bool(np.allclose(linkage.geometry.lengths, other.geometry.lengths, rtol=1e-5))
+def same(linkage: PlacedFourBar, generator: PlacedFourBar) -> bool:
+    return bool(np.allclose(linkage.geometry.lengths, generator.geometry.lengths, rtol=1e-5))
 
 
 @given(task=tasks(5))
@@ -76,9 +78,9 @@ def test_dyads_of_four_poses_are_bars_of_one_length(
         bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
         assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
     linkage, (first, second, *_) = task
-    found = dyads_of_rotation(poses, second - first)
+    dyads = dyads_of_rotation(poses, second - first)
     assert any(
-        abs(d.pivot - linkage.o2) + abs(d.pin - linkage.positions[0].a) < 1e-6 for d in found
+        abs(d.pivot - linkage.o2) + abs(d.pin - linkage.positions[0].a) < 1e-6 for d in dyads
     )
 
 
@@ -92,15 +94,15 @@ def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(
     try:
         by_pivots = [dyad_of_pivot(poses, pivot) for pivot in (linkage.o2, linkage.o4)]
         by_pins = [dyad_of_pin(poses, pin) for pin in (a, b)]
-        by_rotations = [dyad_of_rotations(poses, each) for each in turns]
+        by_rotations = [dyad_of_rotations(poses, angles_from_first) for angles_from_first in turns]
     except GeometryError:
         assume(False)
         raise
     for dyads in (by_pivots, by_pins, by_rotations):
-        found, reversed_one = motion_generators(poses, dyads)
-        assert same(found, linkage)
-        assert reversed_one.o2 == found.o4
-        assert np.allclose(rotations(found), np.exp(1j * (np.array(thetas) - thetas[0])))
+        generator, reversed_one = motion_generators(poses, dyads)
+        assert same(generator, linkage)
+        assert reversed_one.o2 == generator.o4
+        assert np.allclose(rotations(generator), np.exp(1j * (np.array(thetas) - thetas[0])))
 
 
 @given(task=tasks(5))
@@ -115,19 +117,19 @@ def test_function_generators_of_three_to_five_points_contain_their_origin(
     )
     four = function_generators(phi[:4], psi[:4] - psi[0], input_start=thetas[0], ground=ground)
     five = function_generators(phi, psi - psi[0], ground=ground)
-    for found in (three, four, five):
-        assert any(same(each, linkage) for each in found)
-        for each in found:
-            assert np.allclose(rotations(each), np.exp(1j * phi[: len(each.positions)]))
+    for generators in (three, four, five):
+        assert any(same(generator, linkage) for generator in generators)
+        for generator in generators:
+            assert np.allclose(rotations(generator), np.exp(1j * phi[: len(generator.positions)]))
 
 
 @given(task=tasks(4), flip=st.sampled_from([None, 1, 2, 3]))
 def test_a_linkage_is_sound_just_where_a_trace_of_its_motion_meets_the_positions_in_order(
     task: tuple[PlacedFourBar, list[float]], flip: int | None
 ) -> None:
-    whole = with_positions(*task, flip)
-    assert whole.defects.branch == (flip is not None)
-    assert whole.is_sound == is_traced(whole)
+    positioned = with_positions(*task, flip)
+    assert positioned.defects.branch == (flip is not None)
+    assert positioned.is_sound == is_traced(positioned)
 
 
 @given(task=tasks(4))
@@ -135,10 +137,10 @@ def test_circuits_are_the_components_of_the_reachable_poses(
     task: tuple[PlacedFourBar, list[float]],
 ) -> None:
     linkage, thetas = task
-    whole = with_positions(linkage, thetas)
+    positioned = with_positions(linkage, thetas)
     # In one assembly mode two poses are on one circuit where the crank leads between them.
-    apart = not all(is_joined(linkage, a, b) for a, b in pairwise(thetas))
-    assert whole.defects.circuit == apart
+    has_circuit_defect = not all(is_joined(linkage, a, b) for a, b in pairwise(thetas))
+    assert positioned.defects.circuit == has_circuit_defect
 
 
 @given(task=tasks(3))
@@ -147,13 +149,15 @@ def test_cognates_share_the_path_of_the_coupler_point(
 ) -> None:
     linkage, thetas = task
     assume(min(abs(linkage.coupler_vector), abs(1.0 - linkage.coupler_vector)) > 0.05)
-    whole = with_positions(linkage, thetas)
-    for cognate in whole.cognates():
+    positioned = with_positions(linkage, thetas)
+    for cognate in positioned.cognates():
         # Its own constructor has checked that all positions fit its bars.
-        assert [each.p for each in cognate.positions] == [each.p for each in whole.positions]
-    first, second = whole.cognates()
+        assert [position.p for position in cognate.positions] == [
+            position.p for position in positioned.positions
+        ]
+    first, second = positioned.cognates()
     assert first.o4 == second.o2
-    assert np.allclose(rotations(second), rotations(whole))
+    assert np.allclose(rotations(second), rotations(positioned))
 
 
 @given(task=tasks(1))
@@ -170,8 +174,12 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
     assert isclose(
         i_24.real, motion.theta4 * (i_24.real - linkage.o4.real), rel_tol=1e-7, abs_tol=1e-9
     )
-    for one, two, three in (('I12', 'I23', 'I13'), ('I14', 'I34', 'I13'), ('I23', 'I34', 'I24')):
-        a, b, c = centres[one], centres[two], centres[three]
+    for name_a, name_b, name_c in (
+        ('I12', 'I23', 'I13'),
+        ('I14', 'I34', 'I13'),
+        ('I23', 'I34', 'I24'),
+    ):
+        a, b, c = centres[name_a], centres[name_b], centres[name_c]
         assert abs(((b - a).conjugate() * (c - a)).imag) <= 1e-9 * abs(b - a) * (1 + abs(c - a))
 
 

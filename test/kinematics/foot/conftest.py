@@ -29,9 +29,9 @@ class CurveLeg:
         self._arcs = list(arcs)
 
     def solve(self, alpha: float) -> CurvePose:
-        whole = self._arcs == [(0.0, math.tau)]
+        is_turn = self._arcs == [(0.0, math.tau)]
         turns = (alpha, alpha + math.tau)
-        if not whole and not any(a <= turn <= b for a, b in self._arcs for turn in turns):
+        if not is_turn and not any(a <= turn <= b for a, b in self._arcs for turn in turns):
             raise UnreachableError(alpha, 1, 0.0, True, ('P', 'Q', 'PJ', 'QJ'))
         return CurvePose(alpha, self._curves[0](alpha))
 

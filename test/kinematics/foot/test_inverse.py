@@ -17,11 +17,11 @@ TURN = 2 * math.pi
 fractions = st.floats(0.0, 1.0)
 
 
-def reachable(leg: KlannLeg, where: float) -> float:
-    """Return the crank angle that is `where` (0 .. 1) of the way through all reachable arcs."""
+def reachable(leg: KlannLeg, progress: float) -> float:
+    """Return the crank angle that is `progress` (0 .. 1) of the way through all reachable arcs."""
     arcs = leg.reachable_arcs()
-    arc = min(int(where * len(arcs)), len(arcs) - 1)
-    share = where * len(arcs) - arc
+    arc = min(int(progress * len(arcs)), len(arcs) - 1)
+    share = progress * len(arcs) - arc
     start, end = arcs[arc]
     return start + (end - start) * (0.001 + 0.998 * share)
 
@@ -35,42 +35,42 @@ def test_0_and_a_turn_are_one_angle() -> None:
 
 
 @settings(max_examples=30)
-@given(geometry=legs(), where=fractions, axis=st.sampled_from([0, 1]))
+@given(geometry=legs(), progress=fractions, axis=st.sampled_from([0, 1]))
 def test_the_angles_of_a_foots_coordinate_hold_its_own_and_are_as_many_as_its_crossings(
-    geometry: KlannGeometry, where: float, axis: int
+    geometry: KlannGeometry, progress: float, axis: int
 ) -> None:
     leg = KlannLeg(geometry)
-    path, pose = foot_path(leg), leg.solve(reachable(leg, where))
-    value = pose.h[axis]
+    path, pose = foot_path(leg), leg.solve(reachable(leg, progress))
+    coordinate = pose.h[axis]
     assume(abs(leg.velocity(pose, 1.0).h[axis]) > 1e-3)
-    angles = (path.crank_angles_at_x, path.crank_angles_at_height)[axis](value)
+    angles = (path.crank_angles_at_x, path.crank_angles_at_height)[axis](coordinate)
     assert min(apart(angle, pose.alpha) for angle in angles) <= 1e-10
     assert angles == sorted(angles)
     assert all(0.0 <= angle < TURN for angle in angles)
     for angle in angles:
         # The last digit of a crank angle moves the foot that much.
-        there = leg.solve(angle)
-        limit = 1e-10 + 1e-14 / min(there.sines) ** 2
-        assert there.h[axis] == pytest.approx(value, abs=limit)
+        solution = leg.solve(angle)
+        limit = 1e-10 + 1e-14 / min(solution.sines) ** 2
+        assert solution.h[axis] == pytest.approx(coordinate, abs=limit)
     feet = klann_poses(geometry, np.arange(4001) * (TURN / 4000)).h[:, axis]
     # Not near an extreme, where samples cannot tell.
     inner = feet[1:-1]
     extremes = inner[(inner - feet[:-2]) * (feet[2:] - inner) <= 0.0]
-    if path.full_turn and abs(extremes - value).min(initial=1.0) > 1e-3:
-        assert len(angles) == np.count_nonzero((feet[1:] > value) != (feet[:-1] > value))
+    if path.full_turn and abs(extremes - coordinate).min(initial=1.0) > 1e-3:
+        assert len(angles) == np.count_nonzero((feet[1:] > coordinate) != (feet[:-1] > coordinate))
 
 
 @pytest.mark.parametrize('geometry', [*PRESETS, KlannGeometry(l_bc=0.33)])
 def test_an_extreme_gives_its_one_angle_and_none_beyond(geometry: KlannGeometry) -> None:
     leg = KlannLeg(geometry)
     path = foot_path(leg)
-    for axis, (ask, (least, greatest)) in enumerate(
+    for axis, (crank_angles_at, (low, high)) in enumerate(
         [(path.crank_angles_at_x, path.x_range), (path.crank_angles_at_height, path.y_range)]
     ):
-        for end in (least, greatest):
-            (angle,) = ask(end)
+        for end in (low, high):
+            (angle,) = crank_angles_at(end)
             assert leg.solve(angle).h[axis] == pytest.approx(end, abs=1e-15)
-        assert ask(least - 1e-12) == ask(greatest + 1e-12) == []
+        assert crank_angles_at(low - 1e-12) == crank_angles_at(high + 1e-12) == []
 
 
 def test_the_ends_of_an_arc_are_included() -> None:
@@ -118,12 +118,12 @@ def test_the_second_derivative_along_an_arc_is_the_slope_of_the_first(half_circl
 
 
 @settings(max_examples=20)
-@given(geometry=legs(), where=fractions, x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
+@given(geometry=legs(), progress=fractions, x=st.floats(-2.0, 2.0), y=st.floats(-2.0, 2.0))
 def test_the_nearest_angle_of_a_foot_is_its_own_and_no_sample_is_nearer_to_a_point(
-    geometry: KlannGeometry, where: float, x: float, y: float
+    geometry: KlannGeometry, progress: float, x: float, y: float
 ) -> None:
     leg = KlannLeg(geometry)
-    path, pose = foot_path(leg), leg.solve(reachable(leg, where))
+    path, pose = foot_path(leg), leg.solve(reachable(leg, progress))
     nearest = path.nearest_crank_angle((x, y))
     assert nearest.distance <= np.hypot(*(path.h - (x, y)).T).min() + 1e-12
     # Near the end of an arc the last digit of the angle counts.
@@ -132,10 +132,10 @@ def test_the_nearest_angle_of_a_foot_is_its_own_and_no_sample_is_nearer_to_a_poi
     assert math.dist(foot.h, (x, y)) == pytest.approx(nearest.distance, abs=limit)
     assume(min(pose.sines) > 1e-3)
     assume(math.hypot(*leg.velocity(pose, 1.0).h) > 1e-3)
-    own = path.nearest_crank_angle(pose.h)
-    assert own.distance <= 1e-12
-    assert min(apart(tie, pose.alpha) for tie in own.ties) <= 1e-9
-    assert own.alpha == own.ties[0]
+    at_foot = path.nearest_crank_angle(pose.h)
+    assert at_foot.distance <= 1e-12
+    assert min(apart(tie, pose.alpha) for tie in at_foot.ties) <= 1e-9
+    assert at_foot.alpha == at_foot.ties[0]
 
 
 def test_all_ties_are_returned(ellipse: Callable[[float, float], Any]) -> None:

@@ -42,12 +42,12 @@ def test_the_figures_do_not_depend_on_the_samples(geometry: KlannGeometry) -> No
 def test_no_pose_is_outside_the_ranges(geometry: KlannGeometry) -> None:
     path, leg = path_of(geometry), KlannLeg(geometry)
     feet = np.array([leg.solve(k * math.pi / 5000).h for k in range(10000)])
-    for values, (least, greatest) in zip(feet.T, (path.x_range, path.y_range), strict=True):
-        assert least <= values.min() + 1e-14
-        assert values.max() - 1e-14 <= greatest
+    for coordinates, (low, high) in zip(feet.T, (path.x_range, path.y_range), strict=True):
+        assert low <= coordinates.min() + 1e-14
+        assert coordinates.max() - 1e-14 <= high
         # The parabola at an extreme leaves 1e-7 between samples as dense.
-        assert least == pytest.approx(values.min(), abs=1e-6)
-        assert greatest == pytest.approx(values.max(), abs=1e-6)
+        assert low == pytest.approx(coordinates.min(), abs=1e-6)
+        assert high == pytest.approx(coordinates.max(), abs=1e-6)
 
 
 def test_the_samples_are_the_legs_own_poses() -> None:
@@ -72,9 +72,9 @@ def test_a_full_turn_closes(geometry: KlannGeometry) -> None:
 
 def test_the_users_leg_keeps_its_last_pose() -> None:
     leg = KlannLeg()
-    before = leg.solve(1.0)
+    last_pose = leg.solve(1.0)
     foot_path(leg).crank_angles_at_x(0.6)
-    assert leg.last is before
+    assert leg.last is last_pose
 
 
 def test_a_path_is_frozen() -> None:
@@ -93,14 +93,16 @@ def test_a_scaled_leg_has_a_scaled_path_and_a_mirrored_one_a_mirrored_path(
 ) -> None:
     path, scaled = path_of(geometry), path_of(geometry.scaled(factor))
     # Where an arc ends its own last digit moves the foot.
-    near = 1e-9 if path.full_turn else 1e-5
-    assert scaled.stride == pytest.approx(factor * path.stride, rel=near, abs=near * factor)
-    assert scaled.lift == pytest.approx(factor * path.lift, rel=near, abs=near * factor)
-    other = path_of(geometry.mirrored())
-    assert other.x_range == pytest.approx(path.x_range, abs=near)
-    assert other.y_range == pytest.approx((-path.y_range[1], -path.y_range[0]), abs=near)
+    tolerance = 1e-9 if path.full_turn else 1e-5
+    assert scaled.stride == pytest.approx(
+        factor * path.stride, rel=tolerance, abs=tolerance * factor
+    )
+    assert scaled.lift == pytest.approx(factor * path.lift, rel=tolerance, abs=tolerance * factor)
+    mirrored = path_of(geometry.mirrored())
+    assert mirrored.x_range == pytest.approx(path.x_range, abs=tolerance)
+    assert mirrored.y_range == pytest.approx((-path.y_range[1], -path.y_range[0]), abs=tolerance)
     # Mirrored once in the plane and once by the crank's sense.
-    assert other.area == pytest.approx(path.area, rel=1e-6, abs=1e-9, nan_ok=True)
+    assert mirrored.area == pytest.approx(path.area, rel=1e-6, abs=1e-9, nan_ok=True)
 
 
 def test_part_of_a_turn_is_an_open_path_with_its_ends() -> None:
@@ -314,13 +316,13 @@ def test_a_body_point_is_placed_by_its_first_bar_and_side(
 
 def test_a_linkage_with_a_point_more_is_the_same_otherwise() -> None:
     linkage = KlannGeometry().linkage
-    more = linkage.with_coupler_point('gamma', 0.1, 0.2, 'Q')
-    assert more.structure.points == (*linkage.structure.points, 'Q')
-    assert list(more.dimensions.items())[: len(linkage.dimensions)] == [
+    longer = linkage.with_coupler_point('gamma', 0.1, 0.2, 'Q')
+    assert longer.structure.points == (*linkage.structure.points, 'Q')
+    assert list(longer.dimensions.items())[: len(linkage.dimensions)] == [
         *linkage.dimensions.items()
     ]
-    own, other = LinkageLeg(linkage).solve(1.0), LinkageLeg(more).solve(1.0)
-    assert other.x == pytest.approx(own.x, abs=1e-15)
-    np.testing.assert_allclose(other.points[:-1], own.points, rtol=0, atol=1e-15)
-    assert more.varied({'l_bc': 0.36}).mirrored().scaled(2.0).structure.foot == 'Q'
-    assert LinkageLeg(linkage.with_foot('G')).solve(1.0).h == pytest.approx(own.points[6])
+    pose, longer_pose = LinkageLeg(linkage).solve(1.0), LinkageLeg(longer).solve(1.0)
+    assert longer_pose.x == pytest.approx(pose.x, abs=1e-15)
+    np.testing.assert_allclose(longer_pose.points[:-1], pose.points, rtol=0, atol=1e-15)
+    assert longer.varied({'l_bc': 0.36}).mirrored().scaled(2.0).structure.foot == 'Q'
+    assert LinkageLeg(linkage.with_foot('G')).solve(1.0).h == pytest.approx(pose.points[6])

@@ -25,19 +25,19 @@ SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
 def test_contacts_that_meet_at_the_start_of_the_turn_are_one(holds: bool) -> None:
     (track,) = foot_path(KlannLeg())._tracks
     first = _Contact(track, 0.2, 0.5, -1, holds)
-    other = _Contact(track, 1.0, 1.5, -1, holds_lowest=False)
+    separate = _Contact(track, 1.0, 1.5, -1, holds_lowest=False)
     last = _Contact(track, 3.0, 0.2 + math.pi, -1, not holds)
-    whole = _Contact(track, 3.0, 0.5 + math.pi, -1, holds_lowest=True)
-    assert _join_adjacent([first, other, last]) == [other, whole]
+    joined = _Contact(track, 3.0, 0.5 + math.pi, -1, holds_lowest=True)
+    assert _join_adjacent([first, separate, last]) == [separate, joined]
 
 
-def peaucellier(turned: float) -> LinkageLeg:
+def peaucellier(rotation: float) -> LinkageLeg:
     """Return a leg whose foot D draws an exact straight line, at 90 deg to where Q is from O."""
-    q = [0.1 * math.cos(math.radians(turned)), 0.1 * math.sin(math.radians(turned))]
+    q = [0.1 * math.cos(math.radians(rotation)), 0.1 * math.sin(math.radians(rotation))]
     bars = {'c': 'QC', 'oa': 'OA', 'ob': 'OB', 'ac': 'AC', 'bc': 'BC', 'ad': 'AD', 'bd': 'BD'}
     lengths = {'c': 0.1, 'oa': 0.3, 'ob': 0.3}
     drawn = {'c': 0, 'oa': 23, 'ob': -23, 'ac': 230, 'bc': 130, 'ad': -45, 'bd': 45}
-    start = {name: angle + turned for name, angle in drawn.items()}
+    start = {name: angle + rotation for name, angle in drawn.items()}
     bodies = [
         f'  {name}: {{bars: [{{from: {p}, to: {r}, length: {lengths.get(name, 0.12)}}}]}}\n'
         for name, (p, r) in bars.items()
@@ -112,8 +112,8 @@ def test_on_the_ground_the_foot_is_in_the_band_and_moves_backwards(
             x_1 = leg.velocity(pose, 1.0).h[0]
             down = pose.h[1] - path.y_range[0] <= ground and x_1 < 0.0
             within = any(
-                one.start <= angle <= one.end
-                for one in stances
+                stance.start <= angle <= stance.end
+                for stance in stances
                 for angle in (pose.alpha, pose.alpha + 2 * math.pi)
             )
             assert within is down

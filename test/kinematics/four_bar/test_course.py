@@ -44,12 +44,12 @@ def test_the_linkage_has_the_courses_equations_turned_about(
     bar: FourBar, theta2: float, x: tuple[float, float]
 ) -> None:
     linkage, geometry = bar.linkage, bar.geometry
-    for found, expected in (
+    for computed, expected in (
         (linkage.f(theta2, x), -equations.f(geometry, theta2, x)),
         (linkage.phi(theta2, x), -equations.phi(geometry, x)),
         (linkage.points(theta2, x)[:2], equations.points(geometry, theta2, x)[:2]),
     ):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=4e-14)
+        np.testing.assert_allclose(computed, expected, rtol=0, atol=4e-14)
 
 
 @untimed
@@ -62,9 +62,9 @@ def test_driven_backwards_by_its_rocker_it_is_the_same_linkage(
     assume(abs(sine) > 0.05)
     ground, crank, coupler, rocker = bar.geometry.lengths
     reverse = FourBar(ground, rocker, coupler, crank, 1 if sine > 0 else -1)
-    other = reverse.solve(math.pi - pose.theta4)
-    assert apart(math.pi - other.theta4, theta2) <= 1e-10
-    assert apart(-other.theta3, pose.theta3) <= 1e-10
+    reverse_pose = reverse.solve(math.pi - pose.theta4)
+    assert apart(math.pi - reverse_pose.theta4, theta2) <= 1e-10
+    assert apart(-reverse_pose.theta3, pose.theta3) <= 1e-10
 
 
 @untimed
@@ -97,18 +97,18 @@ def test_the_table_equals_the_single_poses(bar: FourBar) -> None:
     theta2 = np.radians(np.arange(0.0, 360.0, 15.0)).reshape(4, 6)
     table = bar.table(theta2)
     for index, angle in np.ndenumerate(theta2):
-        row = [
+        table_row = [
             float(getattr(table, name)[index])
             for name in ('theta3', 'theta4', 'alpha', 'beta', 'z', 'transmission_angle')
         ]
-        if math.isnan(row[0]):
-            assert np.isnan([*row, table.mechanical_advantage[index]]).all()
+        if math.isnan(table_row[0]):
+            assert np.isnan([*table_row, table.mechanical_advantage[index]]).all()
             with pytest.raises(Exception, match='cannot be reached'):
                 bar.solve(angle)
             continue
         pose = bar.closed_form(angle)
-        own = [pose.theta3, pose.theta4, pose.alpha, pose.beta, pose.z, pose.transmission_angle]
-        assert row == pytest.approx(own, abs=1e-7)
+        angles = [pose.theta3, pose.theta4, pose.alpha, pose.beta, pose.z, pose.transmission_angle]
+        assert table_row == pytest.approx(angles, abs=1e-7)
         assert float(table.mechanical_advantage[index]) == pytest.approx(
             bar.mechanical_advantage(angle), rel=1e-6, nan_ok=True
         )
@@ -151,14 +151,14 @@ def test_it_keeps_its_digits_near_the_ends() -> None:
 @given(bar=four_bars())
 def test_the_extremes_are_the_extremes(bar: FourBar) -> None:
     extremes = bar.transmission_extremes
-    found = []
+    transmission_angles = []
     for start, end in bar.reachable_arcs():
         angles = [start + (end - start) * k / 100 for k in range(101)]
-        found += [bar.transmission_angle(theta2) for theta2 in angles]
-    assert extremes.least <= min(found) + 1e-7
-    assert extremes.greatest >= max(found) - 1e-7
-    assert extremes.least == pytest.approx(min(found), abs=2e-2)
-    assert extremes.greatest == pytest.approx(max(found), abs=2e-2)
+        transmission_angles += [bar.transmission_angle(theta2) for theta2 in angles]
+    assert extremes.least <= min(transmission_angles) + 1e-7
+    assert extremes.greatest >= max(transmission_angles) - 1e-7
+    assert extremes.least == pytest.approx(min(transmission_angles), abs=2e-2)
+    assert extremes.greatest == pytest.approx(max(transmission_angles), abs=2e-2)
 
 
 @pytest.mark.parametrize('lengths', [COURSE, BOTH_LIMITS, (0.5, 0.3, 0.4, 0.35)])
@@ -174,9 +174,9 @@ def test_the_extremes_are_at_their_angles(lengths: tuple[float, ...]) -> None:
 
 
 def test_good_is_from_40_to_140_degrees() -> None:
-    for least, greatest, good in ((40, 140, True), (39, 140, False), (40, 141, False)):
-        ends = math.radians(least), (0.0,), math.radians(greatest), (math.pi,)
-        assert TransmissionExtremes(*ends).good is good
+    for min_degrees, max_degrees, is_good in ((40, 140, True), (39, 140, False), (40, 141, False)):
+        ends = math.radians(min_degrees), (0.0,), math.radians(max_degrees), (math.pi,)
+        assert TransmissionExtremes(*ends).good is is_good
     course = FourBar(*COURSE).transmission_extremes
     assert (course.least_at, course.greatest_at) == ((0.0,), (math.pi,))
     assert math.degrees(course.least) == pytest.approx(28.955, abs=1e-3)

@@ -93,19 +93,21 @@ def test_the_rocker_stands_still_at_its_limits_in_this_assembly(bar: FourBar) ->
 @untimed
 @given(bar=four_bars())
 def test_the_other_assembly_has_the_mirrored_dead_points(bar: FourBar) -> None:
-    other = FourBar(*bar.geometry.lengths, -bar.geometry.assembly)
+    mirrored = FourBar(*bar.geometry.lengths, -bar.geometry.assembly)
     for driver in ('crank', 'rocker'):
         ours = sorted((point.kind, -point.angle) for point in bar.dead_points(driver))
-        theirs = sorted((point.kind, point.angle) for point in other.dead_points(driver))
+        theirs = sorted((point.kind, point.angle) for point in mirrored.dead_points(driver))
         assert ours == theirs
 
 
 def test_a_triple_rocker_has_four_dead_points() -> None:
-    both = [FourBar(*TRIPLE), FourBar(*TRIPLE, -1)]
-    assert {bar.grashof.type_ for bar in both} == {'triple rocker'}
-    found = both[0].dead_points('both')
-    assert [point.driver for point in found] == ['crank', 'crank', 'rocker', 'rocker']
-    assert sorted(found[2:]) == sorted(p for bar in both for p in bar.dead_points('rocker'))
+    assemblies = [FourBar(*TRIPLE), FourBar(*TRIPLE, -1)]
+    assert {bar.grashof.type_ for bar in assemblies} == {'triple rocker'}
+    dead_points = assemblies[0].dead_points('both')
+    assert [point.driver for point in dead_points] == ['crank', 'crank', 'rocker', 'rocker']
+    assert sorted(dead_points[2:]) == sorted(
+        p for bar in assemblies for p in bar.dead_points('rocker')
+    )
 
 
 def test_a_crank_rocker_has_dead_points_of_its_rocker_only() -> None:

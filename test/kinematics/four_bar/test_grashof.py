@@ -21,7 +21,7 @@ def test_each_kind_has_its_name(kind: dict[str, Any]) -> None:
     grashof = FourBar(*kind['lengths']).grashof
     assert (grashof.class_, grashof.type_) == (kind['class_'], kind['types'][0])
     assert list(grashof.inversions) == list(NAMES)
-    assert [each.type_ for each in grashof.inversions.values()] == kind['types']
+    assert [inversion.type_ for inversion in grashof.inversions.values()] == kind['types']
     assert grashof.inversions['ground'] == grashof
 
 
@@ -45,11 +45,11 @@ def test_the_roles_in_every_inversion_match_the_motion(bar: FourBar) -> None:
     # A nearly locked linkage hardly moves.
     assume(longest < 0.99 * (sum(bar.geometry.lengths) - longest))
     # A motion through a change point is that of a linkage nearby, with the same shortest link.
-    off = product((-1e-3, 1e-3), repeat=4) if margin == 0.0 else [(0.0,) * 4]
+    changes = product((-1e-3, 1e-3), repeat=4) if margin == 0.0 else [(0.0,) * 4]
     lengths = np.array(bar.geometry.lengths)
     gaps = np.diff(np.sort(lengths)) / longest
     assume(margin > 0.0 or ((gaps == 0.0) | (gaps > 0.01)).all())
-    nearby = (FourBar(*(lengths * (1.0 + np.array(each))).tolist()) for each in off)
+    nearby = (FourBar(*(lengths * (1.0 + np.array(change))).tolist()) for change in changes)
     turning = set().union(*map(turning_links, nearby))
     for fixed, kind in bar.grashof.inversions.items():
         for name in NAMES:
@@ -80,12 +80,12 @@ def test_rounding_of_the_lengths_leaves_a_change_point_one(
 
 
 @untimed
-@given(a=st.floats(0.1, 10.0), b=st.floats(0.1, 10.0), off=st.tuples(*[st.integers(-1, 1)] * 4))
+@given(a=st.floats(0.1, 10.0), b=st.floats(0.1, 10.0), ulps=st.tuples(*[st.integers(-1, 1)] * 4))
 def test_two_pairs_are_a_change_point_but_for_rounding(
-    a: float, b: float, off: tuple[int, ...]
+    a: float, b: float, ulps: tuple[int, ...]
 ) -> None:
     assume(abs(a - b) > 1e-6)
-    changed = [1.0 + k * ULP for k in off]
+    changed = [1.0 + k * ULP for k in ulps]
     shapes = {'parallelogram': (a, b, a, b), 'kite': (a, a, b, b)}
     for shape, lengths in shapes.items():
         bar = FourBar(*(n * k for n, k in zip(lengths, changed, strict=True)))

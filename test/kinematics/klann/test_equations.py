@@ -18,13 +18,13 @@ def test_the_linkage_has_the_textbooks_equations_and_points(
     geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
 ) -> None:
     linkage = geometry.linkage
-    for found, expected in (
+    for computed, expected in (
         (linkage.f(alpha, x), equations.f(geometry, alpha, x)),
         (linkage.phi(alpha, x), equations.phi(geometry, x)),
         (linkage.f_alpha(alpha, x), f_alpha(geometry, alpha)),
         (linkage.points(alpha, x), equations.points(geometry, alpha, x)),
     ):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=4e-15)
+        np.testing.assert_allclose(computed, expected, rtol=0, atol=4e-15)
 
 
 def test_every_name_of_the_textbook_is_there() -> None:

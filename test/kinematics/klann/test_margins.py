@@ -25,10 +25,10 @@ PRESETS = [KlannGeometry.sem104(), KlannGeometry.patent()]
 shares = st.floats(1e-6, 1.0 - 1e-6)
 
 
-def still_turns(given: KlannGeometry | Linkage, name: str, value: float) -> bool:
+def still_turns(linkage: KlannGeometry | Linkage, name: str, number: float) -> bool:
     """Return it by the arcs alone: by a search that shares nothing with that for margins."""
     try:
-        return reachable_arcs(given.varied({name: value})) == [(0.0, 2.0 * math.pi)]
+        return reachable_arcs(linkage.varied({name: number})) == [(0.0, 2.0 * math.pi)]
     except GeometryError:
         return False
 
@@ -36,8 +36,8 @@ def still_turns(given: KlannGeometry | Linkage, name: str, value: float) -> bool
 def check_the_ends(
     geometry: KlannGeometry | Linkage, name: str, ends: tuple[float, float]
 ) -> None:
-    least, greatest = ends
-    for end, outward in ((least, -1.0), (greatest, 1.0)):
+    low, high = ends
+    for end, outward in ((low, -1.0), (high, 1.0)):
         step = outward * 1e-9 * max(abs(end), 0.01)
         if math.isfinite(end) and not (name in LENGTHS and end == 0.0):
             assert still_turns(geometry, name, end - step), (name, end)
@@ -59,8 +59,8 @@ def test_just_beyond_a_margin_the_full_turn_is_lost(linkage: KlannGeometry | Lin
     dimensions = getattr(linkage, 'linkage', linkage).dimensions
     for number, margin in length_margins(linkage).items():
         assert margin.least < margin.value == dimensions[number] < margin.greatest
-        least = -math.inf if margin.least == 0.0 else margin.least
-        check_the_ends(linkage, number, (least, margin.greatest))
+        low = -math.inf if margin.least == 0.0 else margin.least
+        check_the_ends(linkage, number, (low, margin.greatest))
 
 
 def test_a_braced_bar_may_shrink_until_its_triangle_is_flat() -> None:
@@ -110,12 +110,12 @@ def test_between_the_margins_the_crank_turns_fully(
 ) -> None:
     assume(turns_fully(geometry))
     margins = length_margins(geometry)
-    _, least, greatest = margins[name]
-    low, high = max(least, -4.0), min(greatest, 4.0)
-    value = low + share * (high - low)
-    assume(name not in LENGTHS or value > 0.0)
-    assert still_turns(geometry, name, value)
-    check_the_ends(geometry, name, (least, greatest))
+    _, min_number, max_number = margins[name]
+    low, high = max(min_number, -4.0), min(max_number, 4.0)
+    number = low + share * (high - low)
+    assume(name not in LENGTHS or number > 0.0)
+    assert still_turns(geometry, name, number)
+    check_the_ends(geometry, name, (min_number, max_number))
 
 
 @settings(max_examples=3)
