@@ -32,7 +32,7 @@ def message_file(package, name):
     ],
 )
 def test_a_definition_is_the_files_depth_first(package, name, others) -> None:
-    parts = [f'{LINE}MSG: {other}\n{message_file(*other.split("/"))}' for other in others.split()]
+    parts = [f'{LINE}MSG: {kind}\n{message_file(*kind.split("/"))}' for kind in others.split()]
     assert definition(f'{package}/msg/{name}') == message_file(package, name) + ''.join(parts)
 
 

@@ -32,21 +32,21 @@ def node_reader():
     """Install the readers for node once, into a folder that is kept; return the script there."""
     if shutil.which('node') is None or shutil.which('npm') is None:
         pytest.skip('there is no node with npm on this machine')
-    wanted = (HERE / 'package.json').read_bytes()
+    package = (HERE / 'package.json').read_bytes()
     folder = Path(tempfile.gettempdir(), f'klann_ros-foreign-readers-{os.getuid()}')
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.stat().st_uid != os.getuid():
         pytest.skip(f"{folder} is someone else's")
     installed = folder / 'installed.json'
-    if not installed.exists() or installed.read_bytes() != wanted:
-        (folder / 'package.json').write_bytes(wanted)
+    if not installed.exists() or installed.read_bytes() != package:
+        (folder / 'package.json').write_bytes(package)
         command = [shutil.which('npm'), 'install', '--no-audit', '--no-fund', '--ignore-scripts']
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=240, check=False
         )
         if done.returncode:
             pytest.skip(f'npm cannot install the readers: {done.stderr.strip()[-200:]}')
-        installed.write_bytes(wanted)
+        installed.write_bytes(package)
     return Path(shutil.copy(HERE / 'read.mjs', folder))
 
 
@@ -60,10 +60,10 @@ def test_the_readers_of_foxglove_read_all_of_it(recovered, node_reader) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found['topics'] == {'/crank_angle': len(kept)}
-    assert found['values'] == [
+    answers = json.loads(done.stdout)
+    assert answers['topics'] == {'/crank_angle': len(kept)}
+    assert answers['values'] == [
         [str(item.log_time), item.sequence, struct.unpack('<d', item.data[4:])[0]] for item in kept
     ]
-    assert found['attachments'] == ['geometry.yaml']
-    assert sorted(found['metadata']) == ['rosbag2', 'solver']
+    assert answers['attachments'] == ['geometry.yaml']
+    assert sorted(answers['metadata']) == ['rosbag2', 'solver']

@@ -32,20 +32,20 @@ class Stay:
 @st.composite
 def stays(draw: Any) -> list[Stay]:
     """Return publishers one after the other, of which some come back."""
-    found, reached = [], {}
+    all_stays, last_numbers = [], {}
     for _ in range(draw(st.integers(0, 7))):
         publisher = draw(st.integers(0, 5))
-        first = reached.get(publisher, 0) + 1
+        first = last_numbers.get(publisher, 0) + 1
         received = sorted(draw(st.sets(st.integers(first, first + 30), max_size=12)))
-        reached[publisher] = received[-1] if received else first - 1
-        found.append(Stay(publisher, received, draw(st.integers(0, len(received)))))
-    return found
+        last_numbers[publisher] = received[-1] if received else first - 1
+        all_stays.append(Stay(publisher, received, draw(st.integers(0, len(received)))))
+    return all_stays
 
 
-def counted(some: list[Stay], *, late: bool, known: bool) -> LossCounter:
+def counted(all_stays: list[Stay], *, late: bool, known: bool) -> LossCounter:
     """Return the counter; changes may be reported before the last messages, with the publisher."""
     counter = LossCounter()
-    for stay in some:
+    for stay in all_stays:
         counter.publishers_changed()
         for place, number in enumerate(stay.received):
             if late and place == stay.reported_after:
@@ -59,23 +59,25 @@ def counted(some: list[Stay], *, late: bool, known: bool) -> LossCounter:
     return counter
 
 
-def truth(some: list[Stay]) -> tuple[int, int]:
+def truth(all_stays: list[Stay]) -> tuple[int, int]:
     """Return the losses within each publisher, and those before its first message."""
     lost = early = 0
-    before: Stay | None = None
-    for stay in (stay for stay in some if stay.received):
+    last_stay: Stay | None = None
+    for stay in (stay for stay in all_stays if stay.received):
         lost += stay.missing
-        if before is not None and before.publisher == stay.publisher:
-            lost += stay.received[0] - before.received[-1] - 1
-        elif before is not None:
+        if last_stay is not None and last_stay.publisher == stay.publisher:
+            lost += stay.received[0] - last_stay.received[-1] - 1
+        elif last_stay is not None:
             early += stay.received[0] - 1
-        before = stay
+        last_stay = stay
     return lost, early
 
 
 @given(stays(), st.booleans(), st.booleans())
-def test_no_more_is_reported_than_was_missing(some: list[Stay], late: bool, known: bool) -> None:
-    counter, (lost, early) = counted(some, late=late, known=known), truth(some)
+def test_no_more_is_reported_than_was_missing(
+    all_stays: list[Stay], late: bool, known: bool
+) -> None:
+    counter, (lost, early) = counted(all_stays, late=late, known=known), truth(all_stays)
     assert counter.lost <= lost
     assert counter.before_discovery <= early
 
@@ -83,19 +85,20 @@ def test_no_more_is_reported_than_was_missing(some: list[Stay], late: bool, know
 @given(stays())
 # Another publisher goes on with the very number of the last.
 @example([Stay(0, [1, 5]), Stay(1, [5, 6])])
-def test_all_is_reported_where_the_publishers_are_known(some: list[Stay]) -> None:
-    counter = counted(some, late=False, known=True)
+def test_all_is_reported_where_the_publishers_are_known(all_stays: list[Stay]) -> None:
+    counter = counted(all_stays, late=False, known=True)
     # A number that goes on is believed to be the same one's.
     if all(
-        b.received[0] != a.received[-1] + 1 for a, b in pairwise(s for s in some if s.received)
+        b.received[0] != a.received[-1] + 1
+        for a, b in pairwise(s for s in all_stays if s.received)
     ):
-        assert (counter.lost, counter.before_discovery) == truth(some)
+        assert (counter.lost, counter.before_discovery) == truth(all_stays)
 
 
 @given(stays())
-def test_sequence_gaps_are_always_counted(some: list[Stay]) -> None:
-    counter = counted(some, late=False, known=False)
-    assert counter.lost == sum(stay.missing for stay in some)
+def test_sequence_gaps_are_always_counted(all_stays: list[Stay]) -> None:
+    counter = counted(all_stays, late=False, known=False)
+    assert counter.lost == sum(stay.missing for stay in all_stays)
 
 
 @pytest.mark.parametrize(

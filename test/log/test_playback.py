@@ -27,11 +27,11 @@ def until(condition):
 def playing(log, *, rate=1.0, paused=False, topics=(NAME,), **selection):
     """Play in a thread; yield what moves it and the list of passes, each a list of messages."""
     chosen = Selection(frozenset(topics), **selection)
-    made, passes = Playback(log, chosen, rate=rate, paused=paused), []
-    playback = made.transport
+    playback_of_log, passes = Playback(log, chosen, rate=rate, paused=paused), []
+    playback = playback_of_log.transport
 
     def play():
-        for messages in made.passes():
+        for messages in playback_of_log.passes():
             passes.append([])
             for message in messages:
                 passes[-1].append(message)

@@ -36,15 +36,15 @@ def recovered(tmp_path, capsys):
 
     def run(log, output=None):
         output = output or tmp_path / 'again'
-        before = digest(log)
+        first_digest = digest(log)
         code = main([str(log), '-o', str(output)])
-        assert digest(log) == before, 'the input was changed'
+        assert digest(log) == first_digest, 'the input was changed'
         if code not in (0, 3):
             assert not output.exists()
             return code, [], capsys.readouterr().err
-        with open_log(output) as found:
-            assert found.complete, found.problem
-            return code, list(found.messages()), capsys.readouterr().out
+        with open_log(output) as recovered_log:
+            assert recovered_log.complete, recovered_log.problem
+            return code, list(recovered_log.messages()), capsys.readouterr().out
 
     return run
 
@@ -53,11 +53,11 @@ def test_a_sound_run_comes_back_equal(run_file, recovered, tmp_path) -> None:
     code, messages, text = recovered(run_file.parent)
     assert (code, messages) == (0, MESSAGES)
     assert 'kept: 240 messages of /crank_angle' in text
-    with open_log(run_file) as before, open_log(tmp_path / 'again') as after:
-        assert after.attachments == before.attachments
-        assert after.metadata['solver'] == before.metadata['solver']
-        assert len(after.metadata['rosbag2']) == 1
-        assert after.topics == before.topics
+    with open_log(run_file) as log, open_log(tmp_path / 'again') as recovered_log:
+        assert recovered_log.attachments == log.attachments
+        assert recovered_log.metadata['solver'] == log.metadata['solver']
+        assert len(recovered_log.metadata['rosbag2']) == 1
+        assert recovered_log.topics == log.topics
 
 
 KILLED = """
@@ -137,23 +137,23 @@ def test_cut_anywhere_all_intact_chunks_are_read_and_come_back(run_file, tmp_pat
         output = tmp_path / f'again{length}'
         code = main([str(cut), '-o', str(output)])
         capsys.readouterr()
-        whole = sum(end <= length for _, end in chunks)
+        whole_count = sum(end <= length for _, end in chunks)
         inside = any(start < length < end for start, end in chunks)
         # Before the name of the last metadata record, which is rosbag2's.
         in_name = bag < length < bag + 20
         if length > 8:
             with open_log(cut) as log:
-                assert list(log.messages()) == joined(BATCHES[:whole]), f'cut at {length}'
+                assert list(log.messages()) == joined(BATCHES[:whole_count]), f'cut at {length}'
                 assert not log.complete
                 assert len(log.attachments) == (attached <= length)
         if code == 2:
-            assert whole == 0
+            assert whole_count == 0
             assert not output.exists()
             continue
-        assert code == (3 if inside else 0) or whole == 0 or in_name, f'cut at {length}'
+        assert code == (3 if inside else 0) or whole_count == 0 or in_name, f'cut at {length}'
         with open_log(output) as log:
             assert log.complete, log.problem
-            assert list(log.messages()) == joined(BATCHES[:whole])
+            assert list(log.messages()) == joined(BATCHES[:whole_count])
 
 
 @pytest.mark.parametrize('where', ['in a chunk', 'between records'])
@@ -202,13 +202,13 @@ def test_a_recovery_that_fails_leaves_no_half_run(
 ) -> None:
     output, place, fault, code, reason = FAILURES[kind]
     (tmp_path / 'existing').mkdir()
-    before = digest(run_file.parent)
+    first_digest = digest(run_file.parent)
     if fault is not None:
         monkeypatch.setattr(f'klann_ros.log.write.{place}', fault)
     assert main([str(run_file.parent), '-o', str(tmp_path / output)]) == code
     out, err = capsys.readouterr()
     assert (out, err.count('\n')) == ('', 1)
     assert reason in err
-    assert digest(run_file.parent) == before
+    assert digest(run_file.parent) == first_digest
     assert not list(tmp_path.rglob('*again*'))
     assert not [*(tmp_path / 'existing').iterdir()]

@@ -36,11 +36,11 @@ def test_a_position_never_runs_backwards_without_a_jump(start, rate, course) -> 
     timeline, now, last = Timeline(start, rate), 0.0, start
     for wait, (name, *values) in course:
         now += wait
-        before = timeline.at(now)
-        assert before >= last
+        position = timeline.at(now)
+        assert position >= last
         timeline = changed(timeline, now, name, *values)
         last = timeline.at(now)
-        assert last == before
+        assert last == position
 
 
 @given(start=positions, rate=rates, now=waits, pause=waits, wait=waits)
@@ -67,10 +67,12 @@ def test_a_position_is_reached_when_it_is_due(start, rate, ahead) -> None:
 
 @given(start=positions, rate=rates, other=rates, now=waits, wait=waits)
 def test_a_change_of_rate_keeps_the_position(start, rate, other, now, wait) -> None:
-    before = Timeline(start, rate).started(0.0)
-    after = before.at_rate(other, now)
-    assert after.at(now) == before.at(now)
-    assert after.at(now + wait) == pytest.approx(before.at(now) + wait * other, rel=1e-9, abs=1e-9)
+    timeline = Timeline(start, rate).started(0.0)
+    changed_line = timeline.at_rate(other, now)
+    assert changed_line.at(now) == timeline.at(now)
+    assert changed_line.at(now + wait) == pytest.approx(
+        timeline.at(now) + wait * other, rel=1e-9, abs=1e-9
+    )
 
 
 @given(start=positions, target=positions, now=waits)

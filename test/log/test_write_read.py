@@ -52,10 +52,10 @@ names = st.dictionaries(texts, texts, max_size=3)
 @st.composite
 def contents(draw):
     """Draw messages of a few topics, and the places where the writer flushes."""
-    some = draw(st.lists(topics, min_size=1, max_size=4))
+    few_topics = draw(st.lists(topics, min_size=1, max_size=4))
     message = st.builds(
         Message,
-        topic=st.sampled_from(some),
+        topic=st.sampled_from(few_topics),
         # As CDR begins; a zstd frame would be unpacked.
         data=st.binary(max_size=60).map(b'\0'.__add__),
         log_time=U64,
@@ -97,7 +97,7 @@ def test_everything_is_read_back_equal(
             assert log.attachments == tuple(attachments)
             log.metadata.pop('rosbag2')
             assert log.metadata == {
-                name: [mapping for other, mapping in metadata if other == name]
+                name: [mapping for record_name, mapping in metadata if record_name == name]
                 for name in dict(metadata)
             }
             assert set(log.topics) == {message.topic for message in messages}
@@ -139,10 +139,10 @@ def mixed_run(request, tmp_path):
 def test_rosbags_finds_messages_times_qos_and_hashes(mixed_run) -> None:
     run, written = mixed_run
     with Reader(run) as reader:
-        found = [(c.topic, time, bytes(data)) for c, time, data in reader.messages()]
+        messages = [(c.topic, time, bytes(data)) for c, time, data in reader.messages()]
         assert (reader.message_count, reader.start_time) == (100, START)
         by_topic = {connection.topic: connection for connection in reader.connections}
-    assert found == [(m.topic.name, m.log_time, m.data) for m, _ in written]
+    assert messages == [(m.topic.name, m.log_time, m.data) for m, _ in written]
     assert {connection.msgcount for connection in by_topic.values()} == {50}
     assert by_topic['/crank_angle'].digest == HASH
     (qos,) = by_topic['/joint_states'].ext.offered_qos_profiles
@@ -153,9 +153,9 @@ def test_mcap_ros2_decodes_the_same_values(mixed_run) -> None:
     run, written = mixed_run
     with (run / 'mixed_0.mcap').open('rb') as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        found = list(reader.iter_decoded_messages())
-    assert len(found) == 100
-    for item, (message, content) in zip(found, written, strict=True):
+        decoded_messages = list(reader.iter_decoded_messages())
+    assert len(decoded_messages) == 100
+    for item, (message, content) in zip(decoded_messages, written, strict=True):
         assert item.channel.topic == message.topic.name
         assert item.message.log_time == message.log_time
         assert item.message.publish_time == message.publish_time
@@ -206,20 +206,22 @@ def test_chunks_and_their_indexes_are_those_of_the_mcap_library(tmp_path, compre
     name = compression.name.lower()
     ours = write_run(tmp_path / 'run', batches, compression=name)
     theirs = write_mcap(tmp_path / 'x.mcap', batches, compression=compression)
-    found = []
+    records_of_files = []
     for path in (ours, theirs):
         with path.open('rb') as file:
             records = [*StreamReader(file, emit_chunks=True).records]
         kinds = Chunk, MessageIndex, ChunkIndex, Statistics
-        found.append({kind: [each for each in records if type(each) is kind] for kind in kinds})
-        (statistics,) = found[-1][Statistics]
+        records_of_files.append(
+            {kind: [record for record in records if type(record) is kind] for kind in kinds}
+        )
+        (statistics,) = records_of_files[-1][Statistics]
         statistics.attachment_count = statistics.metadata_count = 0
-        for index in found[-1][ChunkIndex]:
+        for index in records_of_files[-1][ChunkIndex]:
             start, index.chunk_start_offset = index.chunk_start_offset, 0
             places = index.message_index_offsets.items()
             index.message_index_offsets = {channel: place - start for channel, place in places}
-    assert found[0] == found[1]
-    assert [len(records) for records in found[0].values()] == [6, 12, 6, 1]
+    assert records_of_files[0] == records_of_files[1]
+    assert [len(records) for records in records_of_files[0].values()] == [6, 12, 6, 1]
     # Topics of one type share a schema, and equal topics a channel.
-    (statistics,) = found[0][Statistics]
+    (statistics,) = records_of_files[0][Statistics]
     assert (statistics.schema_count, statistics.channel_count) == (1, 2)

@@ -53,10 +53,10 @@ def read(path):
     recovery = recover(path, path.parent.with_name('again'))
     with open_log(path) as log:
         sum(map(len, log.blocks()))
-        found, problems = list(log.messages()), ' '.join(log.problems)
+        messages, problems = list(log.messages()), ' '.join(log.problems)
     with open_log(path.parent.with_name('again')) as log:
-        kept = list(log.messages())
-    return found, kept, problems, recovery
+        recovered_messages = list(log.messages())
+    return messages, recovered_messages, problems, recovery
 
 
 def test_a_chunk_with_an_overlong_size_loses_no_other_chunk(sound, end) -> None:
@@ -98,8 +98,8 @@ def test_a_chunk_with_fields_behind_it_is_whole_though_damage_follows(tmp_path, 
     path.write_bytes(data)
     _, kept, _, recovery = read(path)
     # What follows is the index of the chunk, or else the next one.
-    whole = all_but(3) if end == 'without an index' else MESSAGES
-    assert [message.sequence for message in kept] == [message.sequence for message in whole]
+    intact = all_but(3) if end == 'without an index' else MESSAGES
+    assert [message.sequence for message in kept] == [message.sequence for message in intact]
     assert recovery.lost
 
 

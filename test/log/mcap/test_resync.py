@@ -29,9 +29,9 @@ def recovered(request, tmp_path):
         path = write_run(tmp_path / 'walk', BATCHES, compression=compression)
         data = path.read_bytes()
         body = bytearray(killed(data))
-        rest = data.removeprefix(body) if request.param == 'closed' else b''
+        file_end = data.removeprefix(body) if request.param == 'closed' else b''
         change(body, spans_of(data, CHUNK))
-        path.write_bytes(body + rest)
+        path.write_bytes(body + file_end)
         return recovery_of(path.parent)
 
     return make
@@ -70,9 +70,9 @@ def _miss(data, chunks):
 def _move(data, chunks):
     """Move a chunk into another."""
     start, end = chunks[3]
-    moved, data[start:end] = data[start:end], bytes(end - start)
+    chunk, data[start:end] = data[start:end], bytes(end - start)
     place = chunks[1][0] + 20
-    data[slice(place, place + len(moved))] = moved
+    data[slice(place, place + len(chunk))] = chunk
     set_length(data, chunks[1][0], 2**40)
 
 
@@ -147,20 +147,20 @@ def test_a_log_in_an_attachment_is_not_read_as_messages_of_the_run(run_file, tmp
         for message in BATCHES[1]:
             writer.write(message)
     data = bytearray(writer.file.path.read_bytes())
-    before, behind = spans_of(data, CHUNK)
-    data[behind[1] - 5] ^= 1
+    first_chunk, last_chunk = spans_of(data, CHUNK)
+    data[last_chunk[1] - 5] ^= 1
     body = bytearray(killed(data))
     # The chunk before it is damaged without an end, the one behind it is rotten.
-    set_length(body, before[0], 2**40)
+    set_length(body, first_chunk[0], 2**40)
     writer.file.path.write_bytes(body)
     recovery = recover(tmp_path / 'outer', tmp_path / 'again')
     assert (recovery.messages, recovery.attachments) == (0, 1)
     with open_log(tmp_path / 'again') as log:
         assert log.attachments[0].data == inner
     # Now the attachment's own length is wrong, and the chunk behind it sound.
-    data[behind[1] - 5] ^= 1
+    data[last_chunk[1] - 5] ^= 1
     set_length(data, spans_of(data, ATTACHMENT)[0][0], 2**40)
-    set_length(data, before[0], before[1] - before[0] - 9)
+    set_length(data, first_chunk[0], first_chunk[1] - first_chunk[0] - 9)
     writer.file.path.write_bytes(data)
     recovery = recover(tmp_path / 'outer', tmp_path / 'third')
     assert (recovery.messages, recovery.attachments) == (len(BATCHES[0] + BATCHES[1]), 0)

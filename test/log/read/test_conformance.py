@@ -35,22 +35,22 @@ CASES = [
     (kind, content.name)
     for kind, (files, _) in KINDS.items()
     for content in INPUTS
-    if any(content is other for _, other, _ in files)
+    if any(content is file_content for _, file_content, _ in files)
 ]
 
 
 @pytest.fixture(scope='module', params=CASES, ids=' '.join)
 def files(request, tmp_path_factory):
     """Write the files of one content in one kind of padding; return each with what it holds."""
-    padding, wanted = request.param
+    padding, content_name = request.param
     folder, (kind, pads) = tmp_path_factory.mktemp('files'), KINDS[padding]
-    found = []
+    paths = []
     for name, content, flags in kind:
-        if content.name == wanted:
+        if content.name == content_name:
             path = folder / f'{name}.mcap'
             path.write_bytes(conformance_file(content, flags, **pads))
-            found.append((path, content))
-    return found
+            paths.append((path, content))
+    return paths
 
 
 def test_the_suite_has_its_416_files_half_of_them_padded() -> None:
@@ -73,9 +73,9 @@ def test_they_are_read_whole_and_have_no_problem(files) -> None:
     for path, content in files:
         with open_log(path) as log:
             assert of_log(log) == content.counts, path.name
-            found = [(m.sequence, m.log_time, m.publish_time, m.data) for m in log.messages()]
-            wanted = [item[1:] for item in content.messages]
-            assert found == sorted(wanted, key=itemgetter(1)), path.name
+            messages = [(m.sequence, m.log_time, m.publish_time, m.data) for m in log.messages()]
+            written_messages = [item[1:] for item in content.messages]
+            assert messages == sorted(written_messages, key=itemgetter(1)), path.name
             assert log.problems == (), path.name
 
 
@@ -90,11 +90,11 @@ def test_recover_keeps_all_of_them(files, tmp_path) -> None:
 
 
 def test_a_file_of_a_killed_writer_is_read_completely(files, tmp_path) -> None:
-    for whole, content in files:
-        data = whole.read_bytes()
+    for closed_path, content in files:
+        data = closed_path.read_bytes()
         spans = mcap.spans(data, 8, len(data) - 8)
         end = next(start for opcode, start, _ in spans if opcode == mcap.DATA_END)
-        path = tmp_path / whole.name
+        path = tmp_path / closed_path.name
         path.write_bytes(data[:end])
         with open_log(path) as log:
             assert of_log(log) == content.counts, path.name

@@ -46,8 +46,8 @@ def read(tmp_path):
     def work(data):
         path.write_bytes(data)
         with Work() as done, open_log(path) as log:
-            found = sum(map(len, log.blocks()))
-        return done.calls, found
+            message_count = sum(map(len, log.blocks()))
+        return done.calls, message_count
 
     return work
 
@@ -70,15 +70,15 @@ def test_damage_everywhere_is_recovered_at_the_same_cost(tmp_path) -> None:
 
 
 def test_sound_messages_outside_of_chunks_cost_little(read) -> None:
-    calls, found = read(HEADER + CHANNEL + EMPTY * 10_000)
-    assert found == 10_000
-    assert calls <= MESSAGE * found + ONCE
+    calls, message_count = read(HEADER + CHANNEL + EMPTY * 10_000)
+    assert message_count == 10_000
+    assert calls <= MESSAGE * message_count + ONCE
 
 
 def test_zeros_in_a_chunk_are_skipped(read, tmp_path) -> None:
     data = HEADER + packed_chunk(CHANNEL + EMPTY + bytes(2**20))
-    calls, found = read(data)
-    assert found == 1
+    calls, message_count = read(data)
+    assert message_count == 1
     assert calls <= ONCE
     with open_log(tmp_path / 'x.mcap') as log:
         assert 'in part only: what stands in it is no record' in log.problems[-1]
@@ -87,10 +87,10 @@ def test_zeros_in_a_chunk_are_skipped(read, tmp_path) -> None:
 @pytest.mark.parametrize('shape', INSIDE)
 def test_many_chunks_of_no_use_cost_hardly_more_than_some(read, shape, monkeypatch) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
-    some, _ = read(file_of_chunks(shape, 2**18, 5))
-    many, _ = read(file_of_chunks(shape, 2**18, 25))
+    few_calls, _ = read(file_of_chunks(shape, 2**18, 5))
+    many_calls, _ = read(file_of_chunks(shape, 2**18, 25))
     size = len(file_of_chunks(shape, 2**18, 20))
-    assert many <= 1.2 * some + EACH * size
+    assert many_calls <= 1.2 * few_calls + EACH * size
 
 
 def test_useless_decompression_is_limited(read, monkeypatch) -> None:
@@ -118,8 +118,8 @@ def test_a_limit_that_was_met_is_reported_and_later_messages_are_read(
 ) -> None:
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     useless = file_of_chunks('private records', 2**20, 3)
-    _, found = read(useless + packed_chunk(CHANNEL + EMPTY * 100))
-    assert found == 100
+    _, message_count = read(useless + packed_chunk(CHANNEL + EMPTY * 100))
+    assert message_count == 100
     with open_log(tmp_path / 'x.mcap') as log:
         assert any('more records in it that are no messages' in text for text in log.problems)
         assert any('too many useless bytes' in text for text in log.problems)
@@ -129,14 +129,14 @@ def test_private_records_around_messages_are_not_counted_as_useless(read, monkey
     """A recorder may put some of its own beside each message; a sound file has no limit."""
     monkeypatch.setattr(decompression, '_BUDGET', 2**20)
     chunk = packed_chunk(CHANNEL + (EMPTY + mcap.record(0x80, b'mine') * 5) * 200)
-    _, found = read(HEADER + chunk * 20)
-    assert found == 4000
+    _, message_count = read(HEADER + chunk * 20)
+    assert message_count == 4000
 
 
 def test_an_index_that_names_a_record_often_is_not_asked_for_it_often(read, tmp_path) -> None:
     once, _ = read(named_often(20))
-    twice, found = read(named_often(40))
-    assert found == 1000
+    twice, message_count = read(named_often(40))
+    assert message_count == 1000
     assert twice <= 2.5 * once
     with open_log(tmp_path / 'x.mcap') as log:
         assert len(list(log.messages())) == 1000
@@ -148,8 +148,8 @@ def test_chunks_that_cannot_be_merged_are_read_in_one_pass(tmp_path) -> None:
     path = tmp_path / 'x.mcap'
     path.write_bytes(overlapping(5, 20 * 2**20))
     with open_log(path) as log:
-        found = sorted(message.sequence for message in log.messages())
-        assert found == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+        sequences = sorted(message.sequence for message in log.messages())
+        assert sequences == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
         assert log.problems == ()
     path.write_bytes(overlapping(20, 2**20))
     with open_log(path) as log:
@@ -185,9 +185,9 @@ def test_channels_that_differ_in_little_are_reported_apart_at_no_cost(read) -> N
     def channels(count):
         return file_of_channels([{'topic': '/a', 'metadata': {'x': str(n)}} for n in range(count)])
 
-    once, found = read(channels(1000))
+    once, message_count = read(channels(1000))
     twice, _ = read(channels(2000))
-    assert found == 1000
+    assert message_count == 1000
     assert twice <= 2.5 * once
 
 
@@ -215,15 +215,15 @@ def test_many_channels_share_the_text_of_their_schema(tmp_path) -> None:
 def test_a_schema_that_changes_is_of_its_own_channels_alone(tmp_path) -> None:
     """Channel 1 has the first schema, which is there a second time in two other words."""
     path = tmp_path / 'x.mcap'
-    first, other = (mcap.schema(n, 'a/msg/B', 'ros2msg', b'uint8 a') for n in (1, 2))
+    schema_1, schema_2 = (mcap.schema(n, 'a/msg/B', 'ros2msg', b'uint8 a') for n in (1, 2))
     better = mcap.schema(1, 'a/msg/B', 'ros2msg', b'uint8 b')
     channels = mcap.channel(1, 1, '/one', 'cdr', {}) + mcap.channel(2, 2, '/two', 'cdr', {})
     messages = mcap.message(1, 1, 1, 1, b'') + mcap.message(2, 1, 1, 1, b'')
-    definitions = packed_chunk(first + other + channels + messages)
+    definitions = packed_chunk(schema_1 + schema_2 + channels + messages)
     path.write_bytes(HEADER + definitions + packed_chunk(better) * 2)
     with open_log(path) as log:
-        found = {topic.name: topic.definition for topic in log.topics}
-    assert found == {'/one': 'uint8 b', '/two': 'uint8 a'}
+        definitions_read = {topic.name: topic.definition for topic in log.topics}
+    assert definitions_read == {'/one': 'uint8 b', '/two': 'uint8 a'}
 
 
 def test_a_schema_that_comes_late_to_a_growing_file_is_taken_from_then_on(tmp_path) -> None:

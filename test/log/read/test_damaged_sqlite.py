@@ -29,13 +29,13 @@ def place(page, behind=0):
 def read(path):
     """Return the numbers of the messages that are read, and the reported problems."""
     with open_log(path) as log:
-        found = [m.data[:12] for m in log.messages()]
-        assert sorted(found) == sorted(
+        bodies = [m.data[:12] for m in log.messages()]
+        assert sorted(bodies) == sorted(
             block.message(row)[:12] for block in log.blocks() for row in range(len(block))
         )
         problems = log.problems
     numbers = {number(n): n for n in range(2000)}
-    return [numbers[data] for data in found], problems
+    return [numbers[data] for data in bodies], problems
 
 
 def test_a_damaged_index_is_not_asked(bag) -> None:
@@ -75,8 +75,8 @@ def _overwrite_leaf(bag):
 def _repeat_leaf(bag):
     """Make SQLite itself read the one for the other without an error."""
     data = bytearray(bag.read_bytes())
-    one, other = (place(_leaves(bag)[n]) for n in (4, 9))
-    data[other] = data[one]
+    leaf_4, leaf_9 = (place(_leaves(bag)[n]) for n in (4, 9))
+    data[leaf_9] = data[leaf_4]
     bag.write_bytes(data)
 
 
@@ -88,22 +88,15 @@ def _rename_table(bag):
 
 def _commit_partly(bag):
     """Leave what a kill without a journal on the disk leaves: some pages of a commit."""
-    before = bag.stat().st_size
+    first_size = bag.stat().st_size
     with closing(sqlite3.connect(bag)) as file, file:
         add(file, range(2000, 4000), 150)
-    os.truncate(bag, before)
+    os.truncate(bag, first_size)
 
 
 @pytest.mark.parametrize(
     'corrupt',
-    [
-        _truncate,
-        _erase_first_page,
-        _overwrite_leaf,
-        _repeat_leaf,
-        _rename_table,
-        _commit_partly,
-    ],
+    [_truncate, _erase_first_page, _overwrite_leaf, _repeat_leaf, _rename_table, _commit_partly],
 )
 @pytest.mark.parametrize('command', [recover, review])
 def test_a_file_that_sqlite_refuses_is_refused_with_its_own_recover(
@@ -153,8 +146,8 @@ def test_rows_that_hold_no_message_are_counted(tmp_path, capsys) -> None:
     said = capsys.readouterr().out
     assert '5 rows of its table of messages hold no message' in said
     assert 'messages of topic 9, whose description is lost' in said
-    found = read_messages(tmp_path / 'x_recovered')
-    assert [data for *_, data in found] == [b'0001', b'0002', b'0003', b'0004']
+    messages = read_messages(tmp_path / 'x_recovered')
+    assert [data for *_, data in messages] == [b'0001', b'0002', b'0003', b'0004']
 
 
 def test_hostile_names_are_reported_in_one_line(tmp_path) -> None:

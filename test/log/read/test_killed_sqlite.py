@@ -42,8 +42,8 @@ COMMITTED, NOT_AT_ALL = 100, 10**9
 def kill_a_writer(bag, mode, batch, count=3000):
     """Let a process write a number of messages to a bag, and kill it."""
     bag.mkdir()
-    here = str(Path(db3_files.__file__).parent)
-    command = [sys.executable, '-c', WRITER, str(bag / 'x_0.db3'), mode, str(batch), here]
+    folder = str(Path(db3_files.__file__).parent)
+    command = [sys.executable, '-c', WRITER, str(bag / 'x_0.db3'), mode, str(batch), folder]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for line in process.stdout:
             if int(line) >= count:
@@ -55,14 +55,14 @@ def kill_a_writer(bag, mode, batch, count=3000):
 @pytest.mark.parametrize('mode', ['WAL', 'DELETE'])
 def test_all_that_a_killed_recorder_committed_is_read(mode, tmp_path, capsys) -> None:
     bag = kill_a_writer(tmp_path / 'bag', mode, COMMITTED)
-    before = digest(bag)
+    first_digest = digest(bag)
     with open_log(bag) as log:
-        found = list(log.messages())
-    assert len(found) >= 3000 - CACHE
-    assert [m.data[:12] for m in found] == [number(n) for n in range(len(found))]
+        messages = list(log.messages())
+    assert len(messages) >= 3000 - CACHE
+    assert [m.data[:12] for m in messages] == [number(n) for n in range(len(messages))]
     assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0, capsys.readouterr()
-    assert len(read_messages(tmp_path / 'run')) == len(found)
-    assert digest(bag) == before
+    assert len(read_messages(tmp_path / 'run')) == len(messages)
+    assert digest(bag) == first_digest
 
 
 def test_pages_that_were_not_committed_are_reported(tmp_path) -> None:

@@ -11,15 +11,7 @@ from klann_ros.log.qos import latched_count, qos_from_yaml
 from klann_ros.log.reader import open_log
 from klann_ros.log.recover_command import main as recover
 import pytest
-from rosbag2_bags import (
-    digest,
-    KINDS,
-    LATCHED,
-    NAMES,
-    read_by_rosbags,
-    read_messages,
-    write_bag,
-)
+from rosbag2_bags import digest, KINDS, LATCHED, NAMES, read_by_rosbags, read_messages, write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 
@@ -39,9 +31,9 @@ def sent():
 
 
 def test_a_bag_is_read_as_rosbags_reads_it(bag) -> None:
-    found = read_messages(bag)
-    assert sorted(found) == sorted(read_by_rosbags(bag))
-    times = [time for _, _, time, _ in found]
+    messages = read_messages(bag)
+    assert sorted(messages) == sorted(read_by_rosbags(bag))
+    times = [time for _, _, time, _ in messages]
     assert times == sorted(times)
 
 
@@ -60,20 +52,20 @@ def test_topic_metadata_of_a_bag_are_kept(bag) -> None:
 
 def test_a_part_of_a_bag_is_read(bag, sent) -> None:
     start, end = sent[200].log_time, sent[300].log_time
-    wanted = [m.data for m in sent if start <= m.log_time <= end and m.topic.name == '/large']
+    written = [m.data for m in sent if start <= m.log_time <= end and m.topic.name == '/large']
     with open_log(bag) as log:
-        assert [m.data for m in log.messages(['/large'], start=start, end=end)] == wanted
+        assert [m.data for m in log.messages(['/large'], start=start, end=end)] == written
         assert [m.data for m in log.latest({'/large': 2}, start)] == [
             m.data for m in sent if m.topic.name == '/large' and m.log_time < start
         ][-2:]
 
 
 def test_a_bag_is_recovered_to_a_run_that_has_all_of_it(bag, tmp_path, capsys) -> None:
-    before = digest(bag)
+    first_digest = digest(bag)
     assert recover([str(bag), '-o', str(tmp_path / 'run')]) == 0
     assert f'kept: {len(read_messages(bag))} messages in all' in capsys.readouterr().out
     assert read_messages(tmp_path / 'run') == read_messages(bag)
-    assert digest(bag) == before
+    assert digest(bag) == first_digest
     with open_log(bag) as log, open_log(tmp_path / 'run') as run:
         assert [t.definition for t in run.topics] == [t.definition for t in log.topics]
 

@@ -68,29 +68,31 @@ def test_with_two_storages_the_metadata_decides(messages, tmp_path) -> None:
 def packed(messages, tmp_path):
     """Return a bag whose file is packed, and the same file unpacked."""
     bag = write_bag(tmp_path / 'x', messages, StoragePlugin.MCAP, CompressionMode.FILE)
-    whole = zstandard.ZstdDecompressor().stream_reader((bag / 'x.mcap.zstd').read_bytes()).read()
-    return bag, whole
+    unpacked = (
+        zstandard.ZstdDecompressor().stream_reader((bag / 'x.mcap.zstd').read_bytes()).read()
+    )
+    return bag, unpacked
 
 
 @pytest.mark.parametrize('kept', [True, False])
 def test_an_unpacked_file_is_not_read_twice(packed, kept) -> None:
     """`ros2 bag play` leaves the unpacked file beside the packed one."""
-    bag, whole = packed
-    wanted = read_messages(bag)
-    (bag / 'x.mcap').write_bytes(whole)
+    bag, unpacked = packed
+    messages = read_messages(bag)
+    (bag / 'x.mcap').write_bytes(unpacked)
     if not kept:
         (bag / 'x.mcap.zstd').unlink()
-    assert read_messages(bag) == wanted
+    assert read_messages(bag) == messages
     with open_log(bag) as log:
         assert [path.name for path in log.paths] == ['x.mcap']
 
 
 @pytest.mark.parametrize('part', [0, 8, 500, 1200])
 def test_a_partly_decompressed_file_is_read_from_the_compressed_one(part, packed) -> None:
-    bag, whole = packed
-    wanted = read_messages(bag)
-    (bag / 'x.mcap').write_bytes(whole[:part])
-    assert read_messages(bag) == wanted
+    bag, unpacked = packed
+    messages = read_messages(bag)
+    (bag / 'x.mcap').write_bytes(unpacked[:part])
+    assert read_messages(bag) == messages
 
 
 @pytest.mark.parametrize('suffix', ['.zstd', '.zst'])

@@ -35,10 +35,10 @@ def test_messages_beyond_the_queue_of_a_slow_disk_are_counted(tmp_path, monkeypa
     assert background.close() is None
     with open_log(writer.path) as log:
         assert log.complete, log.problem
-        found = {t.name: len(list(log.messages([t.name]))) for t in log.topics}
-    assert found == writer.counts
+        counts = {t.name: len(list(log.messages([t.name]))) for t in log.topics}
+    assert counts == writer.counts
     for name in ('/one', '/two'):
-        assert found[name] + dropped(background, name) == 4000
+        assert counts[name] + dropped(background, name) == 4000
         assert dropped(background, name) > 1000
 
 
@@ -55,9 +55,9 @@ def test_a_message_larger_than_the_queue_is_written(tmp_path) -> None:
 def test_messages_beyond_the_format_limits_are_counted(tmp_path) -> None:
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
-    good, bad = make_messages(2)
-    background.put(good)
-    background.put(replace(bad, log_time=2**64))
+    sound_message, late_message = make_messages(2)
+    background.put(sound_message)
+    background.put(replace(late_message, log_time=2**64))
     assert background.close() is None
     assert writer.counts == {'/crank_angle': 1}
     assert dropped(background, '/crank_angle') == 1
@@ -74,33 +74,34 @@ def test_whatever_a_failure_interrupts_is_counted(
     tmp_path_factory, numbers, is_split, chunk_size
 ) -> None:
     """A message in hand, a chunk in progress, what waits, what a split has put aside."""
-    waits, before, later = numbers
+    allowed_writes, first_count, late_count = numbers
     folder = tmp_path_factory.mktemp('put') / 'run'
     writer = RunWriter(folder, chunk_size=chunk_size, compression='none')
     messages = [
-        replace(message, data=bytes(20_000)) for message in make_messages(before + 2 * later)
+        replace(message, data=bytes(20_000))
+        for message in make_messages(first_count + 2 * late_count)
     ]
     settled, put = threading.Event(), []
     writes, write = itertools.count(), os.write
 
     def refuse(*arguments):
-        if next(writes) >= waits:
+        if next(writes) >= allowed_writes:
             raise OSError(5, 'Input/output error')
         return write(*arguments)
 
     def settle(seconds):
         if seconds == background_writer.REORDER_DELAY:
-            for message in messages[before:]:
+            for message in messages[first_count:]:
                 background.put(replace(message, log_time=2**63))
                 background.put(message)
-            put.append(4 * later)
+            put.append(4 * late_count)
             settled.set()
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('klann_ros.log.write.durable_file.os.write', refuse)
         patch.setattr(background_writer, 'sleep', settle)
         background = BackgroundWriter(writer, flush_period=0.002, on_failure=settled.set)
-        for number, message in enumerate(messages[:before]):
+        for number, message in enumerate(messages[:first_count]):
             background.put(message)
             if number % 5 == 0:
                 background.put_entry(lambda run: run.add_metadata('x', {'y': 'z' * 30_000}))
@@ -109,6 +110,6 @@ def test_whatever_a_failure_interrupts_is_counted(
             settled.wait(5.0)
         background.close()
     with open_log(writer.path) as log:
-        found = len(list(log.messages()))
-    assert found == writer.counts.get('/crank_angle', 0)
-    assert found + dropped(background, '/crank_angle') == before + sum(put)
+        written_count = len(list(log.messages()))
+    assert written_count == writer.counts.get('/crank_angle', 0)
+    assert written_count + dropped(background, '/crank_angle') == first_count + sum(put)

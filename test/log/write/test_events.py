@@ -97,9 +97,9 @@ class Stage:
 
 @pytest.fixture
 def stage(tmp_path, monkeypatch) -> Iterator[Stage]:
-    made = Stage(tmp_path, monkeypatch)
-    yield made
-    made.session.finish()
+    new_stage = Stage(tmp_path, monkeypatch)
+    yield new_stage
+    new_stage.session.finish()
 
 
 def numbers(run: Path, topic: str = CRANK.name) -> list[int]:
@@ -137,19 +137,19 @@ def test_an_event_run_holds_exactly_pre_and_post_trigger_messages(stage: Stage) 
     stage.until_closed()
     (run,) = stage.runs()
     assert run.name.endswith('_gap')
-    found = numbers(run)
+    recorded_numbers = numbers(run)
     # Three seconds before, two after; and no more than a little beside.
-    whole = [number for second in (5, 6, 7, 8, 9) for number in received[second]]
-    assert set(whole) <= set(found)
-    assert found == [*range(found[0], found[-1] + 1)]
-    assert found[0] >= received[3][0]
-    assert found[-1] <= received[10][-1]
+    event_numbers = [number for second in (5, 6, 7, 8, 9) for number in received[second]]
+    assert set(event_numbers) <= set(recorded_numbers)
+    assert recorded_numbers == [*range(recorded_numbers[0], recorded_numbers[-1] + 1)]
+    assert recorded_numbers[0] >= received[3][0]
+    assert recorded_numbers[-1] <= received[10][-1]
     (record,) = metadata(run)[FINDING_RECORD]
     assert recorded_finding(record) == GAP
     (event,) = metadata(run)[EVENT_RECORD]
     assert (event['cause'], event['evicted']) == ('gap', '0')
     count = counts(run)[CRANK.name]
-    assert count.received == count.written == len(found)
+    assert count.received == count.written == len(recorded_numbers)
     assert (count.lost, count.dropped, count.skipped) == (0, 0, 0)
 
 
@@ -179,7 +179,7 @@ def test_a_cause_during_an_event_lets_it_last_longer(stage: Stage) -> None:
     stage.until_closed()
     (run,) = stage.runs()
     assert numbers(run) == [*received]
-    assert [each['check'] for each in metadata(run)[FINDING_RECORD]] == ['gap', 'trigger']
+    assert [record['check'] for record in metadata(run)[FINDING_RECORD]] == ['gap', 'trigger']
 
 
 def test_latched_topics_and_solvers_are_in_every_run_however_old(stage: Stage) -> None:
@@ -249,10 +249,10 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
     stage: Stage, *, is_ended: bool
 ) -> None:
     stage.disk.clear()
-    before = stage.receive(10)
+    first_numbers = stage.receive(10)
     stage.session.add_finding(GAP)
     # Longer than is held otherwise; who waited for the disk would not come to this.
-    received = [before]
+    received = [first_numbers]
     for _ in range(6):
         received.append(stage.receive(10))
         stage.wait(1.0)
@@ -271,7 +271,7 @@ def test_a_disk_that_takes_its_time_to_open_a_run_holds_nothing_up(
         stage.wait(3.0)
         stage.until_closed()
     (run,) = stage.runs()
-    assert numbers(run) == [number for each in received for number in each]
+    assert numbers(run) == [number for second_numbers in received for number in second_numbers]
     checks = [recorded_finding(record).check for record in metadata(run)[FINDING_RECORD]]
     assert checks == ['gap', 'gap', 'trigger']
 
@@ -297,25 +297,25 @@ def ring_buffer(max_bytes: int) -> RingBuffer:
 
 
 def test_a_ring_buffer_respects_its_memory_limit_and_counts_evictions() -> None:
-    most = 1_000_000
-    full = ring_buffer(most)
+    max_bytes = 1_000_000
+    buffer = ring_buffer(max_bytes)
     for number in range(10_000):
-        full.put(message(number, size=1000))
-        assert full.size <= most * 1.1
-    kept = [each.sequence for each in full.messages()]
+        buffer.put(message(number, size=1000))
+        assert buffer.size <= max_bytes * 1.1
+    kept = [kept_message.sequence for kept_message in buffer.messages()]
     assert kept == [*range(10_000 - len(kept), 10_000)]
-    assert full.evicted == 10_000 - len(kept)
-    assert len(kept) * (1000 + MESSAGE_OVERHEAD) > 0.8 * most
+    assert buffer.evicted == 10_000 - len(kept)
+    assert len(kept) * (1000 + MESSAGE_OVERHEAD) > 0.8 * max_bytes
 
 
 def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> None:
-    full = ring_buffer(1_000_000)
+    buffer = ring_buffer(1_000_000)
     for number in range(1000):
-        full.put(message(number, MODEL, 100))
-    full.rotate(1.0, 1.0)
-    full.rotate(100.0, 100.0)
-    full.rotate(200.0, 200.0)
-    assert [*full.messages()] == []
-    kept = full.latched(5)
-    assert [each.sequence for each in kept] == [*range(1000 - MAX_LATCHED_MESSAGES, 1000)]
-    assert {each.log_time for each in kept} == {5}
+        buffer.put(message(number, MODEL, 100))
+    buffer.rotate(1.0, 1.0)
+    buffer.rotate(100.0, 100.0)
+    buffer.rotate(200.0, 200.0)
+    assert [*buffer.messages()] == []
+    kept = buffer.latched(5)
+    assert [latched.sequence for latched in kept] == [*range(1000 - MAX_LATCHED_MESSAGES, 1000)]
+    assert {latched.log_time for latched in kept} == {5}

@@ -99,11 +99,11 @@ class ChangedRun(RuleBasedStateMachine):
         assert stored.written.total() + stored.dropped.total() == self.put
         assert bool(self.errors) or not stored.dropped.total()
         with open_log(self.folder) as log:
-            found = [message.sequence for message in log.messages()]
-        assert found == sorted(set(found))
-        assert len(found) == stored.written.total()
+            sequences = [message.sequence for message in log.messages()]
+        assert sequences == sorted(set(sequences))
+        assert len(sequences) == stored.written.total()
         metadata = information(self.folder)
-        assert metadata['message_count'] == len(found)
+        assert metadata['message_count'] == len(sequences)
         assert all((self.folder / name).is_file() for name in metadata['relative_file_paths'])
         shutil.rmtree(self.place)
 

@@ -6,11 +6,7 @@ from disk_faults import fill, result_of
 from klann_ros.log.errors import LowSpaceError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import LOSS_RECORD, topic_counts
-from klann_ros.log.write.durable_file import (
-    check_free_space,
-    free_space,
-    RESERVE_SIZE,
-)
+from klann_ros.log.write.durable_file import check_free_space, free_space, RESERVE_SIZE
 from klann_ros.log.write.writer import RunWriter
 import pytest
 from rosbags.highlevel import AnyReader
@@ -28,8 +24,8 @@ def test_a_disk_filled_to_the_brim_leaves_a_run_that_is_whole(
 ) -> None:
     disk = tmp_path / 'disk'
     disk.mkdir()
-    put, counted, failure, whole = result_of(fill, disk, 1_000_000, compression, least)
-    assert whole
+    put, counted, failure, is_whole = result_of(fill, disk, 1_000_000, compression, least)
+    assert is_whole
     assert reason in failure
     run = tmp_path / 'copy'
     with open_log(run) as log:

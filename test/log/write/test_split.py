@@ -76,12 +76,12 @@ def test_limits_are_of_size_and_time() -> None:
 
 def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path) -> None:
     # Two topics are taken one after the other, so the second one's messages come late.
-    one, two = (make_messages(1, name)[0] for name in ('/one', '/two'))
+    first_message, second_message = (make_messages(1, name)[0] for name in ('/one', '/two'))
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.02, on_failure=lambda: None)
     for k in range(20):
         times = [time_ns() + n for n in range(10)]
-        for message in (one, two):
+        for message in (first_message, second_message):
             for time in times:
                 background.put(replace(message, log_time=time))
         sleep(0.01)
@@ -94,7 +94,7 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path) -> None:
         with open_log(writer.path / f'run_{number}.mcap') as log:
             spans.append((log.start_time, log.end_time))
     assert spans == sorted(spans)
-    assert all(before[1] < after[0] for before, after in pairwise(spans))
+    assert all(earlier_span[1] < later_span[0] for earlier_span, later_span in pairwise(spans))
     assert writer.counts == {'/one': 200, '/two': 200}
 
 
@@ -118,8 +118,8 @@ def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
     assert settled.wait(20.0)
     assert background.close() is None
     with (writer.path / 'run_1.mcap').open('rb') as file:
-        found = make_reader(file).iter_messages(log_time_order=False)
-        assert [message.sequence for *_, message in found] == [*range(1, 21)]
+        stored_messages = make_reader(file).iter_messages(log_time_order=False)
+        assert [message.sequence for *_, message in stored_messages] == [*range(1, 21)]
 
 
 def test_statistics_read_during_a_split_are_consistent(tmp_path) -> None:
@@ -134,13 +134,13 @@ def test_statistics_read_during_a_split_are_consistent(tmp_path) -> None:
     with RunWriter(tmp_path / 'run') as writer:
         for message in BATCHES[0][:5]:
             writer.write(message)
-        before = sys.gettrace()
+        first_trace = sys.gettrace()
         # Another thread may come between any two lines.
         sys.settrace(look)
         try:
             writer.split()
         finally:
-            sys.settrace(before)
+            sys.settrace(first_trace)
     assert len(seen) > 50
     assert all(counts == {'/crank_angle': 5} for counts in seen)
 

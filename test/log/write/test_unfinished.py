@@ -16,8 +16,8 @@ def leave(run):
 
 
 def test_a_run_that_was_left_is_named_and_one_in_hand_is_not(tmp_path) -> None:
-    left, whole, in_hand, recovered = (tmp_path / name for name in ('a', 'b', 'c', 'd'))
-    for folder in (left, whole, recovered):
+    left, whole_run, in_hand, recovered = (tmp_path / name for name in ('a', 'b', 'c', 'd'))
+    for folder in (left, whole_run, recovered):
         write_run(folder, [make_messages(5)])
     for folder in (left, recovered):
         leave(folder)
@@ -48,8 +48,8 @@ def test_special_files_neither_block_nor_hide_an_unfinished_run(tmp_path) -> Non
     (left / 'b.mcap').mkdir()
     (left / '.copy.mcap').write_bytes(b'')
     (left / 'c.mcap').symlink_to('c.mcap')
-    whole = tmp_path / 'whole'
-    write_run(whole, [])
-    os.mkfifo(whole / 'a.mcap')
-    (whole / '.copy.mcap').write_bytes(b'')
+    whole_run = tmp_path / 'whole'
+    write_run(whole_run, [])
+    os.mkfifo(whole_run / 'a.mcap')
+    (whole_run / '.copy.mcap').write_bytes(b'')
     assert unfinished_runs(tmp_path) == [left]

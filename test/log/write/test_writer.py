@@ -9,12 +9,7 @@ import sys
 import textwrap
 
 from crank_runs import make_messages
-from klann_ros.log.errors import (
-    MalformedQosError,
-    RunClosedError,
-    RunExistsError,
-    UnwritableError,
-)
+from klann_ros.log.errors import MalformedQosError, RunClosedError, RunExistsError, UnwritableError
 from klann_ros.log.reader import open_log
 from klann_ros.log.write.writer import RunWriter
 import pytest
@@ -55,10 +50,10 @@ def test_a_path_that_cannot_be_a_run_is_refused_and_left_as_it_is(
     tmp_path, kind, run, error, reason
 ) -> None:
     THINGS[kind](tmp_path / 'x')
-    before = (tmp_path / 'x').lstat()
+    status = (tmp_path / 'x').lstat()
     with pytest.raises(error, match=reason):
         RunWriter(tmp_path / run)
-    assert (tmp_path / 'x').lstat() == before
+    assert (tmp_path / 'x').lstat() == status
     assert [*tmp_path.rglob('*')] == [tmp_path / 'x']
 
 
