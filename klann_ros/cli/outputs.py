@@ -72,11 +72,11 @@ class Output:
             with _new_beside(_place(self.path)) as (descriptor, _):
                 os.close(descriptor)
 
-    def is_same(self, other: 'Output') -> bool:
-        """Return whether both are one file."""
+    def is_file(self, path: str) -> bool:
+        """Return whether a path is this file's."""
         if _is_special(self.path):
             return False
-        return is_within(self.path, other.path) or _place(self.path) == _place(other.path)
+        return is_within(self.path, path) or _place(self.path) == _place(path)
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
@@ -121,7 +121,7 @@ def output_files(
             raise OutputError(f'{output.option} {printable(path)} is refused: {reason}')
         output.check(input_paths)
         for previous in outputs:
-            if output.is_same(previous):
+            if output.is_file(previous.path):
                 raise OutputError(f'{previous.option} and {output.option} are the same file')
         outputs.append(output)
     return outputs

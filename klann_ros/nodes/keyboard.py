@@ -27,7 +27,7 @@ _KEY = re.compile(
     rb'|\x1b[^\x1b]*(?=\x1b)'
 )
 # Period of checks for the foreground, and timeout of an incomplete key sequence [s].
-_PERIOD = 0.5
+_CHECK_PERIOD = 0.5
 # Indices in termios' list of attributes.
 _LOCAL_MODES = 3
 _CHARACTERS = 6
@@ -103,7 +103,7 @@ class Keyboard:
                 keys, incomplete = split_keys(incomplete + data)
                 for key in keys:
                     on_key(key)
-            ready, *_ = select([self._terminal] if in_foreground else [], [], [], _PERIOD)
+            ready, *_ = select([self._terminal] if in_foreground else [], [], [], _CHECK_PERIOD)
             if not ready:
                 # A key that begins as others do, such as Escape, is ignored.
                 incomplete = b''

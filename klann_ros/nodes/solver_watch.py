@@ -30,19 +30,19 @@ class SolverWatch:
     """
     Read the parameters of nodes that publish joint states, and again after changes.
 
-    `on_parameters` receives those of nodes that have a leg's geometry, or one of the parameters
-    `others`.
+    `on_parameters` receives the parameters of nodes that have a leg's geometry, or one of
+    `other_names`.
     """
 
     def __init__(
         self,
         node: Node,
         on_parameters: Callable[[SolverParameters], None],
-        others: Collection[str] = (),
+        other_names: Collection[str] = (),
     ) -> None:
         # Full names of the nodes whose parameters are still to be read.
         self.pending: set[str] = set()
-        self._others = frozenset(others)
+        self._other_names = frozenset(other_names)
         self._node = node
         self._on_parameters = on_parameters
         self._calls = ServiceCalls(node)
@@ -110,7 +110,7 @@ class SolverWatch:
 
     def _on_names(self, name: str, response: ListParameters.Response) -> None:
         names = list(response.result.names)
-        if set(GEOMETRY_NAMES) <= set(names) or self._others & set(names):
+        if set(GEOMETRY_NAMES) <= set(names) or self._other_names & set(names):
             request = GetParameters.Request(names=names)
             self._call(name, _SERVICES[1], request, partial(self._on_values, names))
         else:

@@ -18,7 +18,7 @@ from .text import printable, printable_line
 
 ContentT = TypeVar('ContentT')
 
-MAX_DEPTH = 20
+MAX_NESTING = 20
 """Maximum nesting of a user's file."""
 
 MAX_FILE_SIZE = 1_000_000
@@ -55,7 +55,7 @@ def parse(text: str) -> Any:
     Return the content of a user's YAML text; a YamlError for an invalid one.
 
     Anchors and aliases, duplicate keys, numbers that are not finite, and more than MAX_FILE_SIZE
-    characters or MAX_DEPTH levels are refused.
+    characters or MAX_NESTING levels are refused.
     """
     if len(text) > MAX_FILE_SIZE:
         raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
@@ -164,8 +164,8 @@ class _UserLoader(_PlainLoader):
             problem = 'anchors and aliases are not taken: write it out'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         self._depth += 1
-        if self._depth > MAX_DEPTH:
-            problem = f'more than {MAX_DEPTH} levels'
+        if self._depth > MAX_NESTING:
+            problem = f'more than {MAX_NESTING} levels'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self._depth -= 1

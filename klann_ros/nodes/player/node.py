@@ -219,7 +219,7 @@ _SHARED_TOPICS = {'/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_st
 # Warnings about topics at the start.
 _MAX_WARNINGS = 20
 # Depth of a queue, as a damaged log may hold any number.
-MAX_DEPTH = 100_000
+MAX_QUEUE_DEPTH = 100_000
 # Depth of a latched topic whose depth is not in the log; most keep 1 message.
 LATCHED_DEPTH = 10
 
@@ -345,7 +345,7 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
     # A latched topic must not repeat more than was latched; other queues have at least the depth
     # of this package's own.
     min_depth = (1 if has_depth else LATCHED_DEPTH) if latched else endpoints.DEPTH
-    depth = min(max(latched or first.depth, min_depth), MAX_DEPTH)
+    depth = min(max(latched or first.depth, min_depth), MAX_QUEUE_DEPTH)
     reliable = any(
         _policy(ReliabilityPolicy, profile.reliability, ReliabilityPolicy.RELIABLE)
         == ReliabilityPolicy.RELIABLE

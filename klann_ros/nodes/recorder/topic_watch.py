@@ -22,16 +22,16 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from .interface import RecordingDiagnostics
 from .recorded_topic import RecordedTopic
 
-# Period of discovery, and that of pending requests without changes [s].
-_PERIOD = 0.1
+# Period of discovery, and of pending requests without changes [s].
+_DISCOVERY_PERIOD = 0.1
 _REQUEST_PERIOD = 1.0
-# Discovery of a publisher's node may follow that of the publisher within this time [s].
+# A publisher's node may be discovered later than the publisher by this time [s].
 _SETTLING_TIME = 1.0
 # A longer delay means that the process was stopped, or the machine suspended [s].
 MAX_DELAY = 0.9
 # NTP adjusts a clock by less in a period; a larger step is a clock that was set [s].
 MAX_CLOCK_STEP = 0.05
-# Also runs while the machine is suspended, if the system has it.
+# The clock that also runs while the machine is suspended, if the system has it.
 _STEADY_CLOCK = getattr(time, 'CLOCK_BOOTTIME', time.CLOCK_MONOTONIC)
 # Limit of warnings, as untrusted topics could fill the disk with them.
 _MAX_WARNINGS = 500
@@ -50,7 +50,8 @@ class Heartbeat:
     @property
     def is_late(self) -> bool:
         """Return whether the next call is overdue."""
-        return time.clock_gettime(_STEADY_CLOCK) - self._steady_time > _PERIOD + MAX_DELAY
+        passed = time.clock_gettime(_STEADY_CLOCK) - self._steady_time
+        return passed > _DISCOVERY_PERIOD + MAX_DELAY
 
     def beat(self) -> Pause | None:
         """Return the time since the last call if the process stalled, or its clock was set."""
@@ -60,7 +61,7 @@ class Heartbeat:
         passed = steady_time - self._steady_time
         clock_step = (self._log_time - begin) / 1e9 - passed
         self._steady_time = steady_time
-        if passed > _PERIOD + MAX_DELAY:
+        if passed > _DISCOVERY_PERIOD + MAX_DELAY:
             reason = f'the recorder stalled for {passed:.1f} s (stopped, or suspended)'
         elif clock_step > MAX_CLOCK_STEP:
             reason = f'the clock was set forward by {clock_step:.2f} s'
@@ -102,13 +103,13 @@ class _GraphThread:
     def _run(self) -> None:
         last_graph: object = None
         ticks = 0
-        while not self._stopped.wait(_PERIOD):
+        while not self._stopped.wait(_DISCOVERY_PERIOD):
             ticks += 1
             stall = self.heartbeat.beat()
             if stall is not None:
                 self.stalls.append(stall)
             graph = self._query()
-            is_due = self._is_due(ticks >= _REQUEST_PERIOD / _PERIOD)
+            is_due = self._is_due(ticks >= _REQUEST_PERIOD / _DISCOVERY_PERIOD)
             if graph != last_graph or stall is not None or is_due:
                 self._wake()
                 last_graph = graph

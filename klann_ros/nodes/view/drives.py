@@ -25,9 +25,9 @@ TAKE_TIMEOUT = 2.5
 _IDLE_TIME = 1.0
 # More messages than were sent from here prove another active publisher.
 _MAX_FOREIGN = 5
-# Periods of a turning crank's messages, and of all others [s].
+# Periods of a turning crank's messages, and of all other commands [s].
 _TURNING_PERIOD = 0.01
-_PERIOD = 0.05
+_COMMAND_PERIOD = 0.05
 # Redundant stop messages to a walker.
 _STOP_MESSAGES = 5
 CRANK, WALK = 'crank', 'walk'
@@ -320,7 +320,7 @@ class Drives:
             text = f'the drive of {driven.offer.topic} failed: {error_and_place(error)}'
             self._node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
             self._release(driven, 'view_node failed to drive it')
-            return _PERIOD
+            return _COMMAND_PERIOD
 
     def _serve(self, driven: _Driven) -> float | None:
         """Publish due messages; return the time to the next [s], None while nothing drives."""
@@ -342,8 +342,8 @@ class Drives:
             self._publish_walk(driven, drive.forward, drive.turn)
         elif driven.taking is None and isinstance(drive, CrankDrive):
             self._publish(driven, Float64(data=drive.advance(now)))
-            return _TURNING_PERIOD if drive.speed else _PERIOD
-        return _PERIOD
+            return _TURNING_PERIOD if drive.speed else _COMMAND_PERIOD
+        return _COMMAND_PERIOD
 
     def _obstacle(self, driven: _Driven, now: float) -> str:
         """Announce the lease; return the reason why a page must stop driving, '' for none."""

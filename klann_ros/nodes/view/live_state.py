@@ -54,7 +54,7 @@ from .connections import (
 from .drives import CRANK, Drives, Offer, WALK
 
 # Period of discovery, and the shorter one in the first seconds [s].
-_PERIOD = 0.5
+_UPDATE_PERIOD = 0.5
 _FIRST_PERIOD = 0.1
 _FIRST_TIME = 5.0
 # A status that is not repeated is removed after this time [s].
@@ -202,8 +202,9 @@ class LiveState(PageState):
         self._update_legs()
 
     def _update(self) -> None:
-        if self._timer.timer_period_ns < _PERIOD * 1e9 and monotonic() - self._began > _FIRST_TIME:
-            self._timer.timer_period_ns = int(_PERIOD * 1e9)
+        is_settled = monotonic() - self._began > _FIRST_TIME
+        if is_settled and self._timer.timer_period_ns < _UPDATE_PERIOD * 1e9:
+            self._timer.timer_period_ns = int(_UPDATE_PERIOD * 1e9)
         topics = self._graph.topics()
         self._subscriptions.update(topics)
         self._types.check()

@@ -2,7 +2,7 @@
 
 from klann_ros.log.qos import latched_count, Qos
 from klann_ros.nodes.endpoints import DEPTH
-from klann_ros.nodes.player.node import LATCHED_DEPTH, MAX_DEPTH, publishing_profile
+from klann_ros.nodes.player.node import LATCHED_DEPTH, MAX_QUEUE_DEPTH, publishing_profile
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
@@ -17,7 +17,7 @@ BEST_EFFORT = Qos(reliability='best_effort')
         # A queue is as deep as it was, and a volatile one deep.
         ([Qos(depth=1)], 0, DEPTH),
         ([Qos(depth=5000)], 0, 5000),
-        ([Qos(depth=2**40)], 0, MAX_DEPTH),
+        ([Qos(depth=2**40)], 0, MAX_QUEUE_DEPTH),
         # A latched topic keeps its publishers' depth.
         ([LATCHED], 1, 1),
         ([LATCHED, LATCHED], 2, 2),
