@@ -190,7 +190,7 @@ def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> Cra
     load_steps = []
     for leg in legs:
         stance = sheets[leg.name].stance
-        loaded_legs.append((leg, _dynamics(robot, leg), stance))
+        loaded_legs.append(LoadedLeg(leg, _dynamics(robot, leg), stance))
         if request.load and stance:
             load_steps.append(leg.direction * (stance.start - leg.phase))
             load_steps.append(leg.direction * (stance.end - leg.phase))

@@ -262,15 +262,22 @@ def motor_line(sheet: DataSheet) -> str:
         return ''
     speed = f'{number(abs(sheet.speed))} rad/s'
     if sheet.motor_turns:
+        return f'the motor can turn it at {speed}, {motor_reason(sheet)}'
+    return f'the motor cannot turn it at {speed}: {motor_reason(sheet)}'
+
+
+def motor_reason(sheet: DataSheet) -> str:
+    """Return the margin of a motor that can turn every crank, or else the faults of the cranks."""
+    if sheet.motor_turns:
         margins = [crank.motor.margin for crank in sheet.cranks if crank.motor]
-        return f'the motor can turn it at {speed}, margin {_times(min(margins))}'
+        return f'margin {_times(min(margins))}'
     reasons = []
     for crank in sheet.cranks:
         faults = crank.motor.faults if crank.motor else ('the crank does not turn fully',)
         joint = f'{printable(crank.joint)}: ' if len(sheet.cranks) > 1 else ''
         if faults:
             reasons.append(f'{joint}{", and ".join(faults)}')
-    return f'the motor cannot turn it at {speed}: {"; ".join(reasons)}'
+    return '; '.join(reasons)
 
 
 def walk_figures(sheet: DataSheet) -> Iterator[Figure]:

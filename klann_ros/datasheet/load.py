@@ -17,8 +17,14 @@ EDGE_OFFSET = 1e-9
 EXTREME_PART = 0.02
 EXTREME_SAMPLES = 15
 FootForces = dict[str, tuple[float, float]]
-# A leg on a joint, with its dynamics and its stance.
-LoadedLeg = tuple[RobotLeg, Dynamics, Stance | None]
+
+
+class LoadedLeg(NamedTuple):
+    """A leg on a joint; the load acts on its foot in stance."""
+
+    leg: RobotLeg
+    dynamics: Dynamics
+    stance: Stance | None
 
 
 class CrankLoad(NamedTuple):

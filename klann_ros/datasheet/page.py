@@ -80,9 +80,9 @@ def _header(sheet: DataSheet) -> Markup:
     if sheet.motor is not None:
         can_turn = sheet.motor_turns
         claim = '✓ The motor can turn it' if can_turn else '! The motor cannot turn it'
-        reason = figures.motor_line(sheet).partition(', ' if can_turn else ': ')[2]
+        reason = element('span', figures.motor_reason(sheet))
         style = f'verdict {"good" if can_turn else "bad"}'
-        verdict = element('p', element('strong', claim), element('span', reason), class_=style)
+        verdict = element('p', element('strong', claim), reason, class_=style)
     title = element('div', element('h1', sheet.name), element('p', source), about)
     return element('header', title, verdict)
 

@@ -20,7 +20,7 @@ import numpy as np
 from . import inverse
 from .inverse import monotone_intervals, Nearest, ROUNDING
 from .stance import NoStanceError, Stance, stances
-from .track import Coordinate, GAUSS_ORDER, nodes, Span, Track, X, Y
+from .track import Coordinate, gauss_nodes, GAUSS_ORDER, Span, Track, X, Y
 
 # Height of the contact band relative to the lift. Between their two lowest points the feet of both
 # known legs rise by a fifteenth (SEM 104) and a tenth (patent) of their lift.
@@ -261,7 +261,7 @@ def foot_path(
 
 
 def _arc_length(track: Track) -> float:
-    _, h_t, weights = nodes(track, 0.0, pi, -(-len(track.t) // GAUSS_ORDER))
+    _, h_t, weights = gauss_nodes(track, 0.0, pi, -(-len(track.t) // GAUSS_ORDER))
     return float(np.hypot(*h_t.T) @ weights)
 
 

@@ -17,7 +17,7 @@ from klann_ros.kinematics.errors import KinematicsError
 import numpy as np
 
 from .inverse import monotone_intervals, parameters_at, slope_range, turning_points
-from .track import Coordinate, nodes, Track, X, Y
+from .track import Coordinate, gauss_nodes, Track, X, Y
 
 # A figure of one stance, or of many.
 Number = TypeVar('Number', float, FloatArray)
@@ -222,7 +222,7 @@ def _stance(contact: _Contact, ground: float) -> Stance:
 
 def _deviation(track: Track, t_0: float, t_1: float) -> float:
     """Return the greatest distance from the line through the centre along the main axis [m]."""
-    h, h_t, weights = nodes(track, t_0, t_1, PANELS)
+    h, h_t, weights = gauss_nodes(track, t_0, t_1, PANELS)
     lengths = np.hypot(*h_t.T) * weights
     centre = lengths @ h / lengths.sum()
     _, axes = np.linalg.eigh(((h - centre).T * lengths) @ (h - centre))

@@ -183,7 +183,7 @@ def _wrap_positive(alpha: float) -> float:
 GAUSS_ORDER = 8
 
 
-def nodes(
+def gauss_nodes(
     track: Track, t_0: float, t_1: float, panels: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return H, dH/dt and weights at Gauss-Legendre nodes, 8 on each of equal panels of t."""
