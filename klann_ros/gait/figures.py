@@ -29,7 +29,7 @@ class GaitFigures:
     loads : numpy.ndarray, shape (k, n)
         The part of the weight that each foot carries.
     height : numpy.ndarray, shape (k,)
-        Of base_link's origin above the ground [m].
+        Height of base_link's origin above the ground [m].
     roll, pitch : numpy.ndarray, shape (k,)
         As in REP 103 [rad].
     margin : numpy.ndarray, shape (k,)
@@ -121,7 +121,7 @@ def walk_figures(
     robot : Robot
         The walker; without masses its centre of mass is base_link's origin.
     foot_radius : float
-        Of its feet, which are balls [m].
+        Radius of its feet, which are balls [m].
     samples : int
         Into how many steps the turn is divided.
 
@@ -134,27 +134,32 @@ def walk_figures(
     feet = Feet(robot, foot_radius=foot_radius)
     alphas = np.linspace(0.0, TURN, samples + 1)
     poses = zip(*feet.at(alphas[:, None] * feet.senses).tolist(), strict=True)
-    at, yaw, slid, path = 0j, 0.0, 0.0, []
-    loads, rows = np.zeros((samples + 1, len(robot.legs))), np.full((samples + 1, 4), np.nan)
-    last = facet = None
+    place = 0j
+    yaw = slid = 0.0
+    path = []
+    loads = np.zeros((samples + 1, len(robot.legs)))
+    # Height, roll, pitch and margin.
+    stances = np.full((samples + 1, 4), np.nan)
+    last_pose = facet = None
     for k, (points, rolled, centre) in enumerate(poses):
         # Without support it falls, to an unknown pose.
         pose = None
-        if rest := support(points, centre, facet):
-            facet, pose = rest.facet, stance_pose(points, rolled, rest)
-            loads[k, list(rest.feet)] = rest.loads
-            rows[k] = rest.height, rest.roll, rest.pitch, rest.margin
+        if standing := support(points, centre, facet):
+            facet = standing.facet
+            pose = stance_pose(points, rolled, standing)
+            loads[k, list(standing.feet)] = standing.loads
+            stances[k] = standing.height, standing.roll, standing.pitch, standing.margin
         else:
             flat = [complex(*point[:2]) for point in points]
-            rows[k, 3] = -edge_distance(flat, complex(*centre[:2]))
-        if last and pose:
-            step = body_displacement(last, pose)
-            at += step.motion * rect(1.0, yaw + step.yaw / 2.0)
-            yaw, slid = yaw + step.yaw, slid + step.slid
-        last = pose
-        path.append((at.real, at.imag, yaw))
-    height, roll, pitch, margin = rows[:-1].T
-    names = tuple(leg.name or str(i) for i, leg in enumerate(robot.legs))
-    return GaitFigures(
-        names, alphas[:-1], loads[:-1], height, roll, pitch, margin, np.array(path[1:]), slid
-    )
+            stances[k, 3] = -edge_distance(flat, complex(*centre[:2]))
+        if last_pose and pose:
+            step = body_displacement(last_pose, pose)
+            place += step.motion * rect(1.0, yaw + step.yaw / 2.0)
+            yaw += step.yaw
+            slid += step.slid
+        last_pose = pose
+        path.append((place.real, place.imag, yaw))
+    height, roll, pitch, margin = stances[:-1].T
+    legs = tuple(leg.name or str(index) for index, leg in enumerate(robot.legs))
+    advance = np.array(path[1:])
+    return GaitFigures(legs, alphas[:-1], loads[:-1], height, roll, pitch, margin, advance, slid)

@@ -94,8 +94,14 @@ class Support(NamedTuple):
 
 def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[complex]:
     """Return points or vectors of base_link, turned by roll and pitch, seen from above: x + jy."""
-    b, a, d, c = sin(roll), cos(roll), sin(pitch), cos(pitch)
-    return [complex(c * x + d * (b * y + a * z), a * y - b * z) for x, y, z in points]
+    sin_roll, cos_roll = sin(roll), cos(roll)
+    sin_pitch, cos_pitch = sin(pitch), cos(pitch)
+    return [
+        complex(
+            cos_pitch * x + sin_pitch * (sin_roll * y + cos_roll * z), cos_roll * y - sin_roll * z
+        )
+        for x, y, z in points
+    ]
 
 
 def support(
@@ -113,29 +119,34 @@ def support(
     nearest to it.
     """
 
-    def off(rest: Support) -> float:
-        return rest.off(attitude) if attitude else 0.0
+    def tilt_error(candidate: Support) -> float:
+        return candidate.off(attitude) if attitude else 0.0
 
-    found = guess and _on(feet, centre, guess)
-    if not found or off(found) > tolerance:
-        stable = [each for facet in _facets(len(feet)) if (each := _on(feet, centre, facet))]
-        if not stable:
-            return None
+    def preference(candidate: Support) -> tuple[float, float, float]:
         # Tilted by more than 30 deg it lies on its side.
-        found = min(stable, key=lambda s: (off(s), -min(s.normal[2], 0.866), s.height_of(centre)))
-    (x, y, z), top = found.normal, TOUCHING - found.height
-    touch = [i for i, f in enumerate(feet) if f[0] * x + f[1] * y + f[2] * z <= top]
-    if len(touch) == 3:
-        return found
-    found, above = found._replace(corners=[feet[i] for i in touch]), found.height_of(centre)
-    ground = complex(centre[0] - above * x, centre[1] - above * y)
-    flat = [complex(corner[0], corner[1]) for corner in found.corners]
-    loads = spring_loads(flat, [0.0] * len(touch), ground)
-    carrying = [(i, load) for i, load in zip(touch, loads, strict=True) if load > 0.0]
-    if len(carrying) <= 3:
-        return found
-    on, shares = zip(*carrying, strict=True)
-    return found._replace(feet=on, loads=shares)
+        uprightness = min(candidate.normal[2], 0.866)
+        return tilt_error(candidate), -uprightness, candidate.height_of(centre)
+
+    stable = guess and _on_facet(feet, centre, guess)
+    if not stable or tilt_error(stable) > tolerance:
+        candidates = [_on_facet(feet, centre, facet) for facet in _facets(len(feet))]
+        stable = min(filter(None, candidates), key=preference, default=None)
+        if stable is None:
+            return None
+    nx, ny, nz = stable.normal
+    top = TOUCHING - stable.height
+    touching = [foot for foot, (x, y, z) in enumerate(feet) if x * nx + y * ny + z * nz <= top]
+    if len(touching) == 3:
+        return stable
+    stable = stable._replace(corners=[feet[foot] for foot in touching])
+    height = stable.height_of(centre)
+    below = complex(centre[0] - height * nx, centre[1] - height * ny)
+    flat = [complex(corner[0], corner[1]) for corner in stable.corners]
+    loads = spring_loads(flat, [0.0] * len(touching), below)
+    shares = {foot: load for foot, load in zip(touching, loads, strict=True) if load > 0.0}
+    if len(shares) <= 3:
+        return stable
+    return stable._replace(feet=tuple(shares), loads=tuple(shares.values()))
 
 
 def outside_feet(
@@ -151,30 +162,31 @@ def outside_feet(
     The body lies on a facet of its feet within a tolerance of roll and pitch [rad]; 0 where there
     is none, as while it tips, or where one can carry it, which `guess` may do.
     """
-    nearest = inf
+    min_distance = inf
     for facet in (guess, *_facets(len(feet))):
-        corners = [feet[i] for i in facet]
-        middle = [sum(values) / 3.0 for values in zip(*corners, strict=True)]
-        rest = _on(feet, middle, facet)
-        if rest and rest.off(attitude) < tolerance:
-            if _on(feet, centre, facet):
+        corners = [feet[foot] for foot in facet]
+        middle = [sum(coordinates) / 3.0 for coordinates in zip(*corners, strict=True)]
+        lying = _on_facet(feet, middle, facet)
+        if lying and lying.off(attitude) < tolerance:
+            if _on_facet(feet, centre, facet):
                 return 0.0
             flat = [complex(*corner[:2]) for corner in corners]
-            nearest = min(nearest, edge_distance(flat, complex(*centre[:2])))
-    return nearest if nearest < inf else 0.0
+            min_distance = min(min_distance, edge_distance(flat, complex(*centre[:2])))
+    return min_distance if min_distance < inf else 0.0
 
 
 def edge_distance(feet: Sequence[complex], centre: complex) -> float:
     """Return the distance of a point from the edge of the polygon around feet, from above [m]."""
-    nearest = inf
-    for a, b in combinations(feet, 2):
-        size = abs(b - a) or 1.0
-        edge = (b - a) / size
-        sides = [((foot - a) * edge.conjugate()).imag for foot in feet]
+    min_distance = inf
+    for start, end in combinations(feet, 2):
+        length = abs(end - start) or 1.0
+        direction = (end - start) / length
+        sides = [((foot - start) * direction.conjugate()).imag for foot in feet]
         if min(sides) > -ROUNDING or max(sides) < ROUNDING:
-            along = ((centre - a) * edge.conjugate()).real
-            nearest = min(nearest, abs(centre - a - max(0.0, min(size, along)) * edge))
-    return nearest
+            along = ((centre - start) * direction.conjugate()).real
+            nearest = max(0.0, min(length, along)) * direction
+            min_distance = min(min_distance, abs(centre - start - nearest))
+    return min_distance
 
 
 @cache
@@ -182,27 +194,31 @@ def _facets(count: int) -> tuple[Facet, ...]:
     return tuple(combinations(range(count), 3))
 
 
-def _on(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | None:
+def _on_facet(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | None:
     """Return how it rests on three feet; None where its centre or a foot forbids it."""
-    corners = [feet[i] for i in facet]
+    corners = [feet[foot] for foot in facet]
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
     ux, uy, uz = bx - ax, by - ay, bz - az
     vx, vy, vz = cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     if abs(nz) <= FLAT * (ux * ux + uy * uy + vx * vx + vy * vy):
         return None
-    size = sqrt(nx * nx + ny * ny + nz * nz) * (1.0 if nz > 0.0 else -1.0)
-    x, y, z = nx / size, ny / size, nz / size
+    length = sqrt(nx * nx + ny * ny + nz * nz) * (1.0 if nz > 0.0 else -1.0)
+    x, y, z = nx / length, ny / length, nz / length
     height = -(x * ax + y * ay + z * az)
-    above = height + x * centre[0] + y * centre[1] + z * centre[2]
-    px, py = centre[0] - above * x - ax, centre[1] - above * y - ay
-    b, c = (px * vy - py * vx) / nz, (ux * py - uy * px) / nz
-    a = 1.0 - b - c
-    if min(a, b, c) < -ROUNDING:
+    centre_height = height + x * centre[0] + y * centre[1] + z * centre[2]
+    # From the first foot to the point below the centre, seen along z.
+    px = centre[0] - centre_height * x - ax
+    py = centre[1] - centre_height * y - ay
+    load_b = (px * vy - py * vx) / nz
+    load_c = (ux * py - uy * px) / nz
+    load_a = 1.0 - load_b - load_c
+    if min(load_a, load_b, load_c) < -ROUNDING:
         return None
     if min([fx * x + fy * y + fz * z for fx, fy, fz in feet]) < -height - ROUNDING:
         return None
-    return Support(facet, (a, b, c), facet, (x, y, z), height, corners, centre)
+    loads = load_a, load_b, load_c
+    return Support(facet, loads, facet, (x, y, z), height, corners, centre)
 
 
 def zero_moment_point(centre: complex, height: float, acceleration: complex) -> complex:
@@ -216,21 +232,21 @@ def zero_moment_point(centre: complex, height: float, acceleration: complex) -> 
 
 
 def spring_loads(
-    flat: Sequence[complex], heights: Sequence[float], over: complex, sink: float = 5e-4
+    flat: Sequence[complex], heights: Sequence[float], load_point: complex, sink: float = 5e-4
 ) -> list[float]:
     """
     Return the load shares of feet that give way like springs, as their legs and the floor do.
 
     Each foot carries (d + a x + b y - h) / sink where that is positive; d, a and b follow from the
-    balance of the weight, which acts at `over`, seen from above. `heights` are those of the feet
-    above the plane of their support, and `sink` is that of a foot under the whole weight [m].
+    balance of the weight, which acts at `load_point`, seen from above. `heights` are those of the
+    feet above the plane of their support, and `sink` is that of a foot under the whole weight [m].
     """
-    at = [
-        (foot.real - over.real, foot.imag - over.imag, h)
-        for foot, h in zip(flat, heights, strict=True)
+    springs = [
+        (foot.real - load_point.real, foot.imag - load_point.imag, height)
+        for foot, height in zip(flat, heights, strict=True)
     ]
-    active = [each for each in at if each[2] < TOUCHING]
-    sinks = [0.0] * len(at)
+    active = [spring for spring in springs if spring[2] < TOUCHING]
+    sinks = [0.0] * len(springs)
     for _ in range(ITERATIONS):
         sx = sy = xx = xy = yy = hx = hy = 0.0
         sh = sink
@@ -238,17 +254,17 @@ def spring_loads(
             sx, sy, sh, hx, hy = sx + x, sy + y, sh + h, hx + h * x, hy + h * y
             xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
         n = float(len(active))
-        whole = n * (xx * yy - xy * xy) - sx * (sx * yy - sy * xy) + sy * (sx * xy - sy * xx)
-        if abs(whole) <= FLAT * (xx + yy) ** 2:
+        determinant = n * (xx * yy - xy * xy) - sx * (sx * yy - sy * xy) + sy * (sx * xy - sy * xx)
+        if abs(determinant) <= FLAT * (xx + yy) ** 2:
             break
-        p, q, r, s, t, u = inverse((n, sx, sy, xx, xy, yy))
-        d, a, b = p * sh + q * hx + r * hy, q * sh + s * hx + t * hy, r * sh + t * hx + u * hy
-        sinks = [max(0.0, d + a * x + b * y - h) for x, y, h in at]
-        last, active = active, [each for each, sink in zip(at, sinks, strict=True) if sink > 0.0]
-        if active == last:
+        d, a, b = product(inverse((n, sx, sy, xx, xy, yy)), (sh, hx, hy))
+        sinks = [max(0.0, d + a * x + b * y - h) for x, y, h in springs]
+        last_active = active
+        active = [spring for spring, depth in zip(springs, sinks, strict=True) if depth > 0.0]
+        if active == last_active:
             break
     total = sum(sinks) or 1.0
-    return [sink / total for sink in sinks]
+    return [depth / total for depth in sinks]
 
 
 class FootMotion(NamedTuple):
@@ -258,7 +274,7 @@ class FootMotion(NamedTuple):
     motion: complex
     # Motion over the ground for each rad of the body's rotation [m].
     arm: complex
-    # Its weight in the sum.
+    # Weight of its slip in the sum.
     load: float
 
 
@@ -301,9 +317,10 @@ def stance_pose(
     centre: Point = (0.0, 0.0, 0.0),
 ) -> StancePose:
     """Return a pose; `attitude` is roll and pitch where they are measured [rad]."""
-    *level, middle = gravity_aligned([*feet, centre], *(attitude or (support.roll, support.pitch)))
-    flat = [foot + complex(*rolls) for foot, rolls in zip(level, rolled, strict=True)]
-    return StancePose(support, flat, middle)
+    roll, pitch = attitude or (support.roll, support.pitch)
+    *level_feet, level_centre = gravity_aligned([*feet, centre], roll, pitch)
+    flat = [foot + complex(*rolls) for foot, rolls in zip(level_feet, rolled, strict=True)]
+    return StancePose(support, flat, level_centre)
 
 
 def body_displacement(before: StancePose, after: StancePose) -> BodyStep:
@@ -329,37 +346,42 @@ def minimize_slip(
 
     `creep` is the slip below which friction is regularised, in the unit of the motions.
     """
-    v, turn = prior[:2] if prior else least_squares(feet)
+    v, yaw = prior[:2] if prior else least_squares(feet)
     prior = prior or MotionPrior()
     scale = sum([abs(foot.motion) for foot in feet]) + abs(v)
     if scale == 0.0:
-        return BodyStep(yaw=turn)
-    mean, yaw, (a, b, c, d, e, f), force = prior
-    px = a * mean.real + b * mean.imag + c * yaw + force.real
-    py = b * mean.real + d * mean.imag + e * yaw + force.imag
-    pt = c * mean.real + e * mean.imag + f * yaw
+        return BodyStep(yaw=yaw)
+    a, b, c, d, e, f = prior.information
+    mean = prior.motion.real, prior.motion.imag, prior.yaw
+    prior_x, prior_y, prior_yaw = product(prior.information, mean)
+    prior_x += prior.force.real
+    prior_y += prior.force.imag
     # Motion, arm, load, arm . arm, arm . motion.
     terms = [(m, arm, load, abs(arm) ** 2, (arm.conjugate() * m).real) for m, arm, load in feet]
     for _ in range(ITERATIONS):
-        n, arms, moves, tt, rt = 0.0, 0j, 0j, f, pt
+        weights, arms, moves = 0.0, 0j, 0j
+        # Information on the yaw, and right side of its equation.
+        information_yaw, right_yaw = f, prior_yaw
         for motion, arm, load, square, along in terms:
-            slip = motion + v + turn * arm
-            w = load / hypot(slip.real, slip.imag, creep)
-            n += w
-            arms += w * arm
-            moves += w * motion
-            tt += w * square
-            rt -= w * along
-        covariance = inverse((a + n, b, c + arms.real, d + n, e + arms.imag, tt * (1.0 + NO_YAW)))
-        xx, xy, xt, yy, yt, tt = covariance
-        rx, ry, last, last_turn = px - moves.real, py - moves.imag, v, turn
-        v = complex(xx * rx + xy * ry + xt * rt, xy * rx + yy * ry + yt * rt)
-        turn = xt * rx + yt * ry + tt * rt
+            slip = motion + v + yaw * arm
+            weight = load / hypot(slip.real, slip.imag, creep)
+            weights += weight
+            arms += weight * arm
+            moves += weight * motion
+            information_yaw += weight * square
+            right_yaw -= weight * along
+        information_yaw *= 1.0 + NO_YAW
+        xx, yy, xt, yt = a + weights, d + weights, c + arms.real, e + arms.imag
+        covariance = inverse((xx, b, xt, yy, yt, information_yaw))
+        last_v, last_yaw = v, yaw
+        right = prior_x - moves.real, prior_y - moves.imag, right_yaw
+        vx, vy, yaw = product(covariance, right)
+        v = complex(vx, vy)
         # A rotation moves feet by about their distance in metres.
-        if abs(v - last) + abs(turn - last_turn) < 1e-5 * scale:
+        if abs(v - last_v) + abs(yaw - last_yaw) < 1e-5 * scale:
             break
-    slid = sum([load * abs(motion + v + turn * arm) for motion, arm, load in feet])
-    return BodyStep(v, turn, slid, covariance)
+    slid = sum([load * abs(motion + v + yaw * arm) for motion, arm, load in feet])
+    return BodyStep(v, yaw, slid, covariance)
 
 
 def dissipation_hessian(
@@ -378,34 +400,40 @@ def dissipation_hessian(
     xx, xy, xt, yy, yt, tt = prior
     for motion, arm, load in feet:
         slip = motion + step.motion + step.yaw * arm
-        size = hypot(slip.real, slip.imag, creep)
-        x, y, w = slip.real / size, slip.imag / size, load / size
-        turns = x * arm.real + y * arm.imag
-        xx, xy, yy = xx + w * (1.0 - x * x), xy - w * x * y, yy + w * (1.0 - y * y)
-        xt, yt = xt + w * (arm.real - x * turns), yt + w * (arm.imag - y * turns)
-        tt += w * (abs(arm) ** 2 - turns * turns)
+        speed = hypot(slip.real, slip.imag, creep)
+        x = slip.real / speed
+        y = slip.imag / speed
+        weight = load / speed
+        along = x * arm.real + y * arm.imag
+        xx += weight * (1.0 - x * x)
+        xy -= weight * x * y
+        yy += weight * (1.0 - y * y)
+        xt += weight * (arm.real - x * along)
+        yt += weight * (arm.imag - y * along)
+        tt += weight * (abs(arm) ** 2 - along * along)
     return xx, xy, xt, yy, yt, tt
 
 
 def least_squares(feet: Sequence[FootMotion], yaw: float | None = None) -> tuple[complex, float]:
     """Return motion and yaw of the body by load-weighted least squares of the slip."""
-    n = sum([foot.load for foot in feet])
-    moves, arms = (sum([foot.load * foot[k] for foot in feet]) for k in (0, 1))
+    loads = sum([foot.load for foot in feet])
+    moves = sum([foot.load * foot.motion for foot in feet])
+    arms = sum([foot.load * foot.arm for foot in feet])
     if yaw is None:
         squares = sum([foot.load * abs(foot.arm) ** 2 for foot in feet])
         along = sum([foot.load * (foot.arm.conjugate() * foot.motion).real for foot in feet])
-        yaw = (arms.conjugate() * moves).real - n * along
-        yaw /= n * squares * (1.0 + NO_YAW) - abs(arms) ** 2
-    return -(moves + yaw * arms) / n, yaw
+        yaw = (arms.conjugate() * moves).real - loads * along
+        yaw /= loads * squares * (1.0 + NO_YAW) - abs(arms) ** 2
+    return -(moves + yaw * arms) / loads, yaw
 
 
 def inverse(matrix: Symmetric) -> Symmetric:
     """Return the inverse of a symmetric matrix."""
     a, b, c, d, e, f = matrix
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
-    whole = a * p + b * q + c * r
     s, t, u = a * f - c * c, b * c - a * e, a * d - b * b
-    return p / whole, q / whole, r / whole, s / whole, t / whole, u / whole
+    det = a * p + b * q + c * r
+    return p / det, q / det, r / det, s / det, t / det, u / det
 
 
 def product(matrix: Symmetric, vector: Triple) -> Triple:

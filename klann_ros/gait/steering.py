@@ -42,34 +42,39 @@ class Steering:
     def __init__(self, feet: Feet) -> None:
         self.feet = feet
         # The rotation of each crank when the left, or the right side turns by 1 rad.
-        sides = np.array([(1.0 + each * feet.sides) / 2.0 * feet.senses for each in (1.0, -1.0)])
-        self._shares: list[tuple[float, float]] = sides.T.tolist()
-        straight = np.linspace(0.0, TURN, CUBIC_SAMPLES, endpoint=False)[:, None] * (1.0, 1.0)
-        (twists,) = phase_twists(feet, sides, straight, (1.0, 1.0))
+        left_shares = (1.0 + feet.sides) / 2.0 * feet.senses
+        right_shares = (1.0 - feet.sides) / 2.0 * feet.senses
+        side_shares = np.array([left_shares, right_shares])
+        self._shares: list[tuple[float, float]] = side_shares.T.tolist()
+        in_phase = np.linspace(0.0, TURN, CUBIC_SAMPLES, endpoint=False)[:, None] * (1.0, 1.0)
+        (twists,) = phase_twists(feet, side_shares, in_phase, (1.0, 1.0))
         self.speed = float(twists[:, 0].mean())
-        only = [feet.sides == side for side in (1.0, -1.0)]
-        self.can_turn = all(each.any() for each in only)
+        is_left, is_right = feet.sides == 1.0, feet.sides == -1.0
+        self.can_turn = bool(is_left.any() and is_right.any())
         if not self.can_turn:
             return
-        # Of each crank in the mean phase of the left, and of the right side.
-        self._weights = [(each * feet.senses / each.sum()).tolist() for each in only]
-        walking, turning = phase_map(feet, sides)
+        # The share of each crank in the mean phase of the left, and of the right side.
+        self._left_weights = (is_left * feet.senses / is_left.sum()).tolist()
+        self._right_weights = (is_right * feet.senses / is_right.sum()).tolist()
+        walking, turning = phase_map(feet, side_shares)
         self.turn_plan = TurnPlan(walking[..., 0], turning[..., 1], walking[..., 1])
         # Speed and yaw rate at 1 rad/s of both sides, and of the right against the left.
-        (v, w), (x, y) = (each.mean(axis=(0, 1)).tolist() for each in (walking, turning))
+        walking_speed, walking_yaw = walking.mean(axis=(0, 1)).tolist()
+        turning_speed, turning_yaw = turning.mean(axis=(0, 1)).tolist()
         # Cross gains within the error of the map (`MAP_POINTS`) are those of a mirrored walker.
-        if abs(w) * feet.reach < 0.005 * abs(v) and abs(x) < 0.005 * abs(y) * feet.reach:
-            w = x = 0.0
-        self._gains = v, w, x, y
+        is_straight = abs(walking_yaw) * feet.reach < 0.005 * abs(walking_speed)
+        if is_straight and abs(turning_speed) < 0.005 * abs(turning_yaw) * feet.reach:
+            walking_yaw = turning_speed = 0.0
+        self._gains = walking_speed, walking_yaw, turning_speed, turning_yaw
 
     def crank_rates(self, rates: Rates) -> list[float]:
         """Return the rates of its cranks, in the order of `Feet.joints` [rad/s]."""
-        left, right = rates
-        return [p * left + q * right for p, q in self._shares]
+        return [left * rates.left + right * rates.right for left, right in self._shares]
 
     def motion(self, rates: Rates) -> Twist2D:
         """Return how the body moves at rates of the sides."""
-        walking, turning = (rates.left + rates.right) / 2.0, (rates.right - rates.left) / 2.0
+        walking = (rates.left + rates.right) / 2.0
+        turning = (rates.right - rates.left) / 2.0
         if turning == 0.0 or not self.can_turn:
             return Twist2D(self.speed * walking, 0.0)
         v, w, x, y = self._gains
@@ -91,8 +96,10 @@ class Steering:
         if abs(angular) < 1e-9 or not self.can_turn:
             return linear / self.speed, 0.0
         v, w, x, y = self._gains
-        whole = v * y - x * w
-        return (linear * y - angular * x) / whole, (angular * v - linear * w) / whole
+        determinant = v * y - x * w
+        walking = (linear * y - angular * x) / determinant
+        turning = (angular * v - linear * w) / determinant
+        return walking, turning
 
     def planned_rates(
         self, wanted: Twist2D, cranks: list[float], *, on_spot: bool = False
@@ -103,9 +110,11 @@ class Steering:
         The motion is their mean over a cycle of phases, see `TurnPlan`.
         With `on_spot` the mean phase stays where turning is the most effective.
         """
-        p, q = self._mean_rates(wanted)
-        if q and self.turn_plan.is_possible:
-            left, right = (sum(map(mul, weights, cranks)) for weights in self._weights)
-            phases = (left + right) / 2.0, (right - left) / 2.0
-            p, q = self.turn_plan.rates(*phases, p, q, on_spot=on_spot)
-        return Rates(p - q, p + q)
+        walking, turning = self._mean_rates(wanted)
+        if turning and self.turn_plan.is_possible:
+            left = sum(map(mul, self._left_weights, cranks))
+            right = sum(map(mul, self._right_weights, cranks))
+            walking, turning = self.turn_plan.rates(
+                (left + right) / 2.0, (right - left) / 2.0, walking, turning, on_spot=on_spot
+            )
+        return Rates(walking - turning, walking + turning)
