@@ -1,5 +1,5 @@
 """
-Make the README's picture of the lab: python docs/lab_picture.py [FILE].
+Make the README's picture of the lab: python docs/lab_picture.py [LAB_FILE].
 
 It needs playwright and Debian's chromium.
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 import shutil
 import sys
 
-from klann_ros.web.lab.build import FILE
+from klann_ros.web.lab.build import LAB_FILE
 from playwright.sync_api import sync_playwright
 
 PICTURE = Path(__file__).resolve().parent / 'lab.png'
@@ -24,7 +24,7 @@ def save_picture(file: Path) -> None:
             executable_path=shutil.which('chromium'), args=['--no-sandbox']
         )
         opened = browser.new_page(viewport=SIZE, locale='en-US')
-        opened.goto(FILE.as_uri())
+        opened.goto(LAB_FILE.as_uri())
         opened.evaluate(STATE)
         opened.wait_for_timeout(500)
         opened.screenshot(path=file)

@@ -3,15 +3,13 @@ A calculation as a student writes it: angles in degrees, each step recorded, or 
 
 A *slip* is a category, such as degrees for radians; a *mistake* is one instance of it, named SLIP
 or SLIP:PLACE, such as 'radians:trig'. The course formulas with a mistake give the wrong answer of
-that mistake, so that marking can name the slip. exercises.yaml has the formulas.
+that mistake, so that marking can name the slip. `formulas` has the formulas.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import acos, atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from pathlib import Path
-import re
-from types import CodeType
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import peak
@@ -21,14 +19,7 @@ import numpy as np
 
 Answer = float | str
 DATA_FILE = Path(__file__).with_name('exercises.yaml')
-# SYMBOLS UNIT = EXPRESSION | FORMULA AS SHOWN, and the results of a system.
-ROW = re.compile(r'(\w+)(?: (\S+))? (:?=) (.+?)(?: \| (.*))?')
-RESULTS = re.compile(r'(.+?) (\S+) (:?=) (.*)')
 HALF_TURN, TURN_DEG = 180.0, 360.0
-# Functions of expressions beside those with a student's mistakes.
-FUNCTIONS = {
-    '__builtins__': {}, 'sqrt': sqrt, 'hypot': hypot, 'min': min, 'max': max, 'abs': abs
-}  # fmt: skip
 
 
 class Step(NamedTuple):
@@ -46,7 +37,9 @@ class Step(NamedTuple):
 
 class Calculation:
     """
-    A calculation from givens in mm, deg, s and N.
+    A calculation from givens in mm, deg, s and N, on which formulas are worked.
+
+    Formulas use its functions, which have the student's mistake; angles are in degrees.
 
     Parameters
     ----------
@@ -59,217 +52,229 @@ class Calculation:
 
     """
 
+    sqrt = staticmethod(sqrt)
+    hypot = staticmethod(hypot)
+    smallest: Any = staticmethod(min)
+    largest: Any = staticmethod(max)
+
     def __init__(
         self, givens: Mapping[str, float], mistake: str = '', input_angle: str = ''
     ) -> None:
         self.mistake = mistake
         self.steps: list[Step] = []
         self.answers: dict[str, Answer] = {}
-        self._givens, self._input = givens, input_angle
+        self._givens = givens
+        self._input = input_angle
         self._slip, _, self._place = mistake.partition(':')
         self._digits = int(self._place) if self._slip == 'rounding' else 0
-        is_radian = mistake == 'radians:trig'
-        to_rad, to_deg = (float, float) if is_radian else (radians, degrees)
-        cosine, sine = (sin, cos) if mistake == 'sine:all' else (cos, sin)
-        half = pi if is_radian else HALF_TURN
-        self._scope: dict[str, Any] = {
-            **FUNCTIONS,
-            'cos': lambda angle: cosine(to_rad(angle)),
-            'sin': lambda angle: sine(to_rad(angle)),
-            'acos': lambda x: to_deg(acos(x)),
-            'atan2': lambda y, x: to_deg(atan2(y, x)),
-            # -1 where a loop is closed in the other assembly mode.
-            'sign': lambda k: -1.0 if self._slip == 'assembly' and str(k) in self._place else 1.0,
-            'wrapped': lambda angle: half - (half - angle) % (2.0 * half),
-            'half_turn': half,
-            **givens,
-        }
+        self._is_radian = mistake == 'radians:trig'
+        self.half_turn: Any = pi if self._is_radian else HALF_TURN
+        # The numbers that formulas read: givens, with the mistake of the input angle, and results.
+        self._numbers: dict[str, Any] = {**givens}
         reading = data()['mistakes']['input'].get(mistake)
         if reading and input_angle in givens:
-            self._scope[input_angle] = reading[0] * givens[input_angle] + reading[1]
+            self._numbers[input_angle] = reading[0] * givens[input_angle] + reading[1]
 
-    def __getitem__(self, name: str) -> float:
+    def cos(self, angle: Any) -> Any:
+        """Return the cosine of an angle [deg]; its sine by a mistake."""
+        function = sin if self.mistake == 'sine:all' else cos
+        return function(angle if self._is_radian else radians(angle))
+
+    def sin(self, angle: Any) -> Any:
+        """Return the sine of an angle [deg]; its cosine by a mistake."""
+        function = cos if self.mistake == 'sine:all' else sin
+        return function(angle if self._is_radian else radians(angle))
+
+    def acos(self, cosine: Any) -> Any:
+        """Return the angle of a cosine [deg]."""
+        return acos(cosine) if self._is_radian else degrees(acos(cosine))
+
+    def atan2(self, y: Any, x: Any) -> Any:
+        """Return the angle of a vector [deg]."""
+        return atan2(y, x) if self._is_radian else degrees(atan2(y, x))
+
+    def wrapped(self, angle: Any) -> Any:
+        """Return an angle in (-180, 180] [deg]."""
+        return self.half_turn - (self.half_turn - angle) % (2.0 * self.half_turn)
+
+    def sign(self, loop: int) -> Any:
+        """Return -1 where a loop is closed in the other assembly mode, else 1."""
+        return -1.0 if self._slip == 'assembly' and str(loop) in self._place else 1.0
+
+    def choose(self, condition: Any, if_true: Any, if_false: Any) -> Any:
+        """Return one of two values."""
+        return if_true if condition else if_false
+
+    def __getitem__(self, name: str) -> Any:
         """Return a given number, the input angle with its mistake, or a result."""
-        return float(self._scope[name])
+        return self._numbers[name]
 
-    def work(self, name: str) -> None:
-        """
-        Work the formulas of this name.
+    def __getattr__(self, name: str) -> Any:
+        """Return a number as an attribute, such as L_2."""
+        if name.startswith('_'):
+            raise AttributeError(name)
+        return self[name]
 
-        Raises
-        ------
-        ValueError, ArithmeticError, numpy.linalg.LinAlgError
-            They lead nowhere, or a requirement is not met.
+    def read(self, names: str) -> list[Any]:
+        """Return several numbers."""
+        return [self._numbers[name] for name in names.split()]
 
-        """
-        for row in data()['formulas'][name]:
-            if isinstance(row, str):
-                self._work_row(row)
-            elif 'solve' in row:
-                self._solve_system(row)
-            elif 'sweep' in row:
-                self._sweep(row['sweep'], row['extremes'])
-            else:
-                self._newton(row['newton'])
+    def require(self, *conditions: Any) -> None:
+        """Raise a ValueError where a right calculation does not meet the conditions."""
+        # A wrong calculation goes on, as its student does.
+        if not self.mistake and not all(conditions):
+            raise ValueError('the draw is not kept')
 
-    def _work_row(self, row: str) -> None:
-        word, _, rest = row.partition(' ')
-        if word == 'use':
-            self.work(rest)
-        elif word == 'require':
-            # A wrong calculation goes on, as its student does.
-            if not self.mistake and not self._value(rest):
-                raise ValueError(rest)
-        else:
-            symbol, unit, becomes, expression, formula = _groups(ROW, row)
-            self._record(symbol, unit, becomes, self._value(expression), formula)
+    def define(self, symbol: str, value: Any) -> Any:
+        """Return a value that is no step, under a symbol."""
+        self.answers[symbol] = self._numbers[symbol] = value
+        return value
 
-    def _value(self, expression: str) -> Any:
-        return eval(_compiled(expression), self._scope)  # noqa: S307 - of our own data file
+    def result(self, symbol_and_unit: str, value: Any, formula: str) -> Any:
+        """Record and return a step that is used as it is."""
+        symbol, unit = symbol_and_unit.split()
+        self.steps.append(Step(symbol, value, unit, formula))
+        return self.define(symbol, value)
 
-    def _record(self, symbol: str, unit: str, becomes: str, value: Any, formula: str) -> None:
-        """Record a step, rounded if that is the mistake, unless it is a result."""
-        if unit:
-            value = self._rounded(value) if becomes == '=' else value
-            self.steps.append(Step(symbol, value, unit, formula))
-        self.answers[symbol] = self._scope[symbol] = value
+    def step(self, symbol_and_unit: str, value: Any, formula: str) -> Any:
+        """Record and return a step, rounded if that is the mistake."""
+        return self.result(symbol_and_unit, self._rounded(value), formula)
 
-    def _solve_system(self, row: Mapping[str, Any]) -> None:
-        system = row['solve']
-        rows = data()['systems'][system]['phi'] if isinstance(system, str) else system
-        found = self._solution(*self._written(rows, row['right']))
-        symbols, unit, becomes, formula = _groups(RESULTS, row['gives'])
-        for symbol, value in zip(symbols.split(), found.tolist(), strict=True):
-            self._record(symbol, unit, becomes, value, formula)
+    def solve(
+        self,
+        symbols_and_unit: str,
+        phi: Sequence[Sequence[Any]],
+        right: Sequence[Any],
+        formula: str,
+        *,
+        is_result: bool = False,
+    ) -> None:
+        """Record the solution of a linear system."""
+        *symbols, unit = symbols_and_unit.split()
+        record = self.result if is_result else self.step
+        solution = self._solution(*self._written(phi, right))
+        for symbol, value in zip(symbols, solution.tolist(), strict=True):
+            record(f'{symbol} {unit}', value, formula)
 
-    def _written(self, rows: Sequence[str], right: str) -> tuple[FloatArray, FloatArray]:
+    def _written(
+        self, phi: Sequence[Sequence[Any]], right: Sequence[Any]
+    ) -> tuple[FloatArray, FloatArray]:
         """Return matrix and right side of a linear system as this student writes them."""
-        phi, f = (
-            np.array([self._value(f'{each},') for each in expressions])
-            for expressions in (rows, [right])
-        )
+        matrix: FloatArray = np.array(phi, dtype=np.float64)
+        vector: FloatArray = np.array(right, dtype=np.float64)
         if self._slip == 'phi':
             row, column = map(int, self._place.split(','))
-            phi[row, column] *= -1.0
+            matrix[row, column] *= -1.0
         elif self._slip == 'f':
-            f[0, int(self._place)] *= -1.0
-        return self._all_rounded(
-            phi.T if self.mistake == 'transposed' else phi
-        ), self._all_rounded(f[0])
+            vector[int(self._place)] *= -1.0
+        if self.mistake == 'transposed':
+            matrix = matrix.T
+        return self._all_rounded(matrix), self._all_rounded(vector)
 
     def _solution(self, phi: FloatArray, f: FloatArray) -> FloatArray:
         """Return Phi^-1 f [rad or rad/s], by this student."""
-        solved: Any = np.linalg.solve(phi, f)
-        return np.asarray(-solved if self.mistake == 'sign:step' else solved)
+        solution = np.asarray(np.linalg.solve(phi, f), dtype=np.float64)
+        return -solution if self.mistake == 'sign:step' else solution
 
-    def _newton(self, name: str) -> None:
+    def newton(self, system: Any) -> None:
         """
-        Iterate x_(k+1) = x_k - Phi^-1 f from a guess [deg].
+        Iterate x_(k+1) = x_k - Phi^-1 f of a `formulas.System` from a guess [deg].
 
         The answers are f and two entries of Phi at the guess, x_2, the converged x, and the number
         of iterations up to the first one whose corrections are all small.
         """
-        system = data()['systems'][name]
-        names = system['unknowns'].split()
-        guess = np.array([self._givens[f'{each}_1'] for each in names], dtype=float)
+        guess = np.array([self._givens[f'{name}_1'] for name in system.unknowns], dtype=float)
         phi, f = self._linearised(system, guess)
         for k, value in enumerate(f.tolist(), 1):
-            self._record(f'f_{k}', 'mm', ':=', value, f'f_{k}(x_1)')
+            self.result(f'f_{k} mm', value, f'f_{k}(x_1)')
         for (row, column), value in np.ndenumerate(phi):
-            shown = f'∂f_{row + 1}/∂x_{column + 1} (x_1)'
-            self._record(f'Phi_{row + 1}{column + 1}', 'mm', '=', float(value), shown)
+            formula = f'∂f_{row + 1}/∂x_{column + 1} (x_1)'
+            self.step(f'Phi_{row + 1}{column + 1} mm', float(value), formula)
         x, count = self._iterates(system, guess)
         last = x[min(int(self._place), len(x) - 1)] if self._slip == 'short' else x[-1]
         second = x[0] if self.mistake == 'short:1' else x[1]
-        seconds = [f'{each}_2' for each in names]
-        self.answers |= zip([*seconds, *names], [*second, *last], strict=True)
+        for n, name in enumerate(system.unknowns):
+            self.answers[f'{name}_2'] = second[n]
+            self.answers[name] = last[n]
         self.answers['iterations'] = float(count)
         if self._slip == 'assembly':
             # Newton may converge to the root of the other assembly mode.
-            other = Calculation(self._givens, self.mistake, self._input)
-            other.work(system['position'])
-            self.answers |= {each: other.answers[each] for each in names}
+            closed = Calculation(self._givens, self.mistake, self._input)
+            system.position(closed)
+            self.answers |= {name: closed.answers[name] for name in system.unknowns}
 
-    def _linearised(
-        self, system: Mapping[str, Any], x: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _linearised(self, system: Any, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Phi and f at x."""
-        self._scope.update(zip(system['unknowns'].split(), x.tolist(), strict=True))
-        return self._written(system['phi'], ', '.join(system['f']))
+        self._numbers.update(zip(system.unknowns, x.tolist(), strict=True))
+        return self._written(system.phi(self), system.f(self))
 
-    def _iterates(self, system: Mapping[str, Any], guess: FloatArray) -> tuple[Any, int]:
+    def _iterates(self, system: Any, guess: FloatArray) -> tuple[list[list[float]], int]:
         """Return the iterates, and the number of the first small correction; 0 if none is."""
-        x, count, limits = [guess], 0, data()['iterations']
-        while len(x) <= limits['most']:
-            correction = self._solution(*self._linearised(system, x[-1]))
+        x = guess
+        iterates = [guess.tolist()]
+        count = 0
+        limits = data()['iterations']
+        while len(iterates) <= limits['most']:
+            correction = self._solution(*self._linearised(system, x))
             if self.mistake not in ('radians:step', 'radians:trig'):
                 correction = np.degrees(correction)
-            x.append(self._all_rounded(x[-1] - correction))
-            for name, value in zip(system['unknowns'].split(), x[-1].tolist(), strict=True):
-                self._record(f'{name}_{len(x)}', 'deg', '=', value, 'x_(k+1) = x_k - Φ⁻¹ f')
+            x = self._all_rounded(x - correction)
+            iterates.append(x.tolist())
+            for name, value in zip(system.unknowns, iterates[-1], strict=True):
+                self.step(f'{name}_{len(iterates)} deg', value, 'x_(k+1) = x_k - Φ⁻¹ f')
             largest = np.abs(correction).max()
-            count = count or (len(x) - 1 if largest <= limits['stop'] else 0)
+            count = count or (len(iterates) - 1 if largest <= limits['stop'] else 0)
             if largest <= limits['converged']:
                 break
-        return [each.tolist() for each in x], count
+        return iterates, count
 
-    def _sweep(self, formulas: str, extremes: Mapping[str, str]) -> None:
+    def sweep(self, formula: Callable[['Calculation'], None], extremes: Mapping[str, str]) -> None:
         """Answer with the differences of extremes over a turn of the input angle."""
 
-        def at(angle: float) -> Calculation:
-            one = Calculation({**self._givens, self._input: angle}, self.mistake, self._input)
-            one.work(formulas)
-            return one
+        def calculated(angle: float) -> Calculation:
+            givens = {**self._givens, self._input: angle}
+            calculation = Calculation(givens, self.mistake, self._input)
+            formula(calculation)
+            return calculation
 
-        step, printed = data()['table']['step'], data()['table']['printed']
-        table = {float(angle): at(angle) for angle in range(0, 360, step)}
+        spacing, printed = data()['table']['step'], data()['table']['printed']
+        table = {float(angle): calculated(angle) for angle in range(0, 360, spacing)}
         for angle in range(0, 360, printed):
             for name in extremes.values():
-                self._record(name, 'mm', '=', table[angle][name], f'α = {angle}°')
+                self.step(f'{name} mm', table[angle][name], f'α = {angle}°')
 
         def greatest(name: str, sense: float) -> float:
             near = max(table, key=lambda angle: sense * table[angle][name])
-            most = peak(lambda angle: sense * at(angle)[name], near - step, near + step)
-            return sense * at(most)[name]
+            angle = peak(
+                lambda angle: sense * calculated(angle)[name], near - spacing, near + spacing
+            )
+            return float(sense * calculated(angle)[name])
 
         for answer, name in extremes.items():
             extent = greatest(name, 1.0) + greatest(name, -1.0)
-            self._record(answer, 'mm', ':=', extent, f'max {name} - min {name}')
+            self.result(f'{answer} mm', extent, f'max {name} - min {name}')
 
-    def _all_rounded(self, values: FloatArray) -> FloatArray:
+    def _all_rounded(self, numbers: FloatArray) -> FloatArray:
         if not self._digits:
-            return values
-        rounded: FloatArray = np.vectorize(self._rounded)(values)
+            return numbers
+        rounded: FloatArray = np.vectorize(self._rounded)(numbers)
         return rounded
 
-    def _rounded(self, value: float) -> float:
-        return float(f'{value:.{self._digits - 1}e}' if self._digits else value)
+    def _rounded(self, number: Any) -> Any:
+        return float(f'{number:.{self._digits - 1}e}') if self._digits else number
 
 
 @cache
 def data() -> dict[str, Any]:
     """Return the data of the exercises."""
-    found: dict[str, Any] = parse_file(DATA_FILE)
-    return found
+    content: dict[str, Any] = parse_file(DATA_FILE)
+    return content
 
 
 def figure_of(kind: str) -> str:
     """Return the name of a kind's figure."""
     figures: dict[str, Any] = data()['figures']
     return next(name for name, figure in figures.items() if kind in figure['kinds'].split())
-
-
-@cache
-def _compiled(expression: str) -> CodeType:
-    return compile(expression, str(DATA_FILE), 'eval')
-
-
-@cache
-def _groups(form: re.Pattern[str], text: str) -> Sequence[str]:
-    found = form.fullmatch(text)
-    if not found:
-        raise SyntaxError(f'{DATA_FILE}: {text}')
-    return found.groups(default='')
 
 
 def slip_of(mistake: str) -> str:

@@ -24,7 +24,7 @@ from .marking import statistics
 from .platforms import Files, moodle, notebooks, prairielearn
 from .sheet import answer_text, key, sheets, unit_sign, with_unit
 from .tables import has_answers, mark_answers, read_students, save_marks, save_template
-from .variant import ExerciseError, known, LANGUAGES, make_variant, texts, unit_of, Variant
+from .variant import ExerciseError, LANGUAGES, look_up, make_variant, texts, unit_of, Variant
 
 ROWS_REFUSED = 1
 CODES_OF_ERRORS = {ExerciseError: NOT_READ, PrintError: NOT_WRITTEN}
@@ -52,7 +52,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _make(options: argparse.Namespace) -> int:
-    kind = known(options.kind, KINDS, 'kind')
+    kind = look_up(options.kind, KINDS, 'kind')
     students = read_students(options.students)
     variants = [make_variant(kind, *student) for student in students.items()]
     files = FORMATS[options.format](variants, options.language)
@@ -79,30 +79,31 @@ def _make(options: argparse.Namespace) -> int:
 
 def _mark(options: argparse.Namespace) -> int:
     files = output_files(options, ('csv',), (options.answers,))
-    marked, refused = mark_answers(options.answers, KINDS)
-    for (student, kind), marks in marked.items():
+    class_marks, refused = mark_answers(options.answers, KINDS)
+    for (student, kind), marks in class_marks.items():
         points = sum(mark.points for mark in marks)
         print(f'{printable(student)}  {kind}  {points:g} of {len(marks)}')
         for mark in marks:
             if mark.points < 1.0:
-                given = printable(mark.given, 40) or '-'
+                answer = printable(mark.given, 40) or '-'
                 reason = mark.reason(options.language)
-                print(f'    {mark.question} = {given}: {mark.points:g}, {reason}')
-    for kind, count in statistics(marked).items():
-        slips = ', '.join(f'{name} {value:g}' for name, value in [*count.items()][2:])
-        share = 100.0 * count['part']
-        print(f'{kind}: {counted(int(count["students"]), "student")}, {share:.0f} %; {slips}')
+                print(f'    {mark.question} = {answer}: {mark.points:g}, {reason}')
+    for kind, counts in statistics(class_marks).items():
+        students = counted(int(counts.pop('students')), 'student')
+        share = 100.0 * counts.pop('part')
+        slips = ', '.join(f'{slip} {count:g}' for slip, count in counts.items())
+        print(f'{kind}: {students}, {share:.0f} %; {slips}')
     for line in refused:
         print(f'refused: {line}')
-    save_all(files, {'--csv': partial(save_marks, marked, options.language)})
+    save_all(files, {'--csv': partial(save_marks, class_marks, options.language)})
     return ROWS_REFUSED if refused else 0
 
 
 def _key(options: argparse.Namespace) -> int:
-    variant = make_variant(known(options.kind, KINDS, 'kind'), options.student)
+    variant = make_variant(look_up(options.kind, KINDS, 'kind'), options.student)
     language = options.language
-    for name, value in variant.givens.items():
-        print(f'{name} = {with_unit(value, unit_of(name), language)}')
+    for name, number in variant.givens.items():
+        print(f'{name} = {with_unit(number, unit_of(name), language)}')
     print()
     for step in variant.steps:
         print(f'{step.symbol} = {with_unit(step.value, step.unit, language)}    {step.formula}')

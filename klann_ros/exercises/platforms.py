@@ -18,7 +18,7 @@ from .calculation import data, slip_of, TURN_DEG
 from .kinds import KINDS
 from .marking import credit_of, mark, reason
 from .sheet import answer_text, asked, decimals, picture, problem, question_markup, unit_sign
-from .variant import known, make_variant, Question, texts, Variant
+from .variant import look_up, make_variant, Question, texts, Variant
 
 # Paths within a folder, and their contents.
 Files = dict[str, bytes]
@@ -30,12 +30,12 @@ NOT_IN_NAMES = re.compile(r'[^A-Za-z0-9-]+')
 
 @cache
 def _templates() -> dict[str, Any]:
-    found: dict[str, Any] = parse_file(Path(__file__).parent / 'static' / 'platforms.yaml')
-    return found
+    content: dict[str, Any] = parse_file(Path(__file__).parent / 'static' / 'platforms.yaml')
+    return content
 
 
-def _filled(template: str, **values: str) -> str:
-    return Template(_templates()[template]).substitute(values)
+def _filled(template: str, **words: str) -> str:
+    return Template(_templates()[template]).substitute(words)
 
 
 class Alternative(NamedTuple):
@@ -54,62 +54,74 @@ def moodle(variants: Sequence[Variant], language: str) -> Files:
     KIND.xml has a Cloze question a student; KIND_parts.xml a numerical question for each quantity,
     which takes convertible units, and multiple choice for a word.
     """
-    name = variants[0].kind.name
-    quizzes: dict[str, list[str]] = {name: [], f'{name}/parts': []}
-    whole, parts = quizzes.values()
+    kind = variants[0].kind.name
+    cloze_questions = []
+    part_questions = []
     for variant in variants:
-        drawing, content = picture(variant), problem(variant, language)
+        drawing = picture(variant)
+        content = problem(variant, language)
         if drawing:
             image = element('img', src='@@PLUGINFILE@@/linkage.svg', alt='linkage')
             content = Markup(content.replace(drawing, image))
-        rows = []
+        fields = []
         for question in variant.kind.questions:
-            words, digits = question_markup(question, language), asked(variant, question, language)
+            words = question_markup(question, language)
+            digits = asked(variant, question, language)
             answers = _alternatives(variant, question, language)
             sign = unit_sign(question.unit)
-            rows.append(table_row(words, Markup(cloze_field(answers)), sign, digits))
+            fields.append(table_row(words, Markup(cloze_field(answers)), sign, digits))
             text = joined([content, element('p', words, f' {sign and f"[{sign}] "}({digits})')])
-            kind = 'multichoice' if question.choices else 'numerical'
-            title = f'{name} {variant.student} {question.name}'
-            parts.append(moodle_question(kind, title, text, drawing, _marked(question, answers)))
-        text = joined([content, element('table', *rows)])
-        whole.append(moodle_question('cloze', f'{name} {variant.student}', text, drawing))
+            sort = 'multichoice' if question.choices else 'numerical'
+            title = f'{kind} {variant.student} {question.name}'
+            marked = _marked(question, answers)
+            part_questions.append(moodle_question(sort, title, text, drawing, marked))
+        text = joined([content, element('table', *fields)])
+        title = f'{kind} {variant.student}'
+        cloze_questions.append(moodle_question('cloze', title, text, drawing))
     return {
-        f'{category.replace("/", "_")}.xml': _filled(
-            'moodle_quiz', category=category, questions=''.join(questions)
-        )
-        .rstrip()
-        .encode('ascii', 'xmlcharrefreplace')
-        for category, questions in quizzes.items()
+        f'{kind}.xml': _moodle_quiz(kind, cloze_questions),
+        f'{kind}_parts.xml': _moodle_quiz(f'{kind}/parts', part_questions),
     }
+
+
+def _moodle_quiz(category: str, questions: Sequence[str]) -> bytes:
+    quiz = _filled('moodle_quiz', category=category, questions=''.join(questions))
+    return quiz.rstrip().encode('ascii', 'xmlcharrefreplace')
 
 
 def moodle_question(kind: str, name: str, text: str, drawing: str = '', answers: str = '') -> str:
     """Return a question of a Moodle quiz; name and text are escaped."""
     encoded = b64encode(drawing.encode()).decode()
     file = _filled('moodle_drawing', drawing=encoded) if drawing else ''
-    name, text = (escape(each, quote=False) for each in (name, text))
-    return _filled('moodle_question', type=kind, name=name, text=text, file=file, answers=answers)
+    return _filled(
+        'moodle_question',
+        type=kind,
+        name=escape(name, quote=False),
+        text=escape(text, quote=False),
+        file=file,
+        answers=answers,
+    )
 
 
 def _marked(question: Question, answers: Sequence[Alternative]) -> str:
     """Return the answers of a question of numbers with units, or of choices."""
     template = 'moodle_choice' if question.choices else 'moodle_number'
-    # The reason is HTML within XML.
-    found = [
-        _filled(template, **each._replace(reason=escape(escape(each.reason)))._asdict())
-        for each in answers
-    ]
+    elements = []
+    for answer in answers:
+        # The reason is HTML within XML.
+        escaped = answer._replace(reason=escape(escape(answer.reason)))
+        elements.append(_filled(template, **escaped._asdict()))
     if sign := unit_sign(question.unit):
         # Moodle strips spaces from an answer; a multiplier is the number of units in the first.
-        spellings = {sign: 1.0, **data()['marking']['factors'].get(question.unit, {})}
-        names = {name.replace(' ', '').replace('n', 'N'): each for name, each in spellings.items()}
-        units = (
+        factors = {sign.replace(' ', '').replace('n', 'N'): 1.0}
+        for spelling, factor in data()['marking']['factors'].get(question.unit, {}).items():
+            factors[spelling.replace(' ', '').replace('n', 'N')] = factor
+        units = [
             _filled('moodle_unit', multiplier=f'{1.0 / factor:.15g}', name=name)
-            for name, factor in names.items()
-        )
-        found.append(f'<units>{"".join(units)}</units>')
-    return ''.join(found)
+            for name, factor in factors.items()
+        ]
+        elements.append(f'<units>{"".join(units)}</units>')
+    return ''.join(elements)
 
 
 def _alternatives(variant: Variant, question: Question, language: str) -> list[Alternative]:
@@ -117,39 +129,45 @@ def _alternatives(variant: Variant, question: Question, language: str) -> list[A
     right = variant.answers[question.name]
     if isinstance(right, str):
         words = texts()['choices']
-        return [
-            Alternative('100' if each == right else '0', words.get(each, {}).get(language, each))
-            for each in question.choices
-        ]
+        choices = []
+        for choice in question.choices:
+            percent = '100' if choice == right else '0'
+            choices.append(Alternative(percent, words.get(choice, {}).get(language, choice)))
+        return choices
     tolerance = variant.tolerance(question)
     places = decimals(tolerance) + 2 if tolerance else 0
-    # An angle may be written as a positive or a negative one.
-    turns = (0.0, -TURN_DEG if right > 0.0 else TURN_DEG) if question.unit == 'deg' else (0.0,)
-    found = [Alternative('100', f'{right + turn:.{places}f}', f'{tolerance:g}') for turn in turns]
-    for mistake, wrong in variant.mistaken.items():
-        value = wrong.get(question.name)
-        if value is None or isinstance(value, str) or abs(value) >= 1e12:
+    numbers = [right]
+    if question.unit == 'deg':
+        # An angle may be written as a positive or a negative one.
+        numbers.append(right - TURN_DEG if right > 0.0 else right + TURN_DEG)
+    alternatives = [
+        Alternative('100', f'{number:.{places}f}', f'{tolerance:g}') for number in numbers
+    ]
+    for mistake, wrong_answers in variant.mistaken.items():
+        wrong = wrong_answers.get(question.name)
+        if wrong is None or isinstance(wrong, str) or abs(wrong) >= 1e12:
             continue
-        near = variant.tolerance(question, value)
-        number = f'{value:.{decimals(near) + 2}f}'
-        if len(found) < MAX_ALTERNATIVES and number not in {each.value for each in found}:
-            credit = f'{100.0 * credit_of(slip_of(mistake)):.0f}'
-            found.append(
-                Alternative(credit, number, f'{near:g}', reason(slip_of(mistake), language))
-            )
-    return found
+        tolerance = variant.tolerance(question, wrong)
+        text = f'{wrong:.{decimals(tolerance) + 2}f}'
+        is_new = text not in {alternative.value for alternative in alternatives}
+        if len(alternatives) < MAX_ALTERNATIVES and is_new:
+            slip = slip_of(mistake)
+            percent = f'{100.0 * credit_of(slip):.0f}'
+            words = reason(slip, language)
+            alternatives.append(Alternative(percent, text, f'{tolerance:g}', words))
+    return alternatives
 
 
 def cloze_field(answers: Sequence[Alternative]) -> str:
     """Return a field of a Cloze question. Moodle decodes the entities of a reason once."""
     kind = 'NUMERICAL' if answers[0].tolerance else 'MULTICHOICE'
-    found = []
-    for each in answers:
-        head = {'100': '=', '0': ''}.get(each.percent, f'%{each.percent}%')
-        tolerance = f':{each.tolerance}' if each.tolerance else ''
-        words = NOT_IN_CLOZE.sub(lambda found: f'&#{ord(found[0])};', escape(each.reason))
-        found.append(f'{head}{each.value}{tolerance}{words and "#"}{escape(words)}')
-    return f'{{1:{kind}:{"~".join(found)}}}'
+    fields = []
+    for answer in answers:
+        head = {'100': '=', '0': ''}.get(answer.percent, f'%{answer.percent}%')
+        tolerance = f':{answer.tolerance}' if answer.tolerance else ''
+        words = NOT_IN_CLOZE.sub(lambda match: f'&#{ord(match[0])};', escape(answer.reason))
+        fields.append(f'{head}{answer.value}{tolerance}{words and "#"}{escape(words)}')
+    return f'{{1:{kind}:{"~".join(fields)}}}'
 
 
 def prairielearn(variants: Sequence[Variant], language: str) -> Files:
@@ -159,7 +177,8 @@ def prairielearn(variants: Sequence[Variant], language: str) -> Files:
     identity = str(uuid5(NAMESPACE_URL, f'klann_ros/exercises/{kind.name}/{language}'))
     page = [element('pl-question-panel', Markup('{{{params.problem}}}'))]
     for question in kind.questions:
-        label, suffix = str(question_markup(question, language)), unit_sign(question.unit)
+        label = str(question_markup(question, language))
+        suffix = unit_sign(question.unit)
         field = element('pl-string-input', answers_name=question.name, label=label, suffix=suffix)
         page.append(element('p', field, asked(variants[0], question, language)))
     files = {
@@ -182,12 +201,15 @@ def generate(data: dict[str, Any], name: str, language: str) -> None:
 def grade(data: dict[str, Any], name: str, language: str) -> None:
     """Mark the submission of a PrairieLearn question, with reasons."""
     variant = make_variant(KINDS[name], str(data['variant_seed']))
-    answers = {key: str(value) for key, value in data['submitted_answers'].items()}
+    answers = {name: str(answer) for name, answer in data['submitted_answers'].items()}
     marks = mark(variant, answers)
-    for each in marks:
-        score = {'score': each.points, 'weight': 1, 'feedback': each.reason(language)}
-        data['partial_scores'][each.question] = score
-    data['score'] = sum(each.points for each in marks) / len(marks)
+    total = 0.0
+    for answer_mark in marks:
+        total += answer_mark.points
+        feedback = answer_mark.reason(language)
+        score = {'score': answer_mark.points, 'weight': 1, 'feedback': feedback}
+        data['partial_scores'][answer_mark.question] = score
+    data['score'] = total / len(marks)
 
 
 def check(kind: str, student: str, question: str, answer: object, language: str = 'en') -> str:
@@ -209,29 +231,30 @@ def check(kind: str, student: str, question: str, answer: object, language: str 
         The kind, the student's number or the question is refused.
 
     """
-    variant = make_variant(known(kind, KINDS, 'kind'), student)
-    marks = {each.question: each for each in mark(variant, {question: str(answer)})}
-    return str(known(question, marks, f'question of {kind}').reason(language))
+    variant = make_variant(look_up(kind, KINDS, 'kind'), student)
+    reasons = {}
+    for answer_mark in mark(variant, {question: str(answer)}):
+        reasons[answer_mark.question] = answer_mark.reason(language)
+    return str(look_up(question, reasons, f'question of {kind}'))
 
 
 def notebooks(variants: Sequence[Variant], language: str) -> Files:
     """Return a Jupyter notebook a student, and the tests of otter-grader for all of them."""
-    kind, right = variants[0].kind, texts()['marks']['right'][language]
+    kind = variants[0].kind
+    right = texts()['marks']['right'][language]
     words = {'kind': kind.name, 'language': language, 'right': right}
-    found: Files = {
-        f'{kind.name}/tests/{question.name}.py': _filled(
-            'otter_test', question=question.name, **words
-        ).encode()
-        for question in kind.questions
-    }
-    taken: set[str] = set()
+    files: Files = {}
+    for question in kind.questions:
+        test = _filled('otter_test', question=question.name, **words)
+        files[f'{kind.name}/tests/{question.name}.py'] = test.encode()
+    used_names: set[str] = set()
     for k, variant in enumerate(variants, 1):
         name = NOT_IN_NAMES.sub('', variant.student) or f'student{k}'
         # Small and capital letters are the same name to some file systems.
-        path = f'{kind.name}/{name}{f"_{k}" if name.casefold() in taken else ""}.ipynb'
-        taken.add(name.casefold())
-        found[path] = f'{json.dumps(notebook(variant, language), indent=1)}\n'.encode()
-    return found
+        path = f'{kind.name}/{name}{f"_{k}" if name.casefold() in used_names else ""}.ipynb'
+        used_names.add(name.casefold())
+        files[path] = f'{json.dumps(notebook(variant, language), indent=1)}\n'.encode()
+    return files
 
 
 def notebook(variant: Variant, language: str) -> Mapping[str, Any]:
@@ -246,7 +269,8 @@ def _cells(variant: Variant, language: str) -> Iterator[tuple[str, str]]:
     yield 'markdown', _filled('notebook_task', title=title, problem=problem(variant, language))
     yield 'code', _filled('notebook_start', student=repr(variant.student))
     for question in variant.kind.questions:
-        words, unit = question_markup(question, language), unit_sign(question.unit)
+        words = question_markup(question, language)
+        unit = unit_sign(question.unit)
         digits = asked(variant, question, language)
         yield 'markdown', _filled('notebook_question', words=words, unit=unit, asked=digits)
         yield 'code', _filled('notebook_answer', question=question.name)

@@ -9,7 +9,7 @@ from klann_ros.cli import harmless, read_table, TableRow, write_table
 from klann_ros.sanitize.text import listed, printable
 
 from .marking import mark, Marks
-from .variant import ExerciseError, Kind, known, make_variant
+from .variant import ExerciseError, Kind, look_up, make_variant
 
 # Largest table [bytes], and students of one.
 MAX_TABLE, MAX_STUDENTS = 20_000_000, 5000
@@ -29,20 +29,21 @@ def read_students(path: str) -> dict[str, str]:
         The file cannot be read, is no such table, has a student twice, or a row without one.
 
     """
-    found: dict[str, str] = {}
-    twice = []
-    for place, _, row in _rows(path, 'student'):
-        number = _number(row, place)
-        if number in found:
-            twice.append(number)
-        found[number] = next((row[key] for key in row if key.casefold() == 'name'), '').strip()
-    if not 0 < len(found) <= MAX_STUDENTS:
+    names: dict[str, str] = {}
+    repeated = []
+    for place, _, cells in _rows(path, 'student'):
+        number = _number(cells, place)
+        if number in names:
+            repeated.append(number)
+        columns = [column for column in cells if column.casefold() == 'name']
+        names[number] = cells[columns[0]].strip() if columns else ''
+    if not 0 < len(names) <= MAX_STUDENTS:
         raise ExerciseError(
-            f'{printable(path)} has {len(found)} students: 1 to {MAX_STUDENTS} are possible'
+            f'{printable(path)} has {len(names)} students: 1 to {MAX_STUDENTS} are possible'
         )
-    if twice:
-        raise ExerciseError(f'{printable(path)} has students twice: {listed(twice, 5)}')
-    return found
+    if repeated:
+        raise ExerciseError(f'{printable(path)} has students twice: {listed(repeated, 5)}')
+    return names
 
 
 def _rows(path: str, *columns: str) -> list[TableRow]:
@@ -51,9 +52,9 @@ def _rows(path: str, *columns: str) -> list[TableRow]:
     return [row._replace(cells=dict.fromkeys(columns, '') | row.cells) for row in rows]
 
 
-def _number(row: Mapping[str, str], place: str) -> str:
+def _number(cells: Mapping[str, str], place: str) -> str:
     """Return the student number of a row."""
-    number = row['student'].strip()
+    number = cells['student'].strip()
     if not number:
         raise ExerciseError(f'{place}: no student number')
     if SCIENTIFIC.fullmatch(number):
@@ -66,8 +67,8 @@ def _number(row: Mapping[str, str], place: str) -> str:
 
 def has_answers(path: str) -> bool:
     """Return whether a file is a table of answers with one at least; errors as `mark_answers`."""
-    rows = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
-    return any(row['answer'].strip() for _, _, row in rows)
+    table = _rows(path, *ANSWER_COLUMNS) if Path(path).is_file() else ()
+    return any(row.cells['answer'].strip() for row in table)
 
 
 def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]]:
@@ -82,49 +83,54 @@ def mark_answers(path: str, kinds: Mapping[str, Kind]) -> tuple[Marks, list[str]
     """
     answers: dict[tuple[str, str], dict[str, str]] = {}
     refused = []
-    for _, line, row in _rows(path, *ANSWER_COLUMNS):
-        kind, question = row['kind'].strip(), row['question'].strip()
+    for _, line, cells in _rows(path, *ANSWER_COLUMNS):
+        kind = cells['kind'].strip()
+        question = cells['question'].strip()
         try:
-            student = _number(row, f'line {line}')
-            names = {each.name for each in known(kind, kinds, f'line {line}: kind').questions}
-            known(question, dict.fromkeys(names), f'line {line}: question of {kind}')
+            student = _number(cells, f'line {line}')
+            questions = look_up(kind, kinds, f'line {line}: kind').questions
+            names = {question.name for question in questions}
+            look_up(question, dict.fromkeys(names), f'line {line}: question of {kind}')
         except ExerciseError as error:
             refused.append(str(error))
             continue
         if question in answers.setdefault((student, kind), {}):
             refused.append(f'line {line}: {printable(student)} answers {question} twice')
         else:
-            answers[student, kind][question] = row['answer']
+            answers[student, kind][question] = cells['answer']
     if not answers and not refused:
         raise ExerciseError(f'{printable(path)} has no answers')
-    marked = {}
-    for (student, kind), given in answers.items():
+    class_marks = {}
+    for (student, kind), student_answers in answers.items():
         try:
-            marked[student, kind] = mark(make_variant(kinds[kind], student), given)
+            variant = make_variant(kinds[kind], student)
+            class_marks[student, kind] = mark(variant, student_answers)
         except ExerciseError as error:  # noqa: PERF203, RUF100 - of each student
             refused.append(str(error))
-    return marked, refused
+    return class_marks, refused
 
 
 def save_template(kind: Kind, students: Iterable[str], file: BinaryIO) -> None:
     """Write an empty table of answers."""
-    rows = ((each, kind.name, question.name, '') for each in students
-            for question in kind.questions)  # fmt: skip
-    _save(ANSWER_COLUMNS, rows, file)
+    lines = []
+    for student in students:
+        lines += [(student, kind.name, question.name, '') for question in kind.questions]
+    _save(ANSWER_COLUMNS, lines, file)
 
 
-def save_marks(marked: Marks, language: str, file: BinaryIO) -> None:
+def save_marks(class_marks: Marks, language: str, file: BinaryIO) -> None:
     """Write the marks, a row an answer."""
-    rows = (
-        (*exercise, mark.question, mark.given, f'{mark.points:g}', mark.reason(language))
-        for exercise, marks in marked.items()
-        for mark in marks
-    )
-    _save(MARK_COLUMNS, rows, file)
+    lines = []
+    for (student, kind), marks in class_marks.items():
+        for answer_mark in marks:
+            answer = (student, kind, answer_mark.question, answer_mark.given)
+            points = f'{answer_mark.points:g}'
+            lines.append((*answer, points, answer_mark.reason(language)))
+    _save(MARK_COLUMNS, lines, file)
 
 
-def _save(heads: Sequence[str], rows: Iterable[Sequence[str]], file: BinaryIO) -> None:
-    cells = ([_cell(each) for each in row] for row in rows)
+def _save(heads: Sequence[str], lines: Iterable[Sequence[str]], file: BinaryIO) -> None:
+    cells = [list(map(_cell, line)) for line in lines]
     # With the mark by which spreadsheets know UTF-8.
     write_table((heads, *cells), file, encoding='utf-8-sig')
 

@@ -16,6 +16,7 @@ from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
 from .calculation import Answer, Calculation, data, Step, TURN_DEG
+from .formulas import Formula, FORMULAS, SYSTEMS
 
 LANGUAGES = ('en', 'pt')
 # Longest student number [characters].
@@ -75,7 +76,7 @@ class Question(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Kind:
     """
-    A kind of exercise; exercises.yaml has its givens, questions and formulas by its name.
+    A kind of exercise; exercises.yaml has its givens and questions by its name.
 
     `solve` returns the answers by the library, for leg, crank angle [rad] and givens, or for
     givens alone; `leg` those of the drawing, unless they would show the answer.
@@ -90,47 +91,53 @@ class Kind:
         return self.solve(*self.leg(givens), givens) if self.leg else self.solve(givens)
 
     @cached_property
-    def _own(self) -> dict[str, Any]:
-        own: dict[str, Any] = data()['kinds'][self.name]
-        return own
+    def _content(self) -> dict[str, Any]:
+        content: dict[str, Any] = data()['kinds'][self.name]
+        return content
 
     @cached_property
     def questions(self) -> tuple[Question, ...]:
         """Return the questions in their order."""
-        choices, smallest = data()['choices'], data()['variants']['smallest']
-        return tuple(
-            Question(quantity, unit, tuple(choices.get(quantity, ())), smallest.get(unit, 0.0))
-            for unit, *quantities in map(str.split, self._own['asked'].split(', '))
-            for quantity in quantities
-        )
+        choices = data()['choices']
+        smallest = data()['variants']['smallest']
+        questions = []
+        for group in self._content['asked'].split(', '):
+            unit, *quantities = group.split()
+            for quantity in quantities:
+                words = tuple(choices.get(quantity, ()))
+                questions.append(Question(quantity, unit, words, smallest.get(unit, 0.0)))
+        return tuple(questions)
 
     @property
     def digits(self) -> int:
         """Return the significant digits asked for."""
-        return int(self._own.get('digits', data()['variants']['digits']))
+        return int(self._content.get('digits', data()['variants']['digits']))
 
     @cached_property
     def mistakes(self) -> tuple[str, ...]:
         """Return the mistakes of a calculation, those of a sign in its system first."""
-        rows = range(len(data()['systems'].get(self._own.get('system'), {'f': ()})['f']))
-        of_phi = (f'phi:{row},{column}' for row in rows for column in rows)
-        common = data()['mistakes']['calculation'].split()
-        return (*(f'f:{row}' for row in rows), *of_phi, *common)
+        system = self._content.get('system')
+        rows = range(len(SYSTEMS[system].unknowns) if system else 0)
+        mistakes = [f'f:{row}' for row in rows]
+        for row in rows:
+            mistakes += [f'phi:{row},{column}' for column in rows]
+        return (*mistakes, *data()['mistakes']['calculation'].split())
 
     def draw(self, draw: Draw) -> dict[str, float]:
         """Return givens, in mm, deg, s and N."""
         givens: dict[str, float] = {}
-        for part in self._own['given']:
-            ranges = data()['groups'][part] if isinstance(part, str) else part
-            givens |= {name: draw.value(*map(float, own)) for name, own in ranges.items()}
-        if 'guess' in self._own:
+        for group in self._content['given']:
+            ranges = data()['groups'][group] if isinstance(group, str) else group
+            for name, (low, high, step) in ranges.items():
+                givens[name] = draw.value(float(low), float(high), float(step))
+        if 'guess' in self._content:
             # Near the root, in multiples of 5 deg.
-            system = data()['systems'][self._own['guess']]
-            root = _worked(Calculation(givens), system['position'])
-            for name in system['unknowns'].split():
-                near = float(root.answers[name]) if root else 0.0
-                givens[f'{name}_1'] = 5.0 * round(near / 5.0) + 5.0 * draw.value(-3.0, 3.0)
-        share = self._own.get('change-points', 0.0)
+            system = SYSTEMS[self._content['guess']]
+            position = _worked(Calculation(givens), system.position)
+            for name in system.unknowns:
+                root = float(position.answers[name]) if position else 0.0
+                givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
+        share = self._content.get('change-points', 0.0)
         if share and draw.unit() < share:
             # Class III: the longest link is p + q - s.
             s, p, q, _ = sorted(givens.values())
@@ -139,13 +146,15 @@ class Kind:
 
     def calculated(self, givens: Mapping[str, float], mistake: str = '') -> Calculation | None:
         """Return the calculation with a mistake; None where it leads nowhere."""
-        return _worked(Calculation(givens, mistake, self._own.get('input', '')), self.name)
+        calculation = Calculation(givens, mistake, self._content.get('input', ''))
+        return _worked(calculation, FORMULAS[self.name])
 
 
-def _worked(calculation: Calculation, formulas: str) -> Calculation | None:
+def _worked(calculation: Calculation, formula: Formula) -> Calculation | None:
+    """Return a calculation after its formulas; None where they lead nowhere."""
     try:
         with np.errstate(all='ignore'):
-            calculation.work(formulas)
+            formula(calculation)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
         return None
     return calculation
@@ -169,53 +178,54 @@ class Variant:
     @cached_property
     def mistaken(self) -> dict[str, dict[str, Answer]]:
         """Return the wrong answers of each mistake, by question."""
-        found: dict[str, dict[str, Answer]] = {}
+        wrong_answers: dict[str, dict[str, Answer]] = {}
         for mistake in self.kind.mistakes:
             if calculation := self.kind.calculated(self.givens, mistake):
-                found[mistake] = self._wrong(calculation.answers)
-        of_answers = data()['mistakes']['answers']
+                wrong_answers[mistake] = self._wrong(calculation.answers)
+        answer_mistakes = data()['mistakes']['answers']
         for question in self.kind.questions:
             right = self.answers[question.name]
-            for mistake, (factor, summand) in of_answers.get(question.unit, {}).items():
+            for mistake, (factor, summand) in answer_mistakes.get(question.unit, {}).items():
                 if isinstance(right, float):
                     wrong = self._wrong({question.name: factor * right + summand})
-                    found.setdefault(mistake, {}).update(wrong)
-        return found
+                    wrong_answers.setdefault(mistake, {}).update(wrong)
+        return wrong_answers
 
     def _wrong(self, answers: Mapping[str, Answer]) -> dict[str, Answer]:
         """Return those answers that are finite and not right."""
-        return {
-            each.name: answers[each.name]
-            for each in self.kind.questions
-            if each.name in answers
-            and difference(each, answers[each.name], self.answers[each.name]) < inf
-            and not self.is_right(each, answers[each.name])
-        }
+        wrong = {}
+        for question in self.kind.questions:
+            name = question.name
+            if name not in answers or self.is_right(question, answers[name]):
+                continue
+            if difference(question, answers[name], self.answers[name]) < inf:
+                wrong[name] = answers[name]
+        return wrong
 
-    def tolerance(self, question: Question, value: Answer | None = None) -> float:
-        """Return a unit of the last digit asked for, of the right answer or of a value."""
-        value = self.answers[question.name] if value is None else value
-        if isinstance(value, str) or question.unit == 'count':
+    def tolerance(self, question: Question, answer: Answer | None = None) -> float:
+        """Return a unit of the last digit asked for, of the right answer or of another."""
+        answer = self.answers[question.name] if answer is None else answer
+        if isinstance(answer, str) or question.unit == 'count':
             return 0.0
-        size = floor(log10(max(abs(value), question.smallest)))
-        return float(10.0 ** (size + 1 - self.kind.digits))
+        exponent = floor(log10(max(abs(answer), question.smallest)))
+        return float(10.0 ** (exponent + 1 - self.kind.digits))
 
     def is_right(self, question: Question, answer: Answer) -> bool:
         """Return whether an answer is right to the digits asked for."""
         return self.is_near(question, answer, self.answers[question.name])
 
-    def is_near(self, question: Question, answer: Answer, value: Answer) -> bool:
-        """Return whether an answer is a value, to the digits asked for."""
-        # Rounding of the last digit itself.
-        tolerance = self.tolerance(question, value) * (1.0 + 1e-6)
-        return difference(question, answer, value) <= tolerance
+    def is_near(self, question: Question, answer: Answer, reference: Answer) -> bool:
+        """Return whether an answer is another one, to the digits asked for."""
+        # The last digit itself is rounded.
+        tolerance = self.tolerance(question, reference) * (1.0 + 1e-6)
+        return difference(question, answer, reference) <= tolerance
 
 
-def difference(question: Question, answer: Answer, value: Answer) -> float:
+def difference(question: Question, answer: Answer, reference: Answer) -> float:
     """Return the distance of two answers, of angles modulo a turn, of words 0 or 1."""
-    if isinstance(answer, str) or isinstance(value, str):
-        return float(answer != value)
-    gap = abs(answer - value)
+    if isinstance(answer, str) or isinstance(reference, str):
+        return float(answer != reference)
+    gap = abs(answer - reference)
     if question.unit == 'deg':
         gap %= TURN_DEG
         return min(gap, TURN_DEG - gap)
@@ -233,9 +243,9 @@ def make_variant(kind: Kind, student: str, name: str = '') -> Variant:
 
     """
     if not student or len(student) > MAX_STUDENT or printable(student) != student:
-        shown = printable(student, MAX_STUDENT)
         raise ExerciseError(
-            f'student {shown!r} is refused: it must be 1 to {MAX_STUDENT} printable characters'
+            f'student {printable(student, MAX_STUDENT)!r} is refused: it must be 1 to '
+            f'{MAX_STUDENT} printable characters'
         )
     draw = Draw(f'{kind.name}:{student}')
     for _ in range(data()['variants']['draws']):
@@ -263,19 +273,20 @@ def _suitable(kind: Kind, student: str, name: str, givens: dict[str, float]) -> 
         return None
     variant = Variant(kind, student, name, givens, answers, tuple(worked.steps))
     for question in kind.questions:
-        right, own = answers[question.name], question.name
+        right = answers[question.name]
         size = 1.0 if isinstance(right, str) else max(abs(right), 1.0)
         rounding = data()['variants']['guard']['share'] * variant.tolerance(question)
-        for calculation, allowed in ((worked, AGREEMENT * size), (guarded, rounding)):
-            if difference(question, right, calculation.answers[own]) > allowed:
-                return None
+        if difference(question, right, worked.answers[question.name]) > AGREEMENT * size:
+            return None
+        if difference(question, right, guarded.answers[question.name]) > rounding:
+            return None
     return variant
 
 
 def texts() -> dict[str, Any]:
     """Return the texts of the exercises, by subject and language."""
-    found: dict[str, Any] = data()['texts']
-    return found
+    content: dict[str, Any] = data()['texts']
+    return content
 
 
 @lru_cache
@@ -285,11 +296,11 @@ def unit_of(given: str) -> str:
     return next((unit for unit, names in units.items() if given in names.split()), 'mm')
 
 
-def known(name: str, names: Mapping[str, Any], what: str) -> Any:
-    """Return what a name stands for; an ExerciseError lists the known names."""
+def look_up(name: str, names: Mapping[str, Any], subject: str) -> Any:
+    """Return what a name stands for; an ExerciseError lists the names."""
     if name not in names:
         listing = ', '.join(names)
         raise ExerciseError(
-            f'{what} {printable(name)!r} is unknown: {listing}{did_you_mean(name, names)}'
+            f'{subject} {printable(name)!r} is unknown: {listing}{did_you_mean(name, names)}'
         )
     return names[name]

@@ -6,6 +6,7 @@ from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from .browser import is_opened, print_page, PrintError
+    from .lab.build import LAB_FILE, lab_page
     from .markup import (
         element,
         joined,
@@ -27,6 +28,7 @@ else:
         __name__,
         {
             'browser': 'PrintError is_opened print_page',
+            'lab.build': 'LAB_FILE lab_page',
             'markup': 'Markup element joined number scrolling_table table_row',
             'parts': 'FRAME Parts SHARED html_page text',
             'shape': 'leg_shape',

@@ -1,26 +1,25 @@
-"""The lab as one HTML file that opens offline; `python -m klann_ros.web.lab.build` writes it."""
+"""The lab as one HTML file that opens offline; `python -m klann_ros.exercises.lab` writes it."""
 
 from base64 import b64encode
+from collections.abc import Mapping
 import json
 from pathlib import Path
 import re
 from string import Template
+from typing import Any
 import zlib
 
 from klann_ros.kinematics import SHIPPED, shipped_linkages
-from klann_ros.sanitize.yaml_text import parse_file
 from klann_ros.web.markup import element, Markup
 from klann_ros.web.parts import as_script, compact, FRAME, Parts, SHARED, text
 
 _FOLDER = Path(__file__).resolve().parent
 _STATIC_FILES = _FOLDER / 'static'
 
-FILE = _FOLDER / 'lab.html'
+LAB_FILE = _FOLDER / 'lab.html'
 """The page as it is installed; it is under version control, so that no build step makes it."""
 
 _JS_YAML = SHARED / 'js_yaml'
-
-EXERCISES = _FOLDER.parents[1] / 'exercises' / 'exercises.yaml'
 
 
 def _scripts(folder: Path, names: str) -> tuple[Path, ...]:
@@ -54,13 +53,13 @@ PRACTICE = _scripts(
 """The practice mode; all but the last three files need no browser."""
 
 
-def lab_page() -> str:
-    """Return the page."""
+def lab_page(exercises: Mapping[str, Any]) -> str:
+    """Return the page, with the data of the exercises."""
     # The names of the exercises' scripts are their own.
     late = ''.join(compact(text(path)) for path in PRACTICE)
     script = f"(() => {{'use strict';{late}}})();"
     style = compact(text(_STATIC_FILES / 'practice.css'))
-    practice = {'data': parse_file(EXERCISES), 'script': script, 'style': style}
+    practice = {'data': exercises, 'script': script, 'style': style}
     files = {name: text(Path(str(SHIPPED), f'{name}.yaml')) for name in shipped_linkages()}
     shipped = {name: COMMENT.sub('', file) for name, file in files.items()}
     template = re.sub(r'^ +', '', text(_STATIC_FILES / 'lab.html'), flags=re.MULTILINE)
@@ -77,7 +76,3 @@ def lab_page() -> str:
 def _deflated(content: object) -> str:
     written = json.dumps(content, ensure_ascii=False, separators=(',', ':'))
     return b64encode(zlib.compress(written.encode(), 9)).decode('ascii')
-
-
-if __name__ == '__main__':
-    FILE.write_text(lab_page(), encoding='utf-8')

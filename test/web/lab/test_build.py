@@ -4,7 +4,8 @@ from base64 import b64decode
 import re
 import zlib
 
-from klann_ros.web.lab.build import FILE, lab_page
+from klann_ros.exercises.lab import lab_data
+from klann_ros.web.lab.build import LAB_FILE, lab_page
 
 PACKED = re.compile('(?<=<script id="packed" type="text/plain">)[^<]+')
 
@@ -15,17 +16,17 @@ def unpacked(page: str) -> str:
 
 
 def test_the_file_is_up_to_date() -> None:
-    message = 'python -m klann_ros.web.lab.build writes it anew'
-    page = unpacked(FILE.read_text(encoding='utf-8'))
+    message = 'python -m klann_ros.exercises.lab writes it anew'
+    page = unpacked(LAB_FILE.read_text(encoding='utf-8'))
     assert 'class Practice' in page
-    assert page == unpacked(lab_page()), message
+    assert page == unpacked(lab_page(lab_data())), message
 
 
 def test_it_is_small_enough_to_be_passed_on() -> None:
-    assert FILE.stat().st_size < 250_000
+    assert LAB_FILE.stat().st_size < 250_000
 
 
 def test_licences_of_vendored_code_are_included() -> None:
-    page = FILE.read_text(encoding='utf-8')
+    page = LAB_FILE.read_text(encoding='utf-8')
     assert 'Copyright (C) 2011-2015 by Vitaly Puzrin' in page
     assert 'WITHOUT WARRANTY OF ANY KIND' in page

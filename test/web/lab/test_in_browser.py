@@ -19,7 +19,7 @@ from klann_ros.kinematics import (
 )
 from klann_ros.kinematics.linkage.file import linkage_from_text, SHIPPED
 from klann_ros.sanitize.yaml_text import parse
-from klann_ros.web.lab.build import FILE
+from klann_ros.web.lab.build import LAB_FILE
 import numpy as np
 import pytest
 from yaml_tables import read_table
@@ -44,7 +44,7 @@ class Opened(OpenedPage):
     """The lab in the browser, with everything that it asked for and complained about."""
 
     def __init__(self, page: Any, fragment: str = '') -> None:
-        super().__init__(page, FILE.as_uri() + fragment)
+        super().__init__(page, LAB_FILE.as_uri() + fragment)
         self.until('Boolean(lab.turn)')
 
     def text(self, selector: str) -> str:
@@ -107,7 +107,7 @@ def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(visit) -> 
         found = opened.page.evaluate(PLACES)
         for point, at in zip(linkage.structure.points, pose.points, strict=True):
             assert np.abs(np.array(found[point]) - at).max() < 1e-9, (name, point)
-    assert opened.requests == [FILE.as_uri()]
+    assert opened.requests == [LAB_FILE.as_uri()]
     assert opened.complaints == []
 
 

@@ -9,10 +9,10 @@ from typing import Any
 from browser import find
 from browser_page import OpenedPage
 from klann_ros.exercises import KINDS, make_variant, mark, Variant
-from klann_ros.exercises.calculation import data
+from klann_ros.exercises.lab import lab_data
 from klann_ros.exercises.marking import read_answer
 from klann_ros.exercises.sheet import answer_text
-from klann_ros.web.lab.build import FILE, PRACTICE
+from klann_ros.web.lab.build import LAB_FILE, PRACTICE
 from lab_solver import in_node, NODE
 import pytest
 from yaml_tables import read_table
@@ -39,7 +39,9 @@ function answer({ data, cases }) {
 
 
 def in_browser(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = in_node(ANSWERS, {'data': data(), 'cases': cases}, PRACTICE[:4])
+    found: list[dict[str, Any]] = in_node(
+        ANSWERS, {'data': lab_data(), 'cases': cases}, PRACTICE[:4]
+    )
     return found
 
 
@@ -103,7 +105,7 @@ def test_an_answer_is_read_as_python_reads_it() -> None:
       return texts.map((text) => readAnswer(data, text, question));
     }"""
     question = KINDS['four-bar-position'].questions[1]
-    given = {'data': data(), 'texts': FILES['answers'], 'question': question._asdict()}
+    given = {'data': lab_data(), 'texts': FILES['answers'], 'question': question._asdict()}
     expected = [read_answer(text, question) for text in FILES['answers']]
     for text, mine, right in zip(
         FILES['answers'], in_node(script, given, PRACTICE[:4]), expected, strict=True
@@ -119,7 +121,7 @@ class Practice(OpenedPage):
     """The practice mode in the browser."""
 
     def __init__(self, page: Any, fragment: str) -> None:
-        super().__init__(page, FILE.as_uri() + fragment)
+        super().__init__(page, LAB_FILE.as_uri() + fragment)
         self.until("!document.querySelector('#practice').hidden || Boolean(lab.refusal)")
 
     def marks(self) -> list[str]:
