@@ -76,63 +76,62 @@ def read_answer(text: str, question: Question) -> Answer | None:
     A decimal comma, grouped thousands, a true minus, a fraction, a power of ten, minutes of arc,
     and the unit or a convertible one are legal.
     """
-    text = SUPERSCRIPT.sub(lambda found: f'10^{found[1].translate(EXPONENTS)}', text)
+    text = SUPERSCRIPT.sub(lambda match: f'10^{match[1].translate(EXPONENTS)}', text)
     text = ' '.join(text.translate(TYPED).split())
     if not text or len(text) > MAX_ANSWER:
         return None
     if question.choices:
         return _choice(text, question)
-    found = NUMBER.fullmatch(SEXAGESIMAL.sub(_degrees, text.casefold()))
-    if not found:
+    match = NUMBER.fullmatch(SEXAGESIMAL.sub(_degrees, text.casefold()))
+    if not match:
         return None
-    sign, number, denominator, exponent, unit = found.groups()
+    sign, digits, denominator, exponent, unit = match.groups()
     try:
-        value = float(f'{sign}{_decimal(number)}e{exponent or 0}') / float(denominator or 1)
+        number = float(f'{sign}{_decimal(digits)}e{exponent or 0}') / float(denominator or 1)
     except (ValueError, ZeroDivisionError):
         return None
-    value *= _factor(unit, question.unit)
-    return value if isfinite(value) else None
+    number *= _factor(unit, question.unit)
+    return number if isfinite(number) else None
 
 
 def _factor(unit: str, asked: str) -> float:
-    table = data()['marking']
-    unit = ' '.join(
-        table['spellings'].get(unit, unit).replace('°', 'deg').replace('º', 'deg').split()
-    )
-    return float(table['factors'].get(asked, {}).get(unit, nan)) if unit else 1.0
+    units = data()['marking']
+    spelling = units['spellings'].get(unit, unit).replace('°', 'deg').replace('º', 'deg')
+    unit = ' '.join(spelling.split())
+    return float(units['factors'].get(asked, {}).get(unit, nan)) if unit else 1.0
 
 
-def _degrees(found: re.Match[str]) -> str:
+def _degrees(match: re.Match[str]) -> str:
     """Return degrees, minutes and seconds as decimal degrees."""
-    whole, minutes, seconds = (float(part.replace(',', '.')) for part in found.groups(default='0'))
+    numbers = [text.replace(',', '.') for text in match.groups(default='0')]
+    whole, minutes, seconds = map(float, numbers)
     return f'{whole + minutes / 60.0 + seconds / 3600.0} deg'
 
 
 def _decimal(number: str) -> str:
     """Return a number with a decimal point and without the separators of thousands."""
     if re.search('[., ].*[., ]| ', number):
-        found = GROUPED.fullmatch(number)
-        if not found:
+        groups = GROUPED.fullmatch(number)
+        if not groups:
             raise ValueError(number)
-        number = re.sub('[., ]', '', found[1]) + (found[3] or '')
+        number = re.sub('[., ]', '', groups[1]) + (groups[3] or '')
     return number.replace(',', '.')
 
 
 def _choice(text: str, question: Question) -> str | None:
-    folded = _plain(text).removeprefix('class ').removeprefix('classe ')
+    answer = _plain(text).removeprefix('class ').removeprefix('classe ')
     words = texts()['choices']
-    for k, choice in enumerate(question.choices, 1):
-        names = {choice, *words.get(choice, {}).values()}
-        if folded in {_plain(name) for name in names} or (
-            choice not in words and folded == str(k)
-        ):
+    for number, choice in enumerate(question.choices, 1):
+        names = {_plain(name) for name in (choice, *words.get(choice, {}).values())}
+        is_number = choice not in words and answer == str(number)
+        if answer in names or is_number:
             return choice
     return None
 
 
 def _plain(text: str) -> str:
-    folded = unicodedata.normalize('NFD', text.casefold()).replace('-', ' ')
-    return ''.join(c for c in folded if not unicodedata.combining(c))
+    decomposed = unicodedata.normalize('NFD', text.casefold()).replace('-', ' ')
+    return ''.join(c for c in decomposed if not unicodedata.combining(c))
 
 
 def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
@@ -150,27 +149,31 @@ def mark(variant: Variant, answers: Mapping[str, str]) -> list[Mark]:
 
     """
     questions = variant.kind.questions
-    read = {each.name: read_answer(answers.get(each.name, ''), each) for each in questions}
-    fitting = {
-        question.name: _fitting(variant, question, value)
-        for question in questions
-        if (value := read[question.name]) is not None and not variant.is_right(question, value)
-    }
+    read_answers: dict[str, Answer | None] = {}
+    fitting: dict[str, dict[str, int]] = {}
+    for question in questions:
+        name = question.name
+        answer = read_answers[name] = read_answer(answers.get(name, ''), question)
+        if answer is not None and not variant.is_right(question, answer):
+            fitting[name] = _fitting(variant, question, answer)
     weights = Counter(mistake for mistakes in fitting.values() for mistake in mistakes)
     marks: list[Mark] = []
     for question in questions:
-        text, value = answers.get(question.name, '').strip(), read[question.name]
-        if value is None:
+        text = answers.get(question.name, '').strip()
+        if read_answers[question.name] is None:
             slip = UNREADABLE if text else EMPTY
         elif question.name in fitting:
-            fits = fitting[question.name]
+            distances = fitting[question.name]
             # The first of equal ones, in the order of the mistakes.
-            slip = slip_of(min(fits, key=lambda each: (-weights[each], fits[each])))
+            ranks = {mistake: (-weights[mistake], distances[mistake]) for mistake in distances}
+            slip = slip_of(min(ranks, key=lambda mistake: ranks[mistake]))
         else:
             slip = RIGHT
-        carried = slip in texts()['slips'] and any(each.slip == slip for each in marks)
-        points = max(credit_of(slip), credit_of('carried')) if carried else credit_of(slip)
-        marks.append(Mark(question.name, text, points, slip, carried))
+        is_carried = slip in texts()['slips'] and any(mark.slip == slip for mark in marks)
+        points = credit_of(slip)
+        if is_carried:
+            points = max(points, credit_of('carried'))
+        marks.append(Mark(question.name, text, points, slip, is_carried))
     return marks
 
 
@@ -180,26 +183,29 @@ def _fitting(variant: Variant, question: Question, answer: Answer) -> dict[str, 
 
     A distance is in thousandths of the last digit: noise must not decide between equal ones.
     """
-    values = {mistake: wrong.get(question.name) for mistake, wrong in variant.mistaken.items()}
-    found = {
-        mistake: round(
-            1e3 * difference(question, answer, value) / (variant.tolerance(question, value) or 1.0)
-        )
-        for mistake, value in values.items()
-        if value is not None and variant.is_near(question, answer, value)
-    }
+    distances = {}
+    for mistake, wrong_answers in variant.mistaken.items():
+        wrong = wrong_answers.get(question.name)
+        if wrong is not None and variant.is_near(question, answer, wrong):
+            last_digit = variant.tolerance(question, wrong) or 1.0
+            distances[mistake] = round(1e3 * difference(question, answer, wrong) / last_digit)
+    if distances:
+        return distances
     reach = ROUNDING_REACH * variant.tolerance(question)
     is_near = difference(question, answer, variant.answers[question.name]) <= reach
-    return found or {'rounding' if is_near else WRONG: 0}
+    return {'rounding' if is_near else WRONG: 0}
 
 
-def statistics(marked: Marks) -> dict[str, dict[str, float]]:
+def statistics(class_marks: Marks) -> dict[str, dict[str, float]]:
     """Return for each kind: students, mean part of the points, and answers with each slip."""
-    found = {}
-    for kind in dict.fromkeys(kind for _, kind in marked):
-        exercises = [marks for (_, own), marks in marked.items() if own == kind]
-        marks = [mark for each in exercises for mark in each]
-        part = sum(mark.points for mark in marks) / len(marks)
+    marks_of: dict[str, list[Mark]] = {}
+    students: Counter[str] = Counter()
+    for (_, kind), marks in class_marks.items():
+        marks_of.setdefault(kind, []).extend(marks)
+        students[kind] += 1
+    counts = {}
+    for kind, marks in marks_of.items():
+        share = sum(mark.points for mark in marks) / len(marks)
         slips = Counter(mark.slip for mark in marks).most_common()
-        found[kind] = {'students': len(exercises), 'part': part, **dict(slips)}
-    return found
+        counts[kind] = {'students': students[kind], 'part': share, **dict(slips)}
+    return counts

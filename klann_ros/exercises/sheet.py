@@ -22,20 +22,22 @@ GIVEN_ROWS, ROUNDING = 9, 1e-9
 
 def sheets(variants: Sequence[Variant], language: str) -> str:
     """Return the page of all sheets, one printed page or more a student."""
-    asked = element('h3', texts()['sheet']['asked'][language])
-    parts = [(problem(each, language), asked, _answers(each, language)) for each in variants]
-    return _page(_title(variants[0], language), variants, language, parts)
+    heading = element('h3', texts()['sheet']['asked'][language])
+    contents = [
+        (problem(variant, language), heading, _answers(variant, language)) for variant in variants
+    ]
+    return _page(_title(variants[0], language), variants, language, contents)
 
 
 def key(variants: Sequence[Variant], language: str) -> str:
     """Return the page of all worked solutions."""
     words = texts()['sheet']
-    solution = element('h3', words['solution'][language])
-    parts = [
-        (_answers(each, language, solved=True), solution, _steps(each, language))
-        for each in variants
-    ]
-    return _page(words['key'][language], variants, language, parts)
+    heading = element('h3', words['solution'][language])
+    contents = []
+    for variant in variants:
+        answers = _answers(variant, language, solved=True)
+        contents.append((answers, heading, _steps(variant, language)))
+    return _page(words['key'][language], variants, language, contents)
 
 
 def _title(variant: Variant, language: str) -> str:
@@ -43,13 +45,14 @@ def _title(variant: Variant, language: str) -> str:
 
 
 def _page(
-    title: str, variants: Sequence[Variant], language: str, parts: Iterable[Iterable[Markup]]
+    title: str, variants: Sequence[Variant], language: str, contents: Iterable[Iterable[Markup]]
 ) -> str:
     """Return a page with a section for each student."""
     sections = []
-    for variant, content in zip(variants, parts, strict=True):
-        number, name = variant.student, variant.name
-        student = number if name in ('', number) else f'{name} ({number})'
+    for variant, content in zip(variants, contents, strict=True):
+        student = variant.student
+        if variant.name not in ('', student):
+            student = f'{variant.name} ({student})'
         line = f'{texts()["sheet"]["student"][language]}: {student}'
         heading = element('h1', _title(variant, language)), element('p', line, class_='student')
         sections.append(element('section', *heading, *content))
@@ -59,44 +62,43 @@ def _page(
 def problem(variant: Variant, language: str) -> Markup:
     """Return the text of an exercise with its givens and its drawing."""
     words = texts()
-    rows = [
-        table_row(symbol(name), with_unit(value, unit_of(name), language))
-        for name, value in variant.givens.items()
-    ]
-    starts = range(0, len(rows), GIVEN_ROWS)
-    givens = (element('table', *rows[start:][:GIVEN_ROWS]) for start in starts)
-    lines = words['kinds'][variant.kind.name][language]['task'].splitlines()
-    task = [part for line in lines for part in (rich(line), element('br'))]
-    return joined(
-        [
-            element('p', *task[:-1]),
-            element('p', rich(words['sheet']['degrees'][language]), class_='note'),
-            element('div', picture(variant), *givens, class_='given'),
-        ]
-    )
+    lines = []
+    for name, number in variant.givens.items():
+        lines.append(table_row(symbol(name), with_unit(number, unit_of(name), language)))
+    starts = range(0, len(lines), GIVEN_ROWS)
+    givens = [element('table', *lines[start:][:GIVEN_ROWS]) for start in starts]
+    task = []
+    for line in words['kinds'][variant.kind.name][language]['task'].splitlines():
+        task += [rich(line), element('br')]
+    return joined([
+        element('p', *task[:-1]),
+        element('p', rich(words['sheet']['degrees'][language]), class_='note'),
+        element('div', picture(variant), *givens, class_='given'),
+    ])  # fmt: skip
 
 
 def _answers(variant: Variant, language: str, *, solved: bool = False) -> Markup:
     """Return the table of the questions, with or without their answers."""
-    rows = []
+    lines = []
     for question in variant.kind.questions:
         answer = variant.answers[question.name]
-        shown = answer_text(variant, question, answer, language) if solved else ''
+        text = answer_text(variant, question, answer, language) if solved else ''
         cells = (
             element('th', question_markup(question, language)),
-            element('td', shown, class_='answer'),
+            element('td', text, class_='answer'),
             element('td', unit_sign(question.unit)),
             element('td', asked(variant, question, language), class_='note'),
         )
-        rows.append(element('tr', *cells))
-    return element('table', *rows, class_='answers')
+        lines.append(element('tr', *cells))
+    return element('table', *lines, class_='answers')
 
 
 def asked(variant: Variant, question: Question, language: str) -> str:
     """Return the precision asked for, or the choices."""
     words = texts()
     if question.choices:
-        names = (words['choices'].get(each, {}).get(language, each) for each in question.choices)
+        choices = words['choices']
+        names = [choices.get(choice, {}).get(language, choice) for choice in question.choices]
         return ' / '.join(names)
     if question.unit == 'count':
         return str(words['sheet']['whole'][language])
@@ -104,12 +106,14 @@ def asked(variant: Variant, question: Question, language: str) -> str:
 
 
 def _steps(variant: Variant, language: str) -> Markup:
-    rows = []
+    lines = []
     for step in variant.steps:
-        formula = SINE.sub(r'\1sen', step.formula) if language == 'pt' else step.formula
-        value = with_unit(step.value, step.unit, language)
-        rows.append(table_row(rich(formula.replace('asen', 'arcsen')), symbol(step.symbol), value))
-    return element('table', *rows, class_='steps')
+        formula = step.formula
+        if language == 'pt':
+            formula = SINE.sub(r'\1sen', formula).replace('asen', 'arcsen')
+        number = with_unit(step.value, step.unit, language)
+        lines.append(table_row(rich(formula), symbol(step.symbol), number))
+    return element('table', *lines, class_='steps')
 
 
 def question_markup(question: Question, language: str) -> Markup:
@@ -117,7 +121,9 @@ def question_markup(question: Question, language: str) -> Markup:
     words = rich(texts()['questions'].get(question.name, {}).get(language, ''))
     if question.name in data()['notation']['words'].split():
         return words
-    return joined([symbol(question.name), *([Markup(', '), words] if words else [])])
+    if not words:
+        return symbol(question.name)
+    return joined([symbol(question.name), Markup(', '), words])
 
 
 def answer_text(variant: Variant, question: Question, answer: Answer, language: str) -> str:
@@ -139,12 +145,12 @@ def localised(number: str, language: str) -> str:
     return text.replace('.', ',') if language == 'pt' else text
 
 
-def with_unit(value: float, unit: str, language: str) -> str:
+def with_unit(number: float, unit: str, language: str) -> str:
     """Return a number with its unit; rounding errors are 0."""
-    value = value if abs(value) > ROUNDING else 0.0
-    number = localised(f'{value:.6g}' if abs(value) < 1e6 else f'{value:.0f}', language)
+    number = number if abs(number) > ROUNDING else 0.0
+    text = localised(f'{number:.6g}' if abs(number) < 1e6 else f'{number:.0f}', language)
     sign = unit_sign(unit)
-    return f'{number}{sign}' if sign in ('', '°') else f'{number} {sign}'
+    return f'{text}{sign}' if sign in ('', '°') else f'{text} {sign}'
 
 
 def unit_sign(unit: str) -> str:
@@ -157,19 +163,20 @@ def symbol(name: str) -> Markup:
     notation = data()['notation']
     if name in notation['symbols']:
         return rich(notation['symbols'][name])
-    base, *subs = name.split('_')
-    parts = [notation['greek'].get(part, part) for part in (base, *subs)]
-    if base == 'angle':
-        return Markup(''.join(parts))
-    sub = element('sub', ','.join(parts[1:])) if subs else Markup('')
-    return joined([element('i', parts[0]), sub])
+    words = name.split('_')
+    letter, *subscripts = [notation['greek'].get(word, word) for word in words]
+    if words[0] == 'angle':
+        return Markup(''.join([letter, *subscripts]))
+    subscript = element('sub', ','.join(subscripts)) if subscripts else Markup('')
+    return joined([element('i', letter), subscript])
 
 
 def rich(text: str) -> Markup:
     """Return a text whose underscores are subscripts."""
     minus = text.replace(' -', ' \N{MINUS SIGN}').replace('= -', '= \N{MINUS SIGN}')
-    parts = enumerate(SUBSCRIPT.split(minus))
-    return joined(element('sub', part.strip('()')) if k % 2 else part for k, part in parts)
+    pieces: list[str] = SUBSCRIPT.split(minus)
+    pieces[1::2] = [element('sub', subscript.strip('()')) for subscript in pieces[1::2]]
+    return joined(pieces)
 
 
 def picture(variant: Variant) -> Markup:
@@ -187,11 +194,11 @@ def picture(variant: Variant) -> Markup:
 def _bar_names(variant: Variant) -> dict[tuple[str, str], str]:
     """Return the names of bars with numbered lengths, by their two points."""
     figure = data()['figures'][figure_of(variant.kind.name)]
-    found = {}
+    names = {}
     for quantities, mark in figure['marks'].items():
         how, *points = mark.split()
         is_bar = how == 'line' and not {*points} <= {*figure['pivots'].split()}
         for name in quantities.split():
             if is_bar and name in variant.givens and name[2:].isdigit():
-                found[points[0], points[1]] = name.replace('_', '').translate(SUBSCRIPTS)
-    return found
+                names[points[0], points[1]] = name.replace('_', '').translate(SUBSCRIPTS)
+    return names
