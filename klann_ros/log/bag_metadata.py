@@ -67,20 +67,20 @@ def _metadata(files: Sequence[FileSummary]) -> dict[str, object]:
         'starting_time': {'nanoseconds_since_epoch': start},
         'message_count': sum(file.message_count for file in files),
         'topics_with_message_count': [
-            {'topic_metadata': _topic(topic), 'message_count': count}
+            {'topic_metadata': _topic_metadata(topic), 'message_count': count}
             for topic, count in counts.items()
         ],
         # Compression by rosbag2 itself, not that of the chunks.
         'compression_format': '',
         'compression_mode': '',
         'relative_file_paths': [file.name for file in files],
-        'files': [_file(file) for file in files],
+        'files': [_file_metadata(file) for file in files],
         'custom_data': None,
         'ros_distro': 'jazzy',
     }
 
 
-def _topic(topic: Topic) -> dict[str, object]:
+def _topic_metadata(topic: Topic) -> dict[str, object]:
     return {
         'name': topic.name,
         'type': topic.type,
@@ -90,7 +90,7 @@ def _topic(topic: Topic) -> dict[str, object]:
     }
 
 
-def _file(file: FileSummary) -> dict[str, object]:
+def _file_metadata(file: FileSummary) -> dict[str, object]:
     return {
         'path': file.name,
         'starting_time': {'nanoseconds_since_epoch': file.start_time},

@@ -151,11 +151,11 @@ class Log(AbstractContextManager['Log']):
         """
         names = None if topics is None else frozenset(topics)
         if start is None and end is None:
-            return _merged(self._sources, names)
+            return _merge_by_time(self._sources, names)
         first = self.start_time if start is None else start
         last = self.end_time if end is None else end
         sources = [s for s in self._sources if s.end >= first and s.start <= last]
-        messages = _merged(sources, names)
+        messages = _merge_by_time(sources, names)
         return (message for message in messages if first <= message.log_time <= last)
 
     def latest(self, counts: Mapping[str, int], end_time: int) -> list[Message]:
@@ -214,7 +214,7 @@ def open_log(path: AnyPath) -> Log:
     return Log(Path(path), files, log_files.missing + log_files.remarks)
 
 
-def _merged(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:
+def _merge_by_time(sources: Sequence[Source], topics: Topics) -> Iterator[Message]:
     """Merge sources by log time; only chunks that overlap are unpacked at the same time."""
     waiting = deque(sorted((source.start, number) for number, source in enumerate(sources)))
     started: list[tuple[int, int, Message, Iterator[Message]]] = []
@@ -248,12 +248,12 @@ def _latest(sources: Sequence[Source], counts: Mapping[str, int], end_time: int)
                 latest[name].append(message)
                 # A file without an index may have any number of messages.
                 if len(latest[name]) > 2 * counts[name] + _SLACK:
-                    latest[name] = _last(latest[name], counts[name])
+                    latest[name] = _last_by_time(latest[name], counts[name])
         for name in incomplete:
-            latest[name] = _last(latest[name], counts[name])
-    return _last(list(chain(*latest.values())), sum(counts.values()))
+            latest[name] = _last_by_time(latest[name], counts[name])
+    return _last_by_time(list(chain(*latest.values())), sum(counts.values()))
 
 
-def _last(messages: list[Message], count: int) -> list[Message]:
+def _last_by_time(messages: list[Message], count: int) -> list[Message]:
     first = max(0, len(messages) - count)
     return sorted(messages, key=attrgetter('log_time'))[first:]

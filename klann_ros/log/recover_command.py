@@ -29,13 +29,13 @@ exit code: 0 nothing was discarded (a run that was only not closed included), 3 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with these arguments, or those of the process; return its exit code."""
     try:
-        return _parser().run(_recover, RECOVER_ERRORS, argv)
+        return _parser().run(_recover_and_report, RECOVER_ERRORS, argv)
     except KeyboardInterrupt:
         print_error('recover', 'interrupted, nothing was written')
         return INTERRUPTED
 
 
-def _recover(options: argparse.Namespace) -> int:
+def _recover_and_report(options: argparse.Namespace) -> int:
     output = options.output or default_output(Path(options.log))
     recovery = recover(options.log, output)
     _print_report(recovery, output)

@@ -203,12 +203,12 @@ def available_memory() -> int:
     """
     limits = [2**40, *_group_memory()]
     with suppress(OSError, ValueError, IndexError):
-        limits.append(int(_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
+        limits.append(int(_read_text('/proc/meminfo').split('MemAvailable:')[1].split()[0]) * 1024)
     soft = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
     # RLIM_INFINITY is -1.
     if soft >= 0:
         with suppress(OSError, ValueError):
-            pages = int(_text('/proc/self/statm').split()[0])
+            pages = int(_read_text('/proc/self/statm').split()[0])
             limits.append(soft - pages * os.sysconf('SC_PAGE_SIZE'))
     return max(0, min(limits))
 
@@ -216,7 +216,7 @@ def available_memory() -> int:
 def _group_memory() -> Iterator[int]:
     """Yield the memory that each control group of this process may still take [bytes]."""
     with suppress(OSError, ValueError):
-        for line in _text('/proc/self/cgroup').splitlines():
+        for line in _read_text('/proc/self/cgroup').splitlines():
             number, controllers, name = line.split(':', 2)
             if number == '0':
                 root = '/sys/fs/cgroup'
@@ -232,20 +232,21 @@ def _group_memory() -> Iterator[int]:
             place = Path(root) / name.lstrip('/')
             for folder in [place, *place.parents][: len(Path(name).parts) + 1]:
                 with suppress(OSError, ValueError):
-                    yield int(_text(folder / limit)) - int(_text(folder / usage)) + _cache(folder)
+                    used = int(_read_text(folder / usage)) - _file_cache(folder)
+                    yield int(_read_text(folder / limit)) - used
 
 
-def _cache(folder: Path) -> int:
+def _file_cache(folder: Path) -> int:
     """Return the file cache of a control group, which makes room for programs [bytes]."""
     with suppress(OSError, ValueError):
-        for line in _text(folder / 'memory.stat').splitlines():
+        for line in _read_text(folder / 'memory.stat').splitlines():
             key, size = line.split()
             if key == 'inactive_file':
                 return int(size)
     return 0
 
 
-def _text(path: str | Path) -> str:
+def _read_text(path: str | Path) -> str:
     return Path(path).read_text(encoding='utf-8')
 
 

@@ -51,7 +51,7 @@ class GrowingFile:
         try:
             while not self.is_finished and (span := self._next_span()) is not None:
                 self._next = span.end
-                yield from self._contents(span)
+                yield from self._read_record(span)
         except DamagedError as damage:
             self.problem = f'{damage.reason} at byte {damage.offset}'
 
@@ -77,7 +77,7 @@ class GrowingFile:
         span = RecordSpan(opcode, self._next, length)
         return span if span.end <= size else None
 
-    def _contents(self, span: RecordSpan) -> Iterator[Message | NamedRecord]:
+    def _read_record(self, span: RecordSpan) -> Iterator[Message | NamedRecord]:
         if span.opcode == Opcode.CHUNK:
             content = chunk_content(read(self._file, span), span.offset, self._budget)
             self._channels.add_all(content, span.offset)

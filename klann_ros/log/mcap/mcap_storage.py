@@ -42,7 +42,7 @@ _START = records.MAGIC + bytes([Opcode.HEADER])
 _SMALL_CHUNK = 1024 * 1024
 
 
-class _Part(NamedTuple):
+class _Batch(NamedTuple):
     """Messages that are read together: a chunk of the index, or what a pass found in a row."""
 
     # Unpacked [bytes].
@@ -55,12 +55,12 @@ class _Part(NamedTuple):
     # The channels of the messages; none if unknown.
     channels: Collection[int] = ()
 
-    def extended(self, addition: '_Part') -> '_Part':
-        """Return the part with the messages behind it."""
+    def extended(self, addition: '_Batch') -> '_Batch':
+        """Return the batch with the messages behind it."""
         start = min(self.start, addition.start)
         end = max(self.end, addition.end)
         self.spans.extend(addition.spans)
-        return _Part(self.size + addition.size, start, end, self.spans)
+        return _Batch(self.size + addition.size, start, end, self.spans)
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class _Survey:
     overview: Overview
     # By channel.
     topics: dict[int, Topic]
-    parts: list[_Part]
+    batches: list[_Batch]
 
 
 class McapStorage:
@@ -176,8 +176,8 @@ class McapStorage:
     def _survey(self) -> _Survey:
         """Make a pass over the whole file: a channel record may follow its messages."""
         channels = self.summary.channels
-        parts: list[_Part] = []
-        part = None
+        batches: list[_Batch] = []
+        batch = None
         with self.open() as file:
             scan = self.scan(file, channels)
             for span, content in scan.contents():
@@ -185,24 +185,24 @@ class McapStorage:
                 if times is None:
                     continue
                 place = array('Q', (span.opcode, span.offset, span.length))
-                addition = _Part(len(content.data), *times, place)
-                part = addition if part is None else part.extended(addition)
-                if part.size > _SMALL_CHUNK:
-                    parts.append(part)
-                    part = None
+                addition = _Batch(len(content.data), *times, place)
+                batch = addition if batch is None else batch.extended(addition)
+                if batch.size > _SMALL_CHUNK:
+                    batches.append(batch)
+                    batch = None
             self._note_losses(scan)
-        if part is not None:
-            parts.append(part)
+        if batch is not None:
+            batches.append(batch)
         for text in channels.contradictions:
             self.problems.note_whole(text)
         topics = channels.topics()
         overview = Overview(
             list(topics.values()),
-            spanned_time([(part.start, part.end) for part in parts]),
+            spanned_time([(batch.start, batch.end) for batch in batches]),
             [span.offset for span in scan.report.metadata],
             [span.offset for span in scan.report.attachments],
         )
-        return _Survey(overview, topics, parts)
+        return _Survey(overview, topics, batches)
 
     @cached_property
     def _topics(self) -> dict[int, Topic]:
@@ -242,15 +242,15 @@ class McapStorage:
                     return content.block({}).message(0)
         return b''
 
-    def _parts(self) -> list[_Part]:
+    def _batches(self) -> list[_Batch]:
         if not self.summary.is_index:
-            return self._survey.parts
+            return self._survey.batches
         head_size = records.RECORD_HEAD.size
-        parts = []
+        batches = []
         for chunk in self.summary.chunks:
             length = chunk.chunk_length - head_size
-            parts.append(
-                _Part(
+            batches.append(
+                _Batch(
                     chunk.uncompressed_size,
                     chunk.message_start_time,
                     chunk.message_end_time,
@@ -258,14 +258,14 @@ class McapStorage:
                     chunk.message_index_offsets,
                 )
             )
-        return parts
+        return batches
 
     def sources(self, _: Overview) -> Iterator[Source]:
-        """Yield the parts; all of them as one if too many overlap in time."""
-        parts = self._parts()
-        sources = [Source(part.start, part.end, partial(self._read, part)) for part in parts]
-        times = spanned_time([(part.start, part.end) for part in parts])
-        if times is None or _can_merge(parts, self.size):
+        """Yield the batches; all of them as one if too many overlap in time."""
+        batches = self._batches()
+        sources = [Source(batch.start, batch.end, partial(self._read, batch)) for batch in batches]
+        times = spanned_time([(batch.start, batch.end) for batch in batches])
+        if times is None or _can_merge(batches, self.size):
             yield from sources
         else:
             yield Source(*times, lambda t: chain.from_iterable(s.read(t) for s in sources))
@@ -276,20 +276,20 @@ class McapStorage:
             self.problems.note(offset, f'messages of channel {number}, which is not known')
         return block.messages(names, by_time=True)
 
-    def _read(self, part: _Part, names: Topics) -> Iterator[Message]:
-        """Return the messages of a part ordered by log time, without its damaged places."""
-        if names is not None and part.channels:
-            topics = map(self._topics.get, part.channels)
+    def _read(self, batch: _Batch, names: Topics) -> Iterator[Message]:
+        """Return the messages of a batch ordered by log time, without its damaged places."""
+        if names is not None and batch.channels:
+            topics = map(self._topics.get, batch.channels)
             if not any(topic is not None and topic.name in names for topic in topics):
                 return iter(())
-        numbers = iter(part.spans)
+        numbers = iter(batch.spans)
         blocks: list[tuple[int, MessageBlock]] = []
         with self.open() as file:
             for opcode, offset, length in zip(numbers, numbers, numbers, strict=True):
                 content = self._content_of(file, records.RecordSpan(opcode, offset, length))
                 if content:
                     blocks.append((offset, content.block(self._topics)))
-        if not self._may_merge(part, [block for _, block in blocks]):
+        if not self._may_merge(batch, [block for _, block in blocks]):
             return iter(())
         sorted_messages = [self._by_time(offset, block, names) for offset, block in blocks]
         if len(sorted_messages) == 1:
@@ -312,13 +312,13 @@ class McapStorage:
             self.problems.note(span.offset, content.broken)
         return content
 
-    def _may_merge(self, part: _Part, blocks: list[MessageBlock]) -> bool:
-        """Return whether a part is as the index says, or is small."""
+    def _may_merge(self, batch: _Batch, blocks: list[MessageBlock]) -> bool:
+        """Return whether a batch is as the index says, or is small."""
         times = spanned_time([block.times for block in blocks])
         size = sum(len(block.data) for block in blocks)
-        if times is None or (size, *times) == part[:3]:
+        if times is None or (size, *times) == batch[:3]:
             return True
-        _, offset, length = part.spans[:3]
+        _, offset, length = batch.spans[:3]
         is_small = size <= max(_SMALL_CHUNK, MAX_RATIO * length)
         text = 'the index is wrong about this chunk'
         self.problems.note(offset, text if is_small else f'{text}, which is left out')
@@ -358,17 +358,17 @@ def _check_kind(file: BinaryIO, span: records.RecordSpan, opcode: int) -> None:
         )
 
 
-def _can_merge(parts: list[_Part], file_size: int) -> bool:
+def _can_merge(batches: list[_Batch], file_size: int) -> bool:
     """
-    Return whether the parts that overlap in time may be unpacked at once.
+    Return whether the batches that overlap in time may be unpacked at once.
 
     Those of a recorder follow each other, or it has as many bytes in the file. Two of the largest
     always fit: each is held to the decompression limit by itself.
     """
-    begins = [(part.start, part.size) for part in parts]
-    ends = [(part.end + 1, -part.size) for part in parts]
+    begins = [(batch.start, batch.size) for batch in batches]
+    ends = [(batch.end + 1, -batch.size) for batch in batches]
     unpacked = accumulate(size for _, size in sorted(begins + ends))
-    largest = max((part.size for part in parts), default=0)
+    largest = max((batch.size for batch in batches), default=0)
     return max(unpacked, default=0) <= max(2 * MIN_LIMIT, MAX_RATIO * file_size, 2 * largest)
 
 

@@ -72,7 +72,7 @@ def open_files(path: AnyPath) -> tuple[list[Storage], LogFiles]:
     storages: list[Storage] = []
     failures: list[NotALogError] = []
     for file_path in log_files.paths:
-        storage = _try(file_path, log_files.packed.get(file_path))
+        storage = _open_or_original(file_path, log_files.packed.get(file_path))
         if isinstance(storage, NotALogError):
             failures.append(storage)
         else:
@@ -83,21 +83,21 @@ def open_files(path: AnyPath) -> tuple[list[Storage], LogFiles]:
     return storages, log_files
 
 
-def _try(path: Path, packed: Path | None) -> Storage | NotALogError:
+def _open_or_original(path: Path, packed: Path | None) -> Storage | NotALogError:
     """Open a file, or its compressed original if that is intact and the file is not."""
     try:
         storage = open_storage(path)
     except NotALogError as error:
-        return error if packed is None else _try(packed, None)
+        return error if packed is None else _open_or_original(packed, None)
     if packed is None or not storage.problems:
         return storage
-    original = _try(packed, None)
+    original = _open_or_original(packed, None)
     return storage if isinstance(original, NotALogError) or original.problems else original
 
 
 def open_storage(path: Path) -> Storage:
     """Open a file of a log; a NotALogError if it is none, or nothing of it can be read."""
-    start = _start(path, path)
+    start = _first_bytes(path, path)
     storage = _open_unpacked(path) if start.startswith(ZSTD_MAGIC) else _open_plain(path, start)
     # Its messages may be compressed as well.
     return CompressedMessages(storage) if is_compressed(storage.first_data()) else storage
@@ -122,7 +122,7 @@ def _open_plain(path: Path, start: bytes) -> Storage:
 
 def _open_unpacked(path: Path) -> Storage:
     unpacked, problem = unpack(path, lambda start: _storage_of(start) is not None)
-    open_kind = _storage_of(_start(path, unpacked.path)) or McapStorage
+    open_kind = _storage_of(_first_bytes(path, unpacked.path)) or McapStorage
     storage = open_kind(path, unpacked)
     if problem:
         storage.problems.note_whole(problem)
@@ -133,7 +133,7 @@ def _storage_of(start: bytes) -> _OpenStorage | None:
     return next((kind for magic, kind in _STORAGES.items() if start.startswith(magic)), None)
 
 
-def _start(path: Path, plain_path: Path) -> bytes:
+def _first_bytes(path: Path, plain_path: Path) -> bytes:
     """Return the first bytes of a file or its plain copy."""
     try:
         with open_regular(plain_path) as file:

@@ -26,7 +26,7 @@ from klann_ros.sanitize.text import counted, printable
 
 from .background_writer import BackgroundWriter, RunEntry
 from .durable_file import free_space
-from .recording import known, Pauses, RecordingSession, RecordingState
+from .recording import known_free_space, Pauses, RecordingSession, RecordingState
 from .ring_buffer import RingBuffer, SEGMENT_SECONDS
 from .writer import RunWriter
 
@@ -318,7 +318,7 @@ class EventSession:
         return replace(
             state,
             counts=self.counters.counts(),
-            free=known(lambda: free_space(self._folder)),
+            free=known_free_space(lambda: free_space(self._folder)),
             paused=self.pauses.paused,
             failure='',
             faults=(*state.faults, *failures),

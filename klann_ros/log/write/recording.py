@@ -136,7 +136,7 @@ class RecordingSession:
             queued=self._background.queued,
             file=str(self._writer.file.path),
             size=self._writer.file.size,
-            free=known(lambda: self._writer.free_space),
+            free=known_free_space(lambda: self._writer.free_space),
             paused=self.pauses.paused,
             failure='' if failure is None else str(failure),
             faults=self._writer.faults.active,
@@ -177,7 +177,7 @@ def _write_solver(solver: SolverParameters, run: RunWriter) -> None:
     run.attach(name, 'text/yaml', file, solver.time, in_every_file=True)
 
 
-def known(free_space: Callable[[], int]) -> int | None:
+def known_free_space(free_space: Callable[[], int]) -> int | None:
     """Return the free space on a disk [bytes]; None if the disk does not say."""
     try:
         return free_space()
