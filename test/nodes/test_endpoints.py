@@ -55,7 +55,7 @@ def installed() -> set[str]:
 @example('this/msg/X')
 @example('turtledemo/msg/Float64')
 def test_type_names_import_only_interface_packages(name: str) -> None:
-    before = set(sys.modules)
+    modules_before = set(sys.modules)
     try:
         kind = message_class(name)
     except UnknownMessageTypeError as error:
@@ -63,7 +63,7 @@ def test_type_names_import_only_interface_packages(name: str) -> None:
         assert len(str(error)) < 1000
     else:
         assert kind.get_fields_and_field_types() is not None
-    new = {module.partition('.')[0] for module in set(sys.modules) - before}
+    new = {module.partition('.')[0] for module in set(sys.modules) - modules_before}
     assert new <= installed()
 
 
@@ -118,20 +118,20 @@ def test_a_package_of_no_interfaces_is_imported_only_from_the_ament_index(
 @example('/a\0')
 @example('/\udcff')
 def test_just_the_full_names_of_ros_are_taken(name: str) -> None:
-    good = FULL_NAME.fullmatch(name) is not None and len(name) <= 247
+    is_full_name = FULL_NAME.fullmatch(name) is not None and len(name) <= 247
     reason = name_refusal(name)
-    assert (reason == '') == good
+    assert (reason == '') == is_full_name
     assert reason.isprintable()
     assert len(reason) < 120
 
 
 def test_diagnostics_contain_no_control_of_a_terminal(ros: Domain) -> None:
     joint = 'left\x1b[31m\ncrank\u202e'
-    values = [(f'{joint} silent', joint)]
-    status = diagnostic_status(ros.probe.node, 'walker', b'\0', f'{joint} lags', values)
+    figures = [(f'{joint} silent', joint)]
+    status = diagnostic_status(ros.probe.node, 'walker', b'\0', f'{joint} lags', figures)
     assert status.message == 'left\\x1b[31m crank\\u202e lags'
-    (pair,) = status.values
-    assert (pair.key + pair.value).isprintable()
+    (figure,) = status.values
+    assert (figure.key + figure.value).isprintable()
 
 
 class SilentPublisher:

@@ -29,10 +29,11 @@ def test_the_rate_is_the_derivative_of_the_angle(motion: CrankMotion, t: float) 
     corner = motion.period / (2 if motion.mode == 'sweep' else 1)
     if motion.mode in ('sweep', 'step') and t % corner > corner - 3 * step:
         return
-    (before, rate), (after, _) = motion.at(t), motion.at(t + step)
+    angle, rate = motion.at(t)
+    later_angle, _ = motion.at(t + step)
     # A forward difference is off by half a step of the second derivative, that of a sine.
     curvature = abs(motion.amplitude) * (2 * math.pi * motion.frequency) ** 2
-    assert (after - before) / step == pytest.approx(rate, abs=1e-6 + step * curvature)
+    assert (later_angle - angle) / step == pytest.approx(rate, abs=1e-6 + step * curvature)
 
 
 @given(motion=motions(), t=times)
@@ -47,13 +48,13 @@ def test_a_period_brings_it_back(motion: CrankMotion, t: float) -> None:
 
 @given(motion=motions(), t=times)
 def test_each_mode_keeps_its_bounds(motion: CrankMotion, t: float) -> None:
-    moved = (motion.at(t)[0] - motion.start) / motion.amplitude
+    share = (motion.at(t)[0] - motion.start) / motion.amplitude
     if motion.mode == 'sine':
-        assert -1 - 1e-9 <= moved <= 1 + 1e-9
+        assert -1 - 1e-9 <= share <= 1 + 1e-9
     elif motion.mode == 'sweep':
-        assert -1e-9 <= moved <= 1 + 1e-9
+        assert -1e-9 <= share <= 1 + 1e-9
     elif motion.mode == 'step':
-        assert moved == pytest.approx(round(moved), abs=1e-9)
+        assert share == pytest.approx(round(share), abs=1e-9)
 
 
 def test_it_begins_at_the_start() -> None:

@@ -17,12 +17,12 @@ MODES: dict[str, dict[str, float]] = {
 def test_every_mode_publishes_its_angles_and_ends(ros: Domain) -> None:
     angles = {mode: ros.probe.listen(Float64, f'/{mode}/crank_angle') for mode in MODES}
     cranks = {}
-    for mode, given in MODES.items():
-        values = {'mode': mode, 'rate': 200.0, 'revolutions': 1, 'min_subscribers': 1, **given}
-        inside = ('--ros-args', '-r', f'__ns:=/{mode}')
-        cranks[mode] = ros.start('crank_node', *inside, **values)
-    for mode, given in MODES.items():
-        motion = CrankMotion(mode=mode, **given)  # type: ignore[arg-type]
+    one_turn = {'rate': 200.0, 'revolutions': 1, 'min_subscribers': 1}
+    for mode, sizes in MODES.items():
+        namespace = ('--ros-args', '-r', f'__ns:=/{mode}')
+        cranks[mode] = ros.start('crank_node', *namespace, mode=mode, **one_turn, **sizes)
+    for mode, sizes in MODES.items():
+        motion = CrankMotion(mode=mode, **sizes)  # type: ignore[arg-type]
         count = round(motion.period * 200.0) + 1
         ros.probe.until(lambda: len(angles[mode]) >= count)  # noqa: B023 - called at once
         assert cranks[mode].wait() == 0

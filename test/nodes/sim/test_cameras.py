@@ -19,8 +19,8 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     probe = ros.probe
     states: list[JointState] = probe.listen(JointState, 'crank_state')
     feet: list[PointStamped] = probe.listen(PointStamped, 'camera/h')
-    given = {'built': BUILT, 'cameras': True, 'camera_outliers': 0.02, 'seed': 5, 'rate': 200.0}
-    ros.start('sim_node', *SEM104, **given)
+    parameters = {'built': BUILT, 'cameras': True, 'camera_outliers': 0.02, 'seed': 5}
+    ros.start('sim_node', *SEM104, **parameters, rate=200.0)
     run, reports = tmp_path / 'run', RecorderReports(probe)
     recorder = ros.start('recorder_node', output=run, all_topics=True)
     # A late discovery would leave a part of the turn only.
@@ -37,8 +37,10 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     numbers, built = tmp_path / 'c.json', tmp_path / 'built.yaml'
     arguments = [str(run), '--leg', 'sem104', '--point', 'H=/camera/h', '--point', 'G=/camera/g']
     assert main([*arguments, '--json', str(numbers), '-o', str(built)]) == 0
-    found, true = json.loads(numbers.read_text()), robot_of(str(BUILT)).legs[0]
-    for name, each in found['dimensions'].items():
-        assert abs(each['value'] - true.linkage.dimensions[name]) < 5.0 * each['standard_error']
-    assert found['phase']['value'] == pytest.approx(true.phase, abs=1e-3)
-    assert found['points']['H']['rejected'] > 0
+    calibration = json.loads(numbers.read_text())
+    true_leg = robot_of(str(BUILT)).legs[0]
+    for name, estimate in calibration['dimensions'].items():
+        error = abs(estimate['value'] - true_leg.linkage.dimensions[name])
+        assert error < 5.0 * estimate['standard_error']
+    assert calibration['phase']['value'] == pytest.approx(true_leg.phase, abs=1e-3)
+    assert calibration['points']['H']['rejected'] > 0

@@ -58,7 +58,7 @@ class Robot:
 
     def value(self, key: str) -> str:
         (status,) = self._reports[-1].status
-        return next(value.value for value in status.values if value.key == key)
+        return next(figure.value for figure in status.values if figure.key == key)
 
     def message(self) -> str:
         return self._reports[-1].status[0].message
@@ -81,8 +81,8 @@ def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
     assert imu.header.frame_id == 'base_link'
     assert imu.angular_velocity_covariance[0] == pytest.approx(1e-4)
     # Each foot that comes down is felt; in the mean it is the weight.
-    feels = [each.linear_acceleration.z for each in robot.imus]
-    assert sum(feels) / len(feels) == pytest.approx(9.81, abs=1.5)
+    forces = [reading.linear_acceleration.z for reading in robot.imus]
+    assert sum(forces) / len(forces) == pytest.approx(9.81, abs=1.5)
 
 
 def test_its_stamps_are_its_clock(robot: Robot) -> None:
@@ -97,8 +97,8 @@ def test_its_stamps_are_its_clock(robot: Robot) -> None:
 
 def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
     robot.driven(lambda: robot.cranks[-1].velocity[0] > 0.9, 1.0, 1.0)
-    held = int(robot.value('held'))
-    robot.probe.until(lambda: int(robot.value('held')) >= held + 2)
+    held_count = int(robot.value('held'))
+    robot.probe.until(lambda: int(robot.value('held')) >= held_count + 2)
     robot.probe.until(lambda: abs(robot.cranks[-1].velocity[0]) < 0.1)
     robot.probe.until(lambda: 'held' in robot.message() or 'keep up' in robot.message())
 

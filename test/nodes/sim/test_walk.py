@@ -14,6 +14,10 @@ from std_srvs.srv import Trigger
 WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 
 
+def stamp_of(odometry: Odometry) -> tuple[int, int]:
+    return odometry.header.stamp.sec, odometry.header.stamp.nanosec
+
+
 def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     ros: Domain, tmp_path: Path
 ) -> None:
@@ -22,21 +26,15 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
     recorded = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
-    given = ('--ros-args', '--params-file', WALKER)
-    sim = ros.start('sim_node', *given, use_clock=True, linear=0.15)
+    file = ('--ros-args', '--params-file', WALKER)
+    sim = ros.start('sim_node', *file, use_clock=True, linear=0.15)
     # Simulated time: however slow the machine is, they see the same.
-    walker = ros.start('walker_node', *given, use_sim_time=True, use_imu=True)
+    walker = ros.start('walker_node', *file, use_sim_time=True, use_imu=True)
     ros.probe.until(lambda: bool(odometry and truths) and truths[-1].pose.pose.position.x > 0.15)
-    truth_of = {
-        truth.header.stamp.sec * 10**9 + truth.header.stamp.nanosec: truth for truth in truths
-    }
-    both = [
-        (odom.pose.pose.position, truth_of[stamp].pose.pose.position)
-        for odom in odometry
-        for stamp in [odom.header.stamp.sec * 10**9 + odom.header.stamp.nanosec]
-        if stamp in truth_of
-    ]
-    odom, truth = both[-1]
+    true_positions = {stamp_of(truth): truth.pose.pose.position for truth in truths}
+    answered = [estimate for estimate in odometry if stamp_of(estimate) in true_positions]
+    odom = answered[-1].pose.pose.position
+    truth = true_positions[stamp_of(answered[-1])]
     assert truth.x > 0.1
     # On a busy machine it was off by 2.8 cm once, alone it is by some millimetres.
     assert odom.x == pytest.approx(truth.x, abs=0.04)
@@ -52,10 +50,11 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     # Each message played is one of the run, to the last byte.
     kinds = {'/odom': Odometry, '/crank_command': JointState}
     log = open_log(tmp_path / 'run')
-    logged = {name: [each.data for each in log.messages([name])] for name in kinds}
-    received = {
-        name: ros.probe.listen(kind, f'/replay{name}', raw=True) for name, kind in kinds.items()
-    }
+    logged: dict[str, list[bytes]] = {}
+    received: dict[str, list[bytes]] = {}
+    for name, kind in kinds.items():
+        logged[name] = [message.data for message in log.messages([name])]
+        received[name] = ros.probe.listen(kind, f'/replay{name}', raw=True)
     options = ('--delay', '0', '--start-paused', '--ros-args', '-r', '__ns:=/replay')
     player = ros.start('player_node', str(tmp_path / 'run'), *options)
     for name in kinds:

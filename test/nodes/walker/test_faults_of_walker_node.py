@@ -120,7 +120,7 @@ class Plant:
 
     @property
     def fault(self) -> str:
-        return next(pair.value for pair in self.status.values if pair.key == 'fault')
+        return next(figure.value for figure in self.status.values if figure.key == 'fault')
 
     def until_walking(self) -> None:
         """Reset what was, and wait until all cranks turn for some time."""
@@ -137,16 +137,17 @@ class Plant:
 
     def break_down(self, name: str, fault: str, words: str) -> None:
         """Wait until it stands for its fault; then it has to stand for good."""
-        begin, first = monotonic(), len(self.commands)
+        begin = monotonic()
+        command_count = len(self.commands)
         logged = len(self.process.errors)
-        before = dict(self.angles)
+        start_angles = dict(self.angles)
         self.reports.clear()
         self.probe.until(lambda: self.reports and words in self.status.message)
         self.probe.until(lambda: self._is_standing)
         assert self.fault == fault
         assert self.status.level == DiagnosticStatus.ERROR
-        after = self.commands[first:]
-        zero = next(time for time, rates in after if not any(rates))
+        later_commands = self.commands[command_count:]
+        zero_time = next(time for time, rates in later_commands if not any(rates))
         if fault:
             self.probe.until(lambda: 'fault: ' in self.process.errors[logged:])
             assert words in self.process.errors[logged:]
@@ -154,11 +155,11 @@ class Plant:
         self.linear = 0.0
         self.probe.spin(0.1)
         self.linear = SPEED
-        last = len(self.commands)
-        self.probe.until(lambda: len(self.commands) > last + ZEROS)
-        assert not any(any(rates) for _, rates in self.commands[last:])
-        turned = max(abs(self.angles[joint] - before[joint]) for joint in self.joints)
-        self._tell(name, fault, zero - begin, turned)
+        reset_count = len(self.commands)
+        self.probe.until(lambda: len(self.commands) > reset_count + ZEROS)
+        assert not any(any(rates) for _, rates in self.commands[reset_count:])
+        turns = [abs(self.angles[joint] - start_angles[joint]) for joint in self.joints]
+        self._write_row(name, fault, zero_time - begin, max(turns))
 
     @property
     def _is_standing(self) -> bool:
@@ -166,12 +167,12 @@ class Plant:
             any(rates) for _, rates in self.commands[-ZEROS:]
         )
 
-    def _tell(self, name: str, fault: str, seconds: float, turned: float) -> None:
+    def _write_row(self, name: str, fault: str, seconds: float, turn: float) -> None:
         """Add a row to the table of the acceptance, where one is asked for."""
         if path := os.environ.get('KLANN_ROS_FAULT_TABLE'):
-            row = f'| {name} | {fault} | {seconds:.2f} s | {turned:.2f} rad |'
+            figures = f'{seconds:.2f} s | {turn:.2f} rad | 0'
             with Path(path).open('a', encoding='utf-8') as table:
-                table.write(f'{row} 0 | {self.status.message} |\n')
+                table.write(f'| {name} | {fault} | {figures} | {self.status.message} |\n')
 
 
 @pytest.fixture(scope='module')

@@ -21,13 +21,13 @@ from sensor_msgs.msg import Imu
 @pytest.mark.parametrize('frame', ['odom', 'a', 'map/of_the_hall'])
 def test_odometry_is_filled_in_where_its_numbers_are(frame: str) -> None:
     numbers = [float(k) for k in range(1, 29)]
-    data = odometry_template(frame, 'base_link').fill(5, 7, *numbers)
-    read = deserialize_message(data, Odometry)
+    odometry = odometry_template(frame, 'base_link').fill(5, 7, *numbers)
+    read = deserialize_message(odometry, Odometry)
     assert (read.header.stamp.sec, read.header.stamp.nanosec) == (5, 7)
     assert (read.header.frame_id, read.child_frame_id) == (frame, 'base_link')
-    place, turned = read.pose.pose.position, read.pose.pose.orientation
+    place, rotation = read.pose.pose.position, read.pose.pose.orientation
     assert [place.x, place.y, place.z] == [1.0, 2.0, 3.0]
-    assert [turned.x, turned.y, turned.z, turned.w] == [4.0, 5.0, 6.0, 7.0]
+    assert [rotation.x, rotation.y, rotation.z, rotation.w] == [4.0, 5.0, 6.0, 7.0]
     x, y, z, roll, pitch, yaw = read.pose.covariance.reshape(6, 6).tolist()
     assert (x, y) == ([8, 9, 0, 0, 0, 10], [11, 12, 0, 0, 0, 13])
     assert (z, roll, pitch) == ([0, 0, 14, 0, 0, 0], [0, 0, 0, 15, 0, 0], [0, 0, 0, 0, 16, 0])

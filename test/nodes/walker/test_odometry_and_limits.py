@@ -19,9 +19,9 @@ def ros(module_ros: Domain) -> Domain:
 
 @pytest.fixture(scope='module')
 def walker(ros: Domain) -> Process:
-    given = {'diagnostics_period': 0.1, 'publish_limited_velocity': True}
+    parameters = {'diagnostics_period': 0.1, 'publish_limited_velocity': True}
     limits = {'max_linear': 0.1, 'max_linear_backward': 0.05}
-    return ros.start('walker_node', *FILE, **given, **limits)
+    return ros.start('walker_node', *FILE, **parameters, **limits)
 
 
 @pytest.fixture(scope='module')

@@ -25,8 +25,8 @@ def ros(module_ros: Domain) -> Domain:
 
 @pytest.fixture(scope='module')
 def walker(ros: Domain) -> Process:
-    given = {'use_imu': True, 'diagnostics_period': 0.1, 'publish_tf': False}
-    return ros.start('walker_node', '--ros-args', '--params-file', TWO_MOTORS, **given)
+    parameters = {'use_imu': True, 'diagnostics_period': 0.1, 'publish_tf': False}
+    return ros.start('walker_node', '--ros-args', '--params-file', TWO_MOTORS, **parameters)
 
 
 @pytest.fixture(scope='module')
@@ -35,14 +35,16 @@ def motors(ros: Domain, walker: Process) -> Motors:  # noqa: ARG001 - it is ther
 
 
 @pytest.mark.parametrize(
-    ('rate', 'least', 'most'),
+    ('rate', 'min_count', 'max_count'),
     [(100.0, 99, 101), (150.0, 97, 101), (500.0, 97, 101), (40.0, 40, 41)],
 )
-def test_a_beat_is_kept_in_the_mean_and_never_exceeded(rate: float, least: int, most: int) -> None:
+def test_a_beat_is_kept_in_the_mean_and_never_exceeded(
+    rate: float, min_count: int, max_count: int
+) -> None:
     beat = Beat(0.01)
     # Every other message comes late.
     times = [5000.0 + (k + 0.2 * (k % 2)) / rate for k in range(round(rate))]
-    assert least <= sum(map(beat.take, times)) <= most
+    assert min_count <= sum(map(beat.take, times)) <= max_count
     # Whatever the clock does, it goes on.
     assert beat.take(times[-1] - 1000.0)
     assert beat.take(times[-1])
@@ -54,13 +56,15 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     motors.twist = (0.15, 0.0)
     motors.until_message('walking')
     ros.probe.until(lambda: motors.odom[-1].pose.pose.position.x > 0.3)
-    at = motors.odom[-1]
-    assert (at.header.frame_id, at.child_frame_id) == ('odom', 'base_link')
-    assert at.pose.pose.position.z == pytest.approx(0.31, abs=0.02)
-    assert at.pose.covariance[0] > 0.0
-    # Of the height and of the tilt.
-    assert at.pose.covariance[14::7] == pytest.approx([1e-4, 4e-4, 4e-4, at.pose.covariance[35]])
-    assert at.twist.covariance[35] > 0.0
+    odom = motors.odom[-1]
+    assert (odom.header.frame_id, odom.child_frame_id) == ('odom', 'base_link')
+    assert odom.pose.pose.position.z == pytest.approx(0.31, abs=0.02)
+    assert odom.pose.covariance[0] > 0.0
+    # The variances of height and tilt.
+    assert odom.pose.covariance[14::7] == pytest.approx(
+        [1e-4, 4e-4, 4e-4, odom.pose.covariance[35]]
+    )
+    assert odom.twist.covariance[35] > 0.0
     assert list(motors.commands[-1].name) == JOINTS
     # A motor that is 10 % slow is in phase all the same.
     assert degrees(abs(motors.positions[0] - motors.positions[1])) < 8.0
@@ -72,14 +76,14 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     assert 'not finite' in walker.errors
 
     imu = ros.probe.publisher(Imu, 'imu')
-    turned = Imu()
-    turned.header.frame_id = 'imu_link'
-    turned.orientation.w = turned.orientation.z = 0.5**0.5
-    turned.angular_velocity.z = 0.25
-    imu.publish(turned)
+    turning = Imu()
+    turning.header.frame_id = 'imu_link'
+    turning.orientation.w = turning.orientation.z = 0.5**0.5
+    turning.angular_velocity.z = 0.25
+    imu.publish(turning)
     ros.probe.until(lambda: motors.odom[-1].twist.twist.angular.z == 0.25)
     assert 'imu is in frame imu_link: its axes are taken as those of base_link' in walker.errors
-    imu.publish(Imu(angular_velocity=turned.angular_velocity))
+    imu.publish(Imu(angular_velocity=turning.angular_velocity))
     ros.probe.until(lambda: motors.value('imu') == 'none')
 
     motors.silent = {1}
@@ -93,11 +97,11 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
     assert walker.errors.count('only one may drive the cranks') == 1
     ros.probe.node.destroy_publisher(rival)
 
-    other = ros.other_node()
-    twists = other.create_publisher(TwistStamped, 'cmd_vel', 10)
+    driver = ros.other_node()
+    twists = driver.create_publisher(TwistStamped, 'cmd_vel', 10)
     motors.until_message('cmd_vel has 2 publishers: /probe, /probe')
     assert motors.status.level == DiagnosticStatus.WARN
-    other.destroy_publisher(twists)
+    driver.destroy_publisher(twists)
     for number in (1, 2):
         ros.other_node().create_publisher(Bool, 'e_stop', 10)
         motors.until_message(
@@ -129,7 +133,8 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
         motors.until_walking()
     else:
         motors.until_stopped()
-    logged, sent = walker.errors.count('was paused for'), len(motors.commands)
+    pause_count = walker.errors.count('was paused for')
+    command_count = len(motors.commands)
     walker.popen.send_signal(SIGSTOP)
     # These commands wait in the queue.
     probe.spin(0.1)
@@ -138,34 +143,35 @@ def test_a_resumed_process_starts_at_the_measured_crank_angles(
     probe.spin(seconds)
     resumed = time_ns()
     walker.popen.send_signal(SIGCONT)
-    probe.until(lambda: walker.errors.count('was paused for') > logged)
+    probe.until(lambda: walker.errors.count('was paused for') > pause_count)
     commands = list[JointState]()
 
     def has_commanded() -> bool:
-        new = motors.commands[sent:]
-        commands[:] = [each for each in new if _nanoseconds(each) > resumed]
+        new_commands = motors.commands[command_count:]
+        commands[:] = [command for command in new_commands if _nanoseconds(command) > resumed]
         return len(commands) >= 60
 
     # Enough to reach its speed again; the next case shows that it does.
     probe.until(has_commanded)
     # The signal may have interrupted the first one.
     assert any(
-        tuple(each.position) in motors.measured and list(each.velocity) == [0.0, 0.0]
-        for each in commands[:2]
+        tuple(command.position) in motors.measured and list(command.velocity) == [0.0, 0.0]
+        for command in commands[:2]
     )
     # 1 for the commanded rate, at 0.148 m/s for 1 rad/s; 0.4 for a slow motor, 1 to make up an
     # error; feedback of the motion; phases.
     fastest = 2.4 * 1.5 * 1.1 * abs(linear) / 0.148
-    for before, after in pairwise(commands):
-        assert not (ends and any(after.velocity))
+    for last_command, command in pairwise(commands):
+        assert not (ends and any(command.velocity))
         if not twist[1]:
-            assert all(0.0 <= copysign(u, u * linear) <= fastest for u in after.velocity)
+            assert all(0.0 <= copysign(u, u * linear) <= fastest for u in command.velocity)
         # Set points restart again where the machine is busy.
-        if tuple(after.position) not in motors.measured:
-            moves = [at - was for at, was in zip(after.position, before.position, strict=True)]
+        if tuple(command.position) not in motors.measured:
+            positions = zip(command.position, last_command.position, strict=True)
+            moves = [position - last_position for position, last_position in positions]
             # In a curve a side may turn back, as its set point does; those of both never do.
             assert sum(moves) * linear >= -1e-9
-            assert all(u * move >= -1e-9 for u, move in zip(after.velocity, moves, strict=True))
+            assert all(u * move >= -1e-9 for u, move in zip(command.velocity, moves, strict=True))
     motors.twist = None
 
 
@@ -178,23 +184,23 @@ def test_limits_and_gains_change_while_it_walks(
 ) -> None:
     assert walker.popen.poll() is None
 
-    def set_to(name: str, value: object) -> str:
-        result = ros.probe.set_parameters('walker_node', {name: value})
-        assert result.successful == (not result.reason)
-        return str(result.reason)
+    def refusal(name: str, setting: object) -> str:
+        answer = ros.probe.set_parameters('walker_node', {name: setting})
+        assert answer.successful == (not answer.reason)
+        return str(answer.reason)
 
     motors.twist = (0.15, 0.0)
     motors.until_steady()
-    assert set_to('max_linear', 0.08) == ''
+    assert refusal('max_linear', 0.08) == ''
     ros.probe.until(lambda: motors.value('limits_hit') == 'max_linear')
     ros.probe.until(lambda: motors.value('linear') == '0.0800')
-    assert 'within 0 .. 100' in set_to('max_linear', nan)
-    assert 'Wrong parameter type' in set_to('max_linear', 'fast')
+    assert 'within 0 .. 100' in refusal('max_linear', nan)
+    assert 'Wrong parameter type' in refusal('max_linear', 'fast')
     # YAML, and so ros2 param, takes this for a text.
-    assert set_to('max_linear', '3e-1') == ''
+    assert refusal('max_linear', '3e-1') == ''
     motors.until_steady()
-    assert 'read-only' in set_to('rate', 50.0)
-    assert set_to('rate', 100) == ''
+    assert 'read-only' in refusal('rate', 50.0)
+    assert refusal('rate', 100) == ''
     motors.twist = None
 
 
@@ -284,10 +290,11 @@ def test_a_walker_without_a_file_is_the_one_that_the_solver_describes(ros: Domai
     ros.start('solver_node', *file)
     described = ros.start('walker_node')
     ros.probe.until(lambda: 'ready: ' in described.errors)
-    given = ros.start('walker_node', *file, '-r', '__ns:=/given')
-    ros.probe.until(lambda: 'ready: ' in given.errors)
+    with_file = ros.start('walker_node', *file, '-r', '__ns:=/with_file')
+    ros.probe.until(lambda: 'ready: ' in with_file.errors)
     of_file, of_topic = (
-        process.errors.partition('ready: ')[2].partition(';')[0] for process in (given, described)
+        process.errors.partition('ready: ')[2].partition(';')[0]
+        for process in (with_file, described)
     )
     assert of_topic == of_file
 

@@ -64,9 +64,10 @@ class Chain:
 
     def turned_in(self, seconds: float) -> float:
         """Return the largest motion of a crank in a time [rad]."""
-        before = self.angles
+        start_angles = self.angles
         self.probe.spin(seconds)
-        return max(abs(at - was) for at, was in zip(self.angles, before, strict=True))
+        angles = zip(self.angles, start_angles, strict=True)
+        return max(abs(angle - start_angle) for angle, start_angle in angles)
 
 
 @pytest.fixture
