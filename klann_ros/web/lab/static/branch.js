@@ -2,21 +2,21 @@
 /* The branch of coupled loops: what a linkage reaches from its start when the crank is turned. */
 
 // A guess of coupled loops that needs more correction may have left its branch [rad].
-const TRUSTED = 0.05;
+const MAX_BRANCH_JUMP = 0.05;
 // Between the poses of a branch, and where steps smaller than this fail it ends [rad].
 const BRANCH_STEP = 0.05;
-const SHORTEST_STEP = 1e-9;
+const MIN_BRANCH_STEP = 1e-9;
 const BRANCH_TOLERANCE = 1e-9;
 const BRANCH_ITERATIONS = 6;
 
 /** Return the pose {x, rates} that a guess leads to without leaving its branch, or null. */
-function refined(linkage, start, tolerance, most) {
+function corrected(linkage, start) {
   const { bodies } = linkage.structure;
   let x = start;
   let isSettled = false;
   let now = null;
   for (let k = 0; ; k += 1) {
-    if (k === most) return null;
+    if (k === BRANCH_ITERATIONS) return null;
     now = linkage.equations(x);
     const isClosed = linkage.blocks.every((block, b) =>
       linkage.structure.paths.rows[b].every(
@@ -29,7 +29,7 @@ function refined(linkage, start, tolerance, most) {
     if (!correction) return null;
     x = x.map((value, j) => (j ? value - correction[j - 1] : value));
     isSettled = correction.every(
-      (e, j) => Math.abs(e) <= tolerance * (bodies[j + 1].slides ? linkage.size : 1),
+      (e, j) => Math.abs(e) <= BRANCH_TOLERANCE * (bodies[j + 1].slides ? linkage.size : 1),
     );
   }
   const sines = linkage.blocks.map((block, b) => block.sine(now.u) * linkage.signs[b]);
@@ -37,14 +37,14 @@ function refined(linkage, start, tolerance, most) {
     (block, b) => !block.twoBranches || sines[b] >= -block.roundingOfSine,
   );
   const isNear = x.every(
-    (value, j) => Math.abs(value - start[j]) <= TRUSTED * (bodies[j].slides ? linkage.size : 1),
+    (value, j) =>
+      Math.abs(value - start[j]) <= MAX_BRANCH_JUMP * (bodies[j].slides ? linkage.size : 1),
   );
   if (!isOn || !isNear) return null;
   const isSingular = linkage.blocks.some((block, b) => sines[b] <= block.singularSine);
   const crank = linkage.rows.flatMap(({ terms }) => columnOf(linkage.structure, terms, now.u, 0));
   const { x: rates } = isSingular ? { x: null } : solved(now.phi, crank);
-  const wrapped = x.map((value, j) => (!j || bodies[j].slides ? value : wrap(value)));
-  return { x: wrapped, rates: rates && rates.map((rate) => -rate) };
+  return { x: linkage.wrapped(x), rates: rates && rates.map((rate) => -rate) };
 }
 
 /** The poses of coupled loops along their branch, over a whole turn or an arc: see branch.py. */
@@ -58,9 +58,9 @@ class Branch {
       'its coupled loops cannot be followed from the start: it is nearly singular there',
       'as suas malhas acopladas não podem ser seguidas a partir do start: ele é quase singular',
     );
-    let rows = this.walk(first, 1);
+    let rows = this.follow(first, 1);
     if (!this.isClosed(rows)) {
-      const back = this.walk(first, -1).slice(1).reverse();
+      const back = this.follow(first, -1).slice(1).reverse();
       rows = oneTurn([...back, ...rows], linkage.start[0]);
     }
     this.rows = rows;
@@ -77,28 +77,28 @@ class Branch {
   x(alpha) {
     const middle = (this.first + this.last) / 2;
     const at = alpha - TAU * Math.round((alpha - middle) / TAU);
-    const near = this.rows.reduce((best, row) =>
+    const nearest = this.rows.reduce((best, row) =>
       Math.abs(row.x[0] - at) < Math.abs(best.x[0] - at) ? row : best,
     );
     if (this.first <= at && at <= this.last) {
-      const guess = ahead(near, at - near.x[0]);
+      const guess = predict(nearest, at - nearest.x[0]);
       guess[0] = alpha;
-      const found = refined(this.linkage, guess, BRANCH_TOLERANCE, BRANCH_ITERATIONS);
-      if (found) return found.x;
+      const pose = corrected(this.linkage, guess);
+      if (pose) return pose.x;
     }
-    throw new LoopsOpen(this.block, alpha + near.x[0] - at);
+    throw new LoopsOpen(this.block, alpha + nearest.x[0] - at);
   }
 
   row(guess) {
-    const found = refined(this.linkage, guess, BRANCH_TOLERANCE, BRANCH_ITERATIONS);
-    return found && found.rates ? found : null;
+    const pose = corrected(this.linkage, guess);
+    return pose?.rates ? pose : null;
   }
 
-  walk(first, direction) {
+  follow(first, direction) {
     const rows = [first];
     let step = BRANCH_STEP;
-    while (Math.abs(rows.at(-1).x[0] - first.x[0]) < TAU && step > SHORTEST_STEP) {
-      const row = this.row(ahead(rows.at(-1), direction * step));
+    while (Math.abs(rows.at(-1).x[0] - first.x[0]) < TAU && step > MIN_BRANCH_STEP) {
+      const row = this.row(predict(rows.at(-1), direction * step));
       if (row) rows.push(row);
       step = row ? Math.min(BRANCH_STEP, 2 * step) : step / 2;
     }
@@ -108,8 +108,8 @@ class Branch {
   isClosed(rows) {
     const [start, end] = [rows[0], rows.at(-1)];
     if (end.x[0] - start.x[0] < TAU) return false;
-    const back = ahead(end, start.x[0] + TAU - end.x[0]);
-    return apartBy(this.linkage, back, start.x) <= TRUSTED;
+    const back = predict(end, start.x[0] + TAU - end.x[0]);
+    return poseDistance(this.linkage, back, start.x) <= MAX_BRANCH_JUMP;
   }
 
   checkSeam() {
@@ -128,7 +128,7 @@ class Branch {
   }
 }
 
-function ahead({ x, rates }, step) {
+function predict({ x, rates }, step) {
   return x.map((value, j) => value + step * (j ? rates[j - 1] : 1));
 }
 

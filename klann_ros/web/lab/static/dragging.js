@@ -129,7 +129,7 @@ function measured(structure, points, before, name, numbers) {
       );
       u[j] = C.times(1 / length, along);
     }
-    const frame = frameVector(structure, u, j);
+    const frame = rotationOf(structure, u, j);
     body.bars.forEach((bar, k) => {
       if (body.slides && !k) return;
       const vector = C.sub(at(bar.to), at(bar.from));

@@ -2,7 +2,7 @@
 /* How a dyad is placed without iteration, for each pair of joints: see dyads.py. */
 
 /** Return how a pair of bodies is placed: see dyads.py. */
-function closingOf(block) {
+function dyadSolver(block) {
   const { structure, unknowns } = block;
   const slides = unknowns.map((j) => structure.bodies[j].slides);
   if (!slides[0] && !slides[1]) return new TwoCircles(block);
@@ -19,46 +19,46 @@ class TwoCircles {
     this.radii = this.terms.map(C.abs);
     this.rounding = rounding;
     this.scale = this.radii[0] * this.radii[1];
-    this.leastLength = Math.min(...this.radii);
+    this.minLength = Math.min(...this.radii);
   }
 
-  place(_, way, sign) {
-    const at = this.joint(way, sign);
-    return [C.div(at, this.terms[0]), C.div(C.sub(way, at), this.terms[1])];
+  place(_, m, sign) {
+    const joint = this.joint(m, sign);
+    return [C.div(joint, this.terms[0]), C.div(C.sub(m, joint), this.terms[1])];
   }
 
-  joint(way, sign) {
+  joint(m, sign) {
     const [p, q] = this.radii;
-    const d = C.abs(way);
+    const d = C.abs(m);
     const heron = (p + q - d) * (d - (p - q)) * (d + (p - q)) * (d + p + q);
     if (d > 0 && heron >= 0) {
       const a = (d * d + (p - q) * (p + q)) / (2 * d);
       const h = (sign * Math.sqrt(heron)) / (2 * d);
-      const [x, y] = [way[0] / d, way[1] / d];
+      const [x, y] = [m[0] / d, m[1] / d];
       return [a * x - h * y, a * y + h * x];
     }
     // In line: a change-point linkage, such as a parallelogram, passes such poses.
-    if (-this.clearance(way) <= TOUCHES * this.rounding && TOUCHES * this.rounding < d)
-      return C.times((d < Math.max(p, q) && p < q ? -p : p) / d, way);
+    if (-this.clearance(m) <= TANGENCY * this.rounding && TANGENCY * this.rounding < d)
+      return C.times((d < Math.max(p, q) && p < q ? -p : p) / d, m);
     return [NaN, NaN];
   }
 
-  clearance(way) {
+  clearance(m) {
     const [p, q] = this.radii;
-    const d = C.abs(way);
+    const d = C.abs(m);
     return Math.min(p + q - d, d - Math.abs(p - q));
   }
 
-  isFar(way) {
-    return C.abs(way) > this.radii[0] + this.radii[1];
+  isFar(m) {
+    return C.abs(m) > this.radii[0] + this.radii[1];
   }
 }
 
 /** Return the root of p^2 - q^2; NaN where q is longer by more than rounding. */
-function rootOf({ rounding }, p, q) {
-  let beyond = p - q;
-  if (-TOUCHES * rounding <= beyond && beyond < 0) beyond = 0;
-  return Math.sqrt(beyond < 0 ? NaN : beyond * (p + q));
+function clampedRoot({ rounding }, p, q) {
+  let excess = p - q;
+  if (-TANGENCY * rounding <= excess && excess < 0) excess = 0;
+  return Math.sqrt(excess < 0 ? NaN : excess * (p + q));
 }
 
 /** A link that turns, and a body that slides along a known line: the slider-crank's. */
@@ -67,20 +67,23 @@ class CircleAndLine {
     const { terms } = block.rows[0];
     Object.assign(this, { block, slider, order, link: terms.get(link), line: terms.get(slider) });
     this.scale = C.abs(this.link);
-    this.leastLength = this.scale;
   }
 
-  place(u, way, sign) {
-    const f = frameVector(this.block.structure, u, this.slider);
-    const line = C.mul(this.line, f);
-    const [p, q] = C.mul(way, C.conj(line));
-    const on = -this.order * sign * rootOf(this.block, this.scale, Math.abs(q));
-    return ordered(this.order, C.div(C.mul([on, q], line), this.link), C.times(p - on, f));
+  place(u, m, sign) {
+    const rotation = rotationOf(this.block.structure, u, this.slider);
+    const line = C.mul(this.line, rotation);
+    const [p, q] = C.mul(m, C.conj(line));
+    const along = -this.order * sign * clampedRoot(this.block, this.scale, Math.abs(q));
+    return ordered(
+      this.order,
+      C.div(C.mul([along, q], line), this.link),
+      C.times(p - along, rotation),
+    );
   }
 
-  clearance(way, u) {
-    const line = C.mul(this.line, frameVector(this.block.structure, u, this.slider));
-    return this.scale - Math.abs(C.mul(way, C.conj(line))[1]);
+  clearance(m, u) {
+    const line = C.mul(this.line, rotationOf(this.block.structure, u, this.slider));
+    return this.scale - Math.abs(C.mul(m, C.conj(line))[1]);
   }
 
   isFar() {
@@ -98,28 +101,27 @@ class LineOnLink {
     const { terms } = block.rows[0];
     Object.assign(this, { block, order, line: terms.get(slider) });
     this.c = C.mul(terms.get(link) || [0, 0], C.conj(this.line));
-    this.scale = longestOf(block.structure, block.rows);
-    this.leastLength = this.scale;
+    this.scale = maxLength(block.structure, block.rows);
   }
 
-  place(_, way, sign) {
+  place(_, m, sign) {
     const [p, q] = this.c;
-    const on = -this.order * sign * rootOf(this.block, C.abs(way), Math.abs(q));
-    const turned = C.div(way, C.mul([on, q], this.line));
+    const along = -this.order * sign * clampedRoot(this.block, C.abs(m), Math.abs(q));
+    const turned = C.div(m, C.mul([along, q], this.line));
     const unit = C.times(1 / C.abs(turned), turned);
-    return ordered(this.order, unit, C.times(on - p, unit));
+    return ordered(this.order, unit, C.times(along - p, unit));
   }
 
-  clearance(way) {
-    return C.abs(way) - Math.abs(this.c[1]);
+  clearance(m) {
+    return C.abs(m) - Math.abs(this.c[1]);
   }
 
   isFar() {
     return false;
   }
 
-  lengths(way) {
-    return C.abs(way);
+  lengths(m) {
+    return C.abs(m);
   }
 }
 
@@ -130,18 +132,15 @@ class TwoLines {
     this.terms = block.unknowns.map((j) => block.rows[0].terms.get(j));
     this.twoBranches = false;
     this.scale = 1;
-    this.leastLength = longestOf(block.structure, block.rows);
+    this.minLength = maxLength(block.structure, block.rows);
   }
 
-  place(u, way) {
-    const frames = this.block.unknowns.map((j) => frameVector(this.block.structure, u, j));
+  place(u, m) {
+    const frames = this.block.unknowns.map((j) => rotationOf(this.block.structure, u, j));
     const [a, b] = this.terms.map((w, k) => C.mul(w, frames[k]));
     const cross = C.cross(a, b);
     const sine = Math.abs(cross) <= 1e-12 ? NaN : cross;
-    return [
-      C.times(C.cross(way, b) / sine, frames[0]),
-      C.times(C.cross(a, way) / sine, frames[1]),
-    ];
+    return [C.times(C.cross(m, b) / sine, frames[0]), C.times(C.cross(a, m) / sine, frames[1])];
   }
 
   clearance() {

@@ -129,10 +129,10 @@ function checkDegrees(linkage, start) {
 
 function nearestAssembly(linkage, start) {
   const reached = newtonRaphson(linkage, start, 30, 1e-10);
-  const distances = reached.converged ? [apartBy(linkage, reached.x.at(-1), start)] : [];
+  const distances = reached.converged ? [poseDistance(linkage, reached.x.at(-1), start)] : [];
   if (linkage.isDyadic && linkage.blocks.length <= 8)
     distances.push(
-      ...dyadPoses(linkage, start[0], Infinity).map(({ x }) => apartBy(linkage, x, start)),
+      ...dyadPoses(linkage, start[0], Infinity).map(({ x }) => poseDistance(linkage, x, start)),
     );
   return Math.min(Infinity, ...distances);
 }

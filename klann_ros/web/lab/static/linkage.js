@@ -2,16 +2,16 @@
 /* A linkage ready to be solved: its structure, its numbers, its branch; see linkage.py. */
 
 const [SMALLEST, LARGEST] = [1e-60, 1e60];
-const START_ITERATIONS = 50;
-const LEAST_START_SINE = 1e-6;
+const MAX_START_ITERATIONS = 50;
+const MIN_START_SINE = 1e-6;
 
 class Linkage {
   /** `signs` is the assembly; without it the pose that Newton-Raphson reaches from `start` tells it. */
   constructor(structure, numbers, { signs = null, start = null, name = '', outside = [] } = {}) {
     this.structure = structure;
     this.numbers = checkedNumbers(structure, numbers);
-    Object.assign(this, { name, outside, givenStart: start });
-    [this.pivots, this.bars] = vectorsOf(structure, this.numbers);
+    Object.assign(this, { name, outside, startGuess: start });
+    [this.pivots, this.bars] = linkVectors(structure, this.numbers);
     structure.dimensions.forEach(({ kind, place, name: what }, n) => {
       if (kind === 'brace' && Number.isNaN(this.bars[place][0]))
         refuseDimension(
@@ -23,10 +23,12 @@ class Linkage {
         );
     });
     const { paths } = structure;
-    this.rows = paths.loops.map((path) => rowOf(structure, path, this.pivots, this.bars));
-    this.pointRows = paths.points.map((path) => rowOf(structure, path, this.pivots, this.bars));
+    this.rows = paths.loops.map((path) => pathTerms(structure, path, this.pivots, this.bars));
+    this.pointRows = paths.points.map((path) =>
+      pathTerms(structure, path, this.pivots, this.bars),
+    );
     this.blocks = structure.groups.map((group, k) => new Block(this, k, group));
-    this.size = longestOf(structure, this.rows);
+    this.size = maxLength(structure, this.rows);
     this.signs = signs || this.signsAtStart();
   }
 
@@ -64,11 +66,11 @@ class Linkage {
   head(count, structure, bodies) {
     if (count === this.blocks.length) return this;
     const bars = this.structure.bars.flatMap(({ body }, n) => (bodies.includes(body) ? [n] : []));
-    const given = new Map(
+    const numberOf = new Map(
       this.structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, this.numbers[n]]),
     );
     const numbers = structure.dimensions.map(({ kind, place }) =>
-      given.get(`${kind} ${'xy'.includes(kind) ? place : bars[place]}`),
+      numberOf.get(`${kind} ${'xy'.includes(kind) ? place : bars[place]}`),
     );
     const start = bodies.map((j) => this.start[j]);
     return new Linkage(structure, numbers, { signs: this.signs.slice(0, count), start });
@@ -81,12 +83,12 @@ class Linkage {
     const u = x.map((value, j) =>
       structure.bodies[j].slides ? null : C.polar(1, structure.senses[j] * value),
     );
-    return u.map((value, j) => value || C.times(x[j], frameVector(structure, u, j)));
+    return u.map((value, j) => value || C.times(x[j], rotationOf(structure, u, j)));
   }
 
   coordinate(u, j) {
     const { structure } = this;
-    if (structure.bodies[j].slides) return C.mul(u[j], C.conj(frameVector(structure, u, j)))[0];
+    if (structure.bodies[j].slides) return C.mul(u[j], C.conj(rotationOf(structure, u, j)))[0];
     return wrap(structure.senses[j] * C.arg(u[j]));
   }
 
@@ -95,43 +97,44 @@ class Linkage {
   }
 
   points(u) {
-    return this.pointRows.map((row) => sumOver(row, u));
+    return this.pointRows.map((row) => vectorSum(row, u));
   }
 
   /** Return f(x), and Phi = df/dx without the crank's column: of each loop x, then y. */
   equations(x) {
     const u = this.vectors(x);
-    const gaps = this.rows.map((row) => sumOver(row, u));
+    const gaps = this.rows.map((row) => vectorSum(row, u));
     const unknowns = u.map((_, j) => j).slice(1);
-    const phi = this.rows.flatMap(({ terms }) => {
-      const columns = unknowns.map((i) => columnOf(this.structure, terms, u, i));
-      return [columns.map(([re]) => re), columns.map(([, im]) => im)];
-    });
-    return { u, f: gaps.flat(), phi };
+    return { u, f: gaps.flat(), phi: jacobianOf(this.structure, this.rows, u, unknowns) };
   }
 
   assembled() {
     refuseUnless(
-      this.givenStart,
+      this.startGuess,
       'it has no start, which its coupled loops need',
       'falta o start, de que as suas malhas acopladas precisam',
     );
-    const iterates = newtonRaphson(this, this.givenStart, START_ITERATIONS, 1e-9);
-    if (!iterates.converged) refuseAssembly(general((this.givenStart[0] * 360) / TAU));
+    const iterates = newtonRaphson(this, this.startGuess, MAX_START_ITERATIONS, 1e-9);
+    if (!iterates.converged) refuseAssembly(general((this.startGuess[0] * 360) / TAU));
+    return this.wrapped(iterates.x.at(-1));
+  }
+
+  /** Return coordinates with all angles but the crank's in (-pi, pi]. */
+  wrapped(x) {
     const { bodies } = this.structure;
-    return iterates.x.at(-1).map((value, j) => (!j || bodies[j].slides ? value : wrap(value)));
+    return x.map((value, j) => (!j || bodies[j].slides ? value : wrap(value)));
   }
 
   signsAtStart() {
     const u = this.vectors(this.start);
     return this.blocks.map((block) => {
-      const sine = block.sine(u);
+      const sign = block.regularSign(u);
       refuseUnless(
-        Math.abs(sine) > Math.max(LEAST_START_SINE, block.singularSine),
+        sign,
         'its start pose is singular, which leaves the branch open: give another',
         'a posição do start é singular, e não diz qual é a montagem: dê outra',
       );
-      return sine > 0 ? 1 : -1;
+      return sign;
     });
   }
 }
@@ -177,11 +180,11 @@ function refuseDimension(name, value, kind, en, pt) {
 }
 
 /** Return the pivots and the bars as vectors, each bar in the frame of its body [m]. */
-function vectorsOf(structure, numbers) {
-  const given = new Map(
+function linkVectors(structure, numbers) {
+  const numberOf = new Map(
     structure.dimensions.map(({ kind, place }, n) => [`${kind} ${place}`, numbers[n]]),
   );
-  const number = (kind, place) => given.get(`${kind} ${place}`) || 0;
+  const number = (kind, place) => numberOf.get(`${kind} ${place}`) || 0;
   const pivots = structure.pivots.map((_, place) => [number('x', place), number('y', place)]);
   const places = structure.bodies.map(() => new Map());
   const bars = structure.bars.map(({ body, bar }, n) => {
@@ -194,7 +197,7 @@ function vectorsOf(structure, numbers) {
     const start = own.get(bar.from);
     const length = number('length', n);
     const vector = bar.brace
-      ? apex(
+      ? triangleApex(
           C.sub(own.get(bar.brace.from), start),
           length,
           number('brace', n),
@@ -208,14 +211,14 @@ function vectorsOf(structure, numbers) {
 }
 
 /** Return J - P of a triangle P-J-Q with Q - P and both other sides; NaN where there is none. */
-function apex(base, p, q, side) {
+function triangleApex(base, p, q, side) {
   const d2 = C.abs(base) ** 2;
   const root = Math.sqrt(((p + q) ** 2 - d2) * (d2 - (p - q) ** 2));
   return C.mul([0.5 + ((p - q) * (p + q)) / (2 * d2), (side * root) / (2 * d2)], base);
 }
 
 /** Return what each body adds to a path, and what does not move adds [m]. */
-function rowOf(structure, path, pivots, bars) {
+function pathTerms(structure, path, pivots, bars) {
   const terms = new Map();
   for (const [n, times] of path.bars) {
     const body = structure.carriers[n];
@@ -228,14 +231,14 @@ function rowOf(structure, path, pivots, bars) {
   return { terms, constant };
 }
 
-function sumOver({ terms, constant }, u, without = []) {
+function vectorSum({ terms, constant }, u, without = []) {
   let sum = constant;
   for (const [j, w] of terms) if (!without.includes(j)) sum = C.add(sum, C.mul(w, u[j]));
   return sum;
 }
 
 /** Return the vector of what a body that slides is turned with. */
-function frameVector(structure, u, j) {
+function rotationOf(structure, u, j) {
   const own = structure.frames[j];
   return own === FIXED ? [1, 0] : u[own];
 }
@@ -246,15 +249,23 @@ function columnOf(structure, terms, u, i) {
   for (const [j, w] of terms) {
     const slides = structure.bodies[j].slides;
     let tangent = null;
-    if (slides && i === j) tangent = frameVector(structure, u, j);
+    if (slides && i === j) tangent = rotationOf(structure, u, j);
     else if (i === structure.frames[j]) tangent = C.mul([0, structure.senses[i]], u[j]);
     if (tangent) column = C.add(column, C.mul(w, tangent));
   }
   return column;
 }
 
+/** Return the derivatives of rows by the coordinates of some bodies: of each row x, then y. */
+function jacobianOf(structure, rows, u, unknowns) {
+  return rows.flatMap(({ terms }) => {
+    const columns = unknowns.map((i) => columnOf(structure, terms, u, i));
+    return [0, 1].map((axis) => columns.map((column) => column[axis]));
+  });
+}
+
 /** Return the longest vector of loops [m]; those along lines have no length of their own. */
-function longestOf({ bodies }, rows) {
+function maxLength({ bodies }, rows) {
   const lengths = rows.flatMap(({ terms, constant }) => [
     C.abs(constant),
     ...[...terms].filter(([j]) => !bodies[j].slides).map(([, w]) => C.abs(w)),

@@ -98,7 +98,7 @@ class NewtonPanel {
       const last = x.at(-1);
       const u = linkage.vectors(last);
       const signs = linkage.blocks.map((block) => (block.sine(u) < 0 ? -1 : 1));
-      const isDrawn = !pose.error && apartBy(linkage, last, pose.x) < SAME;
+      const isDrawn = !pose.error && poseDistance(linkage, last, pose.x) < SAME_POSE;
       return say('converged', count, signsText(signs), isDrawn);
     }
     const why = isSingular ? say('singular', count) : say('diverged', count);

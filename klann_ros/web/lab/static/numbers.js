@@ -30,7 +30,7 @@ class AssembliesPanel {
 
   isDrawn(pose) {
     const { pose: now, linkage } = this.lab;
-    return !now.error && apartBy(linkage, pose.x, now.x) < SAME;
+    return !now.error && poseDistance(linkage, pose.x, now.x) < SAME_POSE;
   }
 
   button(pose) {

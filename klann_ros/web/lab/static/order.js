@@ -1,34 +1,34 @@
 'use strict';
 /* The order in which a linkage is assembled, its loops, and the ways to its points. */
 
-const MOST_BODIES = 25;
+const MAX_BODIES = 25;
 // All subsets of the bodies are tried; what needs more of them than these is no file that is meant.
-const MOST_TRIES = 30000;
+const MAX_TRIES = 30000;
 
 /** Return the groups of bodies that are placed together, in their order: see assembly.py. */
 function assemblyOrder(structure) {
   const count = structure.bodies.length;
   refuseUnless(
-    count <= MOST_BODIES,
-    `there are ${count} bodies: more than ${MOST_BODIES} are not solved`,
-    `há ${count} corpos: mais de ${MOST_BODIES} não são resolvidos`,
+    count <= MAX_BODIES,
+    `there are ${count} bodies: more than ${MAX_BODIES} are not solved`,
+    `há ${count} corpos: mais de ${MAX_BODIES} não são resolvidos`,
   );
   checkConnected(structure);
   const [crank] = structure.angles;
   refuseUnless(
-    !loopCount(structure, [0]),
+    !countLoops(structure, [0]),
     `the crank ${crank} holds two pivots and cannot turn`,
     `a manivela ${crank} une dois pivôs e não pode girar`,
   );
-  let known = [0];
-  let rest = structure.bodies.map((_, j) => j).slice(1);
+  let placed = [0];
+  let free = structure.bodies.map((_, j) => j).slice(1);
   const groups = [];
-  const budget = { left: MOST_TRIES };
-  while (rest.length) {
-    const group = nextGroup(structure, known, rest, budget);
+  const budget = { left: MAX_TRIES };
+  while (free.length) {
+    const group = nextGroup(structure, placed, free, budget);
     groups.push(group);
-    known = [...known, ...group];
-    rest = rest.filter((j) => !group.includes(j));
+    placed = [...placed, ...group];
+    free = free.filter((j) => !group.includes(j));
   }
   refuseUnless(
     groups.length,
@@ -39,22 +39,20 @@ function assemblyOrder(structure) {
 }
 
 /** Return the fewest bodies that close a loop for every two of them. */
-function nextGroup(structure, known, rest, budget) {
-  const before = loopCount(structure, known);
-  for (let size = 1; size <= rest.length; size += 1) {
-    for (const group of combinations(rest, size)) {
+function nextGroup(structure, placed, free, budget) {
+  const loops = countLoops(structure, placed);
+  for (let size = 1; size <= free.length; size += 1) {
+    for (const group of combinations(free, size)) {
       budget.left -= 1;
       refuseUnless(
         budget.left > 0,
         'its bodies are too many and too entangled to be ordered here',
         'os seus corpos são demais e estão emaranhados demais para serem ordenados aqui',
       );
-      const together = [...known, ...group];
-      const stands = together.every((j) =>
-        [null, FIXED, ...together].includes(structure.along[j]),
-      );
-      if (!stands) continue;
-      const closed = loopCount(structure, together) - before;
+      const tried = [...placed, ...group];
+      const carriers = [null, FIXED, ...tried];
+      if (!tried.every((j) => carriers.includes(structure.along[j]))) continue;
+      const closed = countLoops(structure, tried) - loops;
       const names = group.map((j) => structure.angles[j]).join(', ');
       refuseUnless(
         2 * closed <= size,
@@ -64,26 +62,23 @@ function nextGroup(structure, known, rest, budget) {
       if (2 * closed === size) return group;
     }
   }
-  const all = [...known, ...rest];
-  const closed = loopCount(structure, all) - before;
-  const loose = rest.filter(
-    (j) =>
-      loopCount(
-        structure,
-        all.filter((i) => i !== j),
-      ) -
-        before ===
-      closed,
-  );
-  const names = (loose.length ? loose : rest).map((j) => structure.angles[j]).join(', ');
+  const all = [...placed, ...free];
+  const total = countLoops(structure, all);
+  const isLoose = (j) =>
+    countLoops(
+      structure,
+      all.filter((i) => i !== j),
+    ) === total;
+  const loose = free.filter(isLoose);
+  const names = (loose.length ? loose : free).map((j) => structure.angles[j]).join(', ');
   if (loose.length)
     throw new Refusal(
       `${names}: turns freely, since no loop closes over it`,
       `${names}: gira livremente, pois nenhuma malha se fecha sobre ele`,
     );
   throw new Refusal(
-    `the crank alone does not move it in one definite way: ${rest.length} unknowns (${names}) and ${2 * closed} loop equations`,
-    `só a manivela não o move de modo definido: ${rest.length} incógnitas (${names}) e ${2 * closed} equações de malha`,
+    `the crank alone does not move it in one definite way: ${free.length} unknowns (${names}) and ${2 * (total - loops)} loop equations`,
+    `só a manivela não o move de modo definido: ${free.length} incógnitas (${names}) e ${2 * (total - loops)} equações de malha`,
   );
 }
 
@@ -97,38 +92,39 @@ function* combinations(items, size, from = 0) {
 }
 
 /** Return how many independent loops some bodies and the ground close. */
-function loopCount(structure, bodies) {
+function countLoops(structure, bodies) {
   const parent = new Map();
   const root = (node) => {
-    let at = node;
-    while (parent.has(at) && parent.get(at) !== at) at = parent.get(at);
-    return at;
+    let top = node;
+    while (parent.has(top) && parent.get(top) !== top) top = parent.get(top);
+    return top;
   };
   // The space keeps a body's node apart from every point's name; the ground is body -1.
-  const joined = structure.pivots.map((point) => [FIXED, point]);
+  const edges = structure.pivots.map((point) => [FIXED, point]);
   for (const j of bodies) {
-    for (const point of structure.bodies[j].points) joined.push([j, point]);
-    if (structure.along[j] !== null) joined.push([j, `body ${structure.along[j]}`]);
+    for (const point of structure.bodies[j].points) edges.push([j, point]);
+    if (structure.along[j] !== null) edges.push([j, `body ${structure.along[j]}`]);
   }
   let loops = 0;
-  for (const [body, other] of joined) {
-    const [one, two] = [root(`body ${body}`), root(other)];
-    if (one === two) loops += 1;
-    else parent.set(one, two);
+  for (const [body, node] of edges) {
+    const bodyRoot = root(`body ${body}`);
+    const nodeRoot = root(node);
+    if (bodyRoot === nodeRoot) loops += 1;
+    else parent.set(bodyRoot, nodeRoot);
   }
   return loops;
 }
 
 function checkConnected(structure) {
   const reached = new Set([FIXED, ...structure.pivots]);
-  let rest = structure.bodies.map((_, j) => j);
-  while (rest.length) {
-    const joined = rest.filter(
+  let loose = structure.bodies.map((_, j) => j);
+  while (loose.length) {
+    const joined = loose.filter(
       (j) =>
         (structure.along[j] !== null && reached.has(structure.along[j])) ||
         structure.bodies[j].points.some((point) => reached.has(point)),
     );
-    const name = structure.angles[rest[0]];
+    const name = structure.angles[loose[0]];
     refuseUnless(
       joined.length,
       `body ${name} is connected to no pivot, not even by other bodies`,
@@ -136,7 +132,7 @@ function checkConnected(structure) {
     );
     for (const j of joined)
       for (const node of [j, ...structure.bodies[j].points]) reached.add(node);
-    rest = rest.filter((j) => !joined.includes(j));
+    loose = loose.filter((j) => !joined.includes(j));
   }
 }
 
@@ -161,15 +157,15 @@ function loopPaths(structure) {
 
 /** Reach the points of a group; return the loops that are closed on the way. */
 function grow({ bars }, group, ways) {
-  let rest = group.flatMap((j) =>
+  let free = group.flatMap((j) =>
     bars.map(({ body }, n) => (body === j ? n : -1)).filter((n) => n >= 0),
   );
   const closed = [];
   const away = ({ bar }) => ways.get(ways.has(bar.from) ? bar.from : bar.to).bars.size;
-  while (rest.length) {
-    const reached = rest.filter((n) => ways.has(bars[n].bar.from) || ways.has(bars[n].bar.to));
+  while (free.length) {
+    const reached = free.filter((n) => ways.has(bars[n].bar.from) || ways.has(bars[n].bar.to));
     const number = reached.reduce((best, n) => (away(bars[n]) < away(bars[best]) ? n : best));
-    rest = rest.filter((n) => n !== number);
+    free = free.filter((n) => n !== number);
     const { from, to } = bars[number].bar;
     const [begin, point, sign] = ways.has(from) ? [from, to, 1] : [to, from, -1];
     const path = sumOf(ways.get(begin), { pivots: new Map(), bars: new Map([[number, sign]]) }, 1);
@@ -179,10 +175,10 @@ function grow({ bars }, group, ways) {
   return closed;
 }
 
-function sumOf(one, other, sign) {
+function sumOf(path, addend, sign) {
   const added = (key) => {
-    const total = new Map(one[key]);
-    for (const [number, times] of other[key])
+    const total = new Map(path[key]);
+    for (const [number, times] of addend[key])
       total.set(number, (total.get(number) || 0) + sign * times);
     return new Map([...total].filter(([, times]) => times).sort(([a], [b]) => a - b));
   };

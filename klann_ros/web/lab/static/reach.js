@@ -6,21 +6,23 @@ const GOLDEN = (Math.sqrt(5) - 1) / 2;
 
 /** Return the arcs [start, end] of crank angles at which every loop closes [rad]. */
 function reachableArcs(linkage) {
-  let [first, ...rest] = linkage.blocks;
+  let { blocks } = linkage;
   let arcs = [[0, TAU]];
   if (!linkage.isDyadic) {
     arcs = [linkage.branch.arc];
-    rest = linkage.blocks.filter((block) => block.isDyad);
-  } else if (isDriven(first)) arcs = drivenArcs(first);
-  else rest = linkage.blocks;
-  if (!rest.length) return normalArcs(linkage.isDyadic ? arcs.map(cutArc) : arcs);
+    blocks = blocks.filter((block) => block.isDyad);
+  } else if (isDriven(blocks[0])) {
+    arcs = drivenArcs(blocks[0]);
+    blocks = blocks.slice(1);
+  }
+  if (!blocks.length) return normalizeArcs(linkage.isDyadic ? arcs.map(trimEnds) : arcs);
   const clearance = (alpha) => {
     const { u, error } = poseAt(linkage, alpha);
     // Where the ends of a dyad coincide nothing closes, although nothing is short.
     if (error) return Math.min(-(error.shortfall || 0), -1e-300);
-    return Math.max(0, Math.min(...rest.map((block) => block.clearance(u))));
+    return Math.max(0, Math.min(...blocks.map((block) => block.clearance(u))));
   };
-  return normalArcs(arcs.flatMap((arc) => arcsInside(clearance, arc)));
+  return normalizeArcs(arcs.flatMap((arc) => arcsInside(clearance, arc)));
 }
 
 function closesSomewhere(linkage) {
@@ -39,31 +41,31 @@ function drivenArcs(block) {
   const [{ terms, constant }] = block.rows;
   const lengths = [constant, terms.get(0), ...block.unknowns.map((j) => terms.get(j))].map(C.abs);
   const [l1, l2, l3, l4] = lengths;
-  const tie = 4 * EPSILON * Math.max(...lengths);
-  if (l1 + l2 < Math.abs(l3 - l4) - tie || Math.abs(l1 - l2) > l3 + l4 + tie) return [];
-  const passesFolded = Math.abs(l1 - l2) >= Math.abs(l3 - l4) - tie;
-  const passesStretched = l1 + l2 <= l3 + l4 + tie;
-  const least = !l1 || passesFolded ? 0 : openingOf(l1, l2, Math.abs(l3 - l4));
-  const greatest = !l1 || passesStretched ? Math.PI : openingOf(l1, l2, l3 + l4);
-  if (least === 0 && greatest === Math.PI) return [[0, TAU]];
+  const rounding = 4 * EPSILON * Math.max(...lengths);
+  if (l1 + l2 < Math.abs(l3 - l4) - rounding || Math.abs(l1 - l2) > l3 + l4 + rounding) return [];
+  const passesFolded = Math.abs(l1 - l2) >= Math.abs(l3 - l4) - rounding;
+  const passesStretched = l1 + l2 <= l3 + l4 + rounding;
+  const smallest = !l1 || passesFolded ? 0 : triangleAngle(l1, l2, Math.abs(l3 - l4));
+  const largest = !l1 || passesStretched ? Math.PI : triangleAngle(l1, l2, l3 + l4);
+  if (smallest === 0 && largest === Math.PI) return [[0, TAU]];
   // Where the crank points to the fixed end.
-  const toward = block.structure.senses[0] * C.arg(C.div(C.times(-1, constant), terms.get(0)));
-  if (least === 0) return [[toward - greatest, toward + greatest]];
-  if (greatest === Math.PI) return [[toward + least, toward + TAU - least]];
+  const ground = block.structure.senses[0] * C.arg(C.div(C.times(-1, constant), terms.get(0)));
+  if (smallest === 0) return [[ground - largest, ground + largest]];
+  if (largest === Math.PI) return [[ground + smallest, ground + TAU - smallest]];
   return [
-    [toward + least, toward + greatest],
-    [toward - greatest, toward - least],
+    [ground + smallest, ground + largest],
+    [ground - largest, ground - smallest],
   ];
 }
 
 /** Return the angle between two sides of a triangle [rad]. */
-function openingOf(p, q, opposite) {
-  const near = (opposite - (p - q)) * (opposite + (p - q));
-  const far = (p + q - opposite) * (p + q + opposite);
-  return 2 * Math.atan2(Math.sqrt(Math.max(0, near)), Math.sqrt(Math.max(0, far)));
+function triangleAngle(p, q, opposite) {
+  const root = (square) => Math.sqrt(Math.max(0, square));
+  const sine = root((opposite - (p - q)) * (opposite + (p - q)));
+  return 2 * Math.atan2(sine, root((p + q - opposite) * (p + q + opposite)));
 }
 
-function cutArc([start, end]) {
+function trimEnds([start, end]) {
   const cut = end - start >= TAU ? 0 : 5e-13 * (end - start);
   return [start + cut, end - cut];
 }
@@ -98,18 +100,18 @@ function samplesOver([start, end]) {
 /** Add the peaks and dips that the samples on their two sides may hide. */
 function withExtrema(clearance, samples) {
   const [first, last] = [samples[0], samples.at(-1)];
-  const all = last - first >= TAU ? [samples.at(-2) - TAU, ...samples] : samples;
-  const values = all.map(clearance);
-  const found = [];
-  for (let i = 1; i < all.length - 1; i += 1) {
-    const [before, value, after] = [values[i - 1], values[i], values[i + 1]];
-    if (value < 0 && before <= value && value >= after)
-      found.push(peak(clearance, all[i - 1], all[i + 1]));
-    else if (value >= 0 && value < Infinity && before >= value && value <= after)
-      found.push(peak((alpha) => -clearance(alpha), all[i - 1], all[i + 1]));
+  const angles = last - first >= TAU ? [samples.at(-2) - TAU, ...samples] : samples;
+  const clearances = angles.map(clearance);
+  const extrema = [];
+  for (let i = 1; i < angles.length - 1; i += 1) {
+    const [left, middle, right] = [clearances[i - 1], clearances[i], clearances[i + 1]];
+    if (middle < 0 && left <= middle && middle >= right)
+      extrema.push(peak(clearance, angles[i - 1], angles[i + 1]));
+    else if (middle >= 0 && middle < Infinity && left >= middle && middle <= right)
+      extrema.push(peak((alpha) => -clearance(alpha), angles[i - 1], angles[i + 1]));
   }
-  const turned = found.map((alpha) => (alpha >= first ? alpha : alpha + TAU));
-  return [...samples, ...turned].sort((a, b) => a - b);
+  const wrapped = extrema.map((alpha) => (alpha >= first ? alpha : alpha + TAU));
+  return [...samples, ...wrapped].sort((a, b) => a - b);
 }
 
 /** Return where a function with one peak between two angles is greatest (golden section). */
@@ -136,18 +138,18 @@ function boundary(clearance, inside, outside) {
 }
 
 /** Bring the arcs' starts into [0, 2 pi), sort them, and join the two ends of the turn. */
-function normalArcs(arcs) {
-  const turned = arcs
+function normalizeArcs(arcs) {
+  const sorted = arcs
     .map(([start, end]) => {
       const first = start >= 0 && start < TAU ? start : ((start % TAU) + TAU) % TAU;
       return [first, first === start ? end : first + (end - start)];
     })
     .sort((a, b) => a[0] - b[0]);
-  if (turned.length > 1 && turned[0][0] === 0 && turned.at(-1)[1] >= TAU) {
-    const [first, last] = [turned.shift(), turned.pop()];
-    turned.push([last[0], first[1] + TAU]);
+  if (sorted.length > 1 && sorted[0][0] === 0 && sorted.at(-1)[1] >= TAU) {
+    const [first, last] = [sorted.shift(), sorted.pop()];
+    sorted.push([last[0], first[1] + TAU]);
   }
-  return turned;
+  return sorted;
 }
 
 /** Return what the foot and the dyads do over all arcs: the path, its extent, and figures. */

@@ -82,7 +82,7 @@ class Scene {
     const known = linkage.pointRows.filter(({ terms }) => [...terms.keys()].every((j) => u[j]));
     const circles = this.jamCircles();
     return [
-      ...known.map((row) => sumOver(row, u)),
+      ...known.map((row) => vectorSum(row, u)),
       ...circles.flatMap(([[x, y], r]) => [
         [x - r, y - r],
         [x + r, y + r],
@@ -95,12 +95,12 @@ class Scene {
     const { error } = this.lab.pose;
     const { blocks, structure, pointRows } = this.lab.linkage;
     const dyad = error && error.u ? blocks[error.block - 1] : null;
-    if (!dyad || !(dyad.closing instanceof TwoCircles)) return [];
-    const p = sumOver(pointRows[structure.points.indexOf(error.names[0])], error.u);
-    const [r, s] = dyad.closing.radii;
+    if (!dyad || !(dyad.solver instanceof TwoCircles)) return [];
+    const p = vectorSum(pointRows[structure.points.indexOf(error.names[0])], error.u);
+    const [r, s] = dyad.solver.radii;
     return [
       [p, r],
-      [C.add(p, dyad.way(error.u)), s],
+      [C.add(p, dyad.closure(error.u)), s],
     ];
   }
 
@@ -245,7 +245,7 @@ class Scene {
     const { structure, pointRows } = this.lab.linkage;
     structure.points.forEach((name, i) => {
       if (![...pointRows[i].terms.keys()].every((j) => u[j])) return;
-      const [x, y] = this.drawing.at(sumOver(pointRows[i], u));
+      const [x, y] = this.drawing.at(vectorSum(pointRows[i], u));
       if (structure.pivots.includes(name)) {
         const square = this.drawing.add('rect', 'pivot', this.names);
         for (const [key, value] of Object.entries({
@@ -295,12 +295,12 @@ class Scene {
       if ((carrier !== FIXED && !u[carrier]) || !u[body]) return;
       const row = pointRows[structure.points.indexOf(bar.from)];
       if (!isKnown(row)) return;
-      const start = sumOver(row, u);
+      const start = vectorSum(row, u);
       const end = C.add(start, C.mul(bars[n], carrier === FIXED ? [1, 0] : u[carrier]));
       found.bars += this.drawing.line([start, end]);
       const other = pointRows[structure.points.indexOf(bar.to)];
       if (!isKnown(other)) return;
-      const meant = sumOver(other, u);
+      const meant = vectorSum(other, u);
       if (C.abs(C.sub(meant, end)) * this.drawing.plane.scale > 0.5)
         found.gaps += this.drawing.line([end, meant]);
     });

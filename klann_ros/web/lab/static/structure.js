@@ -53,9 +53,9 @@ class Structure {
 
   /** Return the part that the first so many blocks place, and which of its bodies these are. */
   head(count) {
-    const kept = [0, ...this.groups.slice(0, count).flat()].sort((a, b) => a - b);
-    const bodies = kept.map((j) => this.bodies[j]);
-    return [new Structure(this.pivots, bodies, bodies[0].points.at(-1)), kept];
+    const placed = [0, ...this.groups.slice(0, count).flat()].sort((a, b) => a - b);
+    const bodies = placed.map((j) => this.bodies[j]);
+    return [new Structure(this.pivots, bodies, bodies[0].points.at(-1)), placed];
   }
 }
 
@@ -75,7 +75,7 @@ function ownPoints(body) {
 
 function checkBody(body) {
   const [line] = body.bars;
-  const have = [body.along ? line.to : line.from];
+  const points = [body.along ? line.to : line.from];
   refuseUnless(
     !body.along || line.from !== line.to,
     `the line ${line.from}-${line.to} of body ${body.name} has only one point`,
@@ -87,21 +87,21 @@ function checkBody(body) {
       `a barra ${bar.from}-${bar.to} do corpo ${body.name}`,
     ];
     refuseUnless(
-      have.includes(bar.from),
-      `${en} starts from a point that the body does not have yet: it has ${have.join(', ')}`,
-      `${pt} começa num ponto que o corpo ainda não tem: ele tem ${have.join(', ')}`,
+      points.includes(bar.from),
+      `${en} starts from a point that the body does not have yet: it has ${points.join(', ')}`,
+      `${pt} começa num ponto que o corpo ainda não tem: ele tem ${points.join(', ')}`,
     );
     refuseUnless(
-      !have.includes(bar.to),
+      !points.includes(bar.to),
       `${en} ends at a point that the body has already`,
       `${pt} termina num ponto que o corpo já tem`,
     );
     refuseUnless(
-      !bar.brace || have.includes(bar.brace.from),
+      !bar.brace || points.includes(bar.brace.from),
       `${en} is braced from ${bar.brace && bar.brace.from}, which is no point of it yet`,
       `${pt} é escorada a partir de ${bar.brace && bar.brace.from}, que ainda não é ponto dele`,
     );
-    have.push(bar.to);
+    points.push(bar.to);
   }
 }
 
@@ -114,13 +114,13 @@ function checkSlides({ bodies, pivots, angles }) {
       `a body cannot be called ${GROUND}`,
       `um corpo não pode chamar-se ${GROUND}`,
     );
-    const own = bodies[angles.indexOf(body.along)];
+    const carrier = bodies[angles.indexOf(body.along)];
     refuseUnless(
-      own || body.along === GROUND,
+      carrier || body.along === GROUND,
       `${en}, which is no body`,
       `${pt}, que não é um corpo`,
     );
-    const points = own ? own.points : pivots;
+    const points = carrier ? carrier.points : pivots;
     const start = body.bars[0].from;
     refuseUnless(
       points.includes(start),
@@ -128,13 +128,13 @@ function checkSlides({ bodies, pivots, angles }) {
       `${pt} a partir de ${start}, que não é um dos seus pontos: ${points.join(', ')}`,
     );
     const seen = new Set([body.name]);
-    for (let at = own; at && at.slides; at = bodies[angles.indexOf(at.along)]) {
+    for (let next = carrier; next && next.slides; next = bodies[angles.indexOf(next.along)]) {
       refuseUnless(
-        !seen.has(at.name),
+        !seen.has(next.name),
         `${en}, which slides along it in turn`,
         `${pt}, que por sua vez desliza nele`,
       );
-      seen.add(at.name);
+      seen.add(next.name);
     }
   }
 }
@@ -165,34 +165,27 @@ function checkEnds({ bodies, pivots, points, foot }) {
   );
 }
 
-/** Return all numbers of a structure, named by points; bodies part what has the same name. */
+/** Return all numbers of a structure, named by points, and by bodies where names coincide. */
 function dimensionsOf(structure) {
-  const found = [];
-  structure.bars.forEach(({ body, bar }, place) => {
-    const own = structure.bodies[body].name;
+  const dimensions = [];
+  const add = (name, kind, place) => dimensions.push({ name, kind, place });
+  structure.bars.forEach(({ bar }, place) => {
     const ends = `${bar.from}-${bar.to}`;
     if (structure.isLine[place]) {
-      found.push({ name: `direction of ${ends}`, own, kind: 'bend', place });
+      add(`direction of ${ends}`, 'bend', place);
       return;
     }
-    found.push({ name: ends, own, kind: 'length', place });
-    if (bar.brace) found.push({ name: `${bar.brace.from}-${bar.to}`, own, kind: 'brace', place });
-    else if (!structure.isStraight[place])
-      found.push({ name: `bend of ${ends}`, own, kind: 'bend', place });
+    add(ends, 'length', place);
+    if (bar.brace) add(`${bar.brace.from}-${bar.to}`, 'brace', place);
+    else if (!structure.isStraight[place]) add(`bend of ${ends}`, 'bend', place);
   });
-  const names = found.map(({ name }) => name);
-  for (const d of found)
-    if (names.filter((name) => name === d.name).length > 1) d.full = `${d.name} of ${d.own}`;
-  const dimensions = found.map(({ name, full, kind, place }) => ({
-    name: full || name,
-    kind,
-    place,
-  }));
+  const names = dimensions.map(({ name }) => name);
+  dimensions.forEach((dimension, n) => {
+    if (names.indexOf(names[n]) !== names.lastIndexOf(names[n]))
+      dimension.name += ` of ${structure.angles[structure.bars[dimension.place].body]}`;
+  });
   structure.pivots.forEach((name, place) => {
-    dimensions.push(
-      { name: `${name}.x`, kind: 'x', place },
-      { name: `${name}.y`, kind: 'y', place },
-    );
+    for (const axis of 'xy') add(`${name}.${axis}`, axis, place);
   });
   return dimensions;
 }
