@@ -63,10 +63,13 @@ class Playback:
             yield self._pass(begin)
 
     def _pass(self, begin: float) -> Iterator[Message]:
-        transport, selection, log = self.transport, self._selection, self._log
+        log = self._log
+        transport = self.transport
+        selection = self._selection
         start, end = (log.start_time + round(s * NS) for s in (begin, transport.length))
         yield from log.latest(selection.latched, start)
-        furthest, count = begin, 0
+        furthest = begin
+        count = 0
         with ReadAhead(log.messages(selection.topics, start=start, end=end)) as ahead:
             transport.on_interrupt(ahead.close)
             for message in ahead:

@@ -45,7 +45,9 @@ _TOPIC_COLUMNS = (
 )
 _DEFINITION_COLUMNS = ('topic_type', 'encoding', 'encoded_message_definition')
 _ENCODINGS = ('ros2msg', 'ros2idl')
-_MAX_TABLE_SIZE, _MAX_TOPICS = 32 * 1024 * 1024, 65535
+# Size of a table's texts [bytes], and number of topics.
+_MAX_TABLE_SIZE = 32 * 1024 * 1024
+_MAX_TOPICS = 65535
 # Charged for each row: pages that are linked repeatedly hold endless rows without text [bytes].
 _TEXT_ROW_SIZE = 64
 

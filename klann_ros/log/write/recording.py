@@ -156,7 +156,8 @@ class RecordingSession:
         failure = self._background.close(self._write_losses)
         counts = self.counts()
         written = sum(count.written for count in counts.values())
-        path, faults = printable(self._writer.path), self._writer.faults.active
+        path = printable(self._writer.path)
+        faults = self._writer.faults.active
         content = f'{counted(written, "message")} of {counted(len(counts), "topic")}'
         text = f'{content} {verb(written, "is", "are")} in {path}; {losses_in_words(counts)}'
         text = '; '.join((text, *faults))
