@@ -1,6 +1,6 @@
 """Charts over an angle as SVG, which need no scripts: on paper, and with scripts disabled."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, degrees as to_degrees, floor, inf, isfinite, log10
 
@@ -53,7 +53,7 @@ class Chart:
     moves: bool = True
 
     def figure(self) -> Markup:
-        """Return its element, with title, legend and text."""
+        """Return the chart's element, with title, legend and text."""
         return element(
             'figure',
             element('h3', f'{self.title} / {self.unit}'),
@@ -64,34 +64,45 @@ class Chart:
         )
 
     def _legend(self) -> Markup:
-        keys = [_key(line.name, _line_style(line)) for line in self.lines]
-        keys += [_key(name, 'limit') for name, _ in self.limits if name]
+        return element('p', *self._keys(), class_='legend')
+
+    def _keys(self) -> Iterator[Markup]:
+        for line in self.lines:
+            yield _key(line.name, _line_style(line))
+        for name, _ in self.limits:
+            if name:
+                yield _key(name, 'limit')
         if self.spans:
-            keys.append(_key('foot on the ground', 'span'))
-        return element('p', *keys, class_='legend')
+            yield _key('foot on the ground', 'span')
 
     def _drawn(self) -> Markup:
         x_0, x_1 = self._reach
         low, high = self._range()
         height_ticks = ticks(low, high)
         frame = _Frame(x_0, x_1, min(low, height_ticks[0]), max(high, height_ticks[-1]))
-        shapes = [_shade(frame, *span) for span in self.spans]
-        shapes += [_horizontal(frame, height, height_ticks) for height in height_ticks]
-        shapes += [_vertical(frame, degrees) for degrees in angle_ticks(x_0, x_1)]
-        for _, limit in self.limits:
-            if frame.low <= limit <= frame.high:
-                path = f'M{LEFT} {frame.y(limit):.1f}H{WIDTH - RIGHT}'
-                shapes.append(element('path', d=path, class_='limit'))
-        shapes += [self._path(frame, line) for line in self.lines]
         return element(
             'svg',
-            *shapes,
+            *self._shapes(frame, height_ticks),
             _text(self.axis, (LEFT + WIDTH - RIGHT) / 2.0, HEIGHT - 3.0, 'middle'),
             self._cursor(frame),
             viewBox=f'0 0 {WIDTH:g} {HEIGHT:g}',
             role='img',
             aria_label=f'{self.title} / {self.unit}. {self.text}',
         )
+
+    def _shapes(self, frame: '_Frame', height_ticks: Sequence[float]) -> Iterator[Markup]:
+        for span in self.spans:
+            yield _shade(frame, *span)
+        for height in height_ticks:
+            yield _horizontal(frame, height, height_ticks)
+        for degrees in angle_ticks(frame.x_0, frame.x_1):
+            yield _vertical(frame, degrees)
+        for _, limit in self.limits:
+            if frame.low <= limit <= frame.high:
+                path = f'M{LEFT} {frame.y(limit):.1f}H{WIDTH - RIGHT}'
+                yield element('path', d=path, class_='limit')
+        for line in self.lines:
+            yield self._path(frame, line)
 
     @property
     def _reach(self) -> tuple[float, float]:
@@ -176,13 +187,19 @@ def ticks(low: float, high: float) -> list[float]:
     rough = (high - low) / 5.0
     power = 10.0 ** floor(log10(rough))
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough)
-    return [k * step for k in range(floor(low / step + 1e-9), ceil(high / step - 1e-9) + 1)]
+    first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
+    return _multiples(step, first, last)
 
 
 def angle_ticks(low: float, high: float) -> list[float]:
     """Return round angles within two [deg]."""
     step = next((s for s in _ANGLE_STEPS if (high - low) / s <= 6.0), 90.0)
-    return [k * step for k in range(ceil(low / step - 1e-9), floor(high / step + 1e-9) + 1)]
+    first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
+    return _multiples(step, first, last)
+
+
+def _multiples(step: float, first: int, last: int) -> list[float]:
+    return [k * step for k in range(first, last + 1)]
 
 
 def _shade(frame: _Frame, start: float, end: float) -> Markup:
@@ -237,7 +254,7 @@ def _key(name: str, style: str) -> Markup:
 
 def grid(charts: Iterable[Chart]) -> Markup:
     """Return charts side by side."""
-    figures = [chart.figure() for chart in charts]
+    figures = [*map(Chart.figure, charts)]
     if not figures:
         return Markup()
     return element('div', *figures, class_='charts', **GROUP)

@@ -99,24 +99,26 @@ def data_sheet(
         )
     if not 0.0 <= load <= MAX_LOAD:
         raise SheetError(f'load = {load!r} N is refused: a number from 0 to {MAX_LOAD:g}')
-    request = _Request(robot, float(speed), float(load), motor, margins, samples)
+    options = _SheetOptions(robot, float(speed), float(load), motor, margins, samples)
     alike: dict[Any, list[RobotLeg]] = {}
     for leg in robot.legs:
         # Equal bars, masses, and gravity in their planes.
         down = (*leg.mount.rotation[2, :2].round(9).tolist(),)
         alike.setdefault((leg.linkage, leg.masses, down), []).append(leg)
-    sheets = [_leg_sheet(request, legs) for legs in alike.values()]
+    sheets = [_leg_sheet(options, legs) for legs in alike.values()]
     missing = _missing_masses(robot)
     if motor is not None and missing and not load:
         raise SheetError(f'{missing}; a motor is judged by masses, or by --load')
-    sheets_by_name = {name: sheet for sheet in sheets for name in sheet.names}
+    sheets_by_name: dict[str, LegSheet] = {}
+    for sheet in sheets:
+        sheets_by_name |= dict.fromkeys(sheet.names, sheet)
     walk, no_walk = _walk(robot)
-    cranks = [_crank(request, joint, sheets_by_name) for joint in robot.crank_joints]
+    cranks = [_crank(options, joint, sheets_by_name) for joint in robot.crank_joints]
     return DataSheet(
         name=robot.name,
         source=robot.source,
-        speed=request.speed,
-        load=request.load,
+        speed=options.speed,
+        load=options.load,
         legs=tuple(sheets),
         cranks=tuple(cranks),
         motor=motor,
@@ -138,8 +140,8 @@ def peak_efforts(robot: Robot, speed: float = 1.0) -> dict[str, float]:
     return {crank.joint: crank.loaded.peak for crank in sheet.cranks if crank.loaded}
 
 
-class _Request(NamedTuple):
-    """The parameters of `data_sheet`."""
+class _SheetOptions(NamedTuple):
+    """The options of `data_sheet`."""
 
     robot: Robot
     speed: float
@@ -164,17 +166,17 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
         reasons.append('the crank does not turn fully: there are no forces over a turn')
     if missing:
         reasons.append(f'{missing}; the figures are of the load alone' if load else missing)
-    forces = [leg_forces for leg in legs for _, leg_forces in cases(leg)]
-    if any(np.isnan(leg_forces.torque).any() for leg_forces in forces):
+    torques = [forces.torque for leg in legs for _, forces in cases(leg)]
+    if torques and np.isnan(np.concatenate(torques)).any():
         reasons.append(
             'links are in line at a crank angle, where no force follows from the motion'
         )
     return '; '.join(reasons)
 
 
-def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
-    robot = request.robot
-    speed = request.speed
+def _crank(options: _SheetOptions, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
+    robot = options.robot
+    speed = options.speed
     legs = robot.on_joint(joint)
     crank_sheet = CrankSheet(
         joint=joint,
@@ -191,7 +193,7 @@ def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> Cra
     for leg in legs:
         stance = sheets[leg.name].stance
         loaded_legs.append(LoadedLeg(leg, _dynamics(robot, leg), stance))
-        if request.load and stance:
+        if options.load and stance:
             load_steps.append(leg.direction * (stance.start - leg.phase))
             load_steps.append(leg.direction * (stance.end - leg.phase))
     has_masses = all(leg.masses is not None for leg in legs)
@@ -199,17 +201,17 @@ def _crank(request: _Request, joint: str, sheets: Mapping[str, LegSheet]) -> Cra
     def loads(angles: FloatArray) -> tuple[CrankLoad | None, CrankLoad | None]:
         """Return the crank's load at angles [rad], without and with the load on the feet."""
         empty = crank_load(loaded_legs, 0.0, angles) if has_masses else None
-        full = crank_load(loaded_legs, request.load, angles) if request.load else None
+        full = crank_load(loaded_legs, options.load, angles) if options.load else None
         return empty, full
 
-    angles = turn_angles(request.samples, load_steps)
+    angles = turn_angles(options.samples, load_steps)
     curves: list[FloatArray] = []
     for load in loads(angles):
         if load:
             curves += [load.static_torque, load.per_speed_squared, load.torque(speed)]
     empty, full = loads(with_extremes(angles, curves))
     decisive = full or empty
-    motor = request.motor
+    motor = options.motor
     return replace(
         crank_sheet,
         empty=empty.turn(speed) if empty else None,
@@ -230,20 +232,20 @@ def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
         return None, str(error)
 
 
-def _leg_sheet(request: _Request, legs: Sequence[RobotLeg]) -> LegSheet:
+def _leg_sheet(options: _SheetOptions, legs: Sequence[RobotLeg]) -> LegSheet:
     """Return the sheet of legs that are alike."""
     leg = legs[0]
     linkage = leg.linkage
-    load = request.load
+    load = options.load
     arcs = tuple(reachable_arcs(linkage))
     turns = arcs == ((0.0, TURN),)
     path, stance, no_stance = _path(linkage)
     if turns:
         load_steps = (stance.start, stance.end) if load and stance else ()
-        alphas = turn_angles(request.samples, load_steps)
+        alphas = turn_angles(options.samples, load_steps)
     else:
-        alphas = _arc_angles(arcs, request.samples)
-    bars, no_margins = _bars(linkage, turns=turns, margins=request.margins)
+        alphas = _arc_angles(arcs, options.samples)
+    bars, no_margins = _bars(linkage, turns=turns, margins=options.margins)
     sheet = LegSheet(
         names=tuple(equal_leg.name for equal_leg in legs),
         linkage=linkage,
@@ -265,9 +267,9 @@ def _leg_sheet(request: _Request, legs: Sequence[RobotLeg]) -> LegSheet:
         raise SheetError(f'a load on the foot has nowhere to be: {no_stance}')
 
     def with_forces() -> LegSheet:
-        dynamics = _dynamics(request.robot, leg)
-        empty = _forces(dynamics, sheet, request.speed, 0.0) if leg.masses else None
-        loaded = _forces(dynamics, sheet, request.speed, load) if load else None
+        dynamics = _dynamics(options.robot, leg)
+        empty = _forces(dynamics, sheet, options.speed, 0.0) if leg.masses else None
+        loaded = _forces(dynamics, sheet, options.speed, load) if load else None
         return replace(sheet, empty=empty, loaded=loaded)
 
     curves: list[FloatArray] = []

@@ -125,8 +125,11 @@ def bars(leg: LegSheet) -> FigureTable:
         if has_margins and bar.margin is None:
             limits = (UNKNOWN_VALUE, UNKNOWN_VALUE)
         elif has_margins and bar.margin is not None:
-            margin = bar.margin.least, bar.margin.greatest
-            limits = tuple(show(limit) if isfinite(limit) else 'any' for limit in margin)
+            margin = bar.margin
+            limits = (
+                show(margin.least) if isfinite(margin.least) else 'any',
+                show(margin.greatest) if isfinite(margin.greatest) else 'any',
+            )
         lines.append((bar.name, show(bar.value), 'mm' if bar.unit == 'm' else 'deg', *limits))
     note = (
         'One number changed at a time, all others unchanged.'

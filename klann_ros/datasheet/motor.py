@@ -205,7 +205,7 @@ class MotorVerdict:
 
     @property
     def turns(self) -> bool:
-        """Return whether it can, continuously as far as that is known."""
+        """Return whether the motor can turn it, continuously as far as that is known."""
         return not self.faults
 
 

@@ -113,7 +113,7 @@ def _leg(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
         element(
             'div',
             element('div', _drawing(leg, index), motor, class_='beside'),
-            element('div', *(chart.figure() for chart in charts[:2]), class_='beside', **GROUP),
+            element('div', *map(Chart.figure, charts[:2]), class_='beside', **GROUP),
             class_='stage',
         ),
         grid(charts[2:]),

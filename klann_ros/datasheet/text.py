@@ -68,7 +68,8 @@ def _walk(sheet: DataSheet) -> Iterator[str]:
         yield f'  {printable_line(sheet.no_walk)}.'
     if sheet.walk is not None:
         yield from _heading('Walking')
-        yield from (f'  Warning: {warning}.' for warning in sheet.walk.warnings)
+        for warning in sheet.walk.warnings:
+            yield f'  Warning: {warning}.'
         yield from _figures(figures.walk_figures(sheet))
         table = figures.supports(sheet)
         if table:

@@ -31,12 +31,12 @@ class BodyDrawing(NamedTuple):
 
     @property
     def points(self) -> list[str]:
-        """Return its unique points."""
+        """Return the unique points of the body."""
         return list(dict.fromkeys(name for bar in self.bars for name in bar))
 
     @property
     def strokes(self) -> list[tuple[str, str]]:
-        """Return its line and its bars."""
+        """Return the line and the bars of the body."""
         return [*([self.line] if self.line else ()), *self.bars]
 
 

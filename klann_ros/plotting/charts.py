@@ -29,7 +29,7 @@ TRANSMISSION_RANGE = (40.0, 140.0)
 MARKERS = 'os^DvP'
 
 
-class _Quantity(NamedTuple):
+class _PoseQuantity(NamedTuple):
     """A quantity of a pose, with a curve for each of its numbers: symbol and colour."""
 
     curves: Callable[[AnyLeg], list[tuple[str, str]]]
@@ -58,21 +58,23 @@ def _block_curves(leg: AnyLeg) -> list[tuple[str, str]]:
 
 
 QUANTITIES = {
-    'angles': _Quantity(
+    'angles': _PoseQuantity(
         lambda leg: _body_curves(leg, slides=False),
         lambda pose: _coordinates(pose, slides=False),
         unit=DEG,
     ),
-    'distances': _Quantity(
+    'distances': _PoseQuantity(
         lambda leg: _body_curves(leg, slides=True),
         lambda pose: _coordinates(pose, slides=True),
         unit='m',
     ),
-    'transmission': _Quantity(_block_curves, lambda pose: pose.transmission_angles, r'$\mu$', DEG),
-    'condition': _Quantity(
+    'transmission': _PoseQuantity(
+        _block_curves, lambda pose: pose.transmission_angles, r'$\mu$', DEG
+    ),
+    'condition': _PoseQuantity(
         lambda _: [(r'cond $\Phi$', colour_of(0))], lambda pose: (pose.condition,)
     ),
-    'foot': _Quantity(
+    'foot': _PoseQuantity(
         lambda _: [('x', colour_of(1)), ('y', colour_of(0))], lambda pose: pose.h, unit='m'
     ),
 }
@@ -224,7 +226,7 @@ CONVERGENCE = {
 
 
 def _over_arcs(
-    leg: AnyLeg, quantity: _Quantity, arcs: list[Arc], *, unwrapped: bool
+    leg: AnyLeg, quantity: _PoseQuantity, arcs: list[Arc], *, unwrapped: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return crank angles [deg] and a quantity's numbers, shape (n, k); NaN between arcs."""
     alphas = []

@@ -130,12 +130,13 @@ def robot_from_parameters(
     names = _names(flat.get('legs', ()))
     drives = _drives(flat)
     legs = []
+    joints = set()
     mount_lengths = {}
     for name in names:
         leg = _leg(name, of_leg(flat, name), folders, weigh=weigh)
         legs.append(replace(leg, drive=drives.get(leg.crank_joint, leg.drive)))
+        joints.add(leg.crank_joint)
         mount_lengths[f'{name}.mount_xyz'.lstrip('.')] = max(leg.mount.xyz, key=abs)
-    joints = {leg.crank_joint for leg in legs}
     for joint in drives:
         if joint not in joints:
             hint = did_you_mean(joint, joints)
@@ -225,8 +226,12 @@ def _linkage(parameters: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Li
     text = str(parameters.get(_DESCRIPTION) or '')
     file = str(parameters.get('linkage') or '')
     if file and not text:
-        paths = [folder / file for folder in folders]
-        file = str(next(filter(is_regular_file, paths), Path(file).expanduser()))
+        for folder in folders:
+            if is_regular_file(folder / file):
+                file = str(folder / file)
+                break
+        else:
+            file = str(Path(file).expanduser())
         text = linkage_text(file)
     if text:
         return linkage_from_text(text, file or _DESCRIPTION), text, file
@@ -327,9 +332,11 @@ def _sections(document: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, M
         name = f'{prefix}/{str(key).strip("/")}'
         if not isinstance(section, dict):
             continue
-        if isinstance(section.get(_PARAMETERS), dict):
-            yield name, section[_PARAMETERS]
-        yield from _sections({k: v for k, v in section.items() if k != _PARAMETERS}, name)
+        nested = dict(section)
+        parameters = nested.pop(_PARAMETERS, None)
+        if isinstance(parameters, dict):
+            yield name, parameters
+        yield from _sections(nested, name)
 
 
 def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dict[str, Any]:

@@ -114,12 +114,12 @@ class RobotLeg:
 
     @property
     def encoder_direction(self) -> float:
-        """Return the turns of its crank by turn of its encoder."""
+        """Return the turns of the crank by turn of the encoder."""
         return self.direction / self.drive.encoder_ratio
 
     @property
     def encoder_phase(self) -> float:
-        """Return its crank angle where its encoder shows 0 [rad]."""
+        """Return the crank angle where the encoder shows 0 [rad]."""
         return self.phase - self.direction * self.drive.zero
 
     @property
@@ -132,7 +132,7 @@ class RobotLeg:
         return f'{self.name}{separator}{joint}' if self.name else joint
 
     def crank_angles(self, joint: ArrayLike) -> FloatArray:
-        """Return its crank angles at joint positions [rad]."""
+        """Return the crank angles at joint positions [rad]."""
         return self.direction * np.asarray(joint, dtype=np.float64) + self.phase
 
 
@@ -172,7 +172,7 @@ class Robot:
 
     @property
     def is_walker(self) -> bool:
-        """Return whether it has several legs."""
+        """Return whether the robot has several legs."""
         return len(self.legs) > 1
 
     @property

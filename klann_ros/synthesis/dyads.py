@@ -155,8 +155,10 @@ def dyads_of_rotation(poses: Sequence[PlanePose], rotation: float) -> list[Burme
     dyads = []
     for y in _triangle(d_1 + d_2 * x, d_3, abs(d_4)):
         with suppress(GeometryError):
-            dyads.append(dyad_of_rotations(poses[:3], (rotation, cmath.phase(y))))
-    return [dyad for dyad in dyads if _fits(poses, dyad)]
+            dyad = dyad_of_rotations(poses[:3], (rotation, cmath.phase(y)))
+            if _fits(poses, dyad):
+                dyads.append(dyad)
+    return dyads
 
 
 def burmester_curve(poses: Sequence[PlanePose], count: int = 360) -> list[BurmesterPair]:
@@ -189,7 +191,9 @@ def burmester_points(poses: Sequence[PlanePose]) -> list[BurmesterPair]:
     system = np.stack([factors.real, -factors.imag], axis=-1).reshape(4, 6)
     start = np.linalg.lstsq(system, np.abs(shifts) ** 2 / -2.0, rcond=None)[0]
     basis = np.vstack([start, np.linalg.svd(system)[2][-2:]])
-    w_basis, m_basis, product_basis = (basis[:, k] + 1j * basis[:, k + 1] for k in (0, 2, 4))
+    w_basis = basis[:, 0] + 1j * basis[:, 1]
+    m_basis = basis[:, 2] + 1j * basis[:, 3]
+    product_basis = basis[:, 4] + 1j * basis[:, 5]
     conics = np.outer(w_basis, m_basis.conj())
     conics[0] -= product_basis
     dyads: list[BurmesterPair] = []

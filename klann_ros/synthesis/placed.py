@@ -119,13 +119,18 @@ class PlacedFourBar:
         lengths = self.geometry.lengths
         # A sine of that size squared is rounding of the lengths.
         rounding = FIT_TOLERANCE * max(lengths) ** 2
-        at_b = [(b - a, b - self.o4) for a, b, _ in self.positions]
-        at_o2 = [(self.o4 - self.o2, a - self.o2) for a, _, _ in self.positions]
-        # B is between coupler and rocker, O2 between ground and crank.
-        joint = at_b if np.argmin(lengths) in (0, 1) else at_o2
-        modes = {_turn_sense(*links, rounding) for links in at_b}
-        circuits = {self.grashof.class_ == 'I' and _turn_sense(*links) for links in joint}
-        return Defects(len(modes) > 1, len(circuits) > 1, not self._is_in_order())
+        # The shortest link is ground or crank, which touch O2, or else touches B.
+        touches_o2 = np.argmin(lengths) in (0, 1)
+        modes = set()
+        circuits = set()
+        for a, b, _ in self.positions:
+            modes.add(_turn_sense(b - a, b - self.o4, rounding))
+            if touches_o2:
+                circuits.add(_turn_sense(b - a, b - self.o4))
+            else:
+                circuits.add(_turn_sense(self.o4 - self.o2, a - self.o2))
+        has_circuit_defect = self.grashof.class_ == 'I' and len(circuits) > 1
+        return Defects(len(modes) > 1, has_circuit_defect, not self._is_in_order())
 
     @property
     def is_sound(self) -> bool:
@@ -181,7 +186,7 @@ class PlacedFourBar:
     def _is_in_order(self) -> bool:
         first, last = crank_limits(self.geometry.lengths)
         thetas = self.thetas
-        if first > 0.0 and last < pi and len({theta > 0.0 for theta in thetas}) > 1:
+        if first > 0.0 and last < pi and min(thetas) <= 0.0 < max(thetas):
             return False
         # Angles are counted from one out of reach, or from the first of a crank that turns fully.
         start = 0.0 if first > 0.0 else pi if last < pi else thetas[0]

@@ -141,7 +141,7 @@ class SampledPaths:
     def _stance_ends(
         self, h: FloatArray, h_1: FloatArray, lowest: _Extreme
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the crank angles at which the stances start and end [rad]."""
+        """Return the crank angles where the stances start and end [rad]."""
         sample_count = h.shape[2]
         steps = np.arange(sample_count)
         direction = np.sign(self._x.cubics(lowest.interval).slope(lowest.t))

@@ -158,7 +158,7 @@ def _hidden_crossings(track: Track, s: Coordinate, left: Sample, right: Sample) 
 
 def parameters_at(track: Track, s: Coordinate, level: float, rounding: float) -> list[float]:
     """
-    Return the parameters t at which a coordinate has a level, in the track's order.
+    Return the parameters t where a coordinate has a level, in the track's order.
 
     A level within rounding of a monotone interval's end is at that end: an extreme has one angle.
     """
@@ -179,7 +179,7 @@ def parameters_at(track: Track, s: Coordinate, level: float, rounding: float) ->
 def crank_angles_at(
     tracks: Iterable[Track], s: Coordinate, level: float, size: float
 ) -> list[float]:
-    """Return all crank angles in [0, 2 pi) at which a coordinate has a level, sorted [rad]."""
+    """Return all crank angles in [0, 2 pi) where a coordinate has a level, sorted [rad]."""
     alphas = []
     for track in tracks:
         alphas += [track.crank_angle(t) for t in parameters_at(track, s, level, ROUNDING * size)]

@@ -58,7 +58,7 @@ class Span:
 
     @property
     def is_turn(self) -> bool:
-        """Return whether it is a whole turn."""
+        """Return whether the span is a whole turn."""
         return self.end - self.start >= TURN
 
     def alpha(self, t: float) -> float:

@@ -85,9 +85,9 @@ class FourBarGeometry(NamedGeometry):
 
     @cached_property
     def linkage(self) -> Linkage:
-        """Return it as a linkage, the form that is solved."""
+        """Return the four-bar as a linkage, the form that is solved."""
         return Linkage(STRUCTURE, self.lengths, assembly=(self.assembly,), name='Four-bar')
 
     def mirrored(self) -> 'FourBarGeometry':
-        """Return it mirrored in its ground: every angle has the other sign."""
+        """Return the four-bar mirrored in its ground: every angle has the other sign."""
         return replace(self, assembly=-self.assembly)

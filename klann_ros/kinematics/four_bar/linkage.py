@@ -119,7 +119,7 @@ class TransmissionExtremes(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """Return whether it stays within 40 .. 140 deg, as good practice has it."""
+        """Return whether the angle stays within 40 .. 140 deg, as good practice has it."""
         return self.least >= MIN_TRANSMISSION_ANGLE and self.greatest <= MAX_TRANSMISSION_ANGLE
 
 
