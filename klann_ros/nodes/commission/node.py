@@ -81,7 +81,7 @@ class CommissionNode(ProcessNode):
     """Turn each crank a little, and judge the answers; the report is printed."""
 
     def __init__(self, options: argparse.Namespace, finish: Finish) -> None:
-        """Declare, validate and connect; a StartError names what is refused."""
+        """Declare, validate and connect; a StartError names a refused argument."""
         super().__init__('commission_node')
         parameters = declare(self, COMMISSION_PARAMETERS)
         robot = declared_robot(self, described=True)
@@ -220,7 +220,7 @@ class CommissionNode(ProcessNode):
         self._finish(1 if problem else 0)
 
     def _write(self, path: str) -> str:
-        """Write what was measured; return the reason why it is not written, '' if it is."""
+        """Write the measured drives; return the reason of a failure, '' if they are written."""
         text = parameter_file({'/**': {'cranks': self._commissioning.cranks}})
         try:
             Output('-o', path).write(text.encode())

@@ -10,7 +10,7 @@ from klann_ros.nodes.parameters import Declaration
 MODES = ('constant', 'sine', 'sweep', 'step')
 # Periods of sine, sweep and step [s].
 _MIN_PERIOD, _MAX_PERIOD = 1e-6, 1e9
-# Rate at which a bounded motion returns to its bounds after a driver [rad/s].
+# Rate of the return of a bounded motion to its bounds, after a driver [rad/s].
 _RETURN_RATE = 1.0
 
 

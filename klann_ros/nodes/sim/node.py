@@ -177,13 +177,13 @@ class SimNode(ProcessNode):
             return DiagnosticStatus.WARN, f'it cannot keep up: {rates}'
         silent = self._commands.silent
         if silent:
-            held = ', '.join(map(printable, silent))
-            return DiagnosticStatus.OK, f'no command: {held} held'
+            joints = ', '.join(map(printable, silent))
+            return DiagnosticStatus.OK, f'no command: {joints} held'
         return DiagnosticStatus.OK, 'simulated in real time'
 
 
 def _simulated(robot: Robot, parameters: Mapping[str, Any]) -> Twin:
-    """Return a robot in the physics engine, as built; a StartError names what is refused."""
+    """Return a robot in the physics engine, as built; a StartError names a refused parameter."""
     try:
         if parameters['built']:
             robot = robot.built_as(robot_of(parameters['built']))
@@ -220,7 +220,7 @@ class CrankCommands:
         self._node = node
         self._twin = twin
         self._faults = faults
-        # [s].
+        # Maximum age of a command [s].
         self._timeout = timeout
         # The last commands of all joints [rad/s].
         self.velocities = dict.fromkeys(twin.joints, 0.0)
@@ -384,7 +384,7 @@ class DemoCommandPublisher:
         self._node = node
         # Returns the robot's time [s].
         self._now = now
-        # That at which a walker was there, infinite without one.
+        # Robot's time since which a walker has been there; infinite without a walker [s].
         self._walker_time = inf
         self._cranks = node.resolve_topic_name('crank_command')
         self._publisher: Any = create_publisher(node, TwistStamped, 'cmd_vel')

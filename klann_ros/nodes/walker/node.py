@@ -122,7 +122,7 @@ class WalkerNode(ProcessNode):
         subscribe_raw(self, Bool, 'e_stop', self._on_e_stop)
         subscribe_raw(self, PoseWithCovarianceStamped, 'set_pose', self._on_set_pose)
         # Before crank_state, which moves the estimate. An IMU is needed only then, so its messages
-        # wake nobody.
+        # do not wake the node.
         if self._parameter_values['use_imu']:
             subscribe_raw(self, Imu, 'imu', self._on_imu, wakes=False)
         if self._parameter_values['open_loop']:
