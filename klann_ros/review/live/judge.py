@@ -28,7 +28,8 @@ STEP = 0.7
 _EXCLUDED_CHECKS = frozenset({'container', 'geometry', 'drift', 'stale', 'frozen'})
 _CHECKS = tuple(check for check in CHECKS if check not in (check_clocks, check_losses))
 # Messages that a period needs, and longest period of a supervised topic [s].
-_MIN_MESSAGES, _MAX_PERIOD = 10, 0.2
+_MIN_MESSAGES = 10
+_MAX_PERIOD = 0.2
 # Ordered messages before and after missing numbers that make a loss.
 _MIN_ORDERED = 5
 # Longest transport time of a message [s].
@@ -65,7 +66,8 @@ class _SequenceNumbers:
         self._gaps: deque[tuple[int, int]] = deque()
 
     def add(self, number: int) -> None:
-        before, self._last = self._last, number
+        before = self._last
+        self._last = number
         resumes = number == self._reached + 1 and number > before + 1
         # A new publisher starts at 1, about; the numbers of two at once go back and forth.
         self._is_shared |= not number or resumes or before // 2 < number <= before
@@ -73,7 +75,8 @@ class _SequenceNumbers:
             return
         self._ordered += 1
         if number <= before:
-            self._reached, self._ordered = before, 0
+            self._reached = before
+            self._ordered = 0
             self._gaps.clear()
         elif before and number > before + 1 and self._ordered > _MIN_ORDERED:
             self._gaps.append((self._ordered + _MIN_ORDERED, number - before - 1))
@@ -136,18 +139,18 @@ class LiveJudge:
             Lost messages of each topic so far; by default counted here.
 
         """
-        found = [*self._changes, *self._losses(now, lost)]
+        unmarked = [*self._changes, *self._losses(now, lost)]
         self._window.move(now)
         self._changes.clear()
         if len(self._window):
-            found += self._reviewed()
-        found += self._silent(now, published)
-        keys = {(each.check, each.leg) for each in found}
-        marked = [
-            replace(each, is_new=(each.check, each.leg) not in self._before) for each in found
-        ]
-        self._before = keys
-        return sorted(marked, key=lambda each: -each.severity)
+            unmarked += self._reviewed()
+        unmarked += self._silent(now, published)
+        findings = []
+        for finding in unmarked:
+            is_new = (finding.check, finding.leg) not in self._before
+            findings.append(replace(finding, is_new=is_new))
+        self._before = {(finding.check, finding.leg) for finding in findings}
+        return sorted(findings, key=lambda finding: -finding.severity)
 
     def _reviewed(self) -> Iterator[LiveFinding]:
         """Yield the findings of a review of the window."""
@@ -181,8 +184,8 @@ class LiveJudge:
                 if period <= _MAX_PERIOD:
                     self._topics[topic.name] = _Topic(int(topic.times[-1]), period)
             elif len(topic.times) and topic.name in self._topics:
-                known = self._topics[topic.name]
-                self._topics[topic.name] = _Topic(int(topic.times[-1]), known.period)
+                period = self._topics[topic.name].period
+                self._topics[topic.name] = _Topic(int(topic.times[-1]), period)
 
     def _silent(self, now: int, published: Collection[str] | None) -> Iterator[LiveFinding]:
         """Yield the topics with a present gap."""
@@ -191,21 +194,23 @@ class LiveJudge:
                 del self._topics[name]
                 self._starts.pop(name, None)
                 continue
-            explained = max((end for _, end in self._window.gaps), default=0)
-            silent = (now - max(topic.last, explained)) / 1e9
-            longest = self._limits.max_interval(topic.period)
+            gap_end = max((end for _, end in self._window.gaps), default=0)
+            silence = (now - max(topic.last, gap_end)) / 1e9
+            max_interval = self._limits.max_interval(topic.period)
             if (topic.last - self._starts.get(name, 0)) / 1e9 < self._limits.start_time:
-                longest = max(longest, LENGTH)
-            if silent > longest + _MAX_TRANSPORT_TIME and self._is_expected(name, longest):
-                text = f'nothing on {printable(name)} for {silent:.1f} s'
+                max_interval = max(max_interval, LENGTH)
+            is_silent = silence > max_interval + _MAX_TRANSPORT_TIME
+            if is_silent and self._is_expected(name, max_interval):
+                text = f'nothing on {printable(name)} for {silence:.1f} s'
                 yield LiveFinding('gap', Severity.WARNING, text, topic.last, name)
 
-    def _is_expected(self, name: str, longest: float) -> bool:
+    def _is_expected(self, name: str, max_interval: float) -> bool:
         """Return whether messages are due: answers only after inputs."""
         if name not in self._inputs:
             return True
-        asked = [self._topics[each].last for each in self._inputs[name] if each in self._topics]
-        return max(asked, default=0) > self._topics[name].last + longest * 1e9
+        inputs = self._inputs[name] & self._topics.keys()
+        last_input = max((self._topics[topic].last for topic in inputs), default=0)
+        return last_input > self._topics[name].last + max_interval * 1e9
 
     def _losses(self, now: int, lost: Mapping[str, int] | None) -> Iterator[LiveFinding]:
         """Yield the topics with losses since the last call."""
@@ -214,25 +219,26 @@ class LiveJudge:
                 self._numbers[message.topic.name].add(message.sequence)
             lost = {name: numbers.lost for name, numbers in self._numbers.items()}
         for name, count in lost.items():
-            more = count - self._lost.get(name, 0)
-            if more > 0:
-                messages = f'{counted(more, "message")} of {printable(name)}'
-                text = f'{messages} {verb(more, "was", "were")} lost'
+            new_count = count - self._lost.get(name, 0)
+            if new_count > 0:
+                messages = f'{counted(new_count, "message")} of {printable(name)}'
+                text = f'{messages} {verb(new_count, "was", "were")} lost'
                 yield LiveFinding('lost', Severity.WARNING, text, now, name)
         self._lost = dict(lost)
 
 
 def _changes(before: SolverParameters, after: SolverParameters) -> Iterator[LiveFinding]:
     """Yield the changed dimensions of the legs of a solver."""
-    space = parent(after.node)
-    old, new = (leg_solvers([parameters], space) for parameters in (before, after))
-    for name in old.keys() & new.keys():
-        one, other = leg_dimensions(old[name]), leg_dimensions(new[name])
-        words = [
-            f'{key} is {value}, was {one.get(key, "unknown")}'
-            for key, value in other.items()
-            if value != one.get(key)
-        ]
-        if words:
-            text = f'{printable(after.node)} changed its leg: {", ".join(words)}'
+    namespace = parent(after.node)
+    old_solvers = leg_solvers([before], namespace)
+    new_solvers = leg_solvers([after], namespace)
+    for name in old_solvers.keys() & new_solvers.keys():
+        old_dimensions = leg_dimensions(old_solvers[name])
+        changes = []
+        for dimension, quantity in leg_dimensions(new_solvers[name]).items():
+            old_quantity = old_dimensions.get(dimension, 'unknown')
+            if quantity != old_quantity:
+                changes.append(f'{dimension} is {quantity}, was {old_quantity}')
+        if changes:
+            text = f'{printable(after.node)} changed its leg: {", ".join(changes)}'
             yield LiveFinding('geometry', Severity.WARNING, text, after.time, name)

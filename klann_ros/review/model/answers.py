@@ -79,20 +79,26 @@ _MIN_DUPLICATES = 5
 
 def match_answers(leg: LegRecording) -> Answers:
     """Match the crank inputs of a leg with its poses."""
-    asked, answers = leg.cranks.stamps, leg.poses.stamps
+    inputs = leg.cranks.stamps
+    answers = leg.poses.stamps
     if not len(answers):
-        return Answers(len(asked), 0, 0, 0, _NO_ROWS, _NO_ROWS, _NO_DUPLICATES)
-    early, late = asked < answers.min(), asked > answers.max()
-    inside = np.flatnonzero(~(early | late))
-    ends = int(np.count_nonzero(early)), int(np.count_nonzero(late))
-    if is_monotonic(asked) and is_monotonic(answers):
-        rows = inside[~isin(asked[inside], answers)]
-        causes, count, duplicates = _causes(leg, rows), len(inside) - len(rows), _NO_DUPLICATES
+        return Answers(len(inputs), 0, 0, 0, _NO_ROWS, _NO_ROWS, _NO_DUPLICATES)
+    is_early = inputs < answers.min()
+    is_late = inputs > answers.max()
+    inside = np.flatnonzero(~(is_early | is_late))
+    if is_monotonic(inputs) and is_monotonic(answers):
+        rows = inside[~isin(inputs[inside], answers)]
+        causes = _causes(leg, rows)
+        count = len(inside) - len(rows)
+        duplicates = _NO_DUPLICATES
     else:
-        stamps = count_stamps(asked[inside], answers)
+        stamps = count_stamps(inputs[inside], answers)
         rows, causes = _unanswered(leg, inside, stamps)
-        count, duplicates = int(stamps.second.sum()), _duplicates(answers, stamps)
-    return Answers(ends[0], len(inside), ends[1], count, rows, causes, duplicates)
+        count = int(stamps.second.sum())
+        duplicates = _duplicates(answers, stamps)
+    early = int(np.count_nonzero(is_early))
+    late = int(np.count_nonzero(is_late))
+    return Answers(early, len(inside), late, count, rows, causes, duplicates)
 
 
 def find_duplicates(stamps: IntArray) -> Duplicates:
@@ -109,11 +115,12 @@ def requested_angles(leg: LegRecording) -> tuple[IndexArray, FloatArray]:
     Without direction and phase in the run, only if most poses have the angle of the crank itself.
     """
     rows = alone(leg.cranks.stamps)
-    known, of_cranks = match_stamps(leg.poses.stamps, leg.cranks.stamps[rows])
-    asked = _leg_angles(leg, leg.cranks.values[rows[of_cranks], 0])
-    others = np.count_nonzero(leg.poses.values[known, 0] != asked)
-    count = 0 if not leg.solver.nodes and 2 * others > len(known) else len(known)
-    return known[:count], asked[:count]
+    poses, of_cranks = match_stamps(leg.poses.stamps, leg.cranks.stamps[rows])
+    alphas = _leg_angles(leg, leg.cranks.values[rows[of_cranks], 0])
+    different_count = np.count_nonzero(leg.poses.values[poses, 0] != alphas)
+    if not leg.solver.nodes and 2 * different_count > len(poses):
+        return poses[:0], alphas[:0]
+    return poses, alphas
 
 
 def _leg_angles(leg: LegRecording, alphas: FloatArray) -> FloatArray:
@@ -131,42 +138,47 @@ def _unanswered(
     """
     lacking = stamps.first - stamps.second
     rows = np.flatnonzero(lacking[stamps.of_first] > 0)
-    causes, groups = _causes(leg, inside[rows]), stamps.of_first[rows]
+    causes = _causes(leg, inside[rows])
+    groups = stamps.of_first[rows]
     order = np.lexsort([-rows, causes == Cause.UNKNOWN, groups])
-    rows, causes, groups = rows[order], causes[order], groups[order]
-    place = np.arange(len(rows)) - np.searchsorted(groups, groups)
-    missing = np.flatnonzero((place < lacking[groups]) | (causes != Cause.UNKNOWN))
+    rows = rows[order]
+    causes = causes[order]
+    groups = groups[order]
+    index_in_group = np.arange(len(rows)) - np.searchsorted(groups, groups)
+    missing = np.flatnonzero((index_in_group < lacking[groups]) | (causes != Cause.UNKNOWN))
     missing = missing[np.argsort(rows[missing])]
-    found: IndexArray = inside[rows[missing]]
-    return found, causes[missing]
+    inputs: IndexArray = inside[rows[missing]]
+    return inputs, causes[missing]
 
 
 def _duplicates(answers: IntArray, stamps: StampCounts) -> Duplicates:
-    many = stamps.second > stamps.first
-    if not many.any():
+    has_duplicates = stamps.second > stamps.first
+    if not has_duplicates.any():
         return _NO_DUPLICATES
-    places = np.searchsorted(stamps.stamps, answers)
-    np.minimum(places, len(stamps.stamps) - 1, out=places)
-    rows = np.flatnonzero(many[places] & (stamps.stamps[places] == answers))
-    first, last = np.flatnonzero(many)[[0, -1]]
-    share = np.count_nonzero(many) / (last + 1 - first)
-    each = stamps.second[many] / stamps.first[many]
-    is_steady = np.count_nonzero(many) >= _MIN_DUPLICATES and share >= 0.5
-    solvers = max(2, round(float(np.median(each)))) if is_steady else 1
-    return Duplicates(rows, places[rows], stamps.first[places[rows]] == 1, solvers)
+    inputs = np.searchsorted(stamps.stamps, answers)
+    np.minimum(inputs, len(stamps.stamps) - 1, out=inputs)
+    rows = np.flatnonzero(has_duplicates[inputs] & (stamps.stamps[inputs] == answers))
+    duplicated = np.flatnonzero(has_duplicates)
+    share = len(duplicated) / (duplicated[-1] + 1 - duplicated[0])
+    solvers = 1
+    if len(duplicated) >= _MIN_DUPLICATES and share >= 0.5:
+        ratios = stamps.second[duplicated] / stamps.first[duplicated]
+        solvers = max(2, round(float(np.median(ratios))))
+    return Duplicates(rows, inputs[rows], stamps.first[inputs[rows]] == 1, solvers)
 
 
 def _causes(leg: LegRecording, rows: IndexArray) -> IndexArray:
     if not rows.size:
         return rows
-    alphas, solved = _leg_angles(leg, leg.cranks.values[rows, 0]), leg.solver.leg
-    if solved is None or not (leg.solver.nodes or len(requested_angles(leg)[0])):
+    alphas = _leg_angles(leg, leg.cranks.values[rows, 0])
+    solved_leg = leg.solver.leg
+    if solved_leg is None or not (leg.solver.nodes or len(requested_angles(leg)[0])):
         # The leg angle is unknown, but a crank angle out of range is invalid for any leg.
         is_angle = np.abs(alphas) <= MAX_CRANK_ANGLE
         return np.where(is_angle, Cause.UNKNOWN, Cause.NO_ANGLE).astype(np.intp)
-    reasons = linkage_poses(solved, alphas).reason
-    known = [reasons == Reason.CRANK_ANGLE, reasons != Reason.SOLVED]
-    return np.select(known, [Cause.NO_ANGLE, Cause.OUT_OF_REACH], Cause.UNKNOWN)
+    reasons = linkage_poses(solved_leg, alphas).reason
+    conditions = [reasons == Reason.CRANK_ANGLE, reasons != Reason.SOLVED]
+    return np.select(conditions, [Cause.NO_ANGLE, Cause.OUT_OF_REACH], Cause.UNKNOWN)
 
 
 # Longest time from an input to its answer [ns].
@@ -200,8 +212,8 @@ class Unanswered:
             (self.unrecorded, 'at pauses or damage of the log'),
             (self.lost, 'whose answers were lost on their way into the log'),
         )
-        parts = [f'{count} {what}' for count, what in shares if count]
-        return f': {", ".join(parts)}, {self.unexplained} unexplained' if parts else ''
+        texts = [f'{count} {cause}' for count, cause in shares if count]
+        return f': {", ".join(texts)}, {self.unexplained} unexplained' if texts else ''
 
 
 def unanswered(
@@ -210,19 +222,21 @@ def unanswered(
     """Return the inputs of the judged part of a leg without an expected answer."""
     rows = answers.of(Cause.UNKNOWN)
     times = leg.cranks.times[rows]
-    begins, ends = times - MAX_RESPONSE_TIME, times + MAX_RESPONSE_TIME
-    unrecorded = overlaps(begins, ends, recording.unrecorded)
-    own = [gap for gap in gaps if not leg.pose_topics.isdisjoint(gap.topics)]
+    begins = times - MAX_RESPONSE_TIME
+    ends = times + MAX_RESPONSE_TIME
+    is_unrecorded = overlaps(begins, ends, recording.unrecorded)
+    leg_gaps = [gap for gap in gaps if not leg.pose_topics.isdisjoint(gap.topics)]
     explained = merge_intervals([*recording.unrecorded, *refused_intervals(leg, answers)])
-    pose_gaps = merge_intervals((gap.begin, gap.end) for gap in exclude_intervals(own, explained))
-    in_gaps = ~unrecorded & overlaps(times, times, pose_gaps)
-    other_rows = rows[~unrecorded & ~in_gaps]
-    ends = np.array([end for _, end in pose_gaps], dtype=np.int64)
-    which = np.searchsorted(ends, times[in_gaps])
+    leg_gaps = [*exclude_intervals(leg_gaps, explained)]
+    pose_gaps = merge_intervals((gap.begin, gap.end) for gap in leg_gaps)
+    in_gaps = ~is_unrecorded & overlaps(times, times, pose_gaps)
+    other_rows = rows[~is_unrecorded & ~in_gaps]
+    gap_ends = np.array([end for _, end in pose_gaps], dtype=np.int64)
+    gap_indices = np.searchsorted(gap_ends, times[in_gaps])
     return Unanswered(
         int(np.count_nonzero(in_gaps)),
-        len(np.unique(which)),
-        int(np.count_nonzero(unrecorded)),
+        len(np.unique(gap_indices)),
+        int(np.count_nonzero(is_unrecorded)),
         min(recording.lost_on(leg.pose_topics), len(other_rows)),
         other_rows,
     )

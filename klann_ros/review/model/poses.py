@@ -108,24 +108,25 @@ def pose_errors(
         np.empty((count, len(leg.assembly))),
     )
     for block in solve_blocks(recording, leg):
-        rows, angles = block.rows, block.recorded
+        rows = block.rows
+        angles = block.recorded
         finite = np.isfinite(angles).all(axis=1)
         errors.transmission_angles[rows] = transmission_angles(leg, block.solved)
         errors.angle_errors[rows] = np.where(finite, block.angle_errors(leg).max(axis=1), inf)
         u = vectors(leg, angles)
         errors.residuals[rows] = np.where(finite, loop_errors(leg, angles, u), inf)
-        recorded = recording.feet.values[block.of_feet]
-        own = feet(leg, angles, u)[block.of_poses]
-        errors.foot_errors[block.of_feet] = _foot_errors(recorded, own)
+        recorded_feet = recording.feet.values[block.of_feet]
+        computed_feet = feet(leg, angles, u)[block.of_poses]
+        errors.foot_errors[block.of_feet] = _foot_errors(recorded_feet, computed_feet)
         if keep:
             blocks.append(block)
         progress(rows.stop / count)
     return replace(errors, solved=tuple(blocks))
 
 
-def _foot_errors(recorded: FloatArray, own: FloatArray) -> FloatArray:
+def _foot_errors(recorded: FloatArray, computed: FloatArray) -> FloatArray:
     with np.errstate(invalid='ignore', over='ignore'):
-        distances = np.hypot(*(recorded - own).T)
+        distances = np.hypot(*(recorded - computed).T)
     # NaN of a foot is its own fault; NaN of its pose is not.
     return np.where(np.isfinite(recorded).all(axis=1), np.minimum(distances, _LARGEST), inf)
 
@@ -152,8 +153,8 @@ class LegFigures:
 
 def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigures:
     """Return the figures of the judged part of a leg's run."""
-    alphas, feet = (_finite(of.values) for of in (recording.poses, recording.feet))
-    alphas = alphas[:, 0]
+    alphas = _finite(recording.poses.values)[:, 0]
+    feet = _finite(recording.feet.values)
     # Messages hold any number: overflow gives infinity.
     with np.errstate(over='ignore'):
         is_path = len(feet) and _covers_a_turn(alphas)
@@ -164,13 +165,14 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
     duty_factor = straightness = nan
     if stance is not None:
         straightness = stance.straightness
-        turned = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
-        duty_factor = float(np.mean(turned)) if turned.size else nan
+        is_stance = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
+        duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
     worst = [nan] * 4
     if errors is not None:
         mu = errors.transmission_angles
-        worst = [-_worst((-np.minimum(mu, np.pi - mu)).ravel())]
-        worst += map(_worst, (errors.residuals, errors.angle_errors, errors.foot_errors))
+        worst_mu = -_worst((-np.minimum(mu, np.pi - mu)).ravel())
+        worst = [worst_mu, _worst(errors.residuals)]
+        worst += [_worst(errors.angle_errors), _worst(errors.foot_errors)]
     return LegFigures(
         turns,
         float(stride),
@@ -212,6 +214,6 @@ def _stance(linkage: Linkage) -> Stance | None:
         return None
 
 
-def _worst(values: FloatArray) -> float:
-    worst = np.fmax.reduce(values, initial=-inf)
+def _worst(errors: FloatArray) -> float:
+    worst = np.fmax.reduce(errors, initial=-inf)
     return nan if worst == -inf else float(worst)

@@ -36,16 +36,18 @@ def median(values: FloatArray) -> float:
 
 def merge_intervals(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
     """Return sorted intervals [ns], overlapping ones merged."""
-    found: list[Interval] = []
-    bounded = (
-        [max(-LAST_TIME, min(time, LAST_TIME)) for time in interval] for interval in intervals
-    )
+    merged: list[Interval] = []
+    bounded = [(_bounded(begin), _bounded(end)) for begin, end in intervals]
     for begin, end in sorted(bounded):
-        if found and begin <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], end)
+        if merged and begin <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], end)
         elif begin <= end:
-            found.append((begin, end))
-    return tuple(found)
+            merged.append((begin, end))
+    return tuple(merged)
+
+
+def _bounded(time: int) -> int:
+    return max(-LAST_TIME, min(time, LAST_TIME))
 
 
 def overlaps(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) -> BoolArray:
@@ -55,8 +57,8 @@ def overlaps(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]) ->
     starts, stops = np.array(intervals, dtype=np.int64).T
     # Only the first interval that ends at the begin or later can overlap.
     first = np.searchsorted(stops, begins)
-    known = first < len(intervals)
-    touched: BoolArray = known & (starts[np.where(known, first, 0)] <= ends)
+    exists = first < len(intervals)
+    touched: BoolArray = exists & (starts[np.where(exists, first, 0)] <= ends)
     return touched
 
 
@@ -69,9 +71,9 @@ def covered_time(begins: IntArray, ends: IntArray, intervals: Sequence[Interval]
 
     def until(times: IntArray) -> IntArray:
         count = np.searchsorted(starts, times, side='right')
-        rest = np.maximum(stops[np.maximum(count, 1) - 1] - times, 0)
-        found: IntArray = before[count] - np.where(count > 0, rest, 0)
-        return found
+        remaining = np.maximum(stops[np.maximum(count, 1) - 1] - times, 0)
+        covered: IntArray = before[count] - np.where(count > 0, remaining, 0)
+        return covered
 
     return until(ends) - until(begins)
 
@@ -118,14 +120,20 @@ def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
     if len(first) == len(second) and (first == second).all() and is_monotonic(first):
         rows = np.arange(len(first), dtype=np.intp)
         return rows, rows
-    a, b = (np.argsort(stamps, kind='stable') for stamps in (first, second))
-    ordered = first[a], second[b]
-    a, b = (
-        rows[np.equal(*(_counts(stamps, each) for each in ordered))]
-        for rows, stamps in zip((a, b), ordered, strict=True)
-    )
-    by_b = np.argsort(b, kind='stable')
-    return a[by_b], b[by_b]
+    first_rows = np.argsort(first, kind='stable')
+    second_rows = np.argsort(second, kind='stable')
+    first_stamps = first[first_rows]
+    second_stamps = second[second_rows]
+    first_rows = first_rows[_have_equal_counts(first_stamps, first_stamps, second_stamps)]
+    second_rows = second_rows[_have_equal_counts(second_stamps, first_stamps, second_stamps)]
+    order = np.argsort(second_rows, kind='stable')
+    return first_rows[order], second_rows[order]
+
+
+def _have_equal_counts(stamps: IntArray, first: IntArray, second: IntArray) -> BoolArray:
+    """Return whether each stamp is as often among the first as among the second, both sorted."""
+    equal: BoolArray = _counts(stamps, first) == _counts(stamps, second)
+    return equal
 
 
 def alone(stamps: IntArray) -> IndexArray:
@@ -143,17 +151,18 @@ def match_stamps(stamps: IntArray, single: IntArray) -> tuple[IndexArray, IndexA
     # Usually sorted; intersect1d needs five times the memory.
     order = None if is_monotonic(single) else np.argsort(single, kind='stable')
     ordered = single if order is None else single[order]
-    place = np.searchsorted(ordered, stamps)
-    np.minimum(place, len(ordered) - 1, out=place)
-    known = np.flatnonzero(ordered[place] == stamps)
-    return known, place[known] if order is None else order[place[known]]
+    indices = np.searchsorted(ordered, stamps)
+    np.minimum(indices, len(ordered) - 1, out=indices)
+    matched = np.flatnonzero(ordered[indices] == stamps)
+    return matched, indices[matched] if order is None else order[indices[matched]]
 
 
 def isin(stamps: IntArray, among: IntArray) -> BoolArray:
     """Return whether each stamp is in `among`, as np.isin."""
-    found = np.zeros(len(stamps), dtype=bool)
-    found[match_stamps(stamps, among if is_monotonic(among) else np.unique(among))[0]] = True
-    return found
+    is_among = np.zeros(len(stamps), dtype=bool)
+    matched, _ = match_stamps(stamps, among if is_monotonic(among) else np.unique(among))
+    is_among[matched] = True
+    return is_among
 
 
 class StampCounts(NamedTuple):
@@ -173,8 +182,8 @@ def count_stamps(first: IntArray, second: IntArray) -> StampCounts:
 
 def _counts(stamps: IntArray, ordered: IntArray) -> IndexArray:
     """Return how often each stamp is among sorted ones."""
-    begins, ends = (np.searchsorted(ordered, stamps, side=side) for side in ('left', 'right'))
-    counts: IndexArray = ends - begins
+    ends = np.searchsorted(ordered, stamps, side='right')
+    counts: IndexArray = ends - np.searchsorted(ordered, stamps, side='left')
     return counts
 
 
@@ -187,7 +196,8 @@ CLOCK = '/clock'
 # Log times are simulated if they agree with /clock in the median [s].
 _CLOCK_TOLERANCE = 0.5
 # A paused simulation: largest rate of simulated time, shortest duration [s].
-_MAX_PAUSE_RATE, _MIN_PAUSE = 0.1, 0.05
+_MAX_PAUSE_RATE = 0.1
+_MIN_PAUSE = 0.05
 
 
 def is_time_of_log(clock: Series) -> bool:
@@ -204,12 +214,12 @@ def is_simulated(series: Series, clock: Series) -> bool:
 
 def offsets(series: Series, clock: Series) -> FloatArray:
     """Return the offsets of the stamps to /clock at their log times [s]."""
-    start, zero = int(clock.times[0]), int(clock.stamps[0])
-    since, shown = (clock.times - start) / 1e9, (clock.stamps - zero) / 1e9
-    found: FloatArray = (series.stamps - zero) / 1e9 - np.interp(
-        (series.times - start) / 1e9, since, shown
-    )
-    return found
+    start = int(clock.times[0])
+    start_stamp = int(clock.stamps[0])
+    log_times = (clock.times - start) / 1e9
+    clock_times = (clock.stamps - start_stamp) / 1e9
+    simulated = np.interp((series.times - start) / 1e9, log_times, clock_times)
+    return np.asarray((series.stamps - start_stamp) / 1e9 - simulated)
 
 
 def resolution(clock: Series) -> float:
@@ -221,7 +231,8 @@ def resolution(clock: Series) -> float:
 
 def pauses(clock: Series) -> Iterator[Interval]:
     """Yield the pauses of simulated time, log times [ns]."""
-    passed, shown = (np.diff(times) / 1e9 for times in (clock.times, clock.stamps))
-    stood = (shown <= 0.0) | ((passed > _MIN_PAUSE) & (shown < _MAX_PAUSE_RATE * passed))
-    for row in np.flatnonzero(stood).tolist():
+    steps = time_steps(clock.times)
+    simulated_steps = time_steps(clock.stamps)
+    is_slow = (steps > _MIN_PAUSE) & (simulated_steps < _MAX_PAUSE_RATE * steps)
+    for row in np.flatnonzero((simulated_steps <= 0.0) | is_slow).tolist():
         yield int(clock.times[row]), int(clock.times[row + 1])

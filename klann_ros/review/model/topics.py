@@ -128,7 +128,8 @@ _REGULAR_PERCENTILE = 90.0
 _DEFAULT_LIMITS = Limits()
 # A bursty topic has no rate: its regular intervals cover less than this share of the time, and on
 # average less than this between two gaps [s].
-_MIN_REGULAR_SHARE, _MIN_REGULAR_TIME = 0.25, 0.5
+_MIN_REGULAR_SHARE = 0.25
+_MIN_REGULAR_TIME = 0.5
 # A gap is a loss if this share of its possible messages is known to be missing.
 _LOSS_SHARE = 0.5
 
@@ -170,11 +171,11 @@ def find_gaps(topic: TopicRecording, limits: Limits, resolution: float = 0.0) ->
     starts = np.array([topic.first or topic.times[0], *topic.restarts[:, 1]])
     last_start = starts[np.searchsorted(starts, topic.times[rows], side='right') - 1]
     rows = rows[topic.times[rows] - last_start >= limits.start_time * 1e9]
-    restarts = {begin for begin, _ in topic.restarts.tolist()}
-    lost = {begin: count for begin, _, count in topic.missing.tolist()}
+    restarts = set(topic.restarts[:, 0].tolist())
+    lost_counts = {begin: count for begin, _, count in topic.missing.tolist()}
     for begin, end in zip(topic.times[rows].tolist(), topic.times[rows + 1].tolist(), strict=True):
         gap = Gap(begin, end, (topic.name,), max_interval, begin in restarts)
-        if lost.get(begin, 0) * period < _LOSS_SHARE * gap.length:
+        if lost_counts.get(begin, 0) * period < _LOSS_SHARE * gap.length:
             yield gap
 
 

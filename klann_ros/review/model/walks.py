@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 import numpy as np
@@ -11,7 +11,8 @@ from .recording import WalkRecording
 from .times import Series
 
 # Smallest number of messages, and shortest distance [m], of a walk.
-_MIN_MESSAGES, _MIN_DISTANCE = 10, 0.05
+_MIN_MESSAGES = 10
+_MIN_DISTANCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -36,50 +37,65 @@ def walk_figures(walk: WalkRecording) -> WalkFigures:
 
 
 def _odometry(walk: WalkRecording) -> dict[str, Any]:
-    odometry, truth = walk.odometry, walk.truth
+    odometry = walk.odometry
+    truth = walk.truth
     if len(truth) < _MIN_MESSAGES or len(odometry) < _MIN_MESSAGES:
-        few = len(odometry) < _MIN_MESSAGES
-        return {} if few else {'distance': _distance_travelled(odometry.values)}
-    within = (odometry.stamps >= truth.stamps.min()) & (odometry.stamps <= truth.stamps.max())
-    if np.count_nonzero(within) < _MIN_MESSAGES:
+        if len(odometry) < _MIN_MESSAGES:
+            return {}
+        return {'distance': _distance_travelled(odometry.values)}
+    is_common = (odometry.stamps >= truth.stamps.min()) & (odometry.stamps <= truth.stamps.max())
+    if np.count_nonzero(is_common) < _MIN_MESSAGES:
         return {'distance': _distance_travelled(truth.values)}
-    there = _interpolate(truth, odometry.stamps[within])
-    apart = _relative_to(odometry.values[within]) - _relative_to(there)
-    distance = np.hypot(apart[:, 0], apart[:, 1])
-    heading = np.abs(np.unwrap(apart[:, 2]))
-    worst = int(np.argmax(distance))
+    true_poses = _interpolate(truth, odometry.stamps[is_common])
+    errors = _relative_to(odometry.values[is_common]) - _relative_to(true_poses)
+    position_errors = np.hypot(errors[:, 0], errors[:, 1])
+    heading_errors = np.abs(np.unwrap(errors[:, 2]))
+    worst = int(np.argmax(position_errors))
     return {
-        'distance': _distance_travelled(there),
-        'odometry_error': float(distance[worst]),
-        'heading_error': float(heading.max()),
-        'odometry_time': int(odometry.times[within][worst]),
+        'distance': _distance_travelled(true_poses),
+        'odometry_error': float(position_errors[worst]),
+        'heading_error': float(heading_errors.max()),
+        'odometry_time': int(odometry.times[is_common][worst]),
     }
 
 
+class _CrankLag(NamedTuple):
+    """The lag of a crank behind its commands."""
+
+    lags: FloatArray  # [rad]; 0 where its angle is unknown
+    command: Series
+
+    @property
+    def worst(self) -> int:
+        """Return the command with the largest lag."""
+        return int(np.argmax(np.abs(self.lags)))
+
+
 def _cranks(walk: WalkRecording) -> dict[str, Any]:
-    behind: list[tuple[FloatArray, Series]] = []
+    crank_lags = []
     for joint, command in walk.commands.items():
         state = walk.states.get(joint)
         if state is None or len(state) < _MIN_MESSAGES or len(command) < _MIN_MESSAGES:
             continue
-        within = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
-        lag = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
-        behind.append((np.where(within, lag, 0.0), command))
-    if not behind:
+        is_known = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
+        lags = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
+        crank_lags.append(_CrankLag(np.where(is_known, lags, 0.0), command))
+    if not crank_lags:
         return {}
-    lag, command = max(behind, key=lambda each: float(np.abs(each[0]).max()))
-    worst = int(np.argmax(np.abs(lag)))
-    found: dict[str, Any] = {
-        'crank_lag': float(np.abs(lag[worst])),
-        'lag_time': int(command.times[worst]),
+    largest = max(crank_lags, key=lambda crank: abs(crank.lags[crank.worst]))
+    figures: dict[str, Any] = {
+        'crank_lag': float(abs(largest.lags[largest.worst])),
+        'lag_time': int(largest.command.times[largest.worst]),
     }
-    (first, base), *others = behind
-    same = [lag for lag, each in others if np.array_equal(each.stamps, base.stamps)]
-    if same:
-        apart = np.abs(np.array(same) - first).max(axis=0)
-        worst = int(np.argmax(apart))
-        found |= {'phase_error': float(apart[worst]), 'phase_time': int(base.times[worst])}
-    return found
+    first, *others = crank_lags
+    stamps = first.command.stamps
+    others = [crank for crank in others if np.array_equal(crank.command.stamps, stamps)]
+    if others:
+        max_errors = np.abs([crank.lags - first.lags for crank in others]).max(axis=0)
+        worst = int(np.argmax(max_errors))
+        figures['phase_error'] = float(max_errors[worst])
+        figures['phase_time'] = int(first.command.times[worst])
+    return figures
 
 
 def body_paths(walk: WalkRecording) -> dict[str, Series]:
@@ -89,17 +105,18 @@ def body_paths(walk: WalkRecording) -> dict[str, Series]:
     if not paths:
         return {}
     begin = np.array([max(int(series.stamps.min()) for series in paths.values())])
-    return {
-        name: replace(series, values=_relative_to(series.values, _interpolate(series, begin)[0]))
-        for name, series in paths.items()
-    }
+    for name, series in paths.items():
+        start = _interpolate(series, begin)[0]
+        paths[name] = replace(series, values=_relative_to(series.values, start))
+    return paths
 
 
 def _interpolate(series: Series, stamps: IntArray) -> FloatArray:
     order = np.argsort(series.stamps, kind='stable')
-    at = (series.stamps[order] - series.stamps[order[0]]) / 1e9
-    asked = (stamps - series.stamps[order[0]]) / 1e9
-    columns = [np.interp(asked, at, column) for column in series.values[order].T]
+    start = series.stamps[order[0]]
+    known_times = (series.stamps[order] - start) / 1e9
+    times = (stamps - start) / 1e9
+    columns = [np.interp(times, known_times, column) for column in series.values[order].T]
     return np.column_stack(columns)
 
 
@@ -107,13 +124,14 @@ def _relative_to(poses: FloatArray, start: FloatArray | None = None) -> FloatArr
     """Return poses (x, y, yaw) relative to one, or to the first."""
     start = poses[0] if start is None else start
     x, y, yaw = (poses - start).T
-    cosine, sine = np.cos(start[2]), np.sin(start[2])
+    cosine = np.cos(start[2])
+    sine = np.sin(start[2])
     return np.column_stack([cosine * x + sine * y, cosine * y - sine * x, yaw])
 
 
 def _distance_travelled(poses: FloatArray) -> float:
     """Return the length of a path; NaN below the sway of a body."""
     # A subset of the poses, as the noise of each adds up.
-    some = np.vstack([poses[:: max(1, len(poses) // 200)], poses[-1:]])
-    length = float(np.hypot(*np.diff(some[:, :2], axis=0).T).sum())
+    samples = np.vstack([poses[:: max(1, len(poses) // 200)], poses[-1:]])
+    length = float(np.hypot(*np.diff(samples[:, :2], axis=0).T).sum())
     return length if length >= _MIN_DISTANCE else nan

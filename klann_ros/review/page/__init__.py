@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
-from itertools import starmap
 from math import degrees
 from pathlib import Path
 from string import Template
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from klann_ros.review.model.compare import Comparison
 from klann_ros.review.model.poses import LegFigures
@@ -96,8 +95,10 @@ _MARKS = {Severity.ERROR: '✕', Severity.WARNING: '!', Severity.NOTE: 'i'}
 
 def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
     """Return the runs and their verdicts."""
-    runs = joined(_run(review, n) for n, review in enumerate(reviews))
-    faults = sum(finding.is_fault for review in reviews for finding in review.findings)
+    runs = joined(_run(review, index) for index, review in enumerate(reviews))
+    faults = 0
+    for review in reviews:
+        faults += sum(finding.is_fault for finding in review.findings)
     verdicts = [_verdict(faults, 'finding', 'Healthy', 'nothing found')]
     if comparison is not None:
         count = len(comparison.differences)
@@ -107,78 +108,74 @@ def header(reviews: Sequence[Review], comparison: Comparison | None) -> Markup:
 
 def findings(reviews: Sequence[Review]) -> Markup:
     """Return the findings by falling severity; those with a time are buttons that lead there."""
-    return joined(
-        element(
-            'section',
-            element('h2', _of_run('Findings', n, len(reviews))),
-            element('ul', *map(_finding, review.findings), class_='findings'),
-        )
-        for n, review in enumerate(reviews)
-        if review.findings
-    )
+    sections = []
+    for index, review in enumerate(reviews):
+        if review.findings:
+            heading = element('h2', _of_run('Findings', index, len(reviews)))
+            list_ = element('ul', *map(_finding, review.findings), class_='findings')
+            sections.append(element('section', heading, list_))
+    return joined(sections)
 
 
 def differences(comparison: Comparison | None) -> Markup:
     """Return the differences of two runs, and the parts that could not be compared."""
     if comparison is None:
         return Markup()
-    items = []
-    for found in comparison.differences:
-        text = element('span', located(found.leg, found.text))
-        items.append(element('li', element('strong', found.what), ' ', text, class_='warning'))
-    content = element('ul', *items, class_='findings')
-    if not items:
-        content = element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
-    remarks = (element('p', remark, class_='quiet') for remark in comparison.remarks)
-    return element('section', element('h2', 'Differences'), content, *remarks)
+    lines = []
+    for difference in comparison.differences:
+        text = element('span', located(difference.leg, difference.text))
+        what = element('strong', difference.what)
+        lines.append(element('li', what, ' ', text, class_='warning'))
+    list_ = element('ul', *lines, class_='findings')
+    if not lines:
+        list_ = element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
+    remarks = [element('p', remark, class_='quiet') for remark in comparison.remarks]
+    return element('section', element('h2', 'Differences'), list_, *remarks)
 
 
 def topics(reviews: Sequence[Review]) -> Markup:
     """Return a table of the topics."""
-    return joined(
-        element(
-            'section',
-            element('h2', name),
-            scrolling_table(name, _TOPIC_HEADS, map(_topic, review.topics)),
-            _legend(review.topics),
-        )
-        for n, review in enumerate(reviews)
-        for name in [_of_run('Topics', n, len(reviews))]
-    )
+    sections = []
+    for index, review in enumerate(reviews):
+        title = _of_run('Topics', index, len(reviews))
+        table = scrolling_table(title, _TOPIC_HEADS, map(_topic, review.topics))
+        heading = element('h2', title)
+        sections.append(element('section', heading, table, _legend(review.topics)))
+    return joined(sections)
 
 
-def _run(review: Review, n: int) -> Markup:
+def _run(review: Review, index: int) -> Markup:
     recording = review.recording
-    began = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
+    start = datetime.fromtimestamp(recording.start / 1e9, timezone.utc)
     size = sum(size for _, size in recording.files) / 1e6
-    about = f'{began:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
-    key = element('span', class_=f'key key-{n}', aria_hidden='true')
+    facts = f'{start:%Y-%m-%d %H:%M:%S} UTC · {recording.duration:.2f} s · {size:.1f} MB'
+    key = element('span', class_=f'key key-{index}', aria_hidden='true')
     path = element('strong', recording.path, class_='path')
-    return element('p', key, path, ' ', element('span', about))
+    return element('p', key, path, ' ', element('span', facts))
 
 
-def _verdict(count: int, what: str, none: str, meaning: str) -> Markup:
+def _verdict(count: int, noun: str, good: str, meaning: str) -> Markup:
     if not count:
-        head = element('strong', f'✓ {none}')
+        head = element('strong', f'✓ {good}')
         return element('p', head, element('span', meaning), class_='verdict good')
-    head = element('strong', f'! {counted(count, what)}')
+    head = element('strong', f'! {counted(count, noun)}')
     return element('p', head, element('span', 'see below'), class_='verdict bad')
 
 
 def _finding(finding: Finding) -> Markup:
     kind = finding.severity.name.lower()
     mark = element('span', _MARKS[finding.severity], class_='mark', aria_hidden='true')
-    parts = [
+    text = [
         element('strong', f'{finding.severity.name.capitalize()}: {finding.check}'),
         ' ',
         element('span', located(finding.leg, finding.text)),
         element('em', finding.meaning),
     ]
     if finding.time is None:
-        return element('li', mark, element('div', *parts), class_=kind)
-    when = element('span', f'at {finding.time:.3f} s →', class_='when')
+        return element('li', mark, element('div', *text), class_=kind)
+    time = element('span', f'at {finding.time:.3f} s →', class_='when')
     data = {'data_time': repr(finding.time), 'data_leg': printable(finding.leg)}
-    button = element('button', *parts, when, type='button', **data)
+    button = element('button', *text, time, type='button', **data)
     return element('li', mark, button, class_=kind)
 
 
@@ -200,54 +197,59 @@ def _topic(topic: TopicFigures) -> Sequence[str]:
     )
 
 
-def _of_run(what: str, n: int, of: int) -> str:
-    return f'{what} of run {"AB"[n]}' if of > 1 else what
+def _of_run(title: str, index: int, run_count: int) -> str:
+    return f'{title} of run {"AB"[index]}' if run_count > 1 else title
 
 
 def figures(reviews: Sequence[Review]) -> Markup:
     """Return the key figures of every leg, of two runs both: tiles of one, a table of several."""
-    legs = [
-        (_leg_title(leg.recording.title, n, len(reviews)), leg)
-        for n, review in enumerate(reviews)
-        for leg in review.legs
-    ]
-    if not legs:
+    rows: dict[str, list[_Figure]] = {}
+    sources: dict[str, str] = {}
+    for index, review in enumerate(reviews):
+        for leg in review.legs:
+            title = _leg_title(leg.recording.title, index, len(reviews))
+            rows[title] = [*_figures(leg.figures)]
+            if leg.recording.solver.source:
+                sources[title] = leg.recording.solver.source
+    if not rows:
         return Markup()
-    rows = [(title, list(_figures(leg.figures))) for title, leg in legs]
-    if len(legs) > 1:
-        heads = ['Leg', *(f'{name}, {unit}' for name, _, unit in rows[0][1])]
-        texts = ([title, *(value for _, value, _ in row)] for title, row in rows)
-        content = scrolling_table('Figures', heads, texts)
+    first_row = next(iter(rows.values()))
+    if len(rows) > 1:
+        heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in first_row)]
+        cells = [[title, *(figure.text for figure in row)] for title, row in rows.items()]
+        table = scrolling_table('Figures', heads, cells)
     else:
-        content = element('dl', *starmap(_tile, rows[0][1]), class_='tiles')
-    sources = {title: leg.recording.solver.source for title, leg in legs}
-    known = {title: source for title, source in sources.items() if source}
-    if len(set(known.values())) == 1:
+        table = element('dl', *map(_tile, first_row), class_='tiles')
+    if len(set(sources.values())) == 1:
         # Once where all legs have their geometry from there.
-        known = {'': next(iter(known.values()))}
-    lines = (
-        f'{title}{": " * bool(title)}the geometry is that of {source}.'
-        for title, source in known.items()
-    )
-    return element(
-        'section',
-        element('h2', 'Figures'),
-        content,
-        *(element('p', line, class_='quiet') for line in lines),
-    )
+        sources = {'': next(iter(sources.values()))}
+    lines = []
+    for title, source in sources.items():
+        prefix = f'{title}: ' if title else ''
+        lines.append(element('p', f'{prefix}the geometry is that of {source}.', class_='quiet'))
+    return element('section', element('h2', 'Figures'), table, *lines)
 
 
-def _leg_title(title: str, n: int, of: int) -> str:
-    return ', '.join(filter(None, (_of_run('', n, of).removeprefix(' of '), title)))
+def _leg_title(title: str, index: int, run_count: int) -> str:
+    run = f'run {"AB"[index]}' if run_count > 1 else ''
+    return ', '.join(filter(None, (run, title)))
 
 
-def _tile(name: str, value: str, unit: str) -> Markup:
-    shown = element('dd', element('b', value), ' ', element('span', unit))
-    return element('div', element('dt', name), shown)
+class _Figure(NamedTuple):
+    """A figure of a leg."""
+
+    name: str
+    text: str
+    unit: str
 
 
-def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
-    for name, value, form, unit in (
+def _tile(figure: _Figure) -> Markup:
+    cell = element('dd', element('b', figure.text), ' ', element('span', figure.unit))
+    return element('div', element('dt', figure.name), cell)
+
+
+def _figures(figures: LegFigures) -> Iterator[_Figure]:
+    for name, figure, form, unit in (
         ('Turns', figures.turns, '.3f', 'of the crank'),
         ('Stride', 1e3 * figures.stride, '.1f', 'mm'),
         ('Lift', 1e3 * figures.lift, '.1f', 'mm'),
@@ -256,4 +258,4 @@ def _figures(figures: LegFigures) -> Iterator[tuple[str, str, str]]:
         ('Transmission', degrees(figures.worst_transmission_angle), '.1f', 'deg from in line'),
         ('Residual', figures.worst_residual, '.1e', 'm, worst'),
     ):
-        yield name, number(value, form), unit
+        yield _Figure(name, number(figure, form), unit)

@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 Packed = dict[str, Any]
 
 # The largest of 32 bits, and the mark of a missing number.
-_MAX_INT32, _MISSING = 2**31 - 1, -(2**31)
+_MAX_INT32 = 2**31 - 1
+_MISSING = -(2**31)
 _FULL_TURN = 2.0 * pi
 # Bytes of a number in the page, before base64.
 _NUMBER_SIZE = 4
@@ -44,10 +45,10 @@ def run_data(review: Review, max_bytes: float) -> dict[str, Any]:
     }
 
 
-def pack_floats(values: NDArray[Any]) -> Packed:
+def pack_floats(numbers: NDArray[Any]) -> Packed:
     """Pack numbers as float32; NaN stays NaN."""
     with np.errstate(over='ignore'):
-        return _packed('f32', values.astype('<f4'))
+        return _packed('f32', numbers.astype('<f4'))
 
 
 def pack_times(seconds: FloatArray) -> Packed:
@@ -58,10 +59,10 @@ def pack_times(seconds: FloatArray) -> Packed:
 def pack_angles(radians: FloatArray) -> Packed:
     """Pack angles modulo a turn, to 2^-32 of it: 1.5e-9 rad, less than 1e-8 of any length."""
     with np.errstate(invalid='ignore', over='ignore'):
-        parts = radians / _FULL_TURN
+        turns = radians / _FULL_TURN
         # With more turns, a double has no fraction.
-        parts = np.where(np.abs(parts) <= _MAX_INT32, parts - np.round(parts), np.nan)
-        return _scaled(parts * _FULL_TURN, _FULL_TURN / 2.0**32)
+        fractions = np.where(np.abs(turns) <= _MAX_INT32, turns - np.round(turns), np.nan)
+        return _scaled(fractions * _FULL_TURN, _FULL_TURN / 2.0**32)
 
 
 def pack_turns(radians: FloatArray) -> Packed:
@@ -70,11 +71,11 @@ def pack_turns(radians: FloatArray) -> Packed:
         return _scaled(np.round(radians / _FULL_TURN), 1.0)
 
 
-def _scaled(values: FloatArray, scale: float) -> Packed:
+def _scaled(numbers: FloatArray, scale: float) -> Packed:
     with np.errstate(invalid='ignore', over='ignore'):
-        counts = np.round(values / scale)
-        known = np.abs(counts) <= _MAX_INT32 + 1.0
-    counts = np.where(known, np.clip(counts, -_MAX_INT32, _MAX_INT32), _MISSING)
+        counts = np.round(numbers / scale)
+        is_valid = np.abs(counts) <= _MAX_INT32 + 1.0
+    counts = np.where(is_valid, np.clip(counts, -_MAX_INT32, _MAX_INT32), _MISSING)
     return {**_packed('i32', counts.astype('<i4')), 'scale': scale}
 
 
@@ -97,7 +98,9 @@ def thin_rows(
     even = np.linspace(0, count - 1, half).astype(np.intp)
     parts = max(half // (2 * max(len(columns), 1)), 1)
     rows = [even, np.asarray(needed, dtype=np.intp)]
-    rows += [_maxima(signed, parts) for column in columns for signed in (column, -column)]
+    for column in columns:
+        rows.append(_maxima(column, parts))
+        rows.append(_maxima(-column, parts))
     thinned: IndexArray = np.unique(np.concatenate(rows))
     return thinned
 
@@ -105,17 +108,18 @@ def thin_rows(
 def _maxima(column: FloatArray, parts: int) -> IndexArray:
     """Return the row of the largest value of each part, without NaN."""
     size = -(-len(column) // parts)
-    known = np.where(np.isnan(column), -np.inf, column)
-    whole = len(known) // size
-    table = known[slice(whole * size)].reshape(whole, size)
+    numbers = np.where(np.isnan(column), -np.inf, column)
+    whole = len(numbers) // size
+    table = numbers[slice(whole * size)].reshape(whole, size)
     rows: IndexArray = np.arange(whole) * size + table.argmax(axis=1)
-    rest = known[slice(whole * size, None)]
-    return np.append(rows, whole * size + rest.argmax()) if rest.size else rows
+    remainder = numbers[slice(whole * size, None)]
+    return np.append(rows, whole * size + remainder.argmax()) if remainder.size else rows
 
 
 def _leg(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
     recording = leg.recording
-    solver, start = recording.solver, review.recording.start
+    solver = recording.solver
+    start = review.recording.start
     rows = _pose_rows if len(recording.poses) else _foot_rows
     return {
         'title': printable(recording.title),
@@ -138,16 +142,21 @@ def drawing_data(leg: AnyLeg) -> dict[str, Any]:
     path = linkage_foot_path(leg.linkage)
     if path is None:
         return {**leg_shape(leg), 'path': None}
-    packed = [pack_floats(s) for s in path.h.T]
-    return {**leg_shape(leg), 'path': packed, 'closed': path.full_turn}
+    return {**leg_shape(leg), 'path': _packed_columns(path.h), 'closed': path.full_turn}
+
+
+def _packed_columns(table: FloatArray) -> list[Packed]:
+    return [pack_floats(column) for column in table.T]
 
 
 def _pose_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
     """Return a leg's poses, with foot, velocities, residual and transmission angles of each."""
-    poses, rates = leg.recording.poses, leg.recording.rates
+    poses = leg.recording.poses
+    rates = leg.recording.rates
     count = len(poses)
     feet = leg.recording.paired_feet()
-    residuals, mu = np.full(count, np.nan), np.empty((count, 0))
+    residuals = np.full(count, np.nan)
+    mu = np.empty((count, 0))
     if leg.errors is not None:
         residuals = leg.for_all_poses(leg.errors.residuals)
         mu = leg.for_all_poses(leg.errors.transmission_angles)
@@ -157,20 +166,20 @@ def _pose_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, 
     # Beside the columns: time, whole turns of the crank, and their fraction.
     max_rows = int(max_bytes / (_NUMBER_SIZE * (3 + len(columns))))
     gaps = _gaps(poses.times, review.limits)
-    rows = thin_rows(count, columns, max_rows, [*gaps, *(gaps + 1), *_found(leg, review)])
-    values = poses.values[rows]
+    rows = thin_rows(count, columns, max_rows, [*gaps, *(gaps + 1), *_finding_rows(leg, review)])
+    angles = poses.values[rows]
+    packed_angles = []
+    for column, slides in zip(angles.T, leg.recording.solver.slides, strict=True):
+        packed_angles.append(pack_floats(column) if slides else pack_angles(column))
     return {
         'of': count,
         'times': pack_times((poses.times[rows] - review.recording.start) / 1e9),
-        'turns': pack_turns(values[:, 0]),
-        'angles': [
-            pack_floats(column) if slides else pack_angles(column)
-            for column, slides in zip(values.T, leg.recording.solver.slides, strict=True)
-        ],
-        'rates': [pack_floats(column) for column in rates[rows].T] if has_rates else None,
-        'foot': [pack_floats(column) for column in feet[rows].T],
+        'turns': pack_turns(angles[:, 0]),
+        'angles': packed_angles,
+        'rates': _packed_columns(rates[rows]) if has_rates else None,
+        'foot': _packed_columns(feet[rows]),
         'residuals': pack_floats(residuals[rows]),
-        'transmission': [pack_floats(column) for column in mu[rows].T],
+        'transmission': _packed_columns(mu[rows]),
         # The rows before gaps.
         'gaps': np.searchsorted(rows, gaps).tolist(),
     }
@@ -183,7 +192,7 @@ def _foot_rows(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, 
     return {
         'of': len(feet),
         'times': pack_times((feet.times[rows] - review.recording.start) / 1e9),
-        'foot': [pack_floats(column[rows]) for column in columns],
+        'foot': _packed_columns(feet.values[rows]),
         'gaps': [],
     }
 
@@ -196,7 +205,7 @@ def _gaps(times: IntArray, limits: Limits) -> IndexArray:
     return np.flatnonzero(steps > limits.max_interval(float(np.median(steps))))
 
 
-def _found(leg: ReviewedLeg, review: Review) -> IndexArray:
+def _finding_rows(leg: ReviewedLeg, review: Review) -> IndexArray:
     """Return the poses at the times of findings, which the page links to."""
     seconds = [finding.time for finding in review.findings if finding.time is not None]
     moments = review.recording.start + np.array(seconds) * 1e9
@@ -206,14 +215,15 @@ def _found(leg: ReviewedLeg, review: Review) -> IndexArray:
 
 def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
     """Return a sentence for each chart."""
-    recording, figures = leg.recording, leg.figures
-    names, slides = recording.solver.joint_names, np.array(recording.solver.slides)
+    recording = leg.recording
+    figures = leg.figures
+    names = np.array(recording.solver.joint_names, dtype=object)
+    slides = np.array(recording.solver.slides)
+    turning = names[~slides].tolist()
+    sliding = names[slides].tolist()
+    poses = recording.poses.values.T
     # No rates are recorded, or those of all joints.
-    poses, rates = recording.poses.values.T, recording.rates.T
-    turning, sliding = (
-        [name for name, one in zip(names, slides, strict=True) if one == kind]
-        for kind in (False, True)
-    )
+    rates = recording.rates.T
     iterations = recording.iterations.values[np.isfinite(recording.iterations.values)]
     foot = 'No foot is recorded'
     if len(recording.feet):
@@ -239,16 +249,19 @@ def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
 
 
 def _ranges(names: Iterable[str], rows: Iterable[FloatArray], unit: str) -> str:
-    found = [
-        f'{printable(name)} from {known.min():.4g} to {known.max():.4g} {unit}'
-        for name, values in zip(names, rows, strict=False)
-        if (known := values[np.isfinite(values)]).size
-    ]
-    return '; '.join(found) if found else 'Nothing is recorded'
+    ranges = []
+    for name, row in zip(names, rows, strict=False):
+        numbers = row[np.isfinite(row)]
+        if numbers.size:
+            limits = f'from {numbers.min():.4g} to {numbers.max():.4g} {unit}'
+            ranges.append(f'{printable(name)} {limits}')
+    return '; '.join(ranges) if ranges else 'Nothing is recorded'
 
 
 # Decades of the bins, 1 us to 1000 s, and bins of a decade.
-FIRST, LAST, A_DECADE = -6, 3, 20
+FIRST = -6
+LAST = 3
+A_DECADE = 20
 
 
 def timing(topic: TopicRecording) -> dict[str, Any]:
@@ -283,35 +296,35 @@ def histogram(seconds: NDArray[Any]) -> dict[str, Any]:
 def _sentence(seconds: NDArray[Any], below: int) -> str:
     if not len(seconds):
         return 'There is none.'
-    half, most, longest = (1e3 * float(s) for s in np.percentile(seconds, [50.0, 99.0, 100.0]))
-    are = verb(below, 'is', 'are')
-    rest = f'; {below} {are} below 1 µs or negative, and not drawn' if below else ''
+    p50, p99, longest = (1e3 * np.percentile(seconds, [50.0, 99.0, 100.0])).tolist()
+    undrawn = ''
+    if below:
+        are = verb(below, 'is', 'are')
+        undrawn = f'; {below} {are} below 1 µs or negative, and not drawn'
     if len(seconds) == 1:
-        return f'The only one is {longest:.4g} ms{rest}.'
+        return f'The only one is {longest:.4g} ms{undrawn}.'
     return (
-        f'Half of {len(seconds)} are up to {half:.4g} ms, 99 % up to {most:.4g} ms, '
-        f'the longest is {longest:.4g} ms{rest}.'
+        f'Half of {len(seconds)} are up to {p50:.4g} ms, 99 % up to {p99:.4g} ms, '
+        f'the longest is {longest:.4g} ms{undrawn}.'
     )
 
 
 def _walks(review: Review, max_bytes: float) -> list[dict[str, Any]]:
-    found = zip(review.recording.walks, review.walks, strict=True)
-    walks = [(walk, figures, body_paths(walk)) for walk, figures in found]
+    paths_of_walks = [body_paths(walk) for walk in review.recording.walks]
     # A row has a time, x, y and yaw.
     row_size = 4 * _NUMBER_SIZE
-    max_rows = int(max_bytes / (row_size * max(1, sum(len(paths) for *_, paths in walks))))
+    path_count = sum(map(len, paths_of_walks))
+    max_rows = int(max_bytes / (row_size * max(1, path_count)))
     start = review.recording.start
-    return [
-        {
-            'title': printable(walk.namespace),
-            'text': _walk_text(walk, figures),
-            'lines': [
-                {'name': name, **_line(series, start, max_rows)} for name, series in paths.items()
-            ],
-        }
-        for walk, figures, paths in walks
-        if paths
-    ]
+    walks = []
+    for walk, figures, paths in zip(
+        review.recording.walks, review.walks, paths_of_walks, strict=True
+    ):
+        if paths:
+            title = printable(walk.namespace)
+            lines = [{'name': n, **_line(path, start, max_rows)} for n, path in paths.items()]
+            walks.append({'title': title, 'text': _walk_text(walk, figures), 'lines': lines})
+    return walks
 
 
 def _line(series: Series, start: int, max_rows: int) -> dict[str, Any]:
@@ -326,12 +339,12 @@ def _line(series: Series, start: int, max_rows: int) -> dict[str, Any]:
 
 def _walk_text(walk: WalkRecording, figures: WalkFigures) -> str:
     name = printable(walk.namespace)
-    who = f'The robot {name}' if name else 'The robot'
+    robot = f'The robot {name}' if name else 'The robot'
     if isnan(figures.distance):
-        return f'{who} stays where it is'
+        return f'{robot} stays where it is'
     if isnan(figures.odometry_error):
-        return f'{who} goes {figures.distance:.2f} m'
+        return f'{robot} goes {figures.distance:.2f} m'
     return (
-        f'{who} goes {figures.distance:.2f} m; odometry is up to {figures.odometry_error:.3f} m '
+        f'{robot} goes {figures.distance:.2f} m; odometry is up to {figures.odometry_error:.3f} m '
         f'off the ground truth, and {degrees(figures.heading_error):.1f} deg'
     )

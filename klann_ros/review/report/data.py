@@ -10,7 +10,7 @@ from klann_ros.cli import harmless, write_table
 from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.review.model.answers import Cause
 from klann_ros.review.model.compare import Comparison
-from klann_ros.review.model.review import Review, ReviewedLeg
+from klann_ros.review.model.review import Finding, Review, ReviewedLeg
 from klann_ros.sanitize.text import finite, printable
 import numpy as np
 from numpy.typing import NDArray
@@ -33,44 +33,47 @@ def save_json(review: Review, comparison: Comparison | None, file: BinaryIO) -> 
         'start_time': recording.start / 1e9,
         'duration': recording.duration,
         'healthy': review.is_healthy,
-        'topics': [asdict(topic) for topic in review.topics],
-        'legs': [
-            {
-                'leg': leg.recording.title,
-                'poses': len(leg.recording.poses),
-                'judged_poses': len(leg.evaluated.poses) if leg.errors is not None else 0,
-                'geometry_source': leg.recording.solver.source,
-                **asdict(leg.figures),
-                'crank_angles': _crank_angles(leg),
-            }
-            for leg in review.legs
-        ],
-        'walks': [asdict(walk) for walk in review.walks],
+        'topics': [*map(asdict, review.topics)],
+        'legs': [*map(_leg, review.legs)],
+        'walks': [*map(asdict, review.walks)],
         'limits': asdict(review.limits),
-        'findings': [
-            {**asdict(finding), 'severity': finding.severity.name.lower()}
-            for finding in review.findings
-        ],
+        'findings': [*map(_finding, review.findings)],
     }
     if comparison is not None:
         content['comparison'] = asdict(comparison)
     file.write(f'{json.dumps(finite(content), indent=2)}\n'.encode())
 
 
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {**asdict(finding), 'severity': finding.severity.name.lower()}
+
+
+def _leg(leg: ReviewedLeg) -> dict[str, Any]:
+    return {
+        'leg': leg.recording.title,
+        'poses': len(leg.recording.poses),
+        'judged_poses': len(leg.evaluated.poses) if leg.errors is not None else 0,
+        'geometry_source': leg.recording.solver.source,
+        **asdict(leg.figures),
+        'crank_angles': _crank_angles(leg),
+    }
+
+
 def _crank_angles(leg: ReviewedLeg) -> dict[str, int | None]:
     """Return the counts of a leg's inputs by their answers; None for unknown."""
-    found, left = leg.answers, leg.unanswered
+    answers = leg.answers
+    unanswered = leg.unanswered
     counts: dict[str, int | None] = {
-        'before_the_first_answer': found.early,
-        'asked': found.asked,
-        'answered': found.asked - len(found.rows),
-        'no_angle': len(found.of(Cause.NO_ANGLE)),
-        'out_of_reach': len(found.of(Cause.OUT_OF_REACH)),
-        'unanswered_in_gaps': left.in_gaps,
-        'unanswered_while_unrecorded': left.unrecorded,
-        'unanswered_by_lost_answers': left.lost,
-        'unanswered_unexplained': left.unexplained,
-        'after_the_last_answer': found.late,
+        'before_the_first_answer': answers.early,
+        'asked': answers.asked,
+        'answered': answers.asked - len(answers.rows),
+        'no_angle': len(answers.of(Cause.NO_ANGLE)),
+        'out_of_reach': len(answers.of(Cause.OUT_OF_REACH)),
+        'unanswered_in_gaps': unanswered.in_gaps,
+        'unanswered_while_unrecorded': unanswered.unrecorded,
+        'unanswered_by_lost_answers': unanswered.lost,
+        'unanswered_unexplained': unanswered.unexplained,
+        'after_the_last_answer': answers.late,
     }
     return counts if len(leg.evaluated.cranks) else dict.fromkeys(counts)
 
@@ -99,17 +102,20 @@ def save_csv(review: Review, file: BinaryIO) -> None:
 
 
 def _rows(review: Review) -> Iterator[Sequence[str]]:
-    units, several = _units(review.legs), len(review.legs) > 1
-    yield [*['leg'] * several, 'log_time [s]', 'stamp [s]', *_heads(units)]
+    units = _units(review.legs)
+    has_titles = len(review.legs) > 1
+    yield [*['leg'] * has_titles, 'log_time [s]', 'stamp [s]', *_heads(units)]
     for leg in review.legs:
-        poses, title = leg.recording.poses, harmless(printable(leg.recording.title))
+        poses = leg.recording.poses
+        titles = [harmless(printable(leg.recording.title))] * has_titles
         columns = _columns(leg, units)
         for begin in range(0, len(poses), _BLOCK):
-            rows = slice(begin, begin + _BLOCK)
-            times, stamps = _seconds(poses.times[rows]), _seconds(poses.stamps[rows])
-            numbers = np.column_stack([column[rows] for column in columns]).tolist()
-            for time, stamp, values in zip(times, stamps, numbers, strict=True):
-                yield [*[title] * several, time, stamp, *map(_text, values)]
+            block = slice(begin, begin + _BLOCK)
+            times = _seconds(poses.times[block])
+            stamps = _seconds(poses.stamps[block])
+            table = np.column_stack([column[block] for column in columns]).tolist()
+            for time, stamp, numbers in zip(times, stamps, table, strict=True):
+                yield [*titles, time, stamp, *map(_text, numbers)]
 
 
 def pose_arrays(leg: ReviewedLeg) -> dict[str, NDArray[Any]]:
@@ -175,19 +181,19 @@ def _heads(units: Mapping[str, str]) -> list[str]:
 
 def _columns(leg: ReviewedLeg, joints: Iterable[str]) -> list[FloatArray]:
     """Return the columns; NaN for joints of other legs."""
-    recording, names = leg.recording, leg.recording.solver.joint_names
+    recording = leg.recording
+    names = recording.solver.joint_names
     unknown = np.broadcast_to(np.nan, len(recording.poses))
     errors = [unknown, unknown]
     if leg.errors is not None:
-        both = leg.errors.residuals, leg.errors.angle_errors
-        errors = [leg.for_all_poses(values) for values in both]
-    tables = (
-        dict(zip(names, recording.poses.values.T, strict=True)),
-        # Empty unless requested.
-        dict(zip(names, recording.rates.T, strict=False)),
-    )
-    numbers = [table.get(joint, unknown) for table in tables for joint in joints]
-    return [*numbers, *recording.paired_feet().T, *errors]
+        residuals = leg.for_all_poses(leg.errors.residuals)
+        errors = [residuals, leg.for_all_poses(leg.errors.angle_errors)]
+    angles = dict(zip(names, recording.poses.values.T, strict=True))
+    # There are none unless requested.
+    rates = dict(zip(names, recording.rates.T, strict=False))
+    columns = [angles.get(joint, unknown) for joint in joints]
+    columns += [rates.get(joint, unknown) for joint in joints]
+    return [*columns, *recording.paired_feet().T, *errors]
 
 
 def _seconds(times: IntArray) -> list[str]:
@@ -198,5 +204,5 @@ def _seconds(times: IntArray) -> list[str]:
     ]
 
 
-def _text(value: float) -> str:
-    return '' if value != value else repr(value)  # noqa: PLR0124 - NaN is not itself
+def _text(number: float) -> str:
+    return '' if number != number else repr(number)  # noqa: PLR0124 - NaN is not itself

@@ -19,7 +19,10 @@ _WORDS = {
 }
 # A longer name moves its own line only.
 _WIDEST = 60
-_GOOD, _HEAD, _FAINT, _DIFFERENT = '1;32', '1', '2', '1;33'
+_GOOD = '1;32'
+_HEAD = '1'
+_FAINT = '2'
+_DIFFERENT = '1;33'
 
 
 def report(review: Review, *, colour: bool = False) -> str:
@@ -29,26 +32,23 @@ def report(review: Review, *, colour: bool = False) -> str:
     size = sum(size for _, size in recording.files) / 1e6
     files = counted(len(recording.files), 'file')
     path = printable(recording.path)
-    lines = [
-        paint(f'{path}: {recording.duration:.2f} s, {files}, {size:.1f} MB', _HEAD),
-        '',
-        *_topics(review.topics, paint),
-        *(line for leg in review.legs for line in _leg(leg, paint)),
-        *(line for walk in review.walks for line in _walk(walk, paint)),
-        '',
-        *_findings(review, paint),
-    ]
+    lines = [paint(f'{path}: {recording.duration:.2f} s, {files}, {size:.1f} MB', _HEAD), '']
+    lines += _topics(review.topics, paint)
+    for leg in review.legs:
+        lines += _leg(leg, paint)
+    for walk in review.walks:
+        lines += _walk(walk, paint)
+    lines += ['', *_findings(review, paint)]
     return '\n'.join(lines)
 
 
 def differences(comparison: Comparison, *, colour: bool = False) -> str:
     """Return in what two runs differ."""
     paint: _Paint = _painted if colour else lambda text, _: text
-    word = paint('DIFFERS', _DIFFERENT)
-    lines = [
-        f'{word} {printable(found.what)}: {located(found.leg, found.text)}'
-        for found in comparison.differences
-    ]
+    lines = []
+    for difference in comparison.differences:
+        text = located(difference.leg, difference.text)
+        lines.append(f'{paint("DIFFERS", _DIFFERENT)} {printable(difference.what)}: {text}')
     if not lines:
         lines = [paint(comparison.alike, _GOOD)]
     return '\n'.join((*lines, *map(printable_line, comparison.remarks)))
@@ -71,7 +71,9 @@ def _topics(topics: Sequence[TopicFigures], paint: _Paint) -> Iterator[str]:
 
 
 def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
-    title, source, figures = leg.recording.title, leg.recording.solver.source, leg.figures
+    title = leg.recording.title
+    source = leg.recording.solver.source
+    figures = leg.figures
     mu = degrees(figures.worst_transmission_angle)
     yield ''
     if title:
@@ -90,18 +92,20 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
 
 
 def _walk(walk: WalkFigures, paint: _Paint) -> Iterator[str]:
-    rows = (
-        ('distance of the body', walk.distance, 1.0, 'm'),
-        ('odometry, worst', walk.odometry_error, 1.0, 'm off the ground truth'),
-        ('heading, worst', walk.heading_error, degrees(1.0), 'deg off the ground truth'),
-        ('crank, worst', walk.crank_lag, degrees(1.0), 'deg off its command'),
-        ('phase of two cranks, worst', walk.phase_error, degrees(1.0), 'deg off its command'),
-    )
-    known = [(what, value * scale, unit) for what, value, scale, unit in rows if not isnan(value)]
-    if known:
+    lines = []
+    for name, figure, unit in (
+        ('distance of the body', walk.distance, 'm'),
+        ('odometry, worst', walk.odometry_error, 'm off the ground truth'),
+        ('heading, worst', degrees(walk.heading_error), 'deg off the ground truth'),
+        ('crank, worst', degrees(walk.crank_lag), 'deg off its command'),
+        ('phase of two cranks, worst', degrees(walk.phase_error), 'deg off its command'),
+    ):
+        if not isnan(figure):
+            lines.append(f'{name:<28} {figure:>8.3f} {unit}')
+    if lines:
         yield ''
         yield paint(f'walk {printable(walk.namespace.lstrip("/"))}'.rstrip(), _HEAD)
-        yield from (f'{what:<28} {value:>8.3f} {unit}' for what, value, unit in known)
+        yield from lines
 
 
 def _findings(review: Review, paint: _Paint) -> Iterator[str]:
@@ -110,33 +114,32 @@ def _findings(review: Review, paint: _Paint) -> Iterator[str]:
     for finding in review.findings:
         yield from _finding(finding, paint)
     for leg in review.legs:
-        left_out = len(leg.recording.poses) - len(leg.evaluated.poses)
-        if left_out:
-            since = review.since_start(leg.recording.solver.leg_time)
-            text = f'the leg changed during the run; poses before {since:.2f} s were not judged'
+        if len(leg.recording.poses) > len(leg.evaluated.poses):
+            change = review.since_start(leg.recording.solver.leg_time)
+            text = f'the leg changed during the run; poses before {change:.2f} s were not judged'
             yield located(leg.recording.title, text)
 
 
 def _finding(finding: Finding, paint: _Paint) -> Iterator[str]:
-    word, colour = _WORDS[finding.severity]
-    when = '' if finding.time is None else f' (first at {finding.time:.3f} s)'
+    severity, colour = _WORDS[finding.severity]
     text = f'{finding.check}: {located(finding.leg, finding.text)}'
-    yield f'{paint(word, colour)} {text}{when}'
+    if finding.time is not None:
+        text += f' (first at {finding.time:.3f} s)'
+    yield f'{paint(severity, colour)} {text}'
     yield paint(f'    {printable_line(finding.meaning)}', _FAINT)
 
 
 def _nothing(review: Review) -> str:
     """Return what it means that nothing is found: no more than was judged."""
-    evaluated = sum(len(leg.evaluated.poses) for leg in review.legs if leg.errors is not None)
-    if not evaluated:
+    pose_count = sum(len(leg.recording.poses) for leg in review.legs)
+    judged_legs = [leg for leg in review.legs if leg.errors is not None]
+    judged_count = sum(len(leg.evaluated.poses) for leg in judged_legs)
+    if not judged_count:
         return 'nothing found, but no pose was judged'
-    whole = sum(len(leg.recording.poses) for leg in review.legs)
-    which = (
-        'every pose is'
-        if evaluated == whole
-        else f'each of the {counted(evaluated, "judged pose")} is'
-    )
-    return f'nothing found: {which} the right one for its crank angle'
+    poses = 'every pose'
+    if judged_count < pose_count:
+        poses = f'each of the {counted(judged_count, "judged pose")}'
+    return f'nothing found: {poses} is the right one for its crank angle'
 
 
 def _painted(text: str, code: str) -> str:
