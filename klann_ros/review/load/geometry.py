@@ -7,13 +7,14 @@ from dataclasses import replace
 from functools import lru_cache
 import json
 from math import isfinite
+from operator import attrgetter
 import sys
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
-from klann_ros.kinematics.arrays import IndexArray
+from klann_ros.kinematics.arrays import FloatArray, IndexArray
 from klann_ros.log import MessageBlock, SolverParameters, Topic
 from klann_ros.messages import STRING
 from klann_ros.review.model.recording import LegRecording, LegSolver
@@ -36,44 +37,56 @@ def leg_solvers(
     Without a solver in the namespace, the last node of the run counts. A reference robot replaces
     the legs in the run.
     """
-    own = [record for record in records if parent(record.node) == namespace]
-    own = own or [record for record in records if record.node == records[-1].node]
+    local = [record for record in records if parent(record.node) == namespace]
+    local = local or [record for record in records if record.node == records[-1].node]
     # The last parameters of each node count; several nodes may have the same leg.
-    last = {record.node: dict.fromkeys(_names(record.parameters.get('legs'))) for record in own}
-    return {
-        name: _solver([record for record in own if name in last[record.node]], name, reference)
-        for name in dict.fromkeys(name for names in last.values() for name in names)
-    }
+    names_of_nodes = {record.node: _names(record.parameters.get('legs')) for record in local}
+    solvers: dict[str, LegSolver] = {}
+    for names in names_of_nodes.values():
+        for name in names:
+            if name not in solvers:
+                leg_records = [record for record in local if name in names_of_nodes[record.node]]
+                solvers[name] = _solver(leg_records, name, reference)
+    return solvers
 
 
-def _solver(own: Sequence[SolverParameters], name: str, reference: Robot | None) -> LegSolver:
-    values = [of_leg(record.parameters, name) for record in own]
-    legs = [reference_leg(reference, name)] if reference else [*map(_leg, values)]
-    last, source = values[-1], REFERENCE if reference else ''
-    if legs[-1] and not reference:
-        source = f'the parameters of {printable(own[-1].node)}'
-    joint = str(last.get('crank_joint') or LegSolver.crank_joint)
-    direction = _number(last.get('direction'), 1)
-    ratio = _number(last.get(f'cranks.{joint}.encoder_ratio'), 1)
-    zero = _number(last.get(f'cranks.{joint}.zero'), 0.0)
+def _solver(records: Sequence[SolverParameters], name: str, reference: Robot | None) -> LegSolver:
+    parameter_sets = [of_leg(record.parameters, name) for record in records]
+    parameters = parameter_sets[-1]
+    if reference:
+        leg = reference_leg(reference, name)
+        leg_time = 0
+        source = REFERENCE
+    else:
+        legs = [*map(_leg, parameter_sets)]
+        leg = legs[-1]
+        leg_time = _last_change([record.time for record in records], legs)
+        source = f'the parameters of {printable(records[-1].node)}' if leg else ''
+    joint = str(parameters.get('crank_joint') or LegSolver.crank_joint)
+    direction = _number(parameters.get('direction'), 1)
+    ratio = _number(parameters.get(f'cranks.{joint}.encoder_ratio'), 1)
+    zero = _number(parameters.get(f'cranks.{joint}.zero'), 0.0)
     return LegSolver(
         crank_joint=joint,
-        sim_time=any(record.parameters.get('use_sim_time') is True for record in own),
-        leg=legs[-1],
-        leg_time=0 if reference else _last_change([record.time for record in own], legs),
+        sim_time=any(record.parameters.get('use_sim_time') is True for record in records),
+        leg=leg,
+        leg_time=leg_time,
         direction=direction if ratio in (0, 1) else direction / ratio,
-        phase=_number(last.get('phase'), 0.0) - direction * zero,
-        nodes=tuple(dict.fromkeys(record.node for record in own)),
+        phase=_number(parameters.get('phase'), 0.0) - direction * zero,
+        nodes=tuple(dict.fromkeys(record.node for record in records)),
         source=source,
-        joint_separator='_' if last.get('joint_separator') == '_' else '/',
+        joint_separator='_' if parameters.get('joint_separator') == '_' else '/',
     )
 
 
 def _last_change(times: Sequence[int], legs: Sequence[AnyLeg | None]) -> int:
-    """Return the time of the last change of a leg; 0 for none."""
+    """Return the latest time when a leg changed; 0 for none."""
     linkages = [leg and leg.linkage for leg in legs]
-    changes = zip(times[1:], linkages, linkages[1:], strict=False)
-    return max((time for time, before, after in changes if before != after), default=0)
+    last_change = 0
+    for time, linkage, last_linkage in zip(times[1:], linkages[1:], linkages, strict=False):
+        if linkage != last_linkage:
+            last_change = max(last_change, time)
+    return last_change
 
 
 def _names(legs: Any) -> tuple[str, ...]:
@@ -82,9 +95,9 @@ def _names(legs: Any) -> tuple[str, ...]:
     return tuple(names) or ('',)
 
 
-def _number(value: Any, otherwise: float) -> float:
-    number = isinstance(value, int | float) and abs(value) <= sys.float_info.max
-    return value if number else otherwise
+def _number(parameter: Any, default: float) -> float:
+    is_number = isinstance(parameter, int | float) and abs(parameter) <= sys.float_info.max
+    return parameter if is_number else default
 
 
 def parent(name: str) -> str:
@@ -100,13 +113,14 @@ def reference_leg(robot: Robot | None, name: str) -> AnyLeg | None:
 
 def published_legs(names: Sequence[str], joints: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the name and the separator of each leg with all its joints among the names."""
-    known = set(names)
+    published = set(names)
     for name in names:
         head = name.removesuffix(joints[0])
-        prefix, separator = head[:-1], head[-1:] or SEPARATORS[0]
-        is_prefix = head == '' or (prefix and separator in SEPARATORS)
-        if head != name and is_prefix and all(f'{head}{other}' in known for other in joints):
-            yield prefix, separator
+        leg = head[:-1]
+        separator = head[-1:] or SEPARATORS[0]
+        is_prefix = head == '' or (leg and separator in SEPARATORS)
+        if head != name and is_prefix and published.issuperset(head + joint for joint in joints):
+            yield leg, separator
 
 
 def _leg(parameters: Mapping[str, Any]) -> AnyLeg | None:
@@ -132,11 +146,11 @@ def with_dynamics(
     solver = leg.solver
     if robot is not None:
         return replace(solver, dynamics=_dynamics(robot, leg.name))
-    own = [record for record in records if record.node in solver.nodes]
-    if solver.leg is None or not own:
+    leg_records = [record for record in records if record.node in solver.nodes]
+    if solver.leg is None or not leg_records:
         return solver
     # Only this leg matters.
-    parameters = own[-1].without_files
+    parameters = leg_records[-1].without_files
     parameters['legs'] = [leg.name] if leg.name else []
     try:
         return replace(solver, dynamics=_dynamics(robot_from_parameters(parameters), leg.name))
@@ -151,7 +165,8 @@ def _dynamics(robot: Robot, name: str) -> Dynamics | None:
 
 DESCRIPTION = 'robot_description'
 # Longest description that is read [characters], and bytes of its message beside the text.
-MAX_DESCRIPTION_SIZE, _MESSAGE_OVERHEAD = 1024 * 1024, 16
+MAX_DESCRIPTION_SIZE = 1024 * 1024
+_MESSAGE_OVERHEAD = 16
 # Different descriptions of one namespace that are read.
 _MAX_DESCRIPTIONS = 32
 
@@ -168,31 +183,35 @@ class Descriptions:
 
     def __init__(self) -> None:
         self._last: dict[str, bytes] = {}
-        self._found: dict[str, list[_Described]] = defaultdict(list)
+        self._described: dict[str, list[_Described]] = defaultdict(list)
 
     def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
         """Add the descriptions of a topic in a block."""
-        found = self._found[parent(topic.name)]
+        described = self._described[parent(topic.name)]
         for row in rows[block.sizes[rows] <= MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD].tolist():
             data = block.message(row)
             # It is usually repeated.
-            if data != self._last.get(topic.name) and len(found) < _MAX_DESCRIPTIONS:
+            if data != self._last.get(topic.name) and len(described) < _MAX_DESCRIPTIONS:
                 self._last[topic.name] = data
                 time = int(nanoseconds(block.heads['log_time'][[row]])[0])
-                found.append(_Described(time, klann_legs_in_urdf(_text(data))))
+                described.append(_Described(time, klann_legs_in_urdf(_text(data))))
 
     def described(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
         """Return a solver of an unknown leg with the described one, if any."""
-        spaces = [space for space, found in self._found.items() if any(d.legs for d in found)]
+        with_legs = []
+        for described_namespace, descriptions in self._described.items():
+            if any(description.legs for description in descriptions):
+                with_legs.append(described_namespace)
         # A single description holds for every namespace.
-        space = namespace if namespace in spaces or len(spaces) != 1 else spaces[0]
-        found = sorted(self._found.get(space, ()), key=lambda described: described.time)
+        if namespace not in with_legs and len(with_legs) == 1:
+            (namespace,) = with_legs
+        descriptions = sorted(self._described.get(namespace, ()), key=attrgetter('time'))
         assembly = _assembly(poses)
-        legs = [_klann_leg(described.legs.get(name), assembly) for described in found]
+        legs = [_klann_leg(description.legs.get(name), assembly) for description in descriptions]
         if not legs or legs[-1] is None:
             return solver
-        times = [described.time for described in found]
-        source = f'{printable(f"{space}/{DESCRIPTION}")}, assembly mode from its poses'
+        times = [description.time for description in descriptions]
+        source = f'{printable(f"{namespace}/{DESCRIPTION}")}, assembly mode from its poses'
         return replace(solver, leg=legs[-1], leg_time=_last_change(times, legs), source=source)
 
 
@@ -208,8 +227,13 @@ def _assembly(poses: Series) -> tuple[int, int]:
     """Return the assembly mode of most poses of a Klann leg, which no URDF has."""
     _, gamma, beta, delta, theta = poses.values.T
     with np.errstate(over='ignore', invalid='ignore'):
-        sums = [float(np.nansum(np.sign(np.sin(both)))) for both in (gamma + beta, delta + theta)]
-    return (1 if sums[0] >= 0 else -1), (1 if sums[1] >= 0 else -1)
+        front_signs = np.sign(np.sin(gamma + beta))
+        back_signs = np.sign(np.sin(delta + theta))
+    return _majority(front_signs), _majority(back_signs)
+
+
+def _majority(signs: FloatArray) -> int:
+    return 1 if np.nansum(signs) >= 0.0 else -1
 
 
 def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> KlannLeg | None:
@@ -219,7 +243,7 @@ def _klann_leg(numbers: dict[str, float] | None, assembly: tuple[int, int]) -> K
         return None
 
 
-# The joints of a leg by `klann.urdf.xacro`, and the dimensions in their origins, by the places of
+# The joints of a leg by `klann.urdf.xacro`, and the dimensions in their origins, by the indices of
 # x, y, z, roll, pitch and yaw; the other numbers are zero.
 _JOINTS: dict[str, dict[int, str]] = {
     'alpha': {1: 'y_a'},
@@ -253,38 +277,40 @@ def klann_legs_in_urdf(text: str) -> dict[str, dict[str, float]]:
         robot = fromstring(text.encode(), parser)  # noqa: S314 - as above
     except (ParseError, UnicodeEncodeError):
         return {}
-    named = [(joint.get('name', ''), joint) for joint in robot.iterfind('joint')]
-    joints, boxes = dict(named), {}
-    if robot.tag != 'robot' or len(joints) < len(named):
+    elements = robot.findall('joint')
+    joints = {joint.get('name', ''): joint for joint in elements}
+    if robot.tag != 'robot' or len(joints) < len(elements):
         return {}
-    for link in robot.iterfind('link'):
-        boxes[link.get('name')] = link.find('visual/geometry/box')
-    prefixes = (name.removesuffix('alpha') for name in joints if name.endswith('alpha'))
-    found = {}
-    for prefix in (each for each in prefixes if not each or each[-1] in SEPARATORS):
-        # Joints of another robot may have such names.
-        with suppress(KeyError, ValueError):
-            found[prefix[:-1]] = _dimensions(joints, boxes, prefix)
-    return found
+    boxes = {link.get('name'): link.find('visual/geometry/box') for link in robot.iterfind('link')}
+    legs = {}
+    for name in joints:
+        prefix = name.removesuffix('alpha')
+        if prefix != name and (not prefix or prefix[-1] in SEPARATORS):
+            # Joints of another robot may have such names.
+            with suppress(KeyError, ValueError):
+                legs[prefix[:-1]] = _dimensions(joints, boxes, prefix)
+    return legs
 
 
 def _dimensions(
     joints: Mapping[str, Element], boxes: Mapping[str | None, Element | None], prefix: str
 ) -> dict[str, float]:
     """Return the dimensions of the leg whose joints have a prefix; a ValueError for another."""
-    found: dict[str, float] = {}
-    for name, places in _JOINTS.items():
-        origin = joints[f'{prefix}{name}'].find('origin')
-        values = _numbers(origin, 'xyz', '0 0 0') + _numbers(origin, 'rpy', '0 0 0')
-        if any(value for place, value in enumerate(values) if place not in places):
-            raise ValueError(f'{name} is a joint of another robot')
-        found |= {dimension: values[place] for place, dimension in places.items()}
-    found['angle_fgh'] *= -1
-    for name, on in _BAR_LENGTHS.items():
-        child = joints[f'{prefix}{on}'].find('child')
+    dimensions: dict[str, float] = {}
+    for joint, names in _JOINTS.items():
+        origin = joints[f'{prefix}{joint}'].find('origin')
+        numbers = _numbers(origin, 'xyz', '0 0 0') + _numbers(origin, 'rpy', '0 0 0')
+        for index, number in enumerate(numbers):
+            if index in names:
+                dimensions[names[index]] = number
+            elif number:
+                raise ValueError(f'{joint} is a joint of another robot')
+    dimensions['angle_fgh'] *= -1
+    for name, joint in _BAR_LENGTHS.items():
+        child = joints[f'{prefix}{joint}'].find('child')
         box = None if child is None else boxes[child.get('link')]
-        found[name] = _numbers(box, 'size', '')[0]
-    return found
+        dimensions[name] = _numbers(box, 'size', '')[0]
+    return dimensions
 
 
 def _numbers(element: Element | None, name: str, default: str) -> tuple[float, ...]:

@@ -3,6 +3,8 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 
 from klann_ros.log import block_of_messages, HEAD, Message, MessageBlock, SolverParameters, Topic
@@ -13,7 +15,8 @@ from .legs import is_leg_topic
 # Length of the window [s]: a short gap falls into one.
 LENGTH = 1.0
 # Largest window [messages], [bytes].
-MAX_MESSAGES, MAX_BYTES = 40_000, 64_000_000
+MAX_MESSAGES = 40_000
+MAX_BYTES = 64_000_000
 # Largest channel number of a block.
 _MAX_CHANNEL = 2**16 - 1
 
@@ -66,10 +69,8 @@ class Window:
     def set_solver(self, solver: SolverParameters) -> None:
         """Set the parameters of a solver."""
         # The previous one holds for older messages in the window.
-        known = [*self._solvers.get(solver.node, ())[-1:], solver]
-        self._solvers[solver.node] = known
-        records = [each for sets in self._solvers.values() for each in sets]
-        self.solvers = sorted(records, key=lambda each: each.time)
+        self._solvers[solver.node] = [*self._solvers.get(solver.node, ())[-1:], solver]
+        self.solvers = sorted(chain(*self._solvers.values()), key=attrgetter('time'))
 
     def solver(self, node: str) -> SolverParameters | None:
         """Return the parameters of a solver, if known."""
@@ -81,8 +82,8 @@ class Window:
             self._blocks.append(self._block([*self.new]))
             self.new.clear()
         begin = now - round(LENGTH * 1e9)
-        current = (_since(block, begin) for block in self._blocks)
-        self._blocks = deque(block for block in current if len(block))
+        current = [_since(block, begin) for block in self._blocks]
+        self._blocks = deque(filter(len, current))
         self.gaps = tuple(gap for gap in self.gaps if gap[1] >= begin)
         while len(self._blocks) > 1 and self._is_too_much():
             self._blocks.popleft()
@@ -105,12 +106,14 @@ class Window:
         channels = self._channels
         heads = np.zeros(len(messages), HEAD)
         heads['channel'] = numbers = [channels[key][0] for key in ids]
-        heads['sequence'] = [m.sequence & 0xFFFFFFFF for m in messages]
-        heads['log_time'] = [m.log_time for m in messages]
-        heads['publish_time'] = [m.publish_time for m in messages]
-        topics, data = self._topics, [m.data for m in messages]
-        if any(not topic.type for topic in topics.values()):
-            data = [d if topics[n].type else b'' for n, d in zip(numbers, data, strict=True)]
+        heads['sequence'] = [message.sequence & 0xFFFFFFFF for message in messages]
+        heads['log_time'] = [*map(attrgetter('log_time'), messages)]
+        heads['publish_time'] = [*map(attrgetter('publish_time'), messages)]
+        topics = self._topics
+        data = [message.data for message in messages]
+        for index, number in enumerate(numbers):
+            if not topics[number].type:
+                data[index] = b''
         return block_of_messages(heads, data, topics)
 
     def _know(self, topic: Topic) -> None:

@@ -203,20 +203,20 @@ def _of_run(title: str, index: int, run_count: int) -> str:
 
 def figures(reviews: Sequence[Review]) -> Markup:
     """Return the key figures of every leg, of two runs both: tiles of one, a table of several."""
-    rows: dict[str, list[_Figure]] = {}
+    rows: list[tuple[str, list[_Figure]]] = []
     sources: dict[str, str] = {}
     for index, review in enumerate(reviews):
         for leg in review.legs:
             title = _leg_title(leg.recording.title, index, len(reviews))
-            rows[title] = [*_figures(leg.figures)]
+            rows.append((title, [*_figures(leg.figures)]))
             if leg.recording.solver.source:
                 sources[title] = leg.recording.solver.source
     if not rows:
         return Markup()
-    first_row = next(iter(rows.values()))
+    _, first_row = rows[0]
     if len(rows) > 1:
         heads = ['Leg', *(f'{figure.name}, {figure.unit}' for figure in first_row)]
-        cells = [[title, *(figure.text for figure in row)] for title, row in rows.items()]
+        cells = [[title, *(figure.text for figure in row)] for title, row in rows]
         table = scrolling_table('Figures', heads, cells)
     else:
         table = element('dl', *map(_tile, first_row), class_='tiles')
