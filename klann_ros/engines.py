@@ -154,7 +154,7 @@ class _Worker:
         self.connection, remote_end = _SERVER.Pipe()
         arguments = (remote_end, self._function)
         self._process = _SERVER.Process(
-            target=_work, args=arguments, daemon=True, name='klann_ros worker'
+            target=_answer_tasks, args=arguments, daemon=True, name='klann_ros worker'
         )
         # A worker ignores Ctrl-C, which reaches all processes of a terminal; but during its
         # imports it would end with a traceback.
@@ -210,7 +210,7 @@ class _Worker:
         self.connection.close()
 
 
-def _work(connection: Connection, function: _Function) -> None:
+def _answer_tasks(connection: Connection, function: _Function) -> None:
     """Answer tasks until the pipe closes."""
     # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -220,12 +220,12 @@ def _work(connection: Connection, function: _Function) -> None:
         except (EOFError, OSError):
             return
         try:
-            connection.send(_answer(function, item))
+            connection.send(_call(function, item))
         except OSError:
             return
 
 
-def _answer(function: _Function, item: Any) -> Any:
+def _call(function: _Function, item: Any) -> Any:
     try:
         return function(item)
     except Exception as error:
@@ -278,7 +278,7 @@ def _ray_answers(
     jobs: int | None,
     time_limit: float | None,
 ) -> _Answers:
-    remote = ray.remote(max_retries=MAX_TRIES - 1)(_answer)
+    remote = ray.remote(max_retries=MAX_TRIES - 1)(_call)
     shared = ray.put(function)
     workers = jobs or max(1, int(ray.cluster_resources().get('CPU', 1)))
     tasks = enumerate(items)

@@ -30,7 +30,7 @@ _MISSING_PACKAGE = 2
 _DISTRIBUTIONS = {'yaml': 'PyYAML'}
 
 
-def _node(name: str, *, uses_terminal: bool = False) -> int:
+def _run_node(name: str, *, uses_terminal: bool = False) -> int:
     stop = StopSignals(uses_terminal=uses_terminal)
     folder = name.removesuffix('_node')
     try:
@@ -52,7 +52,7 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
     print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
 
 
-def _tool(name: str, module: str, report_failed: int) -> int:
+def _run_tool(name: str, module: str, report_failed: int) -> int:
     """
     Run a command, then print its report.
 
@@ -136,19 +136,19 @@ def _drop_output() -> None:
     os.close(nowhere)
 
 
-solver_node = partial(_node, 'solver_node')
-crank_node = partial(_node, 'crank_node')
-commission_node = partial(_node, 'commission_node', uses_terminal=True)
-walker_node = partial(_node, 'walker_node')
-recorder_node = partial(_node, 'recorder_node')
-player_node = partial(_node, 'player_node', uses_terminal=True)
-view_node = partial(_node, 'view_node')
-sim_node = partial(_node, 'sim_node')
-watchdog_node = partial(_node, 'watchdog_node')
-review = partial(_tool, 'review', 'klann_ros.review.command', report_failed=3)
-recover = partial(_tool, 'recover', 'klann_ros.log.recover_command', report_failed=1)
-export = partial(_tool, 'export', 'klann_ros.export.command', report_failed=3)
-describe = partial(_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)
-calibrate = partial(_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
-exercise = partial(_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)
-design = partial(_tool, 'design', 'klann_ros.design.command', report_failed=3)
+solver_node = partial(_run_node, 'solver_node')
+crank_node = partial(_run_node, 'crank_node')
+commission_node = partial(_run_node, 'commission_node', uses_terminal=True)
+walker_node = partial(_run_node, 'walker_node')
+recorder_node = partial(_run_node, 'recorder_node')
+player_node = partial(_run_node, 'player_node', uses_terminal=True)
+view_node = partial(_run_node, 'view_node')
+sim_node = partial(_run_node, 'sim_node')
+watchdog_node = partial(_run_node, 'watchdog_node')
+review = partial(_run_tool, 'review', 'klann_ros.review.command', report_failed=3)
+recover = partial(_run_tool, 'recover', 'klann_ros.log.recover_command', report_failed=1)
+export = partial(_run_tool, 'export', 'klann_ros.export.command', report_failed=3)
+describe = partial(_run_tool, 'describe', 'klann_ros.datasheet.command', report_failed=3)
+calibrate = partial(_run_tool, 'calibrate', 'klann_ros.calibration.command', report_failed=3)
+exercise = partial(_run_tool, 'exercise', 'klann_ros.exercises.command', report_failed=3)
+design = partial(_run_tool, 'design', 'klann_ros.design.command', report_failed=3)

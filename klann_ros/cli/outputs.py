@@ -47,7 +47,7 @@ class Output:
 
     def save(self, save: Save) -> None:
         """Write the file; an OutputError leaves the previous one."""
-        with output_errors(self.option, self.path), self._opened() as file:
+        with output_errors(self.option, self.path), self._open_temporary() as file:
             save(file)
 
     def write(self, content: bytes) -> None:
@@ -66,20 +66,20 @@ class Output:
             if _is_special(self.path):
                 return
             if is_regular_file(self.path):
-                _check_old(self.path)
+                _check_replaceable(self.path)
             if Path(self.path).is_symlink():
                 raise OutputError('it is a symbolic link: name the file itself')
-            with _new_beside(_place(self.path)) as (descriptor, _):
+            with _temporary_file(_target(self.path)) as (descriptor, _):
                 os.close(descriptor)
 
     def is_file(self, path: str) -> bool:
         """Return whether a path is this file's."""
         if _is_special(self.path):
             return False
-        return is_within(self.path, path) or _place(self.path) == _place(path)
+        return is_within(self.path, path) or _target(self.path) == _target(path)
 
     @contextmanager
-    def _opened(self) -> Iterator[BinaryIO]:
+    def _open_temporary(self) -> Iterator[BinaryIO]:
         if _is_special(self.path):
             # A pipe without a reader is an error; one with a reader may be slow.
             descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
@@ -87,8 +87,8 @@ class Output:
             with os.fdopen(descriptor, 'wb') as file:
                 yield file
             return
-        place = _place(self.path)
-        with _new_beside(place) as (descriptor, beside):
+        place = _target(self.path)
+        with _temporary_file(place) as (descriptor, beside):
             with os.fdopen(descriptor, 'wb') as file:
                 yield file
                 file.flush()
@@ -178,13 +178,13 @@ def save_text(view: Callable[[], str], file: BinaryIO) -> None:
     file.write(view().encode(errors='replace'))
 
 
-def _place(path: str) -> Path:
+def _target(path: str) -> Path:
     """Return the file behind a link, which itself stays."""
     return Path(os.path.realpath(path))
 
 
 @contextmanager
-def _new_beside(place: Path) -> Iterator[tuple[int, Path]]:
+def _temporary_file(place: Path) -> Iterator[tuple[int, Path]]:
     """Yield a temporary file beside the target, open; it is removed, unless it was renamed."""
     old_status = place.stat() if place.exists() else None
     if old_status is not None and not stat.S_ISREG(old_status.st_mode):
@@ -213,7 +213,7 @@ def _is_special(path: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
 
 
-def _check_old(path: str) -> None:
+def _check_replaceable(path: str) -> None:
     """Refuse to replace a log, or a file that this process has open as stdout or stderr."""
     with suppress(PermissionError), open_regular(path) as file:
         if file.read(max(map(len, LOG_MAGICS))).startswith(LOG_MAGICS):

@@ -43,7 +43,7 @@ def read_table(
     these columns, once each.
     """
     file = printable(path)
-    text = _text(path, error_type, max_size)
+    text = _decoded_text(path, error_type, max_size)
     if text.startswith('sep='):
         # The line by which spreadsheets give the separator.
         text = text.partition('\n')[2]
@@ -71,7 +71,7 @@ def read_table(
                     f'{place}: {len(cells)} cells for {len(names)} columns; put a number with a '
                     'comma in quotes'
                 )
-            by_name = dict(zip(names, map(_plain, cells), strict=False))
+            by_name = dict(zip(names, map(_without_quote, cells), strict=False))
             rows.append(TableRow(place, reader.line_num, by_name))
     except csv.Error as error:
         raise error_type(f'{file}, line {reader.line_num}: {error}') from error
@@ -97,12 +97,12 @@ def _column_name(cell: str, columns: Sequence[str]) -> str:
     return name.casefold() if name.casefold() in columns else name
 
 
-def _plain(cell: str) -> str:
+def _without_quote(cell: str) -> str:
     """Return a cell without the quote of `harmless`."""
     return cell[1:] if cell.startswith("'") and cell[1:].startswith(_FORMULA_STARTS) else cell
 
 
-def _text(path: str, error_type: type[Exception], max_size: int) -> str:
+def _decoded_text(path: str, error_type: type[Exception], max_size: int) -> str:
     """Return the text of a table in an encoding of spreadsheets."""
     try:
         with open_regular(path) as file:

@@ -33,10 +33,10 @@ def open_regular(path: AnyPath) -> BinaryIO:
     """
     # Opening a device may have an effect, so its kind is checked first; and again when it is
     # open, since it may have been replaced.
-    _check(Path(path).stat(), path)
+    _check_regular(Path(path).stat(), path)
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     try:
-        _check(os.fstat(descriptor), path)
+        _check_regular(os.fstat(descriptor), path)
         return os.fdopen(descriptor, 'rb')
     except BaseException:
         os.close(descriptor)
@@ -124,7 +124,7 @@ def _is_same(path: Path, status: os.stat_result) -> bool:
     return False
 
 
-def _check(status: os.stat_result, path: AnyPath) -> None:
+def _check_regular(status: os.stat_result, path: AnyPath) -> None:
     if not stat.S_ISREG(status.st_mode):
         kind = _KINDS.get(stat.S_IFMT(status.st_mode), 'something else')
         raise NotRegularFileError(errno.EINVAL, f'it is {kind}, not a regular file', str(path))

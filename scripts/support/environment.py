@@ -104,10 +104,10 @@ def environment(command: str) -> Iterator[Environment]:
     try:
         _acquire(lock, fcntl.LOCK_SH, env)
         # Another command may take the lock in between.
-        while not _installed(env).issuperset(_goal(env, command)):
+        while not _installed(env).issuperset(_stamp_lines(env, command)):
             _acquire(lock, fcntl.LOCK_EX, env)
-            if not _installed(env).issuperset(_goal(env, command)):
-                _make(env, command)
+            if not _installed(env).issuperset(_stamp_lines(env, command)):
+                _make_environment(env, command)
             _acquire(lock, fcntl.LOCK_SH, env)
         yield env
     finally:
@@ -140,7 +140,7 @@ def _acquire(lock: int, kind: int, env: Environment) -> None:
         pause(0.2)
 
 
-def _goal(env: Environment, command: str) -> tuple[str, str]:
+def _stamp_lines(env: Environment, command: str) -> tuple[str, str]:
     """Return the stamp's lines of a complete environment: its inputs and its packages."""
     extras, requirements = NEEDS[command]
     packages = requirements.read_text('utf-8') if requirements else ''
@@ -156,14 +156,14 @@ def _installed(env: Environment) -> set[str]:
     return set(stamp.read_text('utf-8').splitlines()) if is_complete else set()
 
 
-def _make(env: Environment, command: str) -> None:
+def _make_environment(env: Environment, command: str) -> None:
     begin = time.monotonic()
     kind = 'the sourced ROS 2' if env.numpy else 'ROS 2 from wheels'
     print(
         f'Installing klann_ros and what scripts/{command} needs into {env.folder.name} '
         f'(Python {platform.python_version()}, {kind}) ...'
     )
-    folder_line, goal = _goal(env, command)
+    folder_line, goal = _stamp_lines(env, command)
     installed = _installed(env)
     is_made = folder_line in installed
     # Without a stamp it is rebuilt from scratch, as after an interruption from here on.
@@ -173,18 +173,18 @@ def _make(env: Environment, command: str) -> None:
     except BaseException as error:
         if is_made and isinstance(error, PipError):
             # pip fetches and builds before it changes anything: the old environment still works.
-            _stamp(env, installed)
+            _write_stamp(env, installed)
         else:
             # An incomplete environment would fail later. The folder itself is the lock.
             for path in env.folder.iterdir():
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         raise
     others = {line for line in installed if is_made and not line.startswith(command)}
-    _stamp(env, {*others, folder_line, goal})
+    _write_stamp(env, {*others, folder_line, goal})
     print(f'... done in {time.monotonic() - begin:.0f} s')
 
 
-def _stamp(env: Environment, lines: set[str]) -> None:
+def _write_stamp(env: Environment, lines: set[str]) -> None:
     (env.folder / STAMP).write_text('\n'.join(lines), encoding='utf-8')
 
 

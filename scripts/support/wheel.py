@@ -41,9 +41,9 @@ def main(arguments: list[str]) -> int:
         own_world(Path(folder)) as world,
     ):
         work = Path(folder)
-        variables = _clean(os.environ) | world
+        variables = _without_ros(os.environ) | world
         sdist, wheel = _build(work, variables)
-        print(f'{sdist.name} and {wheel.name}: {_checked(sdist, wheel)} files, no junk')
+        print(f'{sdist.name} and {wheel.name}: {_check_files(sdist, wheel)} files, no junk')
         for python in pythons:
             begin = time.monotonic()
             error = _try(python, wheel, work / f'venv{len(failed)}', variables)
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
     return 1 if failed else 0
 
 
-def _clean(variables: os._Environ[str]) -> dict[str, str]:
+def _without_ros(variables: os._Environ[str]) -> dict[str, str]:
     """Return the variables without a sourced ROS: the wheel brings its own."""
     ros = ('PYTHON', 'AMENT', 'COLCON', 'ROS_', 'RMW_', 'LD_LIBRARY', '_ROS', 'VIRTUAL_ENV')
     return {k: v for k, v in variables.items() if not k.startswith(ros)}
@@ -88,16 +88,16 @@ def _build(work: Path, variables: dict[str, str]) -> tuple[Path, Path]:
     """Build both from a copy of the shipped files, the wheel from the sdist, as an index does."""
     source.copy(work / 'source')
     shutil.copy(source.ROOT / 'MANIFEST.in', work / 'source')
-    _must([sys.executable, '-m', 'venv', work / 'build'], variables, work)
+    _run_step([sys.executable, '-m', 'venv', work / 'build'], variables, work)
     python = work / 'build' / 'bin' / 'python'
-    _must([python, '-m', 'pip', 'install', '--quiet', 'build'], variables, work)
-    _must([python, '-m', 'build', '--outdir', work / 'dist', work / 'source'], variables, work)
+    _run_step([python, '-m', 'pip', 'install', '--quiet', 'build'], variables, work)
+    _run_step([python, '-m', 'build', '--outdir', work / 'dist', work / 'source'], variables, work)
     (sdist,) = (work / 'dist').glob('*.tar.gz')
     (wheel,) = (work / 'dist').glob('*.whl')
     return sdist, wheel
 
 
-def _checked(sdist: Path, wheel: Path) -> int:
+def _check_files(sdist: Path, wheel: Path) -> int:
     """Return the number of files of both; raise CommandError for one that is not shipped."""
     shipped = {str(file) for file in source.files()}
     with tarfile.open(sdist) as archive:
@@ -128,6 +128,6 @@ def _try(python: str, wheel: Path, venv: Path, variables: dict[str, str]) -> str
     return last_lines(output, 15) if failed else ''
 
 
-def _must(command: Command, variables: dict[str, str], work: Path) -> None:
+def _run_step(command: Command, variables: dict[str, str], work: Path) -> None:
     if run(command, variables, work / 'log') != 0:
         raise CommandError(f'the build failed:\n{last_lines(work / "log", 15)}')

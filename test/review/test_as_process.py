@@ -65,7 +65,7 @@ def test_a_report_comes_before_the_traceback_of_a_fault() -> None:
         'module = types.ModuleType("faulty")\n'
         'module.main = lambda: print("printed before") or 1 / 0\n'
         'sys.modules["faulty"] = module\n'
-        'executables._tool("faulty", "faulty", 2)\n'
+        'executables._run_tool("faulty", "faulty", 2)\n'
     )
     done = called(PYTHON, '-c', code)
     assert (done.returncode, done.stdout) == (1, 'printed before\n')
