@@ -121,8 +121,8 @@ def unit_of(name: str) -> str:
 
 def solver_of(recorded: SolverParameters) -> LiveSolver:
     """Return the solver of published parameters, which are untrusted."""
-    legs = _legs([recorded], parent(recorded.node))
-    lengths = _lengths(recorded.parameters, [leg.name for leg in legs])
+    legs = _make_legs([recorded], parent(recorded.node))
+    lengths = _settable_lengths(recorded.parameters, [leg.name for leg in legs])
     return LiveSolver(recorded.node, legs, lengths)
 
 
@@ -135,7 +135,10 @@ def replayed_solver(node: str, topic: str, records: Sequence[SolverParameters]) 
     namespace = parent(topic.removeprefix(parent(node)))
     has_changed = any(solver.leg_time for solver in leg_solvers(records, namespace).values())
     return LiveSolver(
-        node, _legs(records, namespace), does='replayed by', note=_CHANGED if has_changed else ''
+        node,
+        _make_legs(records, namespace),
+        does='replayed by',
+        note=_CHANGED if has_changed else '',
     )
 
 
@@ -151,15 +154,15 @@ def assumed_solver(node: str, names: Sequence[str]) -> LiveSolver:
     )
 
 
-def _legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg, ...]:
+def _make_legs(records: Sequence[SolverParameters], namespace: str) -> tuple[LiveLeg, ...]:
     parameters = {record.node: record.parameters for record in records}
     legs = []
     for name, solver in islice(leg_solvers(records, namespace).items(), MAX_LEGS):
-        legs.append(_leg(name, solver, parameters[solver.nodes[-1]]))
+        legs.append(_make_leg(name, solver, parameters[solver.nodes[-1]]))
     return tuple(legs)
 
 
-def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg:
+def _make_leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg:
     return LiveLeg(
         name,
         solver.leg,
@@ -172,7 +175,9 @@ def _leg(name: str, solver: LegSolver, parameters: Mapping[str, Any]) -> LiveLeg
     )
 
 
-def _lengths(parameters: Mapping[str, Any], legs: Sequence[str]) -> dict[str, float | list[int]]:
+def _settable_lengths(
+    parameters: Mapping[str, Any], legs: Sequence[str]
+) -> dict[str, float | list[int]]:
     """Return the parameters that can be set: a Klann leg's numbers, none of a linkage's file."""
     lengths: dict[str, float | list[int]] = {}
     for leg in legs:
@@ -203,13 +208,13 @@ def drawn_shape(linkage: Linkage) -> dict[str, Any]:
     for drawn_linkage, shape in _shapes:
         if drawn_linkage == linkage:
             return shape
-    shape = {**leg_shape(linkage), **_reach(linkage)}
+    shape = {**leg_shape(linkage), **_path_and_box(linkage)}
     _shapes.append((linkage, shape))
     del _shapes[:-_MAX_SHAPES]
     return shape
 
 
-def _reach(linkage: Linkage) -> dict[str, Any]:
+def _path_and_box(linkage: Linkage) -> dict[str, Any]:
     alphas = np.linspace(0.0, 2.0 * pi, _POSES + 1)
     poses = linkage_poses(linkage, alphas, points=True)
     points = poses.points

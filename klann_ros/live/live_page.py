@@ -54,7 +54,7 @@ def _styles() -> Markup:
 
 def note_page(title: str, note: str) -> str:
     """Return a page with one note."""
-    return _small(title, element('p', note))
+    return _small_page(title, element('p', note))
 
 
 def list_page(runs: Sequence[ListedRun], token: str) -> str:
@@ -72,10 +72,10 @@ def list_page(runs: Sequence[ListedRun], token: str) -> str:
             )
         )
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
-    return _small('Runs', element('ul', *lines) if lines else element('p', NO_RUNS), back)
+    return _small_page('Runs', element('ul', *lines) if lines else element('p', NO_RUNS), back)
 
 
-def _small(title: str, *content: Markup) -> str:
+def _small_page(title: str, *content: Markup) -> str:
     return html_page(title, _styles(), element('main', element('h1', title), *content))
 
 

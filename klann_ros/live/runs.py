@@ -109,30 +109,30 @@ class Reviews:
             return None
         key = program, run.name, run.time
         if key not in self._pages:
-            self._forget()
+            self._forget_old()
             if self._temporary is None:
                 self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
             file = Path(self._temporary.name, f'{program}-{len(self._pages)}-{run.time}.html')
             self._pages[key] = Page(file)
-            task = asyncio.create_task(self._make(run, self._pages[key], program))
+            task = asyncio.create_task(self._make_page(run, self._pages[key], program))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         return self._pages[key]
 
-    def _forget(self) -> None:
+    def _forget_old(self) -> None:
         finished = [key for key, page in self._pages.items() if page.state]
         for key in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
-    async def _make(self, run: ListedRun, page: Page, program: str) -> None:
+    async def _make_page(self, run: ListedRun, page: Page, program: str) -> None:
         async with self._turn:
             try:
-                page.state = await self._written(run, page.file, program)
+                page.state = await self._write_page(run, page.file, program)
             except OSError as error:
                 page.state = f'the {PROGRAMS[program]} cannot be made: {printable(error.strerror)}'
             page.done.set()
 
-    async def _written(self, run: ListedRun, file: Path, program: str) -> str:
+    async def _write_page(self, run: ListedRun, file: Path, program: str) -> str:
         process = await asyncio.create_subprocess_exec(
             *(self._command or (sys.executable, '-c', _RUN.format(program))),
             # An absolute path is never mistaken for an option.

@@ -91,13 +91,13 @@ class LiveServer:
         self._loop = asyncio.get_running_loop()
         self._ended = asyncio.Event()
         self._notifier = ChangeNotifier(self._state)
-        runner = web.AppRunner(self._app(), access_log=None, logger=self._log)
+        runner = web.AppRunner(self._make_app(), access_log=None, logger=self._log)
         try:
             await runner.setup()
             site = web.TCPSite(runner, self.guard.host, self.guard.port)
             await site.start()
         except (OSError, OverflowError) as error:
-            self._refusal = ServerError(_reason(error, self.guard))
+            self._refusal = ServerError(_listen_error(error, self.guard))
             await runner.cleanup()
             return
         else:
@@ -124,16 +124,16 @@ class LiveServer:
                 close.cancel()
         await runner.cleanup()
 
-    def _app(self) -> web.Application:
+    def _make_app(self) -> web.Application:
         app = web.Application(middlewares=[self._checked], client_max_size=MAX_MESSAGE_SIZE)
-        app.router.add_get('/', self._page)
-        app.router.add_get('/static/{name}', self._file)
-        app.router.add_get('/socket', self._socket)
+        app.router.add_get('/', self._send_page)
+        app.router.add_get('/static/{name}', self._send_file)
+        app.router.add_get('/socket', self._serve_socket)
         app.router.add_get('/favicon.ico', self._no_icon)
         if self._runs:
-            app.router.add_get('/runs', self._list)
-            app.router.add_get('/runs/{name}', self._review)
-            app.router.add_get('/runs/{name}/{program}', self._review)
+            app.router.add_get('/runs', self._list_runs)
+            app.router.add_get('/runs/{name}', self._send_review)
+            app.router.add_get('/runs/{name}/{program}', self._send_review)
         return app
 
     @web.middleware
@@ -142,10 +142,10 @@ class LiveServer:
             if len(request.headers.getall('Host', [])) != 1:
                 self._log.count('not exactly one Host header')
                 raise web.HTTPBadRequest
-            self.guard.check_host(_only(request, 'Host'))
+            self.guard.check_host(_single_header(request, 'Host'))
             # Links and bookmarks may lead to the page itself only.
             if request.path != '/':
-                self.guard.check_site(_only(request, 'Sec-Fetch-Site'))
+                self.guard.check_site(_single_header(request, 'Sec-Fetch-Site'))
             if not request.path.startswith('/static/'):
                 self.guard.check_reading(_token(request))
             response = await handler(request)
@@ -158,20 +158,20 @@ class LiveServer:
                 response.headers.setdefault(name, content)
         return response
 
-    async def _page(self, _: web.Request) -> web.Response:
+    async def _send_page(self, _: web.Request) -> web.Response:
         return web.Response(text=HTML, content_type='text/html')
 
     async def _no_icon(self, _: web.Request) -> web.Response:
         return web.Response(status=204)
 
-    async def _file(self, request: web.Request) -> web.Response:
+    async def _send_file(self, request: web.Request) -> web.Response:
         content_type, text = FILES.get(request.match_info['name'], ('', ''))
         if not content_type:
             raise web.HTTPNotFound
         return web.Response(text=text, content_type=content_type)
 
-    async def _socket(self, request: web.Request) -> web.StreamResponse:
-        self.guard.check_origin(_only(request, 'Origin'), _only(request, 'Host'))
+    async def _serve_socket(self, request: web.Request) -> web.StreamResponse:
+        self.guard.check_origin(_single_header(request, 'Origin'), _single_header(request, 'Host'))
         if len(self._clients) >= MAX_CLIENTS:
             return web.Response(status=503, text='too many pages look already\n')
         socket = web.WebSocketResponse(
@@ -209,12 +209,12 @@ class LiveServer:
             self._state.disconnected(client.number)
         return socket
 
-    async def _list(self, request: web.Request) -> web.Response:
+    async def _list_runs(self, request: web.Request) -> web.Response:
         self._check_token(request)
         runs = await self._reviews.runs()
         return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
 
-    async def _review(self, request: web.Request) -> web.StreamResponse:
+    async def _send_review(self, request: web.Request) -> web.StreamResponse:
         self._check_token(request)
         program = request.match_info.get('program', 'review')
         if program not in PROGRAMS:
@@ -241,7 +241,7 @@ class LiveServer:
             raise ForbiddenError('open the whole address that view_node printed')
 
 
-def _only(request: web.Request, name: str) -> str | None:
+def _single_header(request: web.Request, name: str) -> str | None:
     """Return a header; '' for several of that name."""
     values = request.headers.getall(name, [])
     return values[0] if len(values) == 1 else ('' if values else None)
@@ -252,7 +252,7 @@ def _token(request: web.Request) -> str | None:
     return token
 
 
-def _reason(error: Exception, guard: Guard) -> str:
+def _listen_error(error: Exception, guard: Guard) -> str:
     text = getattr(error, 'strerror', None) or str(error)
     hint = '; --port 0 takes any that is free' if 'in use' in str(error) else ''
     return f'cannot listen on {guard.host}, port {guard.port}: {text}{hint}'

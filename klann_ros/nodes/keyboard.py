@@ -78,13 +78,13 @@ class Keyboard:
         """Restore the terminal, and stop reading."""
         with self._lock:
             self._closed = True
-            self._release()
+            self._restore_terminal()
 
     @contextmanager
     def released(self) -> Iterator[None]:
         """Restore the terminal until the context ends."""
         with self._lock:
-            self._release()
+            self._restore_terminal()
             yield
 
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
@@ -113,14 +113,14 @@ class Keyboard:
         # The terminal may be gone, or another job's.
         with suppress(OSError, termios.error):
             if self._is_in_foreground():
-                self._take()
+                self._disable_line_mode()
                 return True, os.read(self._terminal, 1024)
         return False, b''
 
     def _is_in_foreground(self) -> bool:
         return os.tcgetpgrp(self._terminal) == os.getpgrp()
 
-    def _take(self) -> None:
+    def _disable_line_mode(self) -> None:
         """Disable line mode and echo, also after a shell has set its own attributes."""
         attributes = termios.tcgetattr(self._terminal)
         if self._saved is not None and not attributes[_LOCAL_MODES] & _COOKED:
@@ -133,7 +133,7 @@ class Keyboard:
         changed[_CHARACTERS][termios.VMIN] = changed[_CHARACTERS][termios.VTIME] = 0
         termios.tcsetattr(self._terminal, termios.TCSANOW, changed)
 
-    def _release(self) -> None:
+    def _restore_terminal(self) -> None:
         attributes = self._saved
         self._saved = None
         # In the background the terminal is another job's, with its own attributes.

@@ -133,7 +133,7 @@ def overrides(node: Node) -> Mapping[str, Parameter]:
 
 def unknown_parameter(name: str, executable: str, declared_names: Collection[str]) -> str:
     """Return a line about an unknown name, with the nearest declared one."""
-    nearest_name = _nearest(name, declared_names)
+    nearest_name = _nearest_name(name, declared_names)
     hint = f'did you mean {nearest_name}?' if nearest_name else f'{executable} --help lists them'
     return f"parameter {printable(name, MAX_NAME_LENGTH)} is none of {executable}'s; {hint}"
 
@@ -169,7 +169,7 @@ def prepare_sets(node: Node, executable: str) -> None:
     where nothing is lost, and an unknown name is answered with the nearest one. The node has no
     pre-set callback of its own, as rclpy would add up the results of both.
     """
-    node.add_pre_set_parameters_callback(partial(_converted, node, executable))
+    node.add_pre_set_parameters_callback(partial(_convert_to_declared, node, executable))
     set_changed = node.set_parameters_atomically
 
     def set_parameters(parameters: list[Parameter]) -> SetParametersResult:
@@ -195,13 +195,15 @@ def _declare(node: Node, parameter: Declaration) -> Any:
     name = parameter.name
     value = parameter.default
     if name in overrides(node):
-        value = _like(plain(overrides(node)[name].value), parameter.default)
+        value = _in_type_of(plain(overrides(node)[name].value), parameter.default)
         if value is None:
             raise StartError(f'parameter {name} has no value')
         required_type = Parameter.Type.from_parameter_value(parameter.default)
         if Parameter.Type.from_parameter_value(value) != required_type:
-            remedy = _meant(value, parameter.default)
-            hint = '' if remedy is None else f' (write {_shown(remedy)}, not {_shown(value)})'
+            remedy = _likely_meaning(value, parameter.default)
+            hint = ''
+            if remedy is not None:
+                hint = f' (write {_value_text(remedy)}, not {_value_text(value)})'
             type_name = required_type.name.lower()
             raise StartError(f'parameter {name} must be of type {type_name}{hint}')
     reason = parameter.refusal(value)
@@ -216,10 +218,10 @@ def _declare(node: Node, parameter: Declaration) -> Any:
     return value
 
 
-def _like(value: Any, default: Any) -> Any:
+def _in_type_of(value: Any, default: Any) -> Any:
     """Return numbers in the type of a default, where nothing is lost; else the value."""
     if isinstance(default, list) and default and isinstance(value, list):
-        return [_like(number, default[0]) for number in value]
+        return [_in_type_of(number, default[0]) for number in value]
     if type(value) is int and isinstance(default, float):
         return float(value)
     if isinstance(value, float) and type(default) is int and value.is_integer():
@@ -227,11 +229,11 @@ def _like(value: Any, default: Any) -> Any:
     return value
 
 
-def _meant(value: Any, default: Any) -> Any:
+def _likely_meaning(value: Any, default: Any) -> Any:
     """Return the most likely meaning of a value of the wrong type; None if unknown."""
     if isinstance(default, list):
         members = value if isinstance(value, list) else [value]
-        meanings = [_meant(member, default[0]) for member in members]
+        meanings = [_likely_meaning(member, default[0]) for member in members]
         return None if None in meanings else meanings
     if type(value) is type(default):
         return value
@@ -239,12 +241,14 @@ def _meant(value: Any, default: Any) -> Any:
     return f'"\'{value}\'"' if is_text else None
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     is_list = isinstance(value, Sequence) and not isinstance(value, str)
     return printable(f'[{", ".join(map(str, value))}]' if is_list else value, _MAX_VALUE_LENGTH)
 
 
-def _converted(node: Node, executable: str, parameters: Sequence[Parameter]) -> list[Parameter]:
+def _convert_to_declared(
+    node: Node, executable: str, parameters: Sequence[Parameter]
+) -> list[Parameter]:
     """Return parameters in the types of the declared ones; refuse unknown names."""
     for parameter in parameters:
         if not node.has_parameter(parameter.name):
@@ -260,7 +264,7 @@ def _with_declared_type(node: Node, parameter: Parameter) -> Parameter:
     if isinstance(present_value, float) and isinstance(value, str):
         with suppress(ValueError):
             value = float(value)
-    value = _like(value, present_value)
+    value = _in_type_of(value, present_value)
     return parameter if value is None else Parameter(parameter.name, value=value)
 
 
@@ -280,7 +284,7 @@ def _is_unchanged_constant(node: Node, parameter: Parameter) -> bool:
         return False
 
 
-def _nearest(name: str, declared_names: Collection[str]) -> str:
+def _nearest_name(name: str, declared_names: Collection[str]) -> str:
     """Return the declared name that was most likely meant; '' if none is near."""
     family, dot, _ = name[: 2 * MAX_NAME_LENGTH].rpartition('.')
     siblings = [n for n in declared_names if dot and n.rpartition('.')[0] == family]

@@ -122,7 +122,7 @@ def run(
 
     _, ros_arguments = split(argv)
     try:
-        _init(ros_arguments)
+        _init_ros(ros_arguments)
         stop.on_stop(finish)
         report_unit_warnings(lambda text: get_logger(name).warning(text))
         node = make_node(finish)
@@ -150,7 +150,7 @@ def run(
     return int(finished.result() or closed)
 
 
-def _init(ros_arguments: Sequence[str]) -> None:
+def _init_ros(ros_arguments: Sequence[str]) -> None:
     """Initialize ROS; a StartError names a refused argument, or the remedy."""
     _check_params_files(ros_arguments)
     try:
@@ -167,7 +167,7 @@ def _init(ros_arguments: Sequence[str]) -> None:
 
 def parameter_files(arguments: Sequence[str]) -> list[str]:
     """Return the parameter files that are named in a command line."""
-    return _behind(arguments, '--params-file')
+    return _values_of_flags(arguments, '--params-file')
 
 
 def _check_params_files(arguments: Sequence[str]) -> None:
@@ -225,21 +225,21 @@ def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> l
     The node has declared all of its parameters. Nodes may share a parameter file, so a parameter
     of another node of this package is no mistake in a file; behind `-p` it is one.
     """
-    rules = _behind(arguments, '-p', '--param')
+    rules = _values_of_flags(arguments, '-p', '--param')
     files = parameter_files(arguments)
     lines = [
-        *islice(_unknown(node, executable, rules), MAX_LINES + 1),
-        *islice(_for_others(node, rules), MAX_LINES + 1),
-        *islice(_without_effect(node, files), MAX_LINES + 1),
+        *islice(_unknown_parameters(node, executable, rules), MAX_LINES + 1),
+        *islice(_rules_for_others(node, rules), MAX_LINES + 1),
+        *islice(_unused_files(node, files), MAX_LINES + 1),
     ]
     return lines if len(lines) <= MAX_LINES else [*lines[:MAX_LINES], '... and more of the kind']
 
 
-def _behind(arguments: Sequence[str], *flags: str) -> list[str]:
+def _values_of_flags(arguments: Sequence[str], *flags: str) -> list[str]:
     return [argument for flag, argument in pairwise(arguments) if flag in flags]
 
 
-def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]:
+def _unknown_parameters(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each name, or each leg, that the node does not know."""
     unknown_names = sorted(name for name in overrides(node) if not node.has_parameter(name))
     if not unknown_names:
@@ -266,7 +266,7 @@ def _unknown(node: Node, executable: str, rules: Sequence[str]) -> Iterator[str]
         yield f"{listed(members, _MAX_NAMES)}: none of {executable}'s parameters{reason}"
 
 
-def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
+def _rules_for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
     """Yield a line for each `-p NODE:NAME:=VALUE` for a node of another name."""
     for rule in rules:
         node_name, _, name = rule.partition(':=')[0].rpartition(':')
@@ -275,14 +275,14 @@ def _for_others(node: Node, rules: Sequence[str]) -> Iterator[str]:
             yield f'-p {printable(rule, MAX_NAME_LENGTH)} is not for {full_name}'
 
 
-def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
+def _unused_files(node: Node, files: Sequence[str]) -> Iterator[str]:
     """Yield a line for each parameter file for nodes of other names, or without parameters."""
     for file in files:
         try:
             content = yaml_text.load(read_regular(file, _MAX_FILE_SIZE))
         except (OSError, ValueError):
             continue  # ROS has read it all the same
-        names = set(_names(content))
+        names = set(_parameter_names(content))
         if not names:
             yield f'{printable(file)} holds no parameters (NODE: ros__parameters: NAME: VALUE)'
         elif names.isdisjoint(overrides(node)):
@@ -291,13 +291,13 @@ def _without_effect(node: Node, files: Sequence[str]) -> Iterator[str]:
             yield f'{printable(file)} has nothing for {full_name}; it is for {sections}'
 
 
-def _names(content: Any, prefix: str | None = None) -> Iterator[str]:
+def _parameter_names(content: Any, prefix: str | None = None) -> Iterator[str]:
     """Yield the names of all nodes' parameters in a file; `prefix`: within a node's section."""
     for key, branch in content.items() if isinstance(content, dict) else ():
         if prefix is None:
-            yield from _names(branch, '' if key == 'ros__parameters' else None)
+            yield from _parameter_names(branch, '' if key == 'ros__parameters' else None)
         elif isinstance(branch, dict):
-            yield from _names(branch, f'{prefix}{key}.')
+            yield from _parameter_names(branch, f'{prefix}{key}.')
         else:
             yield f'{prefix}{key}'
 

@@ -119,7 +119,7 @@ class SolverWatch:
     def _on_values(self, names: list[str], name: str, response: GetParameters.Response) -> None:
         self._finish(name)
         try:
-            values = [_plain(value) for value in response.values]
+            values = [_plain_value(value) for value in response.values]
             parameters = dict(zip(names, values, strict=True))
         except (RuntimeError, ValueError) as error:
             # A wrong number of values, or an unknown type.
@@ -137,7 +137,7 @@ class SolverWatch:
             self.pending.discard(name)
 
 
-def _plain(value: ParameterValue) -> Any:
+def _plain_value(value: ParameterValue) -> Any:
     """Return a parameter's value as a log can hold it: arrays are lists, bytes are numbers."""
     plain = parameter_value_to_python(value)
     if isinstance(plain, str) or not isinstance(plain, Sequence | array):

@@ -121,7 +121,7 @@ class PlayerControls:
             'step': (transport.step, 'one message on, at'),
         }
         for name in self._actions:
-            create_trigger(node, name, partial(self._do, name))
+            create_trigger(node, name, partial(self._run_action, name))
         self._keys: deque[str] = deque(maxlen=_MAX_KEYS)
         self._pressed = node.create_guard_condition(self._on_keys)
         on_change(node, parameters, self._apply)
@@ -146,7 +146,7 @@ class PlayerControls:
         self._keys.append(key)
         self._pressed.trigger()
 
-    def _do(self, name: str) -> tuple[bool, str]:
+    def _run_action(self, name: str) -> tuple[bool, str]:
         act, state = self._actions[name]
         if self._drivers and name != 'pause':
             topic, driver = next(iter(self._drivers.items()))
@@ -160,7 +160,7 @@ class PlayerControls:
         return True, f'{state} {self._update_position():.6f} s'
 
     def _toggle(self) -> tuple[bool, str]:
-        return self._do('resume' if self._transport.paused else 'pause')
+        return self._run_action('resume' if self._transport.paused else 'pause')
 
     def _change_rate(self, factor: float) -> tuple[bool, str]:
         # Rounding makes one key undo the other.
@@ -171,7 +171,7 @@ class PlayerControls:
     def _on_keys(self) -> None:
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
             'space': self._toggle,
-            'right': partial(self._do, 'step'),
+            'right': partial(self._run_action, 'step'),
             'up': partial(self._change_rate, _RATE_FACTOR),
             'down': partial(self._change_rate, 1.0 / _RATE_FACTOR),
         }

@@ -242,7 +242,7 @@ class PlayedTopics:
             by_name.setdefault(topic.name, []).append(topic)
         for name, channels in by_name.items():
             try:
-                self._make(name, channels)
+                self._create_publisher(name, channels)
             except (endpoints.UnknownMessageTypeError, *ROS_ERRORS) as error:  # noqa: PERF203, RUF100
                 self._warnings.append(f'{printable(name)} is not played: {ros_error(error)}')
         for warning in self._warnings[:_MAX_WARNINGS]:
@@ -291,7 +291,7 @@ class PlayedTopics:
         """Wait until the last messages have arrived, up to a timeout."""
         endpoints.flush(set(self._publishers.values()))
 
-    def _make(self, name: str, channels: Sequence[Topic]) -> None:
+    def _create_publisher(self, name: str, channels: Sequence[Topic]) -> None:
         """Make the publisher of a topic that may have several channels in the log."""
         first = channels[0]
         namespace = self._node.get_namespace().rstrip('/')
@@ -315,13 +315,13 @@ class PlayedTopics:
                 )
         offered: list[Qos] = []
         for topic in playable:
-            offered += self._offered(topic)
+            offered += self._offered_qos(topic)
         publisher = self._node.create_publisher(kind, full_name, publishing_profile(offered))
         self._publishers.update(dict.fromkeys(playable, publisher))
         if offered and latched_count(offered):
             self.latched[name] = latched_count(offered)
 
-    def _offered(self, topic: Topic) -> list[Qos]:
+    def _offered_qos(self, topic: Topic) -> list[Qos]:
         try:
             return self._qos.profiles(topic.qos)
         except MalformedQosError as error:
@@ -347,7 +347,7 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
     min_depth = (1 if has_depth else LATCHED_DEPTH) if latched else endpoints.DEPTH
     depth = min(max(latched or first.depth, min_depth), MAX_QUEUE_DEPTH)
     reliable = any(
-        _policy(ReliabilityPolicy, profile.reliability, ReliabilityPolicy.RELIABLE)
+        _policy_of(ReliabilityPolicy, profile.reliability, ReliabilityPolicy.RELIABLE)
         == ReliabilityPolicy.RELIABLE
         for profile in offered
     )
@@ -358,13 +358,13 @@ def publishing_profile(offered: Sequence[Qos]) -> QoSProfile:
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         deadline=Duration(nanoseconds=first.deadline),
         lifespan=Duration(nanoseconds=first.lifespan),
-        liveliness=_policy(LivelinessPolicy, first.liveliness, LivelinessPolicy.AUTOMATIC),
+        liveliness=_policy_of(LivelinessPolicy, first.liveliness, LivelinessPolicy.AUTOMATIC),
         liveliness_lease_duration=Duration(nanoseconds=first.liveliness_lease_duration),
         avoid_ros_namespace_conventions=first.avoid_ros_namespace_conventions,
     )
 
 
-def _policy(policies: type, word: str, default: object) -> object:
+def _policy_of(policies: type, word: str, default: object) -> object:
     """Return the policy of a recorded word; `default` for one that no publisher can offer."""
     if word in ('unknown', 'system_default', 'best_available'):
         return default

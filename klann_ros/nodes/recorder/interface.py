@@ -98,7 +98,7 @@ class RecordingDiagnostics:
     def report(self, state: RecordingState) -> None:
         """Publish the state of a recording."""
         level, message = _level_and_message(state, state.lost - self._lost)
-        values = _values(state).items()
+        values = _diagnostic_values(state).items()
         statuses = [endpoints.diagnostic_status(self._node, 'recording', level, message, values)]
         statuses += [status() for status in self.further_statuses]
         report = serialize_message(endpoints.diagnostic_array(self._node, statuses))
@@ -126,7 +126,7 @@ def _level_and_message(state: RecordingState, new_losses: int) -> tuple[bytes, s
     return DiagnosticStatus.OK, 'paused' if state.paused else state.stage or 'recording'
 
 
-def _values(state: RecordingState) -> dict[str, object]:
+def _diagnostic_values(state: RecordingState) -> dict[str, object]:
     values: dict[str, object] = {
         'file': state.file,
         'size': state.size,

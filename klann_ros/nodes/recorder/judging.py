@@ -162,7 +162,7 @@ class Judging:
                 text = f'{finding.check}: {finding.text}'
                 self._node.get_logger().warning(text, throttle_duration_sec=1.0)
             if new_findings:
-                self._on_findings([_recorded(finding) for finding in new_findings])
+                self._on_findings([_recorded_finding(finding) for finding in new_findings])
 
 
 class _JudgeThread:
@@ -249,6 +249,6 @@ class _JudgeThread:
         return self._judge.findings(*self._request)
 
 
-def _recorded(finding: LiveFinding) -> RecordedFinding:
+def _recorded_finding(finding: LiveFinding) -> RecordedFinding:
     severity = finding.severity.name.lower()
     return RecordedFinding(finding.check, severity, finding.text, finding.time, finding.leg)

@@ -67,7 +67,7 @@ class RecorderNode(ProcessNode):
         # Triggers come from the judge, unless the user disables it.
         has_judge = values['judge'] or (has_trigger and 'judge' not in overrides(self))
         self._diagnostics = RecordingDiagnostics(self)
-        self._judging = self._judge(values['judge_limits']) if has_judge else None
+        self._judging = self._start_judging(values['judge_limits']) if has_judge else None
         logger = self.get_logger()
         self._recording: Recording
         if has_trigger:
@@ -82,7 +82,7 @@ class RecorderNode(ProcessNode):
             self,
             ['*'] if values['all_topics'] else self._full_names(values['topics']),
             recording=self._recording,
-            put=self._put(),
+            put=self._message_sink(),
             solvers=self._solvers,
             diagnostics=self._diagnostics,
             on_stall=self._on_stall,
@@ -110,7 +110,7 @@ class RecorderNode(ProcessNode):
             self._diagnostics.flush()
         return 0 if ok else 1
 
-    def _judge(self, limits_file: str) -> 'Judging':
+    def _start_judging(self, limits_file: str) -> 'Judging':
         from .judging import Judging, RecorderQueries  # noqa: PLC0415 - a slow import
 
         queries = RecorderQueries(
@@ -122,7 +122,7 @@ class RecorderNode(ProcessNode):
         self._diagnostics.further_statuses.append(judging.status)
         return judging
 
-    def _put(self) -> Callable[[Message], None]:
+    def _message_sink(self) -> Callable[[Message], None]:
         """Return the sink of every message, without overhead if nothing is judged."""
         put = self._recording.put
         if self._judging is None:
@@ -216,7 +216,7 @@ def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> 
     name = f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
     folder = Path(values['output'] or _DEFAULT_FOLDER / name).expanduser()
     try:
-        run, background = _open(folder, values, logger, on_failure=lambda: finish(1))
+        run, background = _open_writer(folder, values, logger, on_failure=lambda: finish(1))
     except (LogError, OSError) as error:
         raise StartError(str(error)) from error
     _report_unfinished(run.path.parent, logger)
@@ -256,13 +256,13 @@ def _open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
     return EventSession(
         folder,
         settings,
-        open_run=lambda path: _open(path, values, logger, capacity=capacity),
+        open_run=lambda path: _open_writer(path, values, logger, capacity=capacity),
         entries=[_write_recorder_info],
         on_status=lambda ok, text: logger.info(text) if ok else logger.error(text),
     )
 
 
-def _open(
+def _open_writer(
     path: Path,
     values: dict[str, Any],
     logger: RcutilsLogger,

@@ -120,11 +120,11 @@ class RecordedTopic:
     def take_queued(self) -> None:
         """Read the queued messages, as at the end, when no loop reads them."""
         for match in self._matches.values():
-            for data, info in _queued(match.subscription):
+            for data, info in _take_messages(match.subscription):
                 self._on_message(data, info)
 
     def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
-        profiles = (_recorded(publisher.qos_profile) for publisher in publishers)
+        profiles = (_recorded_qos(publisher.qos_profile) for publisher in publishers)
         type_hash = str(publishers[0].topic_type_hash)
         return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
 
@@ -180,7 +180,7 @@ class RecordedTopic:
             self._put(Message(self._topic, data, log_time, publish_time, sequence or 0))
 
 
-def _recorded(profile: QoSProfile) -> Qos:
+def _recorded_qos(profile: QoSProfile) -> Qos:
     return Qos(
         history=profile.history.name.lower(),
         depth=profile.depth,
@@ -205,7 +205,7 @@ def _matching_profile(offered: QoSProfile) -> QoSProfile:
     )
 
 
-def _queued(subscription: Any) -> Iterator[tuple[bytes, Info]]:
+def _take_messages(subscription: Any) -> Iterator[tuple[bytes, Info]]:
     # At most the queue depth, so that a flood cannot starve timers and services.
     for _ in range(subscription.qos_profile.depth):
         with subscription.handle:

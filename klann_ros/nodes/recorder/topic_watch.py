@@ -157,7 +157,7 @@ class TopicWatch:
         self._unsettled: dict[str, float] = {}
         self._unpublished: set[str] = set()
         graph_changed = node.create_guard_condition(self._update)
-        self._thread = _GraphThread(self._graph, self._is_due, graph_changed.trigger)
+        self._thread = _GraphThread(self._query_graph, self._is_due, graph_changed.trigger)
 
     def stop(self) -> None:
         """Stop the discovery."""
@@ -181,7 +181,7 @@ class TopicWatch:
     def _is_due(self, is_late: bool) -> bool:
         return bool(self._unsettled or (is_late and self._solvers.pending))
 
-    def _graph(self) -> object:
+    def _query_graph(self) -> object:
         """Return the topics, and the publishers of those that had none."""
         counts = [(name, self._node.count_publishers(name)) for name in self._unpublished.copy()]
         return _topics_and_types(self._node), counts
@@ -198,7 +198,7 @@ class TopicWatch:
                 # A publisher of another type matches no subscription.
                 self._on_change(name)
             elif self._is_selected(name):
-                self._try(name, kinds)
+                self._record_or_refuse(name, kinds)
         now = monotonic()
         for name, settled_at in list(self._unsettled.items()):
             self._adapt(name)
@@ -214,7 +214,7 @@ class TopicWatch:
         hidden = any(part.startswith('_') for part in name.split('/'))
         return not hidden and any(fnmatchcase(name, pattern) for pattern in self._patterns)
 
-    def _try(self, name: str, kinds: Sequence[str]) -> None:
+    def _record_or_refuse(self, name: str, kinds: Sequence[str]) -> None:
         # Participants outside ROS may have names that ROS refuses.
         reason = name_refusal(name)
         if reason:

@@ -78,14 +78,14 @@ class LegMessages:
                 velocities += motion.joints
         if len(velocities) < len(positions):
             velocities = []
-        self._send_joint_state(self._template(answers).fill(*stamp, positions, velocities))
+        self._send_joint_state(self._template_of(answers).fill(*stamp, positions, velocities))
         for leg, pose, motion in answers:
             foot = self._feet[leg.name]
             foot.send_point(foot.point.fill(*stamp, *pose.h))
             if motion is not None:
                 foot.send_velocity(foot.velocity.fill(*stamp, *motion.h))
 
-    def _template(self, answers: Sequence[Answer]) -> JointStateTemplate:
+    def _template_of(self, answers: Sequence[Answer]) -> JointStateTemplate:
         legs = tuple(leg.name for leg, _, _ in answers)
         template = self._templates.get(legs)
         if template is None:
@@ -166,10 +166,12 @@ class LegMarkers:
             return []
         size = max(path.stride, path.lift)
         feet = path.h.tolist()
-        line = self._marker(leg, _PATH_ID, Marker.LINE_STRIP, _PATH_SIZE * size, _GREY, stamp)
+        line = self._make_marker(leg, _PATH_ID, Marker.LINE_STRIP, _PATH_SIZE * size, _GREY, stamp)
         line.points = _points([*feet, feet[0]] if path.full_turn else feet)
         drawing = PoseDrawing.of(pose)
-        pivots = self._marker(leg, _PIVOTS_ID, Marker.CUBE_LIST, _PIVOT_SIZE * size, _DARK, stamp)
+        pivots = self._make_marker(
+            leg, _PIVOTS_ID, Marker.CUBE_LIST, _PIVOT_SIZE * size, _DARK, stamp
+        )
         pivots.points = _points(drawing.points[name] for name in drawing.pivots)
         return [line, pivots]
 
@@ -180,16 +182,16 @@ class LegMarkers:
         size = float(max(max(x_values) - min(x_values), max(y_values) - min(y_values)))
         diameter = _JOINT_SIZE * size
         width = _BAR_SIZE * size
-        joints = self._marker(leg, _JOINTS_ID, Marker.SPHERE_LIST, diameter, _WHITE, stamp)
+        joints = self._make_marker(leg, _JOINTS_ID, Marker.SPHERE_LIST, diameter, _WHITE, stamp)
         joints.points = _points(points)
         markers = [joints]
         for number, body in enumerate(drawing.bodies, start=_BODIES_ID):
-            bars = self._marker(leg, number, Marker.LINE_LIST, width, body.colour, stamp)
+            bars = self._make_marker(leg, number, Marker.LINE_LIST, width, body.colour, stamp)
             bars.points = _points(drawing.points[name] for name in chain(*body.strokes))
             markers.append(bars)
         return markers
 
-    def _marker(  # noqa: PLR0917 - a marker's fields
+    def _make_marker(  # noqa: PLR0917 - a marker's fields
         self, leg: DrivenLeg, number: int, kind: int, size: float, colour: str, stamp: Time
     ) -> Marker:
         marker = Marker(ns=leg.name or 'leg', id=number, type=kind, action=Marker.ADD)

@@ -47,7 +47,9 @@ class Solver:
         self._messages = LegMessages(node, self._legs, values['frame_id'])
         joints = dict.fromkeys(leg.crank_joint for leg in self._legs)
         inputs = declare(node, INPUTS)
-        self.inputs = CrankInputs(node, list(joints), inputs, self._turn, self._reject)
+        self.inputs = CrankInputs(
+            node, list(joints), inputs, self._solve_and_publish, self._reject
+        )
         self._diagnostics = SolverDiagnostics(
             node,
             self._legs,
@@ -73,7 +75,7 @@ class Solver:
         for leg in self._legs:
             leg.leg.reset()
 
-    def _turn(self, cranks: Mapping[str, CrankInput], stamp: Stamp) -> None:
+    def _solve_and_publish(self, cranks: Mapping[str, CrankInput], stamp: Stamp) -> None:
         answers = []
         for leg in self._legs:
             crank = cranks.get(leg.crank_joint)
@@ -214,7 +216,7 @@ class SolverDiagnostics:
             verdict = self._level_and_message(leg.statistics, silence, input_problem)
             level, message = self._types.add_to(*verdict)
             text = '; '.join(filter(None, (message, self._missing_arcs[i])))
-            values = _values(leg, self._inputs, now - self._last_report).items()
+            values = _diagnostic_values(leg, self._inputs, now - self._last_report).items()
             name = leg.name or 'leg'
             statuses.append(diagnostic_status(self._node, name, level, text, values))
             leg.statistics.begin_report()
@@ -248,7 +250,7 @@ def _input_problem(lost: int, sources: str) -> str:
     return '; '.join(problems)
 
 
-def _values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, object]:
+def _diagnostic_values(leg: DrivenLeg, inputs: CrankInputs, period: float) -> dict[str, object]:
     statistics = leg.statistics
     assembly = leg.leg.assembly
     values: dict[str, object] = {

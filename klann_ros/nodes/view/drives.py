@@ -227,7 +227,7 @@ class Drives:
             try:
                 if driven is None:
                     raise DriveError('that can no longer be driven')  # noqa: TRY301
-                self._do(driven, page, command)
+                self._run_command(driven, page, command)
             except DriveError as error:
                 answer(False, str(error))
                 return
@@ -236,7 +236,7 @@ class Drives:
             self._put(self._on_change)
         answer(True, '')
 
-    def _do(self, driven: _Driven, page: int, command: Command) -> None:
+    def _run_command(self, driven: _Driven, page: int, command: Command) -> None:
         drive = driven.drive
         now = monotonic()
         if command.command == 'take':

@@ -141,21 +141,21 @@ class LiveState(PageState):
         if self._read_only:
             answer(False, 'this page may only view')
         elif command.command == 'set':
-            self._set(command, answer)
+            self._set_lengths(command, answer)
         elif command.command in {'call', *_PLAYER_NUMBERS}:
-            self._operate(command, answer)
+            self._operate_machine(command, answer)
         else:
             self._drives.command(page, command, answer)
 
-    def _set(self, command: Command, answer: Answer) -> None:
+    def _set_lengths(self, command: Command, answer: Answer) -> None:
         solver = self._solvers.get(command.target)
         if solver is None or not set(command.values) <= set(solver.lengths):
             answer(False, 'there are no such lengths to set')
             return
         work = partial(self._calls.set_parameters, solver.node, command.values, answer)
-        self._put(work, answer)
+        self._run_soon(work, answer)
 
-    def _operate(self, command: Command, answer: Answer) -> None:
+    def _operate_machine(self, command: Command, answer: Answer) -> None:
         machine = next((m for m in self._machines if m.node == command.target), None)
         if machine is None:
             answer(False, 'that node has gone')
@@ -170,15 +170,15 @@ class LiveState(PageState):
 
         if command.command == 'call' and command.name in machine.services:
             service = f'{node}/{command.name}'
-            self._put(partial(self._calls.trigger, service, answer_and_refresh), answer)
+            self._run_soon(partial(self._calls.trigger, service, answer_and_refresh), answer)
         elif command.command in _PLAYER_NUMBERS and is_player:
             values = {_PLAYER_NUMBERS[command.command]: command.value}
             work = partial(self._calls.set_parameters, node, values, answer_and_refresh)
-            self._put(work, answer)
+            self._run_soon(work, answer)
         else:
             answer(False, 'it cannot do that')
 
-    def _put(self, work: Callable[[], object], answer: Answer) -> None:
+    def _run_soon(self, work: Callable[[], object], answer: Answer) -> None:
         if not self._calls.put(work):
             answer(False, BUSY)
 
@@ -263,7 +263,7 @@ class LiveState(PageState):
                 key = f'{node} {topic.name}'
                 solvers[key] = replayed_solver(node, topic.name, self._replays[node])
             else:
-                records = self._described(topic)
+                records = self._described_beside(topic)
                 described = replayed_solver(node, topic.name, records) if records else None
                 if described and has_joints(described):
                     solvers[f'{node} {topic.name}'] = described
@@ -271,7 +271,7 @@ class LiveState(PageState):
                     solvers[node] = assumed_solver(node, joint_names)
         return solvers
 
-    def _described(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
+    def _described_beside(self, topic: SubscribedTopic) -> Sequence[SolverParameters]:
         """Return the solvers described beside a topic, or else in another namespace."""
         descriptions = self._subscriptions.of_kind(STRING_TYPE)
         beside = [d for d in descriptions if parent(d.name) == parent(topic.name)]
@@ -291,15 +291,15 @@ class LiveState(PageState):
         for topic in sorted(crank_topics):
             # Both topics turn a solver's crank.
             crank_state = f'{topic.rpartition("/")[0]}/{CRANK_STATE}'
-            offers.append(self._offer(CRANK, topic, crank_state))
-        offers += [self._offer(WALK, topic) for topic in self._graph.walker_topics(topics)]
+            offers.append(self._make_offer(CRANK, topic, crank_state))
+        offers += [self._make_offer(WALK, topic) for topic in self._graph.walker_topics(topics)]
         self._drives.offer(offers)
         self._update_drive_states()
 
     def _update_drive_states(self) -> None:
         self.set_part('drives', self._drives.state())
 
-    def _offer(self, kind: str, *topics: str) -> Offer:
+    def _make_offer(self, kind: str, *topics: str) -> Offer:
         publishers: dict[str, None] = {}
         for topic in topics:
             for name in self._graph.names_of_publishers(topic):
@@ -319,9 +319,9 @@ class LiveState(PageState):
                 self._query_player(machine.node)
         statuses = self._statuses()
         self.set_part('diagnostics', [text for _, text in statuses.values()])
-        self.set_part('machines', [self._machine(m, statuses) for m in self._machines])
+        self.set_part('machines', [self._machine_data(m, statuses) for m in self._machines])
 
-    def _machine(
+    def _machine_data(
         self, machine: Machine, statuses: Mapping[str, tuple[Any, dict[str, Any]]]
     ) -> dict[str, Any]:
         data: dict[str, Any] = {
