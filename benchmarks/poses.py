@@ -142,7 +142,8 @@ class FsolveLeg:
         ab = g.l_ab * cos(alpha), g.l_ab * sin(alpha)
         self._x = fsolve(self._f, self._x, args=ab, fprime=self._phi, xtol=1e-12)
         gamma, beta, _, theta = self._x.tolist()
-        bent_c, bent_g = gamma - g.angle_bcg, theta + g.angle_fgh
+        bent_c = gamma - g.angle_bcg
+        bent_g = theta + g.angle_fgh
         return (
             g.x_d + g.l_dc * cos(beta) + g.l_cg * cos(bent_c) + g.l_gh * cos(bent_g),
             g.l_dc * sin(beta) - g.l_cg * sin(bent_c) - g.l_gh * sin(bent_g),
@@ -150,9 +151,11 @@ class FsolveLeg:
 
     def _f(self, x: np.ndarray, ab_x: float, ab_y: float) -> list[float]:
         """Return the loop equations' left-hand sides, shape (4,) [m]."""
-        g, (gamma, beta, delta, theta) = self._geometry, x.tolist()
+        g = self._geometry
+        gamma, beta, delta, theta = x.tolist()
         bent = gamma - g.angle_bcg
-        dc_x, dc_y = g.l_dc * cos(beta), g.l_dc * sin(beta)
+        dc_x = g.l_dc * cos(beta)
+        dc_y = g.l_dc * sin(beta)
         return [
             ab_x + g.l_bc * cos(gamma) - dc_x - g.x_d,
             ab_y - g.l_bc * sin(gamma) - dc_y + g.y_a,
@@ -162,9 +165,11 @@ class FsolveLeg:
 
     def _phi(self, x: np.ndarray, *_: float) -> list[list[float]]:
         """Return the Jacobian, shape (4, 4) [m/rad]."""
-        g, (gamma, beta, delta, theta) = self._geometry, x.tolist()
+        g = self._geometry
+        gamma, beta, delta, theta = x.tolist()
         bent = gamma - g.angle_bcg
-        dc_x, dc_y = g.l_dc * cos(beta), g.l_dc * sin(beta)
+        dc_x = g.l_dc * cos(beta)
+        dc_y = g.l_dc * sin(beta)
         return [
             [-g.l_bc * sin(gamma), dc_y, 0.0, 0.0],
             [-g.l_bc * cos(gamma), -dc_x, 0.0, 0.0],
@@ -188,8 +193,11 @@ class PylinkageLeg:
 
     def __init__(self, geometry: KlannGeometry, step: float) -> None:
         """Build it at a crank angle of 0, so that the first pose is one step on."""
-        g, start = geometry, KlannLeg(geometry).closed_form(0.0).points
-        a, d, e = Ground(0.0, g.y_a), Ground(g.x_d, 0.0), Ground(g.x_e, g.y_e)
+        g = geometry
+        start = KlannLeg(geometry).closed_form(0.0).points
+        a = Ground(0.0, g.y_a)
+        d = Ground(g.x_d, 0.0)
+        e = Ground(g.x_e, g.y_e)
         b = Crank(anchor=a, radius=g.l_ab, angular_velocity=step)
         # Each dyad stays nearest to where it was; these are the starts.
         c = RRRDyad(b.output, d, g.l_bc, g.l_dc, x=start[2, 0], y=start[2, 1])
@@ -210,7 +218,8 @@ class PylinkageLeg:
 
 def _end(first: float, second: float, bend: float) -> tuple[float, float]:
     """Return R of a bent body P-Q-R as pylinkage wants it: |PR|, and the angle from PQ to PR."""
-    x, y = first + second * np.cos(bend), second * np.sin(bend)
+    x = first + second * np.cos(bend)
+    y = second * np.sin(bend)
     return hypot(x, y), atan2(y, x)
 
 
@@ -226,7 +235,8 @@ def sines_and_cosines(alphas: np.ndarray) -> float:
 def one_by_one() -> bool:
     """Solve a turn in steps of 1 deg, each pose started from the one before."""
     alphas = [math.radians(k) for k in range(1, 361)]
-    leg, fsolve = KlannLeg(GEOMETRY), FsolveLeg(GEOMETRY)
+    leg = KlannLeg(GEOMETRY)
+    fsolve = FsolveLeg(GEOMETRY)
     pylinkage = PylinkageLeg(GEOMETRY, math.radians(1))
     ways = [
         Way('KlannLeg.solve', 360, lambda: [leg.solve(alpha).h for alpha in alphas]),
@@ -248,11 +258,13 @@ def by_the_million() -> bool:
     step = 2 * math.pi / MILLION
     # pylinkage starts at 0 and makes a step first; it adds its steps up.
     alphas = step * np.arange(1, MILLION + 1)
-    out, sums = np.empty((MILLION, 2)), list[float]()
-    step_leg, fast_leg = PylinkageLeg(GEOMETRY, step), PylinkageLeg(GEOMETRY, step)
+    out = np.empty((MILLION, 2))
+    sums: list[float] = []
+    step_leg = PylinkageLeg(GEOMETRY, step)
+    fast_leg = PylinkageLeg(GEOMETRY, step)
 
     def ours(kernel: str, **more: bool) -> Way:
-        name = ' '.join(['klann_poses', kernel, *(f'+ {quantity}' for quantity in more)])
+        name = ' + '.join([f'klann_poses {kernel}', *more])
         return Way(
             name, MILLION, lambda: klann_poses(GEOMETRY, alphas, out=out, kernel=kernel, **more).h
         )

@@ -129,8 +129,8 @@ class Blockwise:
             x_1, u_1 = joints.solve_rates(structure, u, closings, 1.0)
             singular = np.isnan(np.sum(x_1, axis=0))
             if singular.any():
-                x_1 = [np.where(singular, np.nan, rate) for rate in x_1]
-                u_1 = [np.where(singular, np.nan, rate) for rate in u_1]
+                x_1 = [*np.where(singular, np.nan, x_1)]
+                u_1 = [*np.where(singular, np.nan, u_1)]
         for name, array in results.arrays().items():
             if name == 'transmission_angles':
                 for k, block in enumerate(self.blocks):

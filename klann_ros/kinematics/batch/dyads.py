@@ -1,6 +1,7 @@
 """Linkages whose blocks are all dyads of pins, in bulk: a kernel runs their compiled program."""
 
 from collections.abc import Hashable, Iterator, Sequence, Set as AbstractSet
+from functools import cached_property
 from itertools import chain, islice
 from math import prod
 from typing import Any, TypeAlias
@@ -39,21 +40,21 @@ class PinnedDyads:
         }
         self._program = program = compile_program(self._structure, **kind)
         self._terms, self._constants = _terms_of(variants, program, tuple(kind.values()))
-        self._wanted = _wanted(program, requested)
-        thresholds = [self._terms.singular_determinant(k) for k in range(len(self._wanted['D']))]
-        self._singular_determinants = np.array(
-            [np.broadcast_to(threshold, len(variants)) for threshold in thresholds]
-        )
+        self._names = _names(program, requested)
         # Arrays that the kernel fills in: their numbers are one after another in memory.
         tables = {}
         for name, array in results.arrays().items():
             numbers_first = np.moveaxis(array, (0, 1), (-2, -1))
             table = numbers_first.reshape(prod(array.shape[2:]), *array.shape[:2])
-            if table.flags.c_contiguous and len(table) == len(self._wanted.get(name, ())):
-                tables[name] = self._wanted.pop(name), table
-        names = chain(program.foot, *self._wanted.values())
+            if table.flags.c_contiguous and len(table) == len(self._names.get(name, ())):
+                tables[name] = self._names.pop(name), table
+        names = chain(program.foot, *self._names.values())
         self._kernel = kernel(program, tuple(names), BLOCK_SIZE, [*tables.values()])
         self._block_crank: tuple[slice, Any] | None = None
+
+    @cached_property
+    def _singular_determinants(self) -> FloatArray:
+        return self._terms.singular_determinants(len(self._variants))
 
     def fill(self, rows: slice, columns: slice, alphas: AnyArray) -> None:
         """Compute and store a block."""
@@ -97,7 +98,7 @@ class PinnedDyads:
         """Store and yield the requested arrays except the feet."""
         remaining = iter(numbers)
         numbers_of = {}
-        for name, names in self._wanted.items():
+        for name, names in self._names.items():
             numbers_of[name] = [*islice(remaining, len(names))]
         links = _pairs(numbers_of['links'])
         singular = self._singular(numbers_of['D'], rows) if numbers_of['D'] else None
@@ -152,25 +153,25 @@ def _pairs(numbers: Sequence[FloatArray]) -> Planes:
     return [*zip(numbers[::2], numbers[1::2], strict=True)]
 
 
-def _wanted(program: Program, requested: AbstractSet[str]) -> dict[str, Sequence[str]]:
+def _names(program: Program, requested: AbstractSet[str]) -> dict[str, Sequence[str]]:
     """Return the numbers that the kernel computes besides the foot, by the results."""
     # In one order, as the source that is compiled and cached has it.
     derivatives = sorted(name for name in requested if name.endswith(('_1', '_gradient')))
     links = [*chain(*program.links)]
     points = [*chain(*program.points)]
     by_links = requested & {'angles', 'angles_1', 'transmission_angles'}
-    wanted: dict[str, Sequence[str]] = {
+    names: dict[str, Sequence[str]] = {
         'links': links if by_links else [],
         'D': program.determinants if derivatives else [],
         'points': points if 'points' in requested else [],
     }
-    numbers = {'h': program.foot, 'angles': links, 'points': points}
+    plain = {'h': program.foot, 'angles': links, 'points': points}
     for name in derivatives:
         quantity = name.split('_')[0]
         is_gradient = name.endswith('_gradient')
-        names = program.gradients[quantity] if is_gradient else numbers[quantity]
-        wanted[name] = [program.rates[number] for number in names] if '_1' in name else names
-    return wanted
+        numbers = program.gradients[quantity] if is_gradient else plain[quantity]
+        names[name] = [program.rates[number] for number in numbers] if '_1' in name else numbers
+    return names
 
 
 def _terms_of(

@@ -156,7 +156,14 @@ class PathTerms:
         r_a, r_b = self.link_lengths(k)
         return (r_a - r_b) * (r_a + r_b)
 
-    def singular_determinant(self, k: int) -> Any:
+    def singular_determinants(self, count: int) -> FloatArray:
+        """Return the thresholds of |D| of each dyad of n linkages, shape (number of dyads, n)."""
+        thresholds = np.empty((len(self._structure.groups), count))
+        for k, row in enumerate(thresholds):
+            row[:] = self._singular_determinant(k)
+        return thresholds
+
+    def _singular_determinant(self, k: int) -> Any:
         """Return the threshold of |D| of a dyad for singularity: see `Block.singular_sine`."""
         bodies, constant = self._row(self._structure.dyad_loop(k))
         vectors = np.broadcast_arrays(np.abs(constant), *map(np.abs, bodies.values()))

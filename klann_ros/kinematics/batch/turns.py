@@ -73,16 +73,18 @@ def _pinned_turns(variants: Variants, alphas: FloatArray, kernel: Any, box: bool
     terms = PathTerms(structure, *variants.vectors, variants.signs)
     count = len(variants)
     table = constants(program, terms, count)
-    names = [*program.foot, *(program.rates[name] for name in program.foot)]
+    x, y = program.foot
+    names = [x, y, program.rates[x], program.rates[y]]
     names += [*program.determinants, *program.distances]
-    x_names = [x for x, _ in program.points] if box else []
-    y_names = [y for _, y in program.points] if box else []
+    x_names, y_names = zip(*program.points, strict=True) if box else ((), ())
     step = max(1, TURNS_BLOCK // len(alphas))
     solver = kernel(program, (*names, *x_names, *y_names), step * len(alphas))
     crank = kernel.crank(alphas)
     dyads = range(len(program.distances))
-    lengths = [_columns(terms.link_lengths(k), count) for k in dyads]
-    thresholds = _columns([terms.singular_determinant(k) for k in dyads], count)
+    lengths = np.empty((len(dyads), 2, count, 1))
+    for k in dyads:
+        lengths[k, 0, :, 0], lengths[k, 1, :, 0] = terms.link_lengths(k)
+    thresholds = terms.singular_determinants(count)[..., None]
     feet = np.empty((4, count, len(alphas)))
     worst = np.full(count, pi / 2.0)
     extents = np.empty((2, count)) if box else None
@@ -109,11 +111,6 @@ def _pinned_turns(variants: Variants, alphas: FloatArray, kernel: Any, box: bool
                 extents[1, rows] = _extent(numbers[y_start:])
     missing = np.isnan(feet[0]).mean(axis=1)
     return Turns(feet[:2], feet[2:], missing, worst, extents)
-
-
-def _columns(numbers: Sequence[Any], count: int) -> FloatArray:
-    """Return numbers of n linkages as columns, shape (numbers, n, 1)."""
-    return np.array([np.broadcast_to(number, count) for number in numbers])[..., None]
 
 
 def _extent(coordinates: Sequence[FloatArray]) -> FloatArray:
