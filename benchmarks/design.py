@@ -41,24 +41,27 @@ FIGURES = frozenset({'stride', 'lift', 'duty_factor', 'deviation', 'transmission
 FIXED = {'move': False, 'turn': False, 'scale': False}
 
 
-def random_legs(name: str, spread: float, count: int, random: np.random.Generator) -> Variants:
+def random_legs(
+    linkage_name: str, spread: float, count: int, random: np.random.Generator
+) -> Variants:
     """Return legs with all dimensions within a part of the shipped ones."""
-    linkage = shipped_linkage(name)
-    changes = {
-        dimension: value * random.uniform(1.0 - spread, 1.0 + spread, count)
-        for dimension, value in linkage.dimensions.items()
-    }
+    linkage = shipped_linkage(linkage_name)
+    changes = {}
+    for name, number in linkage.dimensions.items():
+        changes[name] = number * random.uniform(1.0 - spread, 1.0 + spread, count)
     return Variants(linkage, changes)
 
 
 def judged(seed: int) -> tuple[int, int, float, float]:
     """Judge poses; return legs, turning ones, seconds of the CPU and memory [GB]."""
-    random, legs, turning = np.random.default_rng(seed), 0, 0
+    random = np.random.default_rng(seed)
+    legs = turning = 0
     judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
     begin = time.process_time()
     while legs * CANDIDATE_ANGLES < POSES / CORES:
-        found = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
-        turning, legs = turning + int(found.turns.sum()), legs + CHUNK
+        judgement = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
+        turning += int(judgement.turns.sum())
+        legs += CHUNK
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     return legs, turning, time.process_time() - begin, memory
 
@@ -67,9 +70,10 @@ def poses() -> bool:
     """Judge poses by path figures, transmission angle and turning, on two cores."""
     begin = time.perf_counter()
     with ProcessPoolExecutor(CORES) as pool:
-        each = [*pool.map(judged, range(CORES))]
-    legs, turning, cpu, memory = (sum(some) for some in zip(*each, strict=True))
-    done, longest = legs * CANDIDATE_ANGLES, max(seconds for _, _, seconds, _ in each)
+        counts = [*pool.map(judged, range(CORES))]
+    legs, turning, cpu, memory = (sum(column) for column in zip(*counts, strict=True))
+    done = legs * CANDIDATE_ANGLES
+    longest = max(seconds for _, _, seconds, _ in counts)
     print(
         f'{done:.3g} poses of {legs} legs, {100.0 * turning / legs:.0f} % turn: '
         f'{longest:.1f} s of the CPU on each of {CORES} cores ({1e9 * cpu / done:.0f} ns a pose), '
@@ -81,7 +85,8 @@ def poses() -> bool:
 
 def proof() -> bool:
     """Solve legs that the search takes as turning at many angles; none may jam or jump."""
-    random, checked, jam, jump, refused = np.random.default_rng(2), 0, 0, 0, 0
+    random = np.random.default_rng(2)
+    checked = jam = jump = refused = 0
     alphas = np.linspace(0.0, TURN, ANGLES)
     while checked < LEGS:
         legs = random_legs('klann', 0.2, CHUNK, random)
@@ -93,9 +98,9 @@ def proof() -> bool:
                 # The proof of the search drops it.
                 refused += 1
                 continue
-            found = linkage_poses(leg, alphas)
-            steps = np.linalg.norm(np.diff(found.h, axis=0), axis=1)
-            jam += bool(found.reason.any())
+            poses = linkage_poses(leg, alphas)
+            steps = np.linalg.norm(np.diff(poses.h, axis=0), axis=1)
+            jam += bool(poses.reason.any())
             # A change of branch moves the foot by a part of the leg at once.
             jump += bool(steps.max() > 0.1 * leg.size)
             checked += 1
@@ -108,14 +113,16 @@ def proof() -> bool:
 
 def recovery() -> bool:
     """Recover the foot paths of hidden Klann legs."""
-    random, errors, seconds = np.random.default_rng(3), list[float](), list[float]()
+    random = np.random.default_rng(3)
+    errors: list[float] = []
+    seconds: list[float] = []
     alphas = np.arange(360) * (TURN / 360)
     while len(errors) < CASES:
         hidden = random_legs('klann', 0.2, 1, random)
-        found = linkage_poses(hidden, alphas)
-        if found.reason.any():
+        poses = linkage_poses(hidden, alphas)
+        if poses.reason.any():
             continue
-        path = {'points': found.h[0].tolist(), **FIXED}
+        path = {'points': poses.h[0].tolist(), **FIXED}
         requirements = requirements_from(
             {'linkage': 'klann', 'vary': 20, 'path': path, 'count': 1}
         )
@@ -125,24 +132,23 @@ def recovery() -> bool:
         size = requirements.target.size if requirements.target else 1.0
         errors.append(min((leg.reached['path_error'] / size for leg in legs), default=1.0))
         print(f'  {100.0 * errors[-1]:.4f} % of the size, {seconds[-1]:.1f} s', flush=True)
-    good = sum(error <= 1e-3 for error in errors)
+    recovered = sum(error <= 1e-3 for error in errors)
     median = 100.0 * float(np.median(errors))
-    print(f'recovered within 0.1 %: {good} of {CASES}, aim 95 of 100; median {median:.4f} %')
+    print(f'recovered within 0.1 %: {recovered} of {CASES}, aim 95 of 100; median {median:.4f} %')
     print(f'time: median {np.median(seconds):.1f} s, greatest {max(seconds):.1f} s, aim 30 s')
-    return good >= 0.95 * CASES
+    return recovered >= 0.95 * CASES
 
 
 def other_jansen(seed: int) -> str:
     """Return the file of a leg of his structure: the search must not begin with the answer."""
-    (own,) = robot_of('jansen').legs
+    (leg,) = robot_of('jansen').legs
     random = np.random.default_rng(seed)
     while True:
-        changes = {
-            name: value * random.uniform(0.6, 1.4)
-            for name, value in own.linkage.dimensions.items()
-        }
+        changes = {}
+        for name, number in leg.linkage.dimensions.items():
+            changes[name] = number * random.uniform(0.6, 1.4)
         try:
-            text = leg_text(with_numbers(own, own.linkage.varied(changes)))
+            text = leg_text(with_numbers(leg, leg.linkage.varied(changes)))
         except GeometryError:
             continue
         with tempfile.NamedTemporaryFile('w', suffix='.yaml', delete=False) as file:
@@ -152,13 +158,13 @@ def other_jansen(seed: int) -> str:
 
 def jansen() -> bool:
     """Follow Jansen's path with the lengths of his leg, by 100,000 evaluations."""
-    drawn, errors = shipped_linkage('jansen'), list[float]()
+    drawn = shipped_linkage('jansen')
+    errors: list[float] = []
     path = linkage_poses(drawn, np.arange(180) * (TURN / 180)).h
-    vary = {
-        name: sorted([0.5 * value, 1.5 * value])
-        for name, value in drawn.dimensions.items()
-        if value
-    }
+    vary = {}
+    for name, number in drawn.dimensions.items():
+        if number:
+            vary[name] = sorted([0.5 * number, 1.5 * number])
     for seed in range(SEEDS):
         content = {'linkage': other_jansen(seed), 'vary': vary, 'count': 1}
         content['path'] = {'points': path.tolist(), 'timing': 'prescribed', **FIXED}
@@ -172,7 +178,7 @@ def jansen() -> bool:
 
 
 PARTS: dict[str, Callable[[], bool]] = {
-    each.__name__: each for each in (poses, proof, recovery, jansen)
+    run.__name__: run for run in (poses, proof, recovery, jansen)
 }
 
 

@@ -33,7 +33,7 @@ def main() -> int:
     repeated = 0
     for kind in KINDS.values():
         variants = [make_variant(kind, str(seed)) for seed in range(SEEDS)]
-        repeated += SEEDS - len({tuple(each.givens.items()) for each in variants})
+        repeated += SEEDS - len({tuple(variant.givens.items()) for variant in variants})
     print(f'{len(KINDS)} kinds, {SEEDS} seeds each: {repeated} repeated, aim 0')
     refused = _refused(chance)
     print(f'{RIGHT} right answers: {refused} refused, aim 0')
@@ -50,13 +50,13 @@ def _refused(chance: random.Random) -> int:
     refused = marked = 0
     while marked < RIGHT:
         variant = _variant(chance)
-        answers = {
-            question.name: _written(chance, variant, question, variant.answers[question.name])
-            for question in variant.kind.questions
-        }
+        answers = {}
+        for question in variant.kind.questions:
+            answer = variant.answers[question.name]
+            answers[question.name] = _written(chance, variant, question, answer)
         marks = mark(variant, answers)
         marked += len(marks)
-        refused += sum(each.slip != 'right' for each in marks)
+        refused += sum(answer_mark.slip != 'right' for answer_mark in marks)
     return refused
 
 
@@ -97,37 +97,37 @@ def _written(
 
 def _named(chance: random.Random, *, alone: bool) -> tuple[int, list[tuple[tuple[str, str], int]]]:
     """Return how many slips are named rightly, and those that are not, with their other names."""
-    right, missed = 0, Counter[tuple[str, str]]()
-    done = 0
+    missed = Counter[tuple[str, str]]()
+    right = done = 0
     slips = _slips()
     while done < WRONG:
         slip = next(slips)
         student = _independent if chance.random() < 0.5 else _by_calculation
-        found = student(chance, slip)
-        if not found:
+        mistaken = student(chance, slip)
+        if not mistaken:
             continue
-        variant, wrong = found
-        asked = {question.name: question for question in variant.kind.questions}
-        wrong = {
-            name: value
-            for name, value in wrong.items()
-            if name in asked and not variant.is_right(asked[name], value)
-        }
-        names = [*wrong]
+        variant, wrong = mistaken
+        questions = {question.name: question for question in variant.kind.questions}
+        names = []
+        for name, answer in wrong.items():
+            if name in questions and not variant.is_right(questions[name], answer):
+                names.append(name)
         if not names:
             continue
         if alone:
             names = [chance.choice(names)]
         answers = {
-            name: _rounded(variant, asked[name], value) for name, value in variant.answers.items()
-        } | {name: _rounded(variant, asked[name], wrong[name]) for name in names}
-        for each in mark(variant, answers):
+            name: _rounded(variant, question, (wrong if name in names else variant.answers)[name])
+            for name, question in questions.items()
+        }
+        for answer_mark in mark(variant, answers):
             # Rounded as asked, a slip may have no effect left.
-            if each.question in names and each.slip != 'right' and done < WRONG:
+            is_wrong = answer_mark.question in names and answer_mark.slip != 'right'
+            if is_wrong and done < WRONG:
                 done += 1
-                right += each.slip == slip
-                if each.slip != slip:
-                    missed[slip, each.slip] += 1
+                right += answer_mark.slip == slip
+                if answer_mark.slip != slip:
+                    missed[slip, answer_mark.slip] += 1
     return right, missed.most_common(12)
 
 
@@ -136,11 +136,11 @@ def _slips() -> Iterator[str]:
         yield from SLIPS
 
 
-def _rounded(variant: Variant, question: Question, value: float | str) -> str:
-    if isinstance(value, str) or value == 0.0 or question.unit == 'count':
-        return value if isinstance(value, str) else f'{value:.0f}'
-    places = variant.kind.digits - 1 - floor(log10(abs(value)))
-    return f'{value:.{max(places, 0)}f}'
+def _rounded(variant: Variant, question: Question, answer: float | str) -> str:
+    if isinstance(answer, str) or answer == 0.0 or question.unit == 'count':
+        return answer if isinstance(answer, str) else f'{answer:.0f}'
+    places = variant.kind.digits - 1 - floor(log10(abs(answer)))
+    return f'{answer:.{max(places, 0)}f}'
 
 
 def _by_calculation(chance: random.Random, slip: str) -> tuple[Variant, Answers] | None:
@@ -192,7 +192,8 @@ def _independent(  # noqa: C901, PLR0912 - a student with one of ten slips
         except np.linalg.LinAlgError:
             return None
         step = -step if slip == 'sign' and place == 'step' else step
-        before, x = x, x - (step if slip == 'radians' else np.degrees(step))
+        last = x
+        x = x - (step if slip == 'radians' else np.degrees(step))
         if slip == 'rounding':
             x = x.round(digits)
         if not np.isfinite(x).all():
@@ -201,7 +202,7 @@ def _independent(  # noqa: C901, PLR0912 - a student with one of ten slips
             answers |= {f'{name}_2': value for name, value in zip(names, x.tolist(), strict=True)}
         if slip == 'short' and k == 1:
             break
-        if np.abs(x - before).max() < 1e-9:
+        if np.abs(x - last).max() < 1e-9:
             break
     answers |= dict(zip(names, x.tolist(), strict=True))
     if slip == 'assembly':

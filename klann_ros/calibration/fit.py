@@ -245,10 +245,10 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
         camera_model = replace(model, optional=(*CAMERA, *model.optional))
         text = 'those of a camera in another pose: try --camera unknown'
         yield _Hypothesis(text, camera_model, few)
-    mirrored = [
-        replace(series, values=series.values * (1, -1)) if series.kind == 'point' else series
-        for series in few
-    ]
+    mirrored = []
+    for series in few:
+        sign = (1, -1) if series.kind == 'point' else 1
+        mirrored.append(replace(series, values=series.values * sign))
     text = 'mirrored: x must point right and y up, as on the drawing'
     yield _Hypothesis(text, camera_model, mirrored)
     rates = np.concatenate([series.rate for series in few])

@@ -1,6 +1,7 @@
 """The assembly sheet: a leg layer by layer, with its pins, spacers and washers, as SVG."""
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from math import ceil
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -46,22 +47,21 @@ class Pin(NamedTuple):
 
 def pins(stack: Layers, thickness: float, washer: float) -> Iterator[Pin]:
     """Yield the pins of a leg for plates and washers of a thickness [m], in its order."""
-    stub_plates = {stub.shaft.name: stub.crossing for stub in stack.stubs}
     for shaft in stack.shafts:
         low, high = stack.span(shaft)
         diameter = MM * shaft.diameter
         gaps = high - low
         grip = MM * ((gaps + 1) * thickness + gaps * washer)
-        ends = []
-        if shaft.name in stub_plates:
-            names = ', '.join(
-                printable(stack.plates[plate].name, 24) for plate in stub_plates[shaft.name]
-            )
-            ends.append(f'a stub: {names} passes')
+        stubs = [stub for stub in stack.stubs if stub.shaft.name == shaft.name]
+        ends = [f'a stub: {_names(stack, stub.crossing)} passes' for stub in stubs]
         ends += [f'{end.side.value} flush' for end in stack.flush if end.shaft.name == shaft.name]
         screw = _screw(grip + NUT * diameter)
         text = '; '.join(ends) or 'head and nut'
         yield Pin(shaft.name, diameter, low, high, stack.spacers(shaft), gaps, grip, screw, text)
+
+
+def _names(stack: Layers, plates: Sequence[int]) -> str:
+    return ', '.join(printable(stack.plates[p].name, 24) for p in plates)
 
 
 def _screw(min_length: float) -> int:
@@ -123,8 +123,7 @@ def _leg(root: Element, stack: Layers, y: float, thickness: float, washer: float
     for layer in range(stack.count):
         left = MARGIN + layer % COLUMNS * PANEL
         top = y + layer // COLUMNS * (PANEL + 2.0 * TEXT)
-        names = [printable(stack.plates[p].name, 24) for p in stack.plates_in(layer)]
-        title = f'Layer {layer}: {", ".join(names)}'
+        title = f'Layer {layer}: {_names(stack, stack.plates_in(layer))}'
         size = min(TEXT, (PANEL - TEXT) / (LETTER_WIDTH * len(title)))
         _text(root, title, top + TEXT, size, left)
         panel = SubElement(root, 'g', transform=f'translate({left:g} {top + 1.5 * TEXT:g})')
@@ -177,15 +176,15 @@ class _LayerView:
     def __init__(self, stack: Layers) -> None:
         self._stack = stack
         motion = stack.motion
-        ends = np.array([
-            motion.place(plate, end)[motion.shown]
-            for plate in stack.plates
-            for link in plate.links
-            for end in link
-        ])  # fmt: skip
+        points = []
+        for plate in stack.plates:
+            ends = chain.from_iterable(plate.links)
+            points += [motion.place(plate, end)[motion.shown] for end in ends]
+        shown_points = np.array(points)
         edge = max(plate.width for plate in stack.plates) / 2.0 * (1 + 1j)
-        self._low = complex(ends.real.min(), ends.imag.min()) - edge
-        size = complex(ends.real.max(), ends.imag.max()) + edge - self._low
+        self._low = complex(shown_points.real.min(), shown_points.imag.min()) - edge
+        high = complex(shown_points.real.max(), shown_points.imag.max()) + edge
+        size = high - self._low
         self.scale = (PANEL - 2.0 * TEXT) / (MM * max(size.real, size.imag))
 
     def draw(self, panel: Element, layer: int) -> None:
@@ -269,11 +268,12 @@ def _label(
     for row in range(LABEL_ROWS):
         for y in (offset + row * TEXT, -offset - (row + 1) * TEXT):
             corners += [centre + complex(x, y) for x in (offset, -offset - size.real)]
-    boxes = [(corner, corner + size) for corner in corners]
-    free_boxes = (box for box in boxes if not any(_overlap(box, taken) for taken in labels))
-    box = next(free_boxes, boxes[0])
-    labels.append(box)
-    corner = box[0]
+    corner = corners[0]
+    for candidate in corners:
+        if not any(_overlap((candidate, candidate + size), taken) for taken in labels):
+            corner = candidate
+            break
+    labels.append((corner, corner + size))
     place = {
         'x': f'{corner.real:.3f}',
         'y': f'{PANEL - corner.imag:.3f}',

@@ -4,7 +4,7 @@ from cmath import rect
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
-from itertools import combinations
+from itertools import chain, combinations
 from math import atan, hypot, sin, sqrt, tau
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, indent, SubElement, tostring
@@ -102,9 +102,9 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         )
     placed_plates = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
     widths = [plate.size.real for plate in placed_plates]
-    area = sum(
-        (plate.size.real + PLATE_GAP) * (plate.size.imag + PLATE_GAP) for plate in placed_plates
-    )
+    area = 0.0
+    for placed in placed_plates:
+        area += (placed.size.real + PLATE_GAP) * (placed.size.imag + PLATE_GAP)
     sheet_width = max(*widths, 1.2 * sqrt(area))
     x = y = PLATE_GAP
     row_height = right = 0.0
@@ -113,21 +113,21 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
     circles: list[Circle] = []
     slots: list[Outline] = []
     texts: list[Text] = []
-    for plate in placed_plates:
-        if x > PLATE_GAP and x + plate.size.real > sheet_width + PLATE_GAP:
+    for placed in placed_plates:
+        if x > PLATE_GAP and x + placed.size.real > sheet_width + PLATE_GAP:
             x = PLATE_GAP
             y += row_height + PLATE_GAP
             row_height = 0.0
-        plate.corner = complex(x, y)
-        x += plate.size.real + PLATE_GAP
-        row_height = max(row_height, plate.size.imag)
+        placed.corner = complex(x, y)
+        x += placed.size.real + PLATE_GAP
+        row_height = max(row_height, placed.size.imag)
         right = max(right, x)
-        outer, *inner = plate.outlines()
+        outer, *inner = placed.outlines()
         cuts.append(outer)
         windows += inner
-        circles += plate.circles()
-        slots += plate.slots()
-        texts += plate.texts()
+        circles += placed.circles()
+        slots += placed.slots()
+        texts += placed.texts()
     size = complex(right, y + row_height + PLATE_GAP)
     return Drawing(size, tuple(cuts), tuple(windows), tuple(circles), tuple(slots), tuple(texts))
 
@@ -140,7 +140,7 @@ class _PlacedPlate:
         self._offset = offset  # half of the kerf [mm]
         self._title = printable(plate.title, MAX_TITLE)
         self._radius = MM * plate.width / 2.0
-        corners = [end for link in plate.links for end in link]
+        corners = [*chain.from_iterable(plate.links)]
         diagonals = [end - start for start, end in combinations(corners, 2)]
         along = max(diagonals, key=abs)
         self._rotation = MM * (along.conjugate() / abs(along) if along else 1.0)
@@ -158,10 +158,11 @@ class _PlacedPlate:
         return outlines(self._links(), self._radius + self._offset)
 
     def circles(self) -> list[Circle]:
-        return [
-            Circle(self._to_sheet(hole.at), MM * hole.diameter / 2.0 - self._offset)
-            for hole in self._plate.holes
-        ]
+        circles = []
+        for hole in self._plate.holes:
+            radius = MM * hole.diameter / 2.0 - self._offset
+            circles.append(Circle(self._to_sheet(hole.at), radius))
+        return circles
 
     def slots(self) -> list[Outline]:
         return [outlines([line], radius - self._offset)[0] for line, radius in self._slot_lines()]

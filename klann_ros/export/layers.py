@@ -146,7 +146,7 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     pins = []
     for shaft in shafts:
         pin = motion.pin(plates[shaft.carrier], shaft.at, shaft.radius(plates[0].width))
-        foreign = (p for p in range(len(plates)) if p not in shaft.plates)
+        foreign = sorted({*range(len(plates))} - {*shaft.plates})
         crossing = tuple(p for p in foreign if motion.collide(swept[p], pin))
         pins.append(PinPlates(shaft.plates, crossing))
     ground = next((p for p, plate in enumerate(plates) if plate.body == FIXED), None)
@@ -274,8 +274,10 @@ def _shafts(plates: Sequence[Plate]) -> list[Shaft]:
 def _shaft(plates: Sequence[Plate], group: Sequence[tuple[int, Hole]]) -> Shaft:
     """Return the pin of holes, each with its plate."""
     carrier, first_hole = group[0]
-    points = dict.fromkeys(name for _, hole in group for name in hole.name.split(',') if name)
-    through = dict.fromkeys(p for p, _ in group)
+    through = {p: None for p, _ in group}
+    points: dict[str, None] = {}
+    for _, hole in group:
+        points |= dict.fromkeys(filter(None, hole.name.split(',')))
     name = ','.join(points)
     for p, plate in enumerate(plates):
         for slot in plate.slots:
@@ -353,19 +355,22 @@ class _Search:
         if self._best is not None and self._best[0] == 0 and self._length() >= self._best[1]:
             return False
         for pin in self._pins:
-            joined = [layer[p] for p in pin.joined if p in layer]
-            crossing = [layer[p] for p in pin.crossing if p in layer]
-            if len(joined) > 1 and any(
-                min(joined) <= crossed <= max(joined) for crossed in crossing
-            ):
-                return False
+            joined = self._layers_of(pin.joined)
+            if len(joined) > 1:
+                low, high = min(joined), max(joined)
+                if any(low <= crossed <= high for crossed in self._layers_of(pin.crossing)):
+                    return False
         return True
+
+    def _layers_of(self, plates: Sequence[int]) -> list[int]:
+        """Return the layers of those plates that have one so far."""
+        return [self._layer[p] for p in plates if p in self._layer]
 
     def _length(self) -> int:
         """Return the total length of all shafts so far [layers]."""
         length = 0
         for pin in self._pins:
-            joined = [self._layer[p] for p in pin.joined if p in self._layer]
+            joined = self._layers_of(pin.joined)
             length += max(joined) - min(joined) if joined else 0
         return length
 

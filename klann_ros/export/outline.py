@@ -7,7 +7,7 @@ Pieces nearer to a segment than the distance are inside and left out.
 
 from cmath import phase, rect
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import pi, sqrt, tan, tau
 from typing import NamedTuple
 
@@ -118,7 +118,7 @@ def _sides(segments: Sequence[Segment], radius: float) -> list[Segment]:
 
 def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
     sides = _sides(segments, radius)
-    centres = {end for segment in segments for end in segment}
+    centres = set(chain.from_iterable(segments))
     for start, end in sides:
         along = _unit(end - start)
         length = abs(end - start)
@@ -141,7 +141,7 @@ def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
 
 def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
     sides = _sides(segments, radius)
-    centres = dict.fromkeys(end for segment in segments for end in segment)
+    centres = dict.fromkeys(chain.from_iterable(segments))
     for centre in centres:
         cuts = [0.0, pi]
         for start, end in sides:
@@ -155,11 +155,8 @@ def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
             distance = abs(offset)
             if 0.0 < distance <= 2.0 * radius:
                 half_chord = sqrt(max(radius**2 - distance**2 / 4.0, 0.0))
-                half_distance = distance / 2.0
-                heights = (-half_chord, half_chord)
-                cuts += [
-                    phase((half_distance + 1j * height) * _unit(offset)) for height in heights
-                ]
+                ends = (distance / 2.0 - 1j * half_chord, distance / 2.0 + 1j * half_chord)
+                cuts += [phase(end * _unit(offset)) for end in ends]
         cuts = sorted(cut % tau for cut in cuts)
         for low, high in pairwise([*cuts, cuts[0] + tau]):
             if high - low > MIN_PIECE:

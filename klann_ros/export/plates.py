@@ -153,7 +153,9 @@ def plates(
         legs = '' if len(legs_of) == 1 else names[0]
         leg_plates = _linkage_plates(linkage, sizes, width)
         robot_plates += [replace(plate, count=len(names), legs=legs) for plate in leg_plates]
-    joints = {name for plate in robot_plates for drilled in plate.holes for name in drilled.points}
+    joints: set[str] = set()
+    for plate in robot_plates:
+        joints.update(*[drilled.points for drilled in plate.holes])
     for name in sizes.keys() - joints - {''}:
         listing = ', '.join(sorted(joints))
         raise ExportError(
