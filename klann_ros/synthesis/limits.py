@@ -66,14 +66,13 @@ def quick_returns(
             limits = bar.rocker_limits
             errors = abs(limits.time_ratio / time_ratio - 1.0), abs(limits.swing - swing)
             if max(errors) <= 1e-9:
-                crank_rockers.append(geometry)
-    crank_rockers.sort(key=_transmission_sine, reverse=True)
-    return crank_rockers[: 2 if crank else 1]
+                crank_rockers.append(bar)
+    crank_rockers.sort(key=_min_transmission_sine, reverse=True)
+    return [bar.geometry for bar in crank_rockers[: 2 if crank else 1]]
 
 
-def _transmission_sine(geometry: FourBarGeometry) -> float:
-    """Return the least sine of the transmission angle over a turn."""
-    extremes = FourBar(*geometry.lengths).transmission_extremes
+def _min_transmission_sine(bar: FourBar) -> float:
+    extremes = bar.transmission_extremes
     return min(sin(extremes.least), sin(extremes.greatest))
 
 
