@@ -74,7 +74,8 @@ class Feet:
     """
 
     def __init__(self, robot: Robot, *, foot_radius: float = 0.0) -> None:
-        self.robot, self.joints = robot, robot.crank_joints
+        self.robot = robot
+        self.joints = robot.crank_joints
         if len(robot.legs) < 3:
             raise NoWalkerError(
                 f'{robot.source or robot.name} is no walker: it has {len(robot.legs)} '
@@ -85,57 +86,33 @@ class Feet:
                 raise NoWalkerError(
                     f'{leg.name or "the leg"} does not turn fully, so it cannot walk'
                 )
-        self._crank_of = np.array([self.joints.index(leg.crank_joint) for leg in robot.legs])
-        # Intervals of the table, by leg and angle.
-        per_radian = CUBIC_SAMPLES / TURN
-        self._scales = np.array([leg.direction * per_radian for leg in robot.legs])
-        self._starts = np.array([leg.phase * per_radian for leg in robot.legs])
-        masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
+        self._tables = _LegTables(robot, foot_radius)
         body = robot.body or WalkerBody(0.0, (0.0, 0.0, 0.0))
+        masses = [leg.masses.total if leg.masses else 0.0 for leg in robot.legs]
         total = sum(masses) + body.mass or 1.0
-        self._shares = np.array(masses) / total
-        self._fixed = np.array(body.centre) * body.mass / total
-        # By leg and interval, by column, by power.
-        turn = np.array([_leg_cubics(leg, foot_radius) for leg in robot.legs])
-        self._cubics, self._rows = np.concatenate(turn), CUBIC_SAMPLES * np.arange(len(turn))
-        # In plain numbers: crank, scale, start and row of each leg; shares; the body's part.
-        columns = (
-            each.tolist() for each in (self._crank_of, self._scales, self._starts, self._rows)
-        )
-        self._legs = list(zip(*columns, strict=True))
-        self._leg_shares, self._body = self._shares.tolist(), self._fixed.tolist()
-        places = turn[..., 0]
-        self.reach = float(np.hypot(places[..., 0], places[..., 1]).max())
-        square = self._shares @ (places[..., 5:7] ** 2).sum(axis=(1, 2)) / CUBIC_SAMPLES
+        # Shares of the legs in the mass, and the part of the body in the centre of mass [m].
+        self._mass_shares = np.array(masses) / total
+        self._body_part = np.array(body.centre) * body.mass / total
+        # Both in plain numbers.
+        self._plain_masses = self._mass_shares.tolist(), self._body_part.tolist()
+        nodes = self._tables.nodes
+        self.reach = float(np.hypot(nodes[..., 0], nodes[..., 1]).max())
+        square = self._mass_shares @ (nodes[..., 5:7] ** 2).sum(axis=(1, 2)) / CUBIC_SAMPLES
         (x, y, _), (*_, inertia) = body.centre, body.inertia
         square += (inertia + (x**2 + y**2) * body.mass) / total
         self.gyration = float(np.sqrt(square)) or self.reach / 2.0
-        # A crank whose legs are on both sides is in the middle, within a micrometre.
-        every = [[leg.mount.xyz[1] for leg in robot.on_joint(each)] for each in self.joints]
-        self.sides = np.array([float(min(y) > 1e-6) - float(max(y) < -1e-6) for y in every])
-        # A foot that moves backwards at the lowest point of its plane drives forwards.
-        ups = np.array([leg.mount.rotate((0.0, 1.0)) for leg in robot.legs])[..., None]
-        lowest = np.arange(len(turn)), (places[..., :3] @ ups)[..., 0].argmin(axis=1)
-        forwards = np.bincount(self._crank_of, -turn[..., 0, 1][lowest] * self._scales)
-        for joint, forward in zip(self.joints, forwards.tolist(), strict=True):
-            if abs(forward) < 1e-6 * self.reach:
+        self.sides = np.array([_side(robot, joint) for joint in self.joints])
+        advances = self._tables.advances()
+        for joint, advance in zip(self.joints, advances.tolist(), strict=True):
+            if abs(advance) < 1e-6 * self.reach:
                 raise NoWalkerError(f'the legs of {joint} drive the robot nowhere')
-        self.senses = np.sign(forwards)
+        self.senses = np.sign(advances)
 
     def pose(self, cranks: Sequence[float]) -> tuple[list[Any], list[Any], list[float]]:
         """Return `at(cranks).tolist()` of a single pose, faster: with two arrays."""
-        rows: list[int] = []
-        powers: list[float] = []
-        for crank, scale, start, row in self._legs:
-            turned = cranks[crank] * scale + start
-            whole = floor(turned)
-            t = turned - whole
-            rows.append(whole % CUBIC_SAMPLES + row)
-            powers += (1.0, t, t * t, t * t * t)
-        cubics = self._cubics.take(rows, axis=0)
-        legs = (cubics @ np.array(powers).reshape(-1, 4, 1))[..., 0].tolist()
-        x, y, z = self._body
-        for share, leg in zip(self._leg_shares, legs, strict=True):
+        legs = self._tables.pose(cranks)
+        shares, (x, y, z) = self._plain_masses
+        for share, leg in zip(shares, legs, strict=True):
             x += share * leg[5]
             y += share * leg[6]
             z += share * leg[7]
@@ -143,20 +120,76 @@ class Feet:
 
     def at(self, cranks: ArrayLike) -> Placed:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
-        angles = np.asarray(cranks, dtype=np.float64).take(self._crank_of, axis=-1)
-        turned = angles * self._scales + self._starts
-        whole = np.floor(turned)
-        powers = (turned - whole)[..., None] ** _POWERS
-        cubic = self._cubics.take(whole.astype(np.int64) % CUBIC_SAMPLES + self._rows, axis=0)
-        # Foot, rolling and centre of mass of each leg, shape (..., n, 8).
-        values: FloatArray = (cubic @ powers[..., None])[..., 0]
-        centre = self._fixed + self._shares @ values[..., 5:]
-        return Placed(values[..., :3], values[..., 3:5], centre)
+        legs = self._tables.at(np.asarray(cranks, dtype=np.float64))
+        centre = self._body_part + self._mass_shares @ legs[..., 5:]
+        return Placed(legs[..., :3], legs[..., 3:5], centre)
+
+
+def _side(robot: Robot, joint: str) -> float:
+    """Return on which side a crank drives; one whose legs are on both sides is in the middle."""
+    offsets = [leg.mount.xyz[1] for leg in robot.on_joint(joint)]
+    # Within a micrometre.
+    return float(min(offsets) > 1e-6) - float(max(offsets) < -1e-6)
+
+
+class _LegTables:
+    """
+    A turn of each leg as cubics of `_columns`, by leg and interval, column and power.
+
+    `nodes` are the columns at the beginning of each interval, shape (n, k, 8).
+    """
+
+    def __init__(self, robot: Robot, foot_radius: float) -> None:
+        cubics = np.array([_leg_cubics(leg, foot_radius) for leg in robot.legs])
+        self.nodes: FloatArray = cubics[..., 0]
+        self._cubics = np.concatenate(cubics)
+        self._first_rows = CUBIC_SAMPLES * np.arange(len(cubics))
+        joints = robot.crank_joints
+        self._crank_of = np.array([joints.index(leg.crank_joint) for leg in robot.legs])
+        # Intervals of the table, by leg and angle.
+        per_radian = CUBIC_SAMPLES / TURN
+        self._scales = np.array([leg.direction * per_radian for leg in robot.legs])
+        self._starts = np.array([leg.phase * per_radian for leg in robot.legs])
+        self._ups = np.array([leg.mount.rotate((0.0, 1.0)) for leg in robot.legs])[..., None]
+        # Crank, scale, start and first row of each leg in plain numbers.
+        columns = self._crank_of, self._scales, self._starts, self._first_rows
+        self._legs = list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def advances(self) -> FloatArray:
+        """Return how far the feet of each crank drive forwards by its rotation."""
+        # A foot that moves backwards at the lowest point of its plane drives forwards.
+        lowest = (self.nodes[..., :3] @ self._ups)[..., 0].argmin(axis=1)
+        slopes = self._cubics[self._first_rows + lowest, 0, 1]
+        return np.asarray(np.bincount(self._crank_of, -slopes * self._scales))
+
+    def pose(self, cranks: Sequence[float]) -> list[list[float]]:
+        """Return the columns of each leg at angles of the cranks [rad]."""
+        rows: list[int] = []
+        powers: list[float] = []
+        for crank, scale, start, first_row in self._legs:
+            position = cranks[crank] * scale + start
+            interval = floor(position)
+            t = position - interval
+            rows.append(interval % CUBIC_SAMPLES + first_row)
+            powers += (1.0, t, t * t, t * t * t)
+        cubics = self._cubics.take(rows, axis=0)
+        legs: list[list[float]] = (cubics @ np.array(powers).reshape(-1, 4, 1))[..., 0].tolist()
+        return legs
+
+    def at(self, cranks: FloatArray) -> FloatArray:
+        """Return the columns of each leg, shape (..., n, 8)."""
+        positions = cranks.take(self._crank_of, axis=-1) * self._scales + self._starts
+        intervals = np.floor(positions)
+        powers = (positions - intervals)[..., None] ** _POWERS
+        rows = intervals.astype(np.int64) % CUBIC_SAMPLES + self._first_rows
+        columns: FloatArray = (self._cubics.take(rows, axis=0) @ powers[..., None])[..., 0]
+        return columns
 
 
 def _leg_cubics(leg: RobotLeg, radius: float) -> FloatArray:
     """Return a turn of `_columns`: by interval, column and power of t from 0 to 1 in it."""
-    p, step = _columns(leg, radius), TURN / CUBIC_SAMPLES
+    p = _columns(leg, radius)
+    step = TURN / CUBIC_SAMPLES
     # The derivatives of periodic functions.
     orders = np.fft.rfftfreq(CUBIC_SAMPLES, 1.0 / CUBIC_SAMPLES)[:, None]
     v = np.fft.irfft(1j * orders * np.fft.rfft(p, axis=0), CUBIC_SAMPLES, axis=0) * step
@@ -171,18 +204,18 @@ def _columns(leg: RobotLeg, radius: float) -> FloatArray:
     foot = leg.mount.transform(_plane(moving.point(structure.foot)[0]))
     foot[:, 2] -= radius
     rate = moving.rotation_1[structure.first_owner(structure.foot)]
-    turned = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * step)])
+    rotation = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * step)])
     # A foot link that turns fully would roll on without bound; no such leg stands on its foot.
     rolling = 0.0 if round(float(rate.mean())) else radius
     # Rolling counter-clockwise, seen from the plane's z, it goes towards -x.
-    rolled = rolling * turned[:, None] * leg.mount.rotate((1.0, 0.0))[:2]
+    rolled = rolling * rotation[:, None] * leg.mount.rotate((1.0, 0.0))[:2]
     bodies = leg.masses.bodies if leg.masses else ()
     centre = np.zeros(CUBIC_SAMPLES, dtype=np.complex128)
-    whole = sum(body.mass for body in bodies) or 1.0
+    total = sum(body.mass for body in bodies) or 1.0
     for j, body in enumerate(bodies):
-        centre += body.mass / whole * moving.fixed_to(j, body.centre)[0]
+        centre += body.mass / total * moving.fixed_to(j, body.centre)[0]
     return np.concatenate([foot, rolled, leg.mount.transform(_plane(centre))], axis=1)
 
 
-def _plane(values: ComplexArray) -> FloatArray:
-    return np.stack([values.real, values.imag], axis=-1)
+def _plane(points: ComplexArray) -> FloatArray:
+    return np.stack([points.real, points.imag], axis=-1)

@@ -51,21 +51,25 @@ def phase_twists(
     rests = np.asarray(loads.any(axis=1))
     # By foot and pose from here on.
     cranks, facets, loads = cranks[rests], facets[rests].T, loads[rests].T
-    chosen = np.arange(len(cranks)), facets
+    standing = np.arange(len(cranks)), facets
     # Seen from the ground, so that a tilt moves no foot.
     ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
 
     def level(angles: FloatArray) -> ComplexArray:
-        at = feet.at(angles)
-        return _level(at.feet[chosen] - ground) + _flat(at.rolled[chosen])
+        turned = feet.at(angles)
+        return _level(turned.feet[standing] - ground) + _flat(turned.rolled[standing])
 
-    arms, step, found = 1j * level(cranks), 1e-5, []
+    arms = 1j * level(cranks)
+    # Step of the central differences [rad].
+    step = 1e-5
+    twists = []
     for rate in rates:
-        turned, twists = step * (rate @ sides), np.zeros((len(rests), 2))
-        moves = (level(cranks + turned) - level(cranks - turned)) / (2.0 * step)
-        twists[rests] = _least_slip([*map(FootMotion, moves, arms, loads)])
-        found.append(twists.reshape(phases.shape))
-    return found
+        change = step * (rate @ sides)
+        moves = (level(cranks + change) - level(cranks - change)) / (2.0 * step)
+        pose_twists = np.zeros((len(rests), 2))
+        pose_twists[rests] = _least_slip([*map(FootMotion, moves, arms, loads)])
+        twists.append(pose_twists.reshape(phases.shape))
+    return twists
 
 
 def phase_map(
@@ -77,8 +81,9 @@ def phase_map(
     The grid is the middles of equal intervals of a turn of both, an even number of points; the
     twist has speed [m/rad] and rotation [rad/rad] along its last axis.
     """
-    at, half = (np.arange(points) + 0.5) * (TURN / points), points // 2
-    p, q = np.meshgrid(at[:half], at, indexing='ij')
+    angles = (np.arange(points) + 0.5) * (TURN / points)
+    half = points // 2
+    p, q = np.meshgrid(angles[:half], angles, indexing='ij')
     phases = np.stack([p - q, p + q], axis=-1)
     # Half a turn of both p and q is a turn of the right side.
     straight, turning = (
@@ -105,8 +110,8 @@ class TurnPlan:
     gain_filter = 0.1
     # p' in phases in which it cannot turn, at least, as a part of the rate for turning.
     passing_rate = 0.6
-    # p' towards the best phase, on the spot, likewise; the distance from which on it is slower
-    # [rad]; and the part of it that walking on the spot may have, so that p stays near.
+    # p' towards the best phase, on the spot, as a part of that rate; the distance from which on it
+    # is slower [rad]; and the part of it that walking on the spot may have, so that p stays near.
     seeking_rate = 2.0
     seeking_range = 0.3
     hold_share = 1.2
@@ -143,7 +148,7 @@ class TurnPlan:
         # There the supports of left and right do not change at once, which stops the turn.
         even = np.minimum(smooth, yaw.mean()).mean(axis=1)
         best = np.flatnonzero(even >= self.even_ratio * even.max())
-        self._best: list[float] = ((best + 0.5) * (TURN / self._count)).tolist()
+        self._best_phases: list[float] = ((best + 0.5) * (TURN / self._count)).tolist()
 
     def rates(
         self, p: float, q: float, walking: float, turning: float, *, on_spot: bool = False
@@ -162,24 +167,27 @@ class TurnPlan:
         boosted = turns * _interpolated(self._boost, p, q)
         if not on_spot:
             return walking / time, boosted
-        most = self.seeking_rate * effective
+        max_rate = self.seeking_rate * effective
         # Walking in phases in which a step is long, and back where it is short.
-        walks = _clip(walking * _interpolated(self._step, p, q), self.hold_share * most)
-        away = min((wrap(best - p) for best in self._best), key=abs)
-        walks += most * _clip(away / self.seeking_range, 1.0)
+        walks = _clip(walking * _interpolated(self._step, p, q), self.hold_share * max_rate)
+        distance = min((wrap(best - p) for best in self._best_phases), key=abs)
+        walks += max_rate * _clip(distance / self.seeking_range, 1.0)
         crossed = walks * _interpolated(self._crossed, p, q) / turning
-        share = _clip(crossed, self.walking_yaw)
-        walks *= share / crossed if crossed else 1.0
-        return walks, _clip(boosted * (1.0 - share), max(self.hurry_rate, abs(turns)))
+        crossed_share = _clip(crossed, self.walking_yaw)
+        walks *= crossed_share / crossed if crossed else 1.0
+        turns_on_spot = boosted * (1.0 - crossed_share)
+        return walks, _clip(turns_on_spot, max(self.hurry_rate, abs(turns)))
 
 
 def _facets(feet: FloatArray, centre: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
     # A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
     vertical, rounding, count = 1e-6, 1e-9, len(feet)
-    best = np.full(count, np.inf)
-    facets, loads = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
-    flat, over = _flat(feet), _flat(centre)
+    min_steepness = np.full(count, np.inf)
+    facets = np.zeros((count, 3), dtype=np.int64)
+    loads = np.zeros((count, 3))
+    flat = _flat(feet)
+    flat_centre = _flat(centre)
     for triple in combinations(range(feet.shape[1]), 3):
         a, b, c = (feet[:, i] for i in triple)
         nx, ny, nz = np.cross(b - a, c - a).T
@@ -188,15 +196,17 @@ def _facets(feet: FloatArray, centre: FloatArray) -> tuple[IntArray, FloatArray]
         above = feet[..., 2] + (slope[:, None] * flat).real
         level, steepness = above[:, triple[0]], 1.0 + np.abs(slope) ** 2
         is_lowest = above.min(axis=1) >= level - rounding
-        found = np.flatnonzero(is_facet & is_lowest & (steepness < best))
-        height = centre[found, 2] + (slope[found] * over[found]).real - level[found]
-        below = over[found] - height / steepness[found] * slope[found].conj()
-        p, q, r = (flat[found, i] - below for i in triple)
+        poses = np.flatnonzero(is_facet & is_lowest & (steepness < min_steepness))
+        height = centre[poses, 2] + (slope[poses] * flat_centre[poses]).real - level[poses]
+        below = flat_centre[poses] - height / steepness[poses] * slope[poses].conj()
+        p, q, r = (flat[poses, i] - below for i in triple)
         shares = np.stack([q.conj() * r, r.conj() * p, p.conj() * q], axis=-1).imag
         shares /= shares.sum(axis=-1, keepdims=True)
-        holds = shares.min(axis=-1) >= -rounding
-        found = found[holds]
-        best[found], facets[found], loads[found] = steepness[found], triple, shares[holds]
+        is_carried = shares.min(axis=-1) >= -rounding
+        poses = poses[is_carried]
+        min_steepness[poses] = steepness[poses]
+        facets[poses] = triple
+        loads[poses] = shares[is_carried]
     return facets, np.maximum(loads, 0.0)
 
 
@@ -209,44 +219,46 @@ def _level(feet: FloatArray) -> ComplexArray:
     """Return three feet in the frame in which their plane is level, seen from above, (3, k)."""
     normal = np.cross(feet[1] - feet[0], feet[2] - feet[0])
     normal *= (np.sign(normal[:, 2]) / np.linalg.norm(normal, axis=1))[:, None]
-    (nx, ny, nz), (x, y, z) = normal.T, np.moveaxis(feet, -1, 0)
+    nx, ny, nz = normal.T
+    x, y, z = np.moveaxis(feet, -1, 0)
     across = np.hypot(ny, nz)
-    ahead, aside = across * x - nx * (ny * y + nz * z) / across, (nz * y - ny * z) / across
+    ahead = across * x - nx * (ny * y + nz * z) / across
+    aside = (nz * y - ny * z) / across
     return np.asarray(ahead + 1j * aside)
 
 
 def _least_slip(feet: Sequence[FootMotion]) -> FloatArray:
     """Return speed and yaw rate, (k, 2): `minimize_slip`, but five times as fast for a map."""
     scale = np.max([np.abs(foot.motion.real) + np.abs(foot.motion.imag) for foot in feet], axis=0)
-    least = (STICK_TOLERANCE * scale) ** 2 + np.finfo(float).tiny
+    min_square = (STICK_TOLERANCE * scale) ** 2 + np.finfo(float).tiny
     motion, yaw = least_squares(feet)
     for _ in range(ITERATIONS):
-        slides = [np.abs(moves + motion + yaw * arm) for moves, arm, _ in feet]
-        motion, yaw = least_squares(
-            [
-                foot._replace(load=foot.load / np.sqrt(slide**2 + least))
-                for foot, slide in zip(feet, slides, strict=True)
-            ]
-        )
+        weighted = []
+        for foot in feet:
+            slip = np.abs(foot.motion + motion + yaw * foot.arm)
+            weighted.append(foot._replace(load=foot.load / np.sqrt(slip**2 + min_square)))
+        motion, yaw = least_squares(weighted)
     return np.stack([motion.real, yaw], axis=-1)
 
 
-def _interpolated(values: Sequence[Any], angle: float, *others: float) -> float:
+def _interpolated(samples: Sequence[Any], angle: float, *more_angles: float) -> float:
     """Return a periodic function of angles, given in the middles of equal intervals of each."""
-    at = angle / TURN * len(values) - 0.5
-    low = floor(at)
-    a, b = values[low % len(values)], values[(low + 1) % len(values)]
-    if others:
-        a, b = _interpolated(a, *others), _interpolated(b, *others)
-    return float(a + (at - low) * (b - a))
+    count = len(samples)
+    position = angle / TURN * count - 0.5
+    low = floor(position)
+    before, after = samples[low % count], samples[(low + 1) % count]
+    if more_angles:
+        before = _interpolated(before, *more_angles)
+        after = _interpolated(after, *more_angles)
+    return float(before + (position - low) * (after - before))
 
 
-def _low_pass(values: FloatArray, width: float) -> FloatArray:
+def _low_pass(samples: FloatArray, width: float) -> FloatArray:
     """Return a periodic map through a Gaussian filter of a width [rad]."""
-    order = np.fft.fftfreq(len(values), 1.0 / len(values)) * width
+    order = np.fft.fftfreq(len(samples), 1.0 / len(samples)) * width
     weights = np.exp(-0.5 * (order[:, None] ** 2 + order**2))
-    return np.asarray(np.fft.ifft2(np.fft.fft2(values) * weights).real, dtype=np.float64)
+    return np.asarray(np.fft.ifft2(np.fft.fft2(samples) * weights).real, dtype=np.float64)
 
 
-def _clip(value: float, most: float) -> float:
-    return max(-most, min(most, value))
+def _clip(number: float, bound: float) -> float:
+    return max(-bound, min(bound, number))

@@ -371,12 +371,18 @@ def minimize_slip(
             information_yaw += weight * square
             right_yaw -= weight * along
         information_yaw *= 1.0 + NO_YAW
-        xx, yy, xt, yt = a + weights, d + weights, c + arms.real, e + arms.imag
-        covariance = inverse((xx, b, xt, yy, yt, information_yaw))
+        covariance = inverse(
+            (a + weights, b, c + arms.real, d + weights, e + arms.imag, information_yaw)
+        )
+        xx, xy, xt, yy, yt, tt = covariance
+        right_x, right_y = prior_x - moves.real, prior_y - moves.imag
         last_v, last_yaw = v, yaw
-        right = prior_x - moves.real, prior_y - moves.imag, right_yaw
-        vx, vy, yaw = product(covariance, right)
-        v = complex(vx, vy)
+        # As `product`, whose call would take longer.
+        v = complex(
+            xx * right_x + xy * right_y + xt * right_yaw,
+            xy * right_x + yy * right_y + yt * right_yaw,
+        )
+        yaw = xt * right_x + yt * right_y + tt * right_yaw
         # A rotation moves feet by about their distance in metres.
         if abs(v - last_v) + abs(yaw - last_yaw) < 1e-5 * scale:
             break

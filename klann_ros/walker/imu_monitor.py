@@ -172,9 +172,8 @@ class ImuInput:
 
     def add_feet_motion(self, turn: float, slip_angle: float) -> None:
         """Take the turn of the feet in a step, and their slip by the reach [rad]."""
-        if self.readings.last is not None:
-            self._feet_turn += turn
-            self._slip_angle += slip_angle
+        self._feet_turn += turn
+        self._slip_angle += slip_angle
 
     def take(
         self, cranks: Sequence[float], seconds: float, gyro_bias: float, *, is_moving: bool

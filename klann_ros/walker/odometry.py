@@ -372,7 +372,7 @@ class Odometry:
         friction_share = self._predict(displacement / dt, last_change, dt)
         standing = self.stance.standing_feet(dt)
         self._correct(standing, friction_share, dt)
-        if standing:
+        if standing and self.imu_input.readings.last is not None:
             _, feet_yaw_rate = stance.least_squares(standing)
             slip_angle = self._slip * dt / self.stance.feet.reach
             self.imu_input.add_feet_motion(feet_yaw_rate * dt, slip_angle)
