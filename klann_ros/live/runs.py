@@ -42,8 +42,8 @@ class Page:
     """The review or the calibration of a run, pending or complete."""
 
     file: Path
-    # '' while pending, then 'ready', or the reason for a failure.
-    state: str = ''
+    # The reason for a failure; '' without one.
+    failure: str = ''
     done: asyncio.Event = field(default_factory=asyncio.Event)
 
 
@@ -120,19 +120,21 @@ class Reviews:
         return self._pages[key]
 
     def _forget_old(self) -> None:
-        finished = [key for key, page in self._pages.items() if page.state]
+        finished = [key for key, page in self._pages.items() if page.done.is_set()]
         for key in finished[: max(0, len(self._pages) - _MAX_PAGES + 1)]:
             self._pages.pop(key).file.unlink(missing_ok=True)
 
     async def _make_page(self, run: ListedRun, page: Page, program: str) -> None:
         async with self._turn:
             try:
-                page.state = await self._write_page(run, page.file, program)
+                page.failure = await self._write_page(run, page.file, program)
             except OSError as error:
-                page.state = f'the {PROGRAMS[program]} cannot be made: {printable(error.strerror)}'
+                reason = printable(error.strerror)
+                page.failure = f'the {PROGRAMS[program]} cannot be made: {reason}'
             page.done.set()
 
     async def _write_page(self, run: ListedRun, file: Path, program: str) -> str:
+        """Write a page by a program; return the reason for a failure, '' without one."""
         process = await asyncio.create_subprocess_exec(
             *(self._command or (sys.executable, '-c', _RUN.format(program))),
             # An absolute path is never mistaken for an option.
@@ -153,6 +155,6 @@ class Reviews:
                     process.kill()
                 await process.wait()
         if process.returncode in {0, 1} and file.is_file():
-            return 'ready'
+            return ''
         lines = errors.decode(errors='replace').strip().splitlines() or ['no reason was given']
         return printable(lines[-1])

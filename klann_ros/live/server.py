@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
+from errno import EADDRINUSE
 from functools import partial
 from itertools import count
 import logging
@@ -224,13 +225,13 @@ class LiveServer:
         page = await self._reviews.page(request.match_info['name'], program)
         if page is None:
             raise web.HTTPNotFound
-        if page.state == 'ready':
+        if page.failure:
+            note = note_page(title, page.failure)
+            return web.Response(text=note, content_type='text/html', status=500)
+        if page.done.is_set():
             headers = {'Content-Security-Policy': _REVIEW_POLICY}
             text = await asyncio.to_thread(page.file.read_text, encoding='utf-8')
             return web.Response(text=text, content_type='text/html', headers=headers)
-        if page.state:
-            note = note_page(title, page.state)
-            return web.Response(text=note, content_type='text/html', status=500)
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(page.done.wait(), 1.0)
         note = note_page(title, f'The {noun} is being made; the page comes by itself.')
@@ -254,7 +255,8 @@ def _token(request: web.Request) -> str | None:
 
 def _listen_error(error: Exception, guard: Guard) -> str:
     text = getattr(error, 'strerror', None) or str(error)
-    hint = '; --port 0 takes any that is free' if 'in use' in str(error) else ''
+    is_in_use = getattr(error, 'errno', None) == EADDRINUSE
+    hint = '; --port 0 takes any that is free' if is_in_use else ''
     return f'cannot listen on {guard.host}, port {guard.port}: {text}{hint}'
 
 

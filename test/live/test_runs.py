@@ -73,7 +73,7 @@ def test_names_outside_the_list_have_no_review(runs: Path, name: str) -> None:
 def test_a_review_is_made_once(runs: Path) -> None:
     async def look(reviews: Reviews) -> None:
         first = await made(reviews, 'good')
-        assert first.state == 'ready'
+        assert first.failure == ''
         assert first.file.read_text() == f'review of {runs.absolute() / "good"}'
         assert await reviews.page('good') is first
 
@@ -84,12 +84,12 @@ def test_a_failed_review_shows_the_reason(tmp_path: Path) -> None:
     (tmp_path / 'bad.mcap').touch()
 
     async def look(reviews: Reviews) -> None:
-        assert (await made(reviews, 'bad.mcap')).state == 'this is no log'
+        assert (await made(reviews, 'bad.mcap')).failure == 'this is no log'
 
     with_reviews(tmp_path, look, *COMMAND)
 
     async def stop(reviews: Reviews) -> None:
-        assert 'cannot be made' in (await made(reviews, 'bad.mcap')).state
+        assert 'cannot be made' in (await made(reviews, 'bad.mcap')).failure
 
     with_reviews(tmp_path, stop, '/nowhere/review')
 
@@ -139,7 +139,7 @@ def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
         page = await reviews.page('run', 'calibrate')
         assert page is not None
         await page.done.wait()
-        assert page.state == 'ready'
+        assert page.failure == ''
         text = page.file.read_text()
         assert 'Observable: 14 of 14 parameters' in text
         # The leg file, to be copied.
