@@ -105,8 +105,8 @@ def _find_joint(data: bytes, joint: str) -> _JointPlace:
             f'{len(names)} names and {spans[0].length} positions: there must be as many of each'
         )
     if joint.encode() not in names:
-        shown = printable(joint, _MAX_NAME_LENGTH)
-        raise ValueError(f'there is no joint {shown} among its {len(names)} ({_listed(names)})')
+        name = printable(joint, _MAX_NAME_LENGTH)
+        raise ValueError(f'there is no joint {name} among its {len(names)} ({_listed(names)})')
     index = names.index(joint.encode())
     numbers = f'{layout.order}{HEADER_SIZE}xiI'
     stamp_end = HEADER_SIZE + STAMP_SIZE

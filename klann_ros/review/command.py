@@ -44,13 +44,13 @@ _PROGRESS_DELAY = 1.0
 def progress() -> Iterator[Progress]:
     """Show a progress bar on stderr, if that is a terminal; yield the function that moves it."""
     form = '{desc}: {percentage:3.0f} %|{bar}| {remaining}'
-    shown = {'bar_format': form, 'delay': _PROGRESS_DELAY, 'leave': False, 'disable': None}
-    with tqdm(total=1.0, file=sys.stderr, **shown) as bar:
+    options = {'bar_format': form, 'delay': _PROGRESS_DELAY, 'leave': False, 'disable': None}
+    with tqdm(total=1.0, file=sys.stderr, **options) as bar:
 
-        def report(what: str, part: float) -> None:
+        def report(step: str, part: float) -> None:
             if part < bar.n:
                 bar.reset()
-            bar.set_description_str(what, refresh=False)
+            bar.set_description_str(step, refresh=False)
             bar.update(part - bar.n)
 
         yield report
@@ -76,10 +76,10 @@ FILE of --limits is YAML, a line a limit: {', '.join(NAMES)}."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Review a run, or many; return the exit code."""
-    given = command_words() if argv is None else list(argv)
-    if each.OPTION in given[: given.index('--') if '--' in given else None]:
-        return each.main(given)
-    return _parser().run(_review, REVIEW_ERRORS, given)
+    words = command_words() if argv is None else list(argv)
+    if each.OPTION in words[: words.index('--') if '--' in words else None]:
+        return each.main(words)
+    return _parser().run(_review, REVIEW_ERRORS, words)
 
 
 def _review(options: argparse.Namespace) -> int:
@@ -135,8 +135,8 @@ def _review(options: argparse.Namespace) -> int:
 def _follow(path: str, limits: Limits) -> None:
     try:
         # Past the buffer of the report.
-        found = partial(print, file=sys.__stdout__ or sys.stdout, flush=True)
-        follow(path, limits, found=found, on_status=_print_state)
+        print_finding = partial(print, file=sys.__stdout__ or sys.stdout, flush=True)
+        follow(path, limits, on_finding=print_finding, on_status=_print_state)
     # A closed pipe (`| head -1`) ends it, too.
     except (KeyboardInterrupt, BrokenPipeError):
         _print_state('stopped following; the report of the run so far')

@@ -80,7 +80,7 @@ def review_recording(
         review = Review(
             recording,
             tuple(
-                _review_leg(each, recording, gaps, report, keep_solved) for each in recording.legs
+                _review_leg(leg, recording, gaps, report, keep_solved) for leg in recording.legs
             ),
             gaps,
             limits,
@@ -98,10 +98,10 @@ def _review_leg(
     report: Progress,
     keep_solved: bool,
 ) -> ReviewedLeg:
-    evaluated, errors = leg.evaluated(), None
+    evaluated = leg.evaluated()
+    errors = None
     if leg.solver.leg is not None and len(evaluated.poses):
-        what = f'solving {printable(leg.title) or "the poses"} again'
-        progress = partial(report, what)
+        progress = partial(report, f'solving {printable(leg.title) or "the poses"} again')
         errors = pose_errors(evaluated, leg.solver.leg, progress, keep=keep_solved)
     answers = match_answers(evaluated)
     return ReviewedLeg(

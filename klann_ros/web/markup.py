@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import starmap
 from math import isnan
 
 from klann_ros.sanitize.text import printable
@@ -64,14 +65,13 @@ def _attribute(key: str, value: str | float | bool) -> str:
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     """Return a table, which scrolls where it is too wide; each row begins with its heading."""
     head = element('tr', *(element('th', text, scope='col') for text in heads))
-    table = element(
-        'table', element('thead', head), element('tbody', *(table_row(*row) for row in rows))
-    )
+    body = element('tbody', *starmap(table_row, rows))
+    table = element('table', element('thead', head), body)
     # What scrolls must be reached by keys.
     return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
 
 
 def table_row(heading: str, *cells: str) -> Markup:
     """Return a row of a table that begins with its heading."""
-    others = (element('td', cell) for cell in cells)
-    return element('tr', element('th', heading, scope='row'), *others)
+    row = [element('th', heading, scope='row'), *(element('td', cell) for cell in cells)]
+    return element('tr', *row)

@@ -44,8 +44,9 @@ class Parts:
 
     def page(self, title: str, *content: str, data: object = None, language: str = 'en') -> str:
         """Return a page with content in its `main`, and data as JSON in the element `data`."""
-        given = {'id': 'data', 'type': 'application/json'}
-        json_element = element('script', as_script(data), **given) if data is not None else ''
+        json_element = ''
+        if data is not None:
+            json_element = element('script', as_script(data), id='data', type='application/json')
         head = joined([self.policy(), self.style_elements()])
         body = element('main', *content), json_element, self.script_elements()
         return html_page(title, head, *body, language=language)
@@ -115,11 +116,16 @@ def _tight(line: str) -> str:
         line = line[:-1]
     if line.count('`') not in (0, 2) or re.search(r'/[^ ]', line):
         return line
-    parts = STRINGS.split(line)
-    return ''.join(part if k % 2 else BLANKS.sub(r'\1\2', part) for k, part in enumerate(parts))
+    # Code and strings, in turn.
+    pieces = STRINGS.split(line)
+    for index in range(0, len(pieces), 2):
+        pieces[index] = BLANKS.sub(r'\1\2', pieces[index])
+    return ''.join(pieces)
 
 
 def _hashes(contents: Iterable[str]) -> str:
-    digests = (hashlib.sha256(content.encode()).digest() for content in contents)
-    hashes = (f"'sha256-{b64encode(digest).decode('ascii')}'" for digest in digests)
+    hashes = []
+    for content in contents:
+        digest = hashlib.sha256(content.encode()).digest()
+        hashes.append(f"'sha256-{b64encode(digest).decode('ascii')}'")
     return ' '.join(hashes) or "'none'"

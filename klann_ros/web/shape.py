@@ -26,33 +26,28 @@ def leg_shape(leg: Any) -> dict[str, Any]:
 
     """
     linkage = as_linkage(leg)
-    structure, (q_u, q) = linkage.structure, linkage.point_equations
+    structure = linkage.structure
     names = structure.points
-    bodies = zip(structure.bodies, structure.labels, strict=True)
+    weights, constants = linkage.point_equations
+    points = []
+    for name, row, constant in zip(names, weights, constants.tolist(), strict=True):
+        terms = [(j, w.real, w.imag) for j, w in enumerate(row.tolist()) if w]
+        points.append({'name': name, 'at': [constant.real, constant.imag], 'terms': terms})
+    bodies = []
+    for body, label in zip(structure.bodies, structure.labels, strict=True):
+        bars = [_indices((bar.start, bar.end), names) for bar in body.rigid]
+        # The line that it slides along.
+        line = _indices((body.line.start, body.line.end), names) if body.line else None
+        bodies.append({'name': label, 'bars': bars, 'line': line})
     return {
         'senses': structure.senses,
         'frames': [None if f == j else f for j, f in enumerate(structure.frames)],
         'pivots': _indices(structure.pivots, names),
         'foot': structure.foot,
-        'points': [
-            {
-                'name': name,
-                'at': [at.real, at.imag],
-                'terms': [(j, w.real, w.imag) for j, w in enumerate(row.tolist()) if w],
-            }
-            for name, row, at in zip(names, q_u, q.tolist(), strict=True)
-        ],
-        'bodies': [
-            {
-                'name': label,
-                'bars': [_indices((bar.start, bar.end), names) for bar in body.rigid],
-                # The line that it slides along.
-                'line': _indices((body.line.start, body.line.end), names) if body.line else None,
-            }
-            for body, label in bodies
-        ],
+        'points': points,
+        'bodies': bodies,
     }
 
 
-def _indices(some: Sequence[str], names: Sequence[str]) -> list[int]:
-    return [names.index(name) for name in some]
+def _indices(ends: Sequence[str], names: Sequence[str]) -> list[int]:
+    return [names.index(end) for end in ends]

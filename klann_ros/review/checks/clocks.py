@@ -21,11 +21,17 @@ _MIN_MESSAGES = 10
 
 def check_clocks(review: Review) -> Iterator[Finding]:
     """Yield clock offsets and late messages."""
-    topics = [topic for topic in review.recording.topics if _has_latency(topic.latencies)]
-    offset_topics = [topic for topic in topics if _clock_is_off(topic.figures, review.limits)]
-    yield from _latency(review, [topic for topic in topics if topic not in offset_topics])
+    topics = []
+    offset_topics = []
+    for topic in review.recording.topics:
+        if _has_latency(topic.latencies):
+            if _clock_is_off(topic.figures, review.limits):
+                offset_topics.append(topic.figures)
+            else:
+                topics.append(topic)
+    yield from _latency(review, topics)
     if offset_topics:
-        yield _publishers_clock([topic.figures for topic in offset_topics])
+        yield _publishers_clock(offset_topics)
     else:
         # Stamps usually have the publisher's clock: one finding is enough.
         yield from _stamps(review)

@@ -242,10 +242,11 @@ def _pyarrow() -> tuple[Any, Any]:
 
 def save_junit(rows: Sequence[Row], file: BinaryIO) -> None:
     """Write rows as JUnit XML: findings are failures, unreadable runs are errors."""
+    verdicts = Counter(row.verdict for row in rows)
     counts = {
         'tests': str(len(rows)),
-        'failures': str(sum(row.verdict == FINDINGS for row in rows)),
-        'errors': str(sum(row.verdict == UNREADABLE for row in rows)),
+        'failures': str(verdicts[FINDINGS]),
+        'errors': str(verdicts[UNREADABLE]),
         'skipped': '0',
     }
     root = Element('testsuites', counts)
@@ -310,10 +311,14 @@ def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
 
 
 def _summary(rows: Sequence[Row]) -> str:
-    hours = sum(row.duration or 0.0 for row in rows) / 3600.0
-    messages = sum(row.messages or 0 for row in rows)
-    size = sum(row.size or 0 for row in rows) / 1e9
-    return f'{hours:.2f} h, {messages:,} messages, {size:.2f} GB'
+    duration = 0.0
+    messages = 0
+    size = 0
+    for row in rows:
+        duration += row.duration or 0.0
+        messages += row.messages or 0
+        size += row.size or 0
+    return f'{duration / 3600.0:.2f} h, {messages:,} messages, {size / 1e9:.2f} GB'
 
 
 def _checks(rows: Sequence[Row]) -> Markup:

@@ -25,7 +25,9 @@ from .judge import LiveJudge, STEP
 
 # Period of reading, time for the next file of a split run to appear, and stall of the recorder
 # that is reported [s].
-PERIOD, SPLIT, STALL = 0.2, 2.0, 5.0
+PERIOD = 0.2
+SPLIT = 2.0
+STALL = 5.0
 _SUFFIX = '.mcap'
 # End of the year 9999 [ns].
 _MAX_TIME = 253_402_300_799 * 10**9
@@ -33,27 +35,30 @@ _STEP = round(STEP * 1e9)
 Report = Callable[[str], object]
 
 
-def follow(path: str, limits: Limits, *, found: Report, on_status: Report) -> None:
+def follow(path: str, limits: Limits, *, on_finding: Report, on_status: Report) -> None:
     """
     Report the findings of a run during the recording, until it is closed or abandoned.
 
-    The run need not be there yet. `found` gets a line for each new finding, `on_status` one for
-    each change of state. Raises a NotALogError if it is no run of MCAP files, and an OSError if it
-    cannot be read.
+    The run need not be there yet. `on_finding` gets a line for each new finding, `on_status`
+    one for each change of state. Raises a NotALogError if it is no run of MCAP files, and an
+    OSError if it cannot be read.
     """
     # By the clock of the log, as fast as the run can be read.
-    judge, waiting, last, due = LiveJudge(limits), list[Message](), 0, 0
+    judge = LiveJudge(limits)
+    waiting: list[Message] = []
+    last_time = 0
+    due = 0
     for record in _FileFollower(Path(path), on_status).records():
         if isinstance(record, Message):
             waiting.append(record)
-            last = max(last, min(record.log_time, _MAX_TIME))
-            due = due or last + _STEP
+            last_time = max(last_time, min(record.log_time, _MAX_TIME))
+            due = due or last_time + _STEP
         else:
             _note(judge, record)
-        if due and last >= due:
-            _report(judge, waiting, last, found)
-            due = last + _STEP
-    _report(judge, waiting, last, found)
+        if due and last_time >= due:
+            _report(judge, waiting, last_time, on_finding)
+            due = last_time + _STEP
+    _report(judge, waiting, last_time, on_finding)
 
 
 def _note(judge: LiveJudge, record: NamedRecord) -> None:
@@ -66,23 +71,24 @@ def _note(judge: LiveJudge, record: NamedRecord) -> None:
             judge.excuse(run_parameters.recorded_pause(content))
 
 
-def _report(judge: LiveJudge, waiting: list[Message], now: int, found: Report) -> None:
+def _report(judge: LiveJudge, waiting: list[Message], now: int, on_finding: Report) -> None:
     """Judge the waiting messages, and report the new findings."""
     judge.add_all(waiting)
     waiting.clear()
     for finding in judge.findings(now):
         if finding.is_new:
             time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
-            shown = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
+            stamp = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
             text = located(finding.leg, finding.text)
-            found(f'{shown} {finding.severity.name} {finding.check}: {text}')
+            on_finding(f'{stamp} {finding.severity.name} {finding.check}: {text}')
 
 
 class _FileFollower:
     """Reads the files of a run one after the other, each as it grows."""
 
     def __init__(self, path: Path, on_status: Report) -> None:
-        self._path, self._on_status = path, on_status
+        self._path = path
+        self._on_status = on_status
         self._growth = monotonic()
         self._is_stalled = False
 
@@ -96,7 +102,8 @@ class _FileFollower:
 
     def _first(self) -> Path:
         """Return the first file of the run, as soon as it is there."""
-        path, is_reported = self._path, False
+        path = self._path
+        is_reported = False
         while True:
             if path.is_dir():
                 files = sorted(path.glob(f'*{_SUFFIX}'), key=natural)
@@ -122,7 +129,8 @@ class _FileFollower:
             is_written = _is_written(file.path)
             was_written = was_written or is_written
             for record in file.read():
-                self._growth, self._is_stalled = monotonic(), False
+                self._growth = monotonic()
+                self._is_stalled = False
                 yield record
             if file.is_finished:
                 return
@@ -149,13 +157,13 @@ class _FileFollower:
         end = monotonic() + SPLIT
         while True:
             # Numbers may be missing.
-            later = [
-                other
-                for other in path.parent.glob(f'*_*{_SUFFIX}')
-                if other.stem.rpartition('_')[0] == numbered[1] and natural(other) > natural(path)
-            ]
-            if later:
-                return min(later, key=natural)
+            later_files = []
+            for file in path.parent.glob(f'*_*{_SUFFIX}'):
+                is_of_run = file.stem.rpartition('_')[0] == numbered[1]
+                if is_of_run and natural(file) > natural(path):
+                    later_files.append(file)
+            if later_files:
+                return min(later_files, key=natural)
             if monotonic() > end:
                 return None
             sleep(PERIOD)

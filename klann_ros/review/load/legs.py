@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, IntArray
 from klann_ros.log import SolverParameters, Topic
 from klann_ros.messages import FLOAT64, JOINT_STATE, POINT
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
@@ -62,7 +62,8 @@ class LegDefinitions:
         if legs:
             return legs
         names = [leg.name for leg in self._reference.legs] if self._reference else ['']
-        for leg_joints in dict.fromkeys(self._undefined_solver(n).joint_names for n in names):
+        solvers = map(self._undefined_solver, names)
+        for leg_joints in dict.fromkeys(solver.joint_names for solver in solvers):
             for name, separator in published_legs(joints, leg_joints):
                 solver = self._undefined_solver(name)
                 if solver.joint_names == leg_joints:
@@ -146,10 +147,12 @@ class LegCollector:
         names = set(batch.names)
         if not names or len(batch.names) == batch.numbers['position'].shape[1]:
             return False
-        solvers = self._definitions.crank_solvers(batch.namespace)
-        joints = {joint for solver in solvers for joint in solver.joint_names}
-        joints.update(solver.crank_joint for solver in solvers)
-        for separator in {'/', *(solver.joint_separator for solver in solvers)}:
+        joints: set[str] = set()
+        separators = {'/'}
+        for solver in self._definitions.crank_solvers(batch.namespace):
+            joints.update(solver.joint_names, [solver.crank_joint])
+            separators.add(solver.joint_separator)
+        for separator in separators:
             names.update(name.rpartition(separator)[2] for name in batch.names)
         return not joints.isdisjoint(names)
 
@@ -206,8 +209,10 @@ class LegCollector:
         keys = set(self._poses)
         for namespace, _ in self._poses:
             keys.update((namespace, name) for name in self._definitions.solvers_in(namespace))
-        keys = keys or {(namespace, '') for namespace, _ in self._inputs}
-        return sorted(keys or {(namespace, '') for namespace in self._feet})
+        if keys:
+            return sorted(keys)
+        namespaces = {namespace for namespace, _ in self._inputs} or self._feet.keys()
+        return [(namespace, '') for namespace in sorted(namespaces)]
 
     def legs(
         self,
@@ -218,8 +223,11 @@ class LegCollector:
     ) -> Iterator[LegRecording]:
         """Yield the legs; nothing can be added any more."""
         feet = {namespace: columns.series(shared) for namespace, columns in self._feet.items()}
-        angles = {key: columns.angles.series(shared) for key, columns in self._inputs.items()}
-        unstamped = {key: columns.unstamped.array() for key, columns in self._inputs.items()}
+        angles: dict[LegKey, Series] = {}
+        unstamped: dict[LegKey, IntArray] = {}
+        for key, inputs in self._inputs.items():
+            angles[key] = inputs.angles.series(shared)
+            unstamped[key] = inputs.unstamped.array()
         for namespace, name in self._leg_keys():
             solver = self._definitions.solver(namespace, name)
             columns = self._poses.get((namespace, name))
@@ -233,17 +241,22 @@ class LegCollector:
             rates = np.empty((0, 0))
             if columns is not None and columns.rates is not None:
                 rates = columns.rates.series(shared).values
-            joints = [(namespace, joint) for joint in (ALL_JOINTS, solver.crank_joint)]
-            joints = [joint for joint in joints if joint in self._inputs]
+            crank_topics: set[str] = set()
+            cranks: list[Series] = []
             unstamped_times = [np.empty(0, dtype=np.int64)]
-            unstamped_times += [unstamped[joint] for joint in joints]
+            for joint in (ALL_JOINTS, solver.crank_joint):
+                key = (namespace, joint)
+                if key in self._inputs:
+                    crank_topics |= self._inputs[key].topics
+                    cranks.append(angles[key])
+                    unstamped_times.append(unstamped[key])
             yield LegRecording(
                 namespace,
                 name,
                 solver,
                 pose_topics=frozenset(columns.topics if columns else ()),
-                crank_topics=frozenset().union(*(self._inputs[joint].topics for joint in joints)),
-                cranks=_merged([angles[joint] for joint in joints]),
+                crank_topics=frozenset(crank_topics),
+                cranks=_merged(cranks),
                 poses=poses,
                 iterations=iterations.series(name),
                 feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
@@ -254,11 +267,17 @@ class LegCollector:
     def drives(self, legs: Sequence[LegRecording], shared: ArrayPool) -> Iterator[Drive]:
         """Yield the joints with efforts, with their legs."""
         for (namespace, joint), columns in self._efforts.items():
-            there = [(index, leg) for index, leg in enumerate(legs) if leg.namespace == namespace]
-            posed = [index for index, leg in there if leg.crank_pose_joint == joint]
-            turned = posed or [index for index, leg in there if leg.solver.crank_joint == joint]
-            if turned:
-                yield Drive(joint, tuple(turned), not posed, columns.series(shared))
+            # Legs whose published angle it is, or else those whose input it is.
+            posed_legs = []
+            driven_legs = []
+            for index, leg in enumerate(legs):
+                if leg.namespace == namespace and leg.crank_pose_joint == joint:
+                    posed_legs.append(index)
+                if leg.namespace == namespace and leg.solver.crank_joint == joint:
+                    driven_legs.append(index)
+            if posed_legs or driven_legs:
+                drive_legs = tuple(posed_legs or driven_legs)
+                yield Drive(joint, drive_legs, not posed_legs, columns.series(shared))
 
 
 def _merged(inputs: list[Series]) -> Series:

@@ -34,16 +34,16 @@ class _SequenceNumbers:
 
     def add(self, numbers: IntArray, times_before: IntArray, times: IntArray) -> None:
         """Count missing numbers and restarts, between the log times before and of messages."""
-        before = self.before(numbers)
+        numbers_before = self.before(numbers)
         self.last = int(numbers[-1])
         self.count += int(np.count_nonzero(numbers))
-        is_known = (before > 0) & (numbers > 0)
-        steps = np.where(is_known, numbers - before, 1)
+        is_known = (numbers_before > 0) & (numbers > 0)
+        steps = np.where(is_known, numbers - numbers_before, 1)
         is_back = steps <= 0
         self.early += int((numbers[is_back] - 1).sum())
         self.steps_back += int(np.count_nonzero(is_back))
         # A new publisher starts at 1, about; else messages are out of order.
-        is_disordered = is_back & (2 * numbers > before)
+        is_disordered = is_back & (2 * numbers > numbers_before)
         self.steps_back += int(np.count_nonzero(is_disordered))
         restarts = np.flatnonzero(is_back & ~is_disordered)
         self.restarts.add(np.column_stack([times_before[restarts], times[restarts]]))
@@ -99,9 +99,9 @@ class _Reception:
 
     def _discovery_times(self, times: IntArray, numbers: IntArray) -> IntArray:
         """Return when the publisher of each message was discovered [ns]."""
-        before = self.numbers.before(numbers)
+        numbers_before = self.numbers.before(numbers)
         # A restart of the numbers is another publisher, maybe an older one.
-        is_restart = (before > 0) & (numbers > 0) & (numbers <= before)
+        is_restart = (numbers_before > 0) & (numbers > 0) & (numbers <= numbers_before)
         first = np.maximum.accumulate(np.where(is_restart, np.arange(len(times)), -1))
         discovery_times: IntArray = np.where(first < 0, self.discovered, times[first])
         self.discovered = int(discovery_times[-1])
@@ -276,22 +276,22 @@ def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArra
     is_drop = np.zeros(len(rows), dtype=bool)
     steps = zip(rows[:_MAX_STEPS].tolist(), back.tolist(), strict=False)
     for index, (row, step) in enumerate(steps):
-        before = latencies[:row][-_LATENCY_WINDOW:]
-        after = latencies[row:][:_LATENCY_WINDOW]
-        if min(len(before), len(after)) < _MIN_MESSAGES:
+        last_latencies = latencies[:row][-_LATENCY_WINDOW:]
+        new_latencies = latencies[row:][:_LATENCY_WINDOW]
+        if min(len(last_latencies), len(new_latencies)) < _MIN_MESSAGES:
             continue
-        min_before = np.fmin.reduce(before, initial=np.inf)
+        min_latency = np.fmin.reduce(last_latencies, initial=np.inf)
         # A large clock offset leaves few digits of the float32 latency.
-        is_coarse = float(np.spacing(np.abs(min_before))) * 1e9 > step / 8
-        if not is_coarse and _drops_by(step, min_before, np.fmin.reduce(after)):
+        is_coarse = float(np.spacing(np.abs(min_latency))) * 1e9 > step / 8
+        if not is_coarse and _drops_by(step, min_latency, np.fmin.reduce(new_latencies)):
             # With two publishers one may start late, while the other goes on.
-            high_before = np.nanpercentile(before, _LATENCY_PERCENTILE)
-            high_after = np.nanpercentile(after, _LATENCY_PERCENTILE)
-            is_drop[index] = _drops_by(step, high_before, high_after)
+            high_latency = np.nanpercentile(last_latencies, _LATENCY_PERCENTILE)
+            high_new_latency = np.nanpercentile(new_latencies, _LATENCY_PERCENTILE)
+            is_drop[index] = _drops_by(step, high_latency, high_new_latency)
     return is_drop
 
 
-def _drops_by(step: int, before: Any, after: Any) -> bool:
+def _drops_by(step: int, latency: Any, new_latency: Any) -> bool:
     """Return whether a latency [s] drops by about a step [ns]."""
-    drop = (np.float64(before) - np.float64(after)) * 1e9
+    drop = (np.float64(latency) - np.float64(new_latency)) * 1e9
     return bool(np.abs(drop - step) <= step / 2)

@@ -99,13 +99,12 @@ class Window:
         return len(self) > MAX_MESSAGES or size > MAX_BYTES
 
     def _block(self, messages: Sequence[Message]) -> MessageBlock:
-        ids = [id(message.topic) for message in messages]
-        if not self._channels.keys() >= set(ids):
-            for message in messages:
+        for message in messages:
+            if id(message.topic) not in self._channels:
                 self._know(message.topic)
         channels = self._channels
         heads = np.zeros(len(messages), HEAD)
-        heads['channel'] = numbers = [channels[key][0] for key in ids]
+        heads['channel'] = numbers = [channels[id(message.topic)][0] for message in messages]
         heads['sequence'] = [message.sequence & 0xFFFFFFFF for message in messages]
         heads['log_time'] = [*map(attrgetter('log_time'), messages)]
         heads['publish_time'] = [*map(attrgetter('publish_time'), messages)]

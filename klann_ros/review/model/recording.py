@@ -166,8 +166,11 @@ class RunRecording:
 
     def restarts_on(self, names: Collection[str]) -> list[Interval]:
         """Return the restarts of publishers on some topics: intervals of log times [ns]."""
-        restarts = (t.restarts.tolist() for t in self.topics if t.name in names)
-        return [(begin, end) for pairs_ in restarts for begin, end in pairs_]
+        restarts: list[Interval] = []
+        for topic in self.topics:
+            if topic.name in names:
+                restarts += map(tuple, topic.restarts.tolist())
+        return restarts
 
     def is_shared(self, names: Collection[str]) -> bool:
         """Return whether several publishers were active at once on one of some topics."""

@@ -124,8 +124,8 @@ def differences(comparison: Comparison | None) -> Markup:
     lines = []
     for difference in comparison.differences:
         text = element('span', located(difference.leg, difference.text))
-        what = element('strong', difference.what)
-        lines.append(element('li', what, ' ', text, class_='warning'))
+        quantity = element('strong', difference.what)
+        lines.append(element('li', quantity, ' ', text, class_='warning'))
     list_ = element('ul', *lines, class_='findings')
     if not lines:
         list_ = element('p', f'{comparison.alike.capitalize()}.', class_='quiet')
@@ -154,9 +154,9 @@ def _run(review: Review, index: int) -> Markup:
     return element('p', key, path, ' ', element('span', facts))
 
 
-def _verdict(count: int, noun: str, good: str, meaning: str) -> Markup:
+def _verdict(count: int, noun: str, praise: str, meaning: str) -> Markup:
     if not count:
-        head = element('strong', f'✓ {good}')
+        head = element('strong', f'✓ {praise}')
         return element('p', head, element('span', meaning), class_='verdict good')
     head = element('strong', f'! {counted(count, noun)}')
     return element('p', head, element('span', 'see below'), class_='verdict bad')

@@ -56,7 +56,10 @@ class Follower:
     def _run(self) -> None:
         try:
             follow(
-                str(self._path), Limits(), found=self.found.append, on_status=self.status.append
+                str(self._path),
+                Limits(),
+                on_finding=self.found.append,
+                on_status=self.status.append,
             )
         except (NotALogError, OSError) as error:
             self.error = error
