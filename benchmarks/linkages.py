@@ -44,7 +44,7 @@ HELD = (
 )  # fmt: skip
 
 
-# What a checkout solves, in a process of its own.
+# The poses that each checkout solves in its own process.
 COUNT = sized(10_000, 1_000_000)
 Kernel = Literal['numpy', 'numba']
 

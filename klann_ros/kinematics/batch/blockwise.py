@@ -33,7 +33,7 @@ class Blockwise:
     """
     Linkages of one structure, solved block by block; `rows` are some of the variants.
 
-    Coupled loops are those of a single one; a GeometryError if it is invalid.
+    With coupled loops `rows` is a single one; a GeometryError if it is invalid.
     """
 
     def __init__(self, variants: Variants, rows: Any = slice(None)) -> None:
@@ -196,7 +196,7 @@ class Blockwise:
 def fill_blockwise(
     variants: Variants, rows: slice, alphas: AnyArray, results: LinkagePoses
 ) -> None:
-    """Compute and store the poses of some of the variants; of coupled loops those of one."""
+    """Compute and store the poses of some of the variants, of one with coupled loops."""
     angles = np.asarray(alphas, dtype=np.float64)[None, :]
     within = np.abs(angles) <= MAX_CRANK_ANGLE
     refused = variants.refused[rows]

@@ -122,7 +122,7 @@ class PinnedDyads:
     def _store_angles(
         self, angles: FloatArray, links: Planes, rates: Planes | None, rows: slice
     ) -> None:
-        """Store the angles, or their rates by those of the links."""
+        """Store the angles, or their rates by the rates of the links."""
         senses = self._structure.senses
         for n, j in enumerate(chain(*self._structure.groups)):
             if rates is not None:

@@ -107,7 +107,7 @@ class NumpyKernel:
         """
         Return the outputs of a block, and whether some are missing; the next run overwrites them.
 
-        `constants` are those of all linkages, of which `legs` are in the block; `crank` has the
+        `constants` belong to all linkages, of which `legs` are in the block; `crank` has the
         cosines and sines of its k crank angles, shape (k,), or of each leg's, shape (number of
         legs, k); in tables the first of them has the index `first`. Outputs have the shape (number
         of legs, k), NaN where there is no pose. Missing are NaN in the first.

@@ -13,7 +13,7 @@ class Reason(IntEnum):
     """
     Why a pose of a batch was not solved; 0 if it was.
 
-    The dyads are those of `UnreachableError`, the loops those of `LoopsOpenError`. Coincident ends
+    Dyads are counted as in `UnreachableError`, loops as in `LoopsOpenError`. Coincident ends
     of a dyad count as too close. Codes of further blocks follow from `unreachable` and
     `open_loops`.
     """

@@ -226,7 +226,7 @@ def _statistics(feet: FloatArray, nominal: FloatArray) -> dict[str, FloatArray]:
     """
     Return the statistics of a ToleranceStudy at k crank angles.
 
-    `feet` are those of the legs, shape (legs, k, 2), NaN where missing.
+    `feet` are the feet of the legs, shape (legs, k, 2), NaN where missing.
     """
     is_missing = np.isnan(feet)
     shift = feet - nominal

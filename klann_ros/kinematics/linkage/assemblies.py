@@ -120,7 +120,7 @@ def _poses(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
 def _poses_of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
     failed: tuple[int, ...] = ()
     for signs in product(*_block_signs(linkage)):
-        # What fails at a dyad fails whatever the signs from there on.
+        # A dyad that fails does so whatever the signs of later dyads are.
         if failed and signs[: len(failed) - 1] == failed[:-1]:
             continue
         assembled = linkage.in_assembly(signs)

@@ -7,7 +7,7 @@ is the same sum with dz for z, and the implicit function theorem gives the rest,
 
     Phi dx = -df,    dp = (dQ) u + dq + Q du:
 
-a linear step like that of the velocity. A length changes its bar by dz = z / |z|, a bend by i z.
+a linear step like the velocity's. A length changes its bar by dz = z / |z|, a bend by i z.
 Two sides r_p = |z| and r_q = |z - b| of a triangle with the base b, r_q being a brace, are kept by
 
     z . dz = r_p dr_p,    (z - b) . (dz - db) = r_q dr_q.

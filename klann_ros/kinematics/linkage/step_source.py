@@ -184,7 +184,7 @@ class BlockSource:
         return -terms[a][0] * terms[b][0]
 
     def determinants(self) -> list[str]:
-        """Return the lines of the dyads' determinants; `solution` has those of coupled loops."""
+        """Return the lines of the dyads' determinants; `solution` computes coupled ones."""
         lines = []
         for block, (group, loops) in enumerate(self.blocks):
             if self.is_coupled(block):

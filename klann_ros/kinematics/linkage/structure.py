@@ -13,7 +13,7 @@ from klann_ros.sanitize.text import did_you_mean
 from .topology import assembly_order, Group, loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
-# The ground's name as what a body slides along, and its index among those of the bodies.
+# The name of the ground as a carrier of sliding bodies, and its index among the bodies.
 GROUND, FIXED = 'ground', -1
 
 
@@ -193,7 +193,7 @@ class Structure:
         return any(self.bodies[j].slides for j in bodies)
 
     def turning_sense(self, bodies: Iterable[int]) -> int:
-        """Return the product of the senses of those of some bodies that turn."""
+        """Return the product of the senses of the turning ones of some bodies."""
         return prod(self.senses[j] for j in bodies if not self.bodies[j].slides)
 
     @cached_property

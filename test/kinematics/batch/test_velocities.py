@@ -1,4 +1,4 @@
-"""Velocities, transmission angles and torques of many poses are those of each one."""
+"""Velocities, transmission angles and torques of many poses equal those of single poses."""
 
 import math
 from pathlib import Path

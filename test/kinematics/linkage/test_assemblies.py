@@ -50,7 +50,7 @@ def test_every_assembly_closes_and_differs_from_the_others(name: str) -> None:
     assert linkage.assembly in [pose.linkage.assembly for pose in poses]
     for pose in poses:
         assert pose.residual < 1e-12
-        # Who goes on from it stays on it.
+        # A leg that continues from a pose stays in its assembly.
         again = LinkageLeg(pose.linkage).solve(pose.alpha)
         assert again.x == pytest.approx(pose.x, abs=1e-9)
     angles = np.array([pose.x for pose in poses])

@@ -38,7 +38,7 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
     points = {n: complex(*p) for n, p in zip(structure.points, pose.points, strict=True)}
     x = dict(zip(structure.angles, pose.joints, strict=True))
     u = {'ground': 1.0 + 0j}
-    # What slides follows what it slides along.
+    # Sliding bodies follow the bodies that carry them.
     for name, body in sorted(content['bodies'].items(), key=lambda item: 'slides' in item[1]):
         sense = -1.0 if body.get('clockwise') else 1.0
         along = body.get('slides', {}).get('along')
@@ -68,7 +68,7 @@ def test_each_pose_has_the_numbers_of_the_file_from_its_start_on(name: str) -> N
     arcs = leg.reachable_arcs()
     np.testing.assert_allclose(arcs, expected_arcs, rtol=0, atol=1e-9 if name in ROCKING else 0.0)
     (start, end), *_ = arcs
-    # Where a crank does not turn fully, its arc but for the singular ends.
+    # The ends of an arc are singular where a crank does not turn fully.
     ends = 0.01 if name in ROCKING else 0.0
     poses = [leg.solve(a) for a in np.linspace(start + ends, end - ends, 181).tolist()]
     assert max(gap for pose in poses for gap in misfits(content, pose)) <= 1e-14

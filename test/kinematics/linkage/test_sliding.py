@@ -21,7 +21,7 @@ SLIDER, SLOT, CROSSED, COUPLED = (
     for name in ('offset_slider', 'slot', 'crossed', 'coupled')
 )
 ALPHAS = np.linspace(-7.0, 7.0, 701)
-# Of what is computed here in 50 operations at the most.
+# Rounding of numbers that take at most 50 operations here.
 DIGITS = {'rtol': 0.0, 'atol': 1e-12}
 
 
