@@ -152,8 +152,7 @@ class Dynamics:
 
     def potential_energy(self, alphas: ArrayLike) -> FloatArray:
         """Return the energy of weight and springs at crank angles, shape (k,) [J]."""
-        energy, _ = self._potential(body_motion(self.linkage, alphas))
-        return energy
+        return self._potential(body_motion(self.linkage, alphas)).energy
 
     def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
@@ -242,11 +241,12 @@ class Dynamics:
     def _inertia_and_torque(self, moving: BodyMotion, rate: Any) -> tuple[FloatArray, FloatArray]:
         """Return I, and the torque that keeps the rate."""
         inertia, inertia_1 = self._inertia(moving)
-        _, slope = self._potential(moving)
-        return inertia, inertia_1 / 2.0 * rate**2 + slope
+        return inertia, inertia_1 / 2.0 * rate**2 + self._potential(moving).slope
 
     def _inertia(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
-        inertia, inertia_1 = np.zeros((2, moving.alphas.size))
+        """Return I and dI/dalpha [kg m^2]."""
+        inertia = np.zeros(moving.alphas.size)
+        inertia_1 = np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
             _, c_1, c_2 = moving.fixed_to(j, body.centre)
             inertia += body.mass * np.abs(c_1) ** 2 + body.inertia * moving.rotation_1[j] ** 2
@@ -254,8 +254,9 @@ class Dynamics:
             inertia_1 += 2.0 * (body.mass * _dot(c_1, c_2) + body.inertia * rotation)
         return inertia, inertia_1
 
-    def _potential(self, moving: BodyMotion) -> tuple[FloatArray, FloatArray]:
-        energy, slope = np.zeros((2, moving.alphas.size))
+    def _potential(self, moving: BodyMotion) -> '_Potential':
+        energy = np.zeros(moving.alphas.size)
+        slope = np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):
             c, c_1, _ = moving.fixed_to(j, body.centre)
             energy -= body.mass * _dot(self.gravity, c)
@@ -264,7 +265,7 @@ class Dynamics:
             tension = _tension(spring, moving)
             energy += spring.stiffness * tension.elongation**2 / 2.0
             slope += _dot(tension.force, tension.vector_1)
-        return energy, slope
+        return _Potential(energy, slope)
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
         points = self.linkage.structure.points
@@ -272,6 +273,13 @@ class Dynamics:
             if point not in points:
                 raise MassError(f'load on {point}: no such point; there are {", ".join(points)}')
         return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
+
+
+class _Potential(NamedTuple):
+    """The potential energy V [J] and dV/dalpha [N m], shape (k,) each."""
+
+    energy: FloatArray
+    slope: FloatArray
 
 
 class _Tension(NamedTuple):
