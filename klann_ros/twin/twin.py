@@ -1,12 +1,13 @@
 """A simulated robot in the engine: its motors, sensors and readings, in real time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from importlib import import_module
 from math import cos, degrees, exp, isfinite
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line, refusal
 import numpy as np
@@ -172,6 +173,54 @@ MAX_STATE = 1e6
 MAX_CATCH_UP = 0.2
 
 
+class _Servos:
+    """The speed servos of the cranks: `gain` is the part of a speed error that a step corrects."""
+
+    def __init__(self, motors: Motors, joints: Sequence[str], time_step: float) -> None:
+        self._factors = np.array([motors.factors.get(joint, 1.0) for joint in joints])
+        self._max_velocity = motors.max_velocity
+        self.gain = 1.0 - exp(-motors.bandwidth * time_step)
+        self.stop()
+
+    def stop(self) -> None:
+        """Command all to stand."""
+        self._commanded = np.zeros(len(self._factors))
+
+    def command(self, index: int, velocity: float) -> float:
+        """Command a speed; return the saturated one."""
+        saturated = max(-self._max_velocity, min(self._max_velocity, velocity))
+        self._commanded[index] = saturated
+        return saturated
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Return the speeds to which they tend [rad/s]."""
+        return np.asarray(self._commanded * self._factors)
+
+
+class _ImuSamples:
+    """Rates and specific force of the engine's IMU, one after the other, for a mean reading."""
+
+    def __init__(self, at_rest: FloatArray) -> None:
+        # The reading before the first step.
+        self._reading = at_rest
+        self._sum = np.zeros(6)
+        self._count = 0
+
+    def add(self, sample: FloatArray) -> None:
+        """Take the sample of a step."""
+        self._sum += sample
+        self._count += 1
+
+    def mean(self) -> FloatArray:
+        """Return the mean since the last call, or the last one where there is none."""
+        if self._count:
+            self._reading = self._sum / self._count
+            self._sum = np.zeros(6)
+            self._count = 0
+        return self._reading
+
+
 class DivergedError(TwinError):
     """The simulation diverged; `Twin.reset` restarts it."""
 
@@ -231,7 +280,8 @@ class Twin:
         mjcf: str = '',
         compliance: float = 0.0,
     ) -> None:
-        self.joints, self._motors, self._sensors = robot.crank_joints, motors, sensors
+        self.joints = robot.crank_joints
+        self._sensors = sensors
         self._legs = robot.legs
         for joint in motors.factors:
             if joint not in self.joints:
@@ -241,9 +291,9 @@ class Twin:
         # Otherwise it writes a log file in the working directory; each step checks for divergence.
         self._engine.set_mju_user_warning(lambda _: None)
         step = time_step or (TIME_STEP if robot.is_walker else 0.0)
-        least = 2.0 * (step or TIME_STEP)
-        is_possible = compliance == 0.0 or least <= compliance <= MAX_COMPLIANCE
-        rule = f'0, or within {least:g} .. {MAX_COMPLIANCE:g} s'
+        min_compliance = 2.0 * (step or TIME_STEP)
+        is_possible = compliance == 0.0 or min_compliance <= compliance <= MAX_COMPLIANCE
+        rule = f'0, or within {min_compliance:g} .. {MAX_COMPLIANCE:g} s'
         _require(is_possible, 'compliance', compliance, rule)
         text = mjcf or robot_mjcf(robot, floor=floor, time_step=step, compliance=compliance)
         try:
@@ -255,15 +305,15 @@ class Twin:
         self._data = self._engine.MjData(self._model)
         self.is_free = robot.is_walker
         # The order of the joints is that of the actuators.
-        self._factors = np.array([motors.factors.get(joint, 1.0) for joint in self.joints])
+        self._servos = _Servos(motors, self.joints, self.time_step)
+        # Places of the cranks' angles and rates in the engine's state.
         ids = self._model.actuator_trnid[:, 0]
-        self._angles = self._model.jnt_qposadr[ids]
-        self._rates = self._model.jnt_dofadr[ids]
+        self._angle_indices = self._model.jnt_qposadr[ids]
+        self._rate_indices = self._model.jnt_dofadr[ids]
         if self.is_free:
             # Gyro and accelerometer, one after the other.
             first = int(self._model.sensor('imu_gyro').adr[0])
-            self._imu_data = slice(first, first + 6)
-        self._gain = 1.0 - exp(-motors.bandwidth * self._model.opt.timestep)
+            self._imu_slice = slice(first, first + 6)
         self.reset()
 
     @property
@@ -280,13 +330,13 @@ class Twin:
         """Reset it to its start, at rest, at time 0."""
         self._engine.mj_resetData(self._model, self._data)
         self._random = np.random.default_rng(self._seed)
-        self._commanded = np.zeros(len(self.joints))
+        self._servos.stop()
         self._engine.mj_forward(self._model, self._data)
-        self._acceleration_sum, self._steps = np.zeros(6), 0
-        # The reading before the first step.
-        self._mean = np.array([0.0, 0.0, 0.0, *-self._model.opt.gravity])
-        if self.is_free:
-            self._mean = np.array(self._data.sensordata[self._imu_data])
+        at_rest = np.array([0.0, 0.0, 0.0, *-self._model.opt.gravity])
+        self._imu_samples = _ImuSamples(self._imu_sample() if self.is_free else at_rest)
+
+    def _imu_sample(self) -> FloatArray:
+        return np.array(self._data.sensordata[self._imu_slice])
 
     def command(self, joint: str, velocity: float) -> float:
         """
@@ -302,10 +352,7 @@ class Twin:
             raise TwinError(f'{printable(joint)} turns no crank')
         if not isfinite(velocity):
             raise TwinError(f'velocity of {printable(joint)} = {velocity!r} is refused')
-        limit = self._motors.max_velocity
-        possible = max(-limit, min(limit, float(velocity)))
-        self._commanded[self.joints.index(joint)] = possible
-        return possible
+        return self._servos.command(self.joints.index(joint), float(velocity))
 
     def step(self, until: float) -> None:
         """
@@ -318,15 +365,14 @@ class Twin:
 
         """
         model, data, move = self._model, self._data, self._engine.mj_step
-        commanded = self._commanded * self._factors
+        gain, velocities = self._servos.gain, self._servos.velocities
         # A step is due within rounding.
         end = until - 1e-6 * self.time_step
         while data.time < end:
-            data.ctrl += self._gain * (commanded - data.ctrl)
+            data.ctrl += gain * (velocities - data.ctrl)
             move(model, data)
             if self.is_free:
-                self._acceleration_sum += data.sensordata[self._imu_data]
-                self._steps += 1
+                self._imu_samples.add(data.sensordata[self._imu_slice])
         # NaN fails the comparison as well.
         if not (np.abs(data.qpos).max() < MAX_STATE and np.abs(data.qvel).max() < MAX_STATE):
             raise DivergedError(f'the simulation became unstable at {self.time:.3f} s')
@@ -334,9 +380,9 @@ class Twin:
     def cranks(self) -> dict[str, SimulatedCrank]:
         """Return the readings of the encoders, by joint."""
         sensors, count = self._sensors, len(self.joints)
-        angles = self._data.qpos[self._angles] + sensors.encoder_offset
+        angles = self._data.qpos[self._angle_indices] + sensors.encoder_offset
         angles = angles + sensors.encoder_noise * self._random.standard_normal(count)
-        rates = self._data.qvel[self._rates]
+        rates = self._data.qvel[self._rate_indices]
         rates = rates + sensors.velocity_noise * self._random.standard_normal(count)
         readings = map(SimulatedCrank, angles.tolist(), rates.tolist())
         return dict(zip(self.joints, readings, strict=True))
@@ -361,9 +407,9 @@ class Twin:
 
     def efforts(self) -> list[float]:
         """Return the torque of each joint's legs [N m], without the rotor's."""
-        rotors = self._model.dof_armature[self._rates] * self._data.qacc[self._rates]
-        found: list[float] = (self._data.actuator_force - rotors).tolist()
-        return found
+        rotors = self._model.dof_armature[self._rate_indices] * self._data.qacc[self._rate_indices]
+        efforts: list[float] = (self._data.actuator_force - rotors).tolist()
+        return efforts
 
     def imu(self) -> Imu:
         """
@@ -371,21 +417,22 @@ class Twin:
 
         A suspended leg reads gravity alone.
         """
-        (x, y, z, w), sensors = self.truth().orientation, self._sensors
+        sensors, random = self._sensors, self._random
+        x, y, z, w = self.truth().orientation
+        sample = self._imu_samples.mean()
         if sensors.imu_sampling is ImuSampling.INSTANT and self.is_free:
-            self._mean = np.array(self._data.sensordata[self._imu_data])
-        elif self._steps:
-            self._mean = self._acceleration_sum / self._steps
-            self._acceleration_sum, self._steps = np.zeros(6), 0
-        rates = self._mean[:3] + sensors.gyro_noise * self._random.standard_normal(3)
-        feels = self._mean[3:] + sensors.accelerometer_offset
-        feels = feels + sensors.accelerometer_noise * self._random.standard_normal(3)
-        turned = sensors.orientation_noise * self._random.standard_normal(3)
-        at = np.zeros(4)
-        self._engine.mju_mulQuat(at, np.array([w, x, y, z]), np.array([1.0, *(turned / 2.0)]))
-        self._engine.mju_normalize4(at)
-        w, x, y, z = at.tolist()
-        return Imu((x, y, z, w), tuple(rates.tolist()), tuple(feels.tolist()))
+            sample = self._imu_sample()
+        rates = sample[:3] + sensors.gyro_noise * random.standard_normal(3)
+        force = sample[3:] + sensors.accelerometer_offset
+        force = force + sensors.accelerometer_noise * random.standard_normal(3)
+        rotation = sensors.orientation_noise * random.standard_normal(3)
+        orientation = np.zeros(4)
+        self._engine.mju_mulQuat(
+            orientation, np.array([w, x, y, z]), np.array([1.0, *(rotation / 2.0)])
+        )
+        self._engine.mju_normalize4(orientation)
+        w, x, y, z = orientation.tolist()
+        return Imu((x, y, z, w), tuple(rates.tolist()), tuple(force.tolist()))
 
     def truth(self) -> Truth:
         """Return the true pose and velocity."""
@@ -436,10 +483,13 @@ class Pace:
 
     def __init__(self, period: float, factor: float, now: float) -> None:
         self._period, self._between = period, period / factor
-        self._begin, self._ticks = now, 0
+        self._begin = now
+        self._ticks = 0
         # Wall time given up so far [s].
         self.slipped = 0.0
-        self._since, self._done = now, 0
+        # Time of the last real-time factor [s], and the ticks since.
+        self._since = now
+        self._done = 0
 
     def due(self, now: float) -> int:
         """Return the number of ticks due at a wall time [s]; they count as done."""
