@@ -23,8 +23,8 @@ ANGLE_NOISE = math.radians(0.05)
 
 def photographed(points: np.ndarray, factor: complex, shift: complex) -> np.ndarray:
     """Return points, shape (n, 2), as a camera in another pose sees them."""
-    at = points @ (1.0, 1j) * factor + shift
-    return np.column_stack([at.real, at.imag])
+    seen = points @ (1.0, 1j) * factor + shift
+    return np.column_stack([seen.real, seen.imag])
 
 
 # What a log of the Klann leg can tell: condition, worst length and l_gh [mm], zero [deg].
@@ -45,13 +45,13 @@ def test_the_known_observability_of_the_klann_leg(  # noqa: PLR0917 - a row of t
     measured = robot.measured(points)
     if angle:
         measured.append(robot.series(angle, noise=ANGLE_NOISE))
-    found = calibrate(DRAWN, measured, crank_noise=0.0)
-    assert found.observability.rank == 14
-    assert found.observability.condition == pytest.approx(condition, rel=0.02)
-    deviations = 1e3 * found.standard_errors
+    calibration = calibrate(DRAWN, measured, crank_noise=0.0)
+    assert calibration.observability.rank == 14
+    assert calibration.observability.condition == pytest.approx(condition, rel=0.02)
+    deviations = 1e3 * calibration.standard_errors
     assert deviations[:11].max() == pytest.approx(worst, rel=0.06)
     assert deviations[6] == pytest.approx(l_gh, rel=0.15)
-    assert math.degrees(found.standard_errors[13]) == pytest.approx(zero, rel=0.2)
+    assert math.degrees(calibration.standard_errors[13]) == pytest.approx(zero, rel=0.2)
 
 
 def test_errors_are_as_large_as_their_standard_errors() -> None:
@@ -71,11 +71,11 @@ def test_errors_of_other_linkages_match_their_standard_errors(name: str) -> None
     size = drawn.size
     robot = Robot(built(3, drawn, length=1e-3 * size), noise=1e-4 * size, count=600, speed=2.2)
     moving = [p for p in drawn.structure.points if p not in drawn.structure.pivots]
-    found = calibrate(drawn, robot.measured(moving))
-    assert 0.9 < found.chi2_dof < 1.1
-    known = np.isfinite(found.standard_errors)
-    assert known.sum() >= len(known) - 5
-    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    calibration = calibrate(drawn, robot.measured(moving))
+    assert 0.9 < calibration.chi2_dof < 1.1
+    is_observable = np.isfinite(calibration.standard_errors)
+    assert is_observable.sum() >= len(is_observable) - 5
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 4.0).all()
 
 
 @pytest.mark.parametrize(
@@ -92,24 +92,24 @@ def test_what_is_reported_is_right_though_other_combinations_are_open(
     measured = robot.measured(drawn.structure.foot)
     if angle:
         measured.append(robot.series(angle, noise=ANGLE_NOISE))
-    found = calibrate(drawn, measured)
-    known = np.isfinite(found.standard_errors)
-    assert 1 <= known.sum() < len(known)
-    assert (np.abs(errors(found, robot)[known]) < 3.5).all()
+    calibration = calibrate(drawn, measured)
+    is_observable = np.isfinite(calibration.standard_errors)
+    assert 1 <= is_observable.sum() < len(is_observable)
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 3.5).all()
 
 
 def test_the_foot_of_a_new_turn_is_predicted_to_the_noise() -> None:
     robot = Robot()
-    found = calibrate(DRAWN, robot.measured())
+    calibration = calibrate(DRAWN, robot.measured())
     held_out = replace(robot, seed=77, count=500, period=0.011)
-    predicted = linkage_poses(found.linkage, held_out.crank + found.phase).h
+    predicted = linkage_poses(calibration.linkage, held_out.crank + calibration.phase).h
     assert np.std(predicted - held_out.seen('H')) < 1.05 * NOISE
 
 
 def test_an_unknown_encoder_zero_is_found() -> None:
     robot = Robot(phase=2.4)
-    found = calibrate(DRAWN, robot.measured())
-    assert found.phase == pytest.approx(2.4, abs=1e-3)
+    calibration = calibrate(DRAWN, robot.measured())
+    assert calibration.phase == pytest.approx(2.4, abs=1e-3)
 
 
 def test_an_unknown_camera_leaves_a_combination_open_that_an_angle_settles() -> None:
@@ -137,15 +137,15 @@ def test_what_a_camera_in_any_pose_leaves_open_stays_near_the_drawing() -> None:
     robot = Robot()
     views = {name: photographed(robot.seen(name), np.exp(1.2j), 0.5 - 0.3j) for name in 'HG'}
     measured = [robot.series(name, view, noise=NOISE) for name, view in views.items()]
-    found = calibrate(DRAWN, measured, camera=True)
-    known = np.isfinite(found.standard_errors[:14])
-    assert known.sum() >= 9
-    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    calibration = calibrate(DRAWN, measured, camera=True)
+    is_observable = np.isfinite(calibration.standard_errors[:14])
+    assert is_observable.sum() >= 9
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 4.0).all()
     # It was up to 230 units away: a prior held the camera to the drawing's axes.
-    moved = np.abs(found.values - found.model.start) / found.model.units
-    assert (moved[: found.model.count] < 10.0).all()
+    moved = np.abs(calibration.values - calibration.model.start) / calibration.model.units
+    assert (moved[: calibration.model.count] < 10.0).all()
     # The errors of what is open are a workshop's, not those of the weak prior.
-    assert np.sqrt(np.diag(found.covariance)).max() < 5.0
+    assert np.sqrt(np.diag(calibration.covariance)).max() < 5.0
 
 
 def test_the_distance_of_a_sliding_body_is_no_angle() -> None:
@@ -153,11 +153,11 @@ def test_the_distance_of_a_sliding_body_is_no_angle() -> None:
     robot = Robot(built(3, drawn, length=1e-4), noise=1e-5, count=500, speed=2.6)
     series = robot.series('piston', robot.angle('piston', 1e-5), noise=1e-5)
     assert series.kind == 'distance'
-    found = calibrate(drawn, [*robot.measured('B'), series])
-    known = np.isfinite(found.standard_errors)
-    assert known.sum() >= 5
-    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
-    assert found.series[1].noise == pytest.approx(1e-5, rel=0.15)
+    calibration = calibrate(drawn, [*robot.measured('B'), series])
+    is_observable = np.isfinite(calibration.standard_errors)
+    assert is_observable.sum() >= 5
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 4.0).all()
+    assert calibration.series[1].noise == pytest.approx(1e-5, rel=0.15)
 
 
 def test_a_prior_fixes_unobservable_dimensions() -> None:
@@ -175,8 +175,8 @@ def test_a_prior_fixes_unobservable_dimensions() -> None:
 
 
 def test_one_more_marker_is_suggested() -> None:
-    found = calibrate(DRAWN, Robot(speed=math.tau / 5.0).measured('H'))
-    best = found.further()[0]
+    calibration = calibrate(DRAWN, Robot(speed=math.tau / 5.0).measured('H'))
+    best = calibration.further()[0]
     assert best.name == 'point G'
     assert best.condition == pytest.approx(79.0, rel=0.1)
 
@@ -186,10 +186,10 @@ def test_distances_measure_as_well() -> None:
     distance = np.linalg.norm(robot.seen('H') - robot.place('A'), axis=1)[:, None]
     noise = np.random.default_rng(5).normal(0.0, 1e-5, distance.shape)
     wire = robot.series('A-H', distance + noise)
-    found = calibrate(DRAWN, [*robot.measured('G'), wire])
-    assert found.observability.rank >= 12
-    known = np.isfinite(found.standard_errors)
-    assert (np.abs(errors(found, robot)[known]) < 4.5).all()
+    calibration = calibrate(DRAWN, [*robot.measured('G'), wire])
+    assert calibration.observability.rank >= 12
+    is_observable = np.isfinite(calibration.standard_errors)
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 4.5).all()
 
 
 # Faults.
@@ -224,8 +224,8 @@ def test_dropped_repeated_and_missing_samples_cost_nothing() -> None:
     foot = series_of('point', 'H', robot.times[kept], values, crank, noise=NOISE)
     # Repeated ones; two of them stand for samples that are not finite.
     assert foot.skipped == 50
-    found = calibrate(DRAWN, [foot, *robot.measured('G')])
-    assert (np.abs(errors(found, robot)) < 4.0).all()
+    calibration = calibrate(DRAWN, [foot, *robot.measured('G')])
+    assert (np.abs(errors(calibration, robot)) < 4.0).all()
 
 
 def test_a_gap_of_the_encoder_is_not_interpolated() -> None:
@@ -242,14 +242,14 @@ def test_a_late_clock_is_found_where_the_speed_changes() -> None:
     late = crank - 0.020 * (robot.speed + 1.6 * np.cos(2.0 * robot.times))
     seen = zip('HG', robot.moved(late), strict=True)
     measured = [robot.series(name, own, crank=crank, noise=NOISE) for name, own in seen]
-    found = calibrate(DRAWN, measured, delay=True)
-    assert found.dimension('delay')[0] == pytest.approx(-0.020, abs=5e-4)
+    calibration = calibrate(DRAWN, measured, delay=True)
+    assert calibration.dimension('delay')[0] == pytest.approx(-0.020, abs=5e-4)
     ignored = calibrate(DRAWN, measured)
-    assert (ignored.standard_errors[:11] > 3.0 * found.standard_errors[:11]).all()
+    assert (ignored.standard_errors[:11] > 3.0 * calibration.standard_errors[:11]).all()
     # The lengths are right; what is late looks like another zero of the encoder.
     assert (np.abs(errors(ignored, robot)[:13]) < 4.0).all()
     assert ignored.late == pytest.approx(-0.020, abs=0.004)
-    assert found.late == 0.0
+    assert calibration.late == 0.0
     even = calibrate(DRAWN, Robot().measured(), delay=True)
     assert {n for n, _ in even.observability.combinations[0].parts} == {'delay', 'phase'}
 
@@ -269,18 +269,20 @@ def test_a_late_clock_that_no_leg_explains_is_named() -> None:
 
 def test_of_very_many_samples_an_even_choice_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fit, 'MAX_SAMPLES', 300)
-    found = calibrate(DRAWN, Robot().measured())
-    assert [len(each.inliers) for each in found.series] == [300, 300]
-    assert found.is_complete
+    calibration = calibrate(DRAWN, Robot().measured())
+    assert [len(each.inliers) for each in calibration.series] == [300, 300]
+    assert calibration.is_complete
 
 
 def test_part_of_a_turn_gives_larger_errors_or_names_the_unknown() -> None:
     robot = Robot(speed=0.35)
-    found = calibrate(DRAWN, robot.measured('HG'))
-    known = np.isfinite(found.standard_errors)
-    assert (np.abs(errors(found, robot)[known]) < 4.0).all()
+    calibration = calibrate(DRAWN, robot.measured('HG'))
+    is_observable = np.isfinite(calibration.standard_errors)
+    assert (np.abs(errors(calibration, robot)[is_observable]) < 4.0).all()
     whole = calibrate(DRAWN, Robot().measured('HG'))
-    assert (found.standard_errors[known] > whole.standard_errors[known]).all()
+    assert (
+        calibration.standard_errors[is_observable] > whole.standard_errors[is_observable]
+    ).all()
 
 
 def test_backlash_is_a_parameter_where_the_crank_turns_both_ways() -> None:
@@ -288,18 +290,18 @@ def test_backlash_is_a_parameter_where_the_crank_turns_both_ways() -> None:
     crank = 4.0 * np.sin(1.1 * robot.times)
     true = crank - math.radians(0.5) / 2.0 * np.sign(np.cos(1.1 * robot.times))
     seen = zip('HG', robot.moved(true), strict=True)
-    found = calibrate(DRAWN, [robot.series(name, own, crank=crank) for name, own in seen])
-    assert math.degrees(found.dimension('backlash')[0]) == pytest.approx(-0.5, abs=0.02)
-    assert (np.abs(errors(found, robot)) < 5.0).all()
+    calibration = calibrate(DRAWN, [robot.series(name, own, crank=crank) for name, own in seen])
+    assert math.degrees(calibration.dimension('backlash')[0]) == pytest.approx(-0.5, abs=0.02)
+    assert (np.abs(errors(calibration, robot)) < 5.0).all()
 
 
 def test_a_coarse_encoder_shows_as_noise_of_the_crank() -> None:
     robot = Robot(phase=0.3)
     step = math.tau / 4096
     coarse = np.floor(robot.crank / step) * step + step / 2.0
-    found = calibrate(DRAWN, [robot.series(name, crank=coarse) for name in 'HG'])
-    assert found.crank_noise == pytest.approx(step / math.sqrt(12.0), rel=0.25)
-    assert (np.abs(errors(found, robot)) < 4.0).all()
+    calibration = calibrate(DRAWN, [robot.series(name, crank=coarse) for name in 'HG'])
+    assert calibration.crank_noise == pytest.approx(step / math.sqrt(12.0), rel=0.25)
+    assert (np.abs(errors(calibration, robot)) < 4.0).all()
 
 
 @pytest.mark.parametrize(

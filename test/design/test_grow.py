@@ -110,12 +110,12 @@ def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
             'count': 1,
         }
     )
-    found = search(requirements, evaluations=5000)
-    (leg,) = found.legs
+    search_result = search(requirements, evaluations=5000)
+    (leg,) = search_result.legs
     assert leg.linkage.name.startswith('Grown six-bar')
     assert leg.reached['path_error'] < 2e-3
     # Half of the structures after each round, but four.
-    assert sum(x is not None and len(x) > 0 for x in found.state.populations) == 4
+    assert sum(x is not None and len(x) > 0 for x in search_result.state.populations) == 4
     file = tmp_path / 'leg.yaml'
     file.write_text(leg_text(leg.leg))
     assert robot_from_file(file).legs[0].linkage == leg.linkage
@@ -130,7 +130,7 @@ def test_grown_legs_with_sliders_have_the_crank_wished_for() -> None:
             'count': 3,
         }
     )
-    found = search(requirements, evaluations=2000)
-    assert found.legs
-    for leg in found.legs:
+    search_result = search(requirements, evaluations=2000)
+    assert search_result.legs
+    for leg in search_result.legs:
         assert 0.02 <= leg.linkage.dimensions['A-C'] <= 0.03

@@ -137,9 +137,9 @@ def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) 
 def test_degenerate_linkages_give_legs_that_close_or_reasons(
     content: Mapping[str, object],
 ) -> None:
-    found = searched({**content, 'count': 1})
-    assert found.legs or found.reasons
-    for leg in found.legs:
+    search_result = searched({**content, 'count': 1})
+    assert search_result.legs or search_result.reasons
+    for leg in search_result.legs:
         alphas = np.linspace(0.0, 2.0 * np.pi, 2000)
         assert not linkage_poses(leg.linkage, alphas).reason.any()
 
@@ -198,7 +198,9 @@ def test_a_figure_without_a_value_is_a_reason_in_words(known: list[float]) -> No
     requirements = requirements_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
     values = np.array([np.nan, np.nan, *known])
     violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(known))
-    own = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
-    (reason,) = failing_figures(requirements, [IslandScores(0, np.zeros((len(values), 1)), own)])
+    own_scores = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
+    (reason,) = failing_figures(
+        requirements, [IslandScores(0, np.zeros((len(values), 1)), own_scores)]
+    )
     alone = '; alone it reaches 0.3 m' if known else ''
     assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'

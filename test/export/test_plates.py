@@ -28,8 +28,8 @@ DXF_CIRCLES = 'CIRCLE[layer=="HOLES"]'
 
 
 def drawn(robot: Robot, **options: float) -> tuple[tuple[Plate, ...], Drawing]:
-    made = plates(robot, hole=HOLE, width=WIDTH, **options)
-    return made, drawing(made)
+    robot_plates = plates(robot, hole=HOLE, width=WIDTH, **options)
+    return robot_plates, drawing(robot_plates)
 
 
 @pytest.mark.parametrize('name', SHIPPED)
@@ -156,8 +156,8 @@ def test_bodies_with_three_joints_are_links_of_the_stated_width() -> None:
 @pytest.mark.parametrize('kerf', [0.1e-3, 0.4e-3])
 def test_plates_have_the_stated_sizes_after_the_kerf(kerf: float) -> None:
     for name in ('sem104', 'quick_return'):
-        made = plates(robot_of(name), hole=HOLE, width=WIDTH, holes={'A': 3e-3})
-        exact, offset = drawing(made), drawing(made, kerf=kerf)
+        robot_plates = plates(robot_of(name), hole=HOLE, width=WIDTH, holes={'A': 3e-3})
+        exact, offset = drawing(robot_plates), drawing(robot_plates, kerf=kerf)
         for one, other in zip(exact.outlines, offset.outlines, strict=True):
             cut = covered((other,)).buffer(-500 * kerf, quad_segs=64)
             assert cut.area == pytest.approx(covered((one,)).area, rel=1e-3)
@@ -204,18 +204,18 @@ def test_pins_stay_in_their_slots_all_the_way(name: str) -> None:
 
 
 def test_legs_that_are_alike_are_cut_once_with_their_number() -> None:
-    made = plates(robot_of(str(ROOT / 'config' / 'walker6.yaml')), hole=HOLE, width=WIDTH)
-    assert len(made) == 6
-    assert {plate.count for plate in made} == {6}
-    assert 'theta F G H x6' in {plate.title for plate in made}
+    robot_plates = plates(robot_of(str(ROOT / 'config' / 'walker6.yaml')), hole=HOLE, width=WIDTH)
+    assert len(robot_plates) == 6
+    assert {plate.count for plate in robot_plates} == {6}
+    assert 'theta F G H x6' in {plate.title for plate in robot_plates}
 
 
 def test_legs_that_differ_are_cut_each(tmp_path: Path) -> None:
     file = tmp_path / 'two.yaml'
     file.write_text('legs: [front, rear]\nrear: {l_gh: 0.5}\n')
-    made = plates(robot_of(str(file)), hole=HOLE, width=WIDTH)
-    assert len(made) == 12
-    assert {plate.legs for plate in made} == {'front', 'rear'}
+    robot_plates = plates(robot_of(str(file)), hole=HOLE, width=WIDTH)
+    assert len(robot_plates) == 12
+    assert {plate.legs for plate in robot_plates} == {'front', 'rear'}
 
 
 def test_holes_without_material_between_them_are_refused() -> None:
