@@ -54,7 +54,7 @@ class Offer:
 
 
 @dataclass
-class _Driven:
+class _LeasedDrive:
     """A drive, its lease, and the page that has it."""
 
     offer: Offer
@@ -157,7 +157,7 @@ class Drives:
         self._on_change = on_change
         self._crank_angle = crank_angle
         self._rate_of = rate_of
-        self._drives: dict[str, _Driven] = {}
+        self._drives: dict[str, _LeasedDrive] = {}
         self._lock = Lock()
         self._wake = Event()
         self._stopped = False
@@ -167,55 +167,55 @@ class Drives:
     def close(self) -> None:
         """Stop all drives."""
         with self._lock:
-            for driven in self._drives.values():
-                self._release(driven, 'view_node has ended')
+            for leased in self._drives.values():
+                self._release(leased, 'view_node has ended')
         self._stopped = True
         self._wake.set()
         self._thread.join(1.0)
         with self._lock:
-            for driven in self._drives.values():
-                if driven.stops and driven.publisher is not None:
-                    publish_last(driven.publisher, self._twist())
-                driven.lease.release()
+            for leased in self._drives.values():
+                if leased.stops and leased.publisher is not None:
+                    publish_last(leased.publisher, self._twist())
+                leased.lease.release()
 
     def offer(self, offers: list[Offer]) -> None:
         """Set the possible drives; in ROS's thread."""
         names = {offer.name for offer in offers}
         with self._lock:
             for offer in offers:
-                driven = self._drives.get(offer.name)
-                if driven is None:
+                leased = self._drives.get(offer.name)
+                if leased is None:
                     drive: CrankDrive | WalkDrive
                     drive = CrankDrive() if offer.kind == CRANK else WalkDrive()
                     # Made before it is needed: discovery takes longer than a handshake.
-                    driven = _Driven(offer, drive, Lease(self._node, offer.topic))
-                    self._drives[offer.name] = driven
-                driven.offer = offer
-            for name, driven in list(self._drives.items()):
-                is_free = driven.drive.owner is None and driven.publisher is None
+                    leased = _LeasedDrive(offer, drive, Lease(self._node, offer.topic))
+                    self._drives[offer.name] = leased
+                leased.offer = offer
+            for name, leased in list(self._drives.items()):
+                is_free = leased.drive.owner is None and leased.publisher is None
                 if name not in names and is_free:
                     del self._drives[name]
-                    driven.lease.close()
+                    leased.lease.close()
 
     def state(self) -> list[dict[str, Any]]:
         """Return the drives and their owners, ready for JSON."""
         with self._lock:
-            return [driven.as_data() for driven in self._drives.values()]
+            return [leased.as_data() for leased in self._drives.values()]
 
     def keep_alive(self, page: int) -> None:
         """Note that a page is connected."""
         now = monotonic()
         # Without the lock: each is one assignment, at every message of a page.
-        for driven in list(self._drives.values()):
-            if driven.drive.owner == page:
-                driven.drive.alive_at = now
+        for leased in list(self._drives.values()):
+            if leased.drive.owner == page:
+                leased.drive.alive_at = now
 
     def disconnected(self, page: int) -> None:
         """Stop the drives of a closed page."""
         with self._lock:
             stopped = [d for d in self._drives.values() if d.drive.owner == page]
-            for driven in stopped:
-                self._release(driven, 'the page was closed')
+            for leased in stopped:
+                self._release(leased, 'the page was closed')
         if stopped:
             self._wake.set()
             self._put(self._on_change)
@@ -223,11 +223,11 @@ class Drives:
     def command(self, page: int, command: Command, answer: Answer) -> None:
         """Take, drive or release, and answer."""
         with self._lock:
-            driven = self._drives.get(command.target)
+            leased = self._drives.get(command.target)
             try:
-                if driven is None:
+                if leased is None:
                     raise DriveError('that can no longer be driven')  # noqa: TRY301
-                self._run_command(driven, page, command)
+                self._run_command(leased, page, command)
             except DriveError as error:
                 answer(False, str(error))
                 return
@@ -236,17 +236,17 @@ class Drives:
             self._put(self._on_change)
         answer(True, '')
 
-    def _run_command(self, driven: _Driven, page: int, command: Command) -> None:
-        drive = driven.drive
+    def _run_command(self, leased: _LeasedDrive, page: int, command: Command) -> None:
+        drive = leased.drive
         now = monotonic()
         if command.command == 'take':
-            self._take(driven, page, now)
+            self._take(leased, page, now)
             return
         if drive.owner != page:
             raise DriveError('this page does not drive it: take it over first')
         if command.command == 'release':
-            self._release(driven, '')
-        elif driven.taking is not None:
+            self._release(leased, '')
+        elif leased.taking is not None:
             raise DriveError('not yet: the other publishers have not yielded')
         elif isinstance(drive, CrankDrive) and command.command == 'turn':
             drive.turn_to(command.value, now)
@@ -255,115 +255,115 @@ class Drives:
         elif isinstance(drive, WalkDrive) and command.command == 'walk':
             drive.walk(command.value, command.turn)
         else:
-            raise DriveError(f'a {driven.offer.kind} does not {command.command}')
+            raise DriveError(f'a {leased.offer.kind} does not {command.command}')
 
-    def _take(self, driven: _Driven, page: int, now: float) -> None:
-        drive = driven.drive
+    def _take(self, leased: _LeasedDrive, page: int, now: float) -> None:
+        drive = leased.drive
         previous_owner = drive.owner
         if previous_owner == page:
             return
         # The others have yielded to this node already, for any of its pages.
-        is_held = previous_owner is not None and driven.taking is None
+        is_held = previous_owner is not None and leased.taking is None
         angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
         drive.take(page, now, angle)
-        driven.previous_owner = previous_owner
-        driven.reason = 'another page has taken it over' if previous_owner is not None else ''
-        driven.stops = 0
+        leased.previous_owner = previous_owner
+        leased.reason = 'another page has taken it over' if previous_owner is not None else ''
+        leased.stops = 0
         if not is_held:
-            driven.taking = now
-            driven.alone = None
-        if driven.publisher is None:
-            self._put(lambda: self._create_publisher(driven))
+            leased.taking = now
+            leased.alone = None
+        if leased.publisher is None:
+            self._put(lambda: self._create_publisher(leased))
 
-    def _release(self, driven: _Driven, reason: str) -> None:
-        drive = driven.drive
+    def _release(self, leased: _LeasedDrive, reason: str) -> None:
+        drive = leased.drive
         if drive.owner is None:
             return
-        driven.previous_owner = drive.owner if reason else None
-        driven.reason = reason
+        leased.previous_owner = drive.owner if reason else None
+        leased.reason = reason
         drive.owner = None
-        if driven.offer.kind == WALK and driven.taking is None:
-            driven.stops = _STOP_MESSAGES
+        if leased.offer.kind == WALK and leased.taking is None:
+            leased.stops = _STOP_MESSAGES
         else:
-            self._put(lambda: self._destroy_publisher(driven))
-        driven.taking = None
+            self._put(lambda: self._destroy_publisher(leased))
+        leased.taking = None
 
-    def _create_publisher(self, driven: _Driven) -> None:
-        kind = Float64 if driven.offer.kind == CRANK else TwistStamped
+    def _create_publisher(self, leased: _LeasedDrive) -> None:
+        kind = Float64 if leased.offer.kind == CRANK else TwistStamped
         with self._lock:
-            if driven.publisher is None and driven.drive.owner is not None:
-                topic = driven.offer.topic
-                driven.publisher = self._node.create_publisher(kind, topic, OUTPUT)
+            if leased.publisher is None and leased.drive.owner is not None:
+                topic = leased.offer.topic
+                leased.publisher = self._node.create_publisher(kind, topic, OUTPUT)
         self._wake.set()
 
-    def _destroy_publisher(self, driven: _Driven) -> None:
+    def _destroy_publisher(self, leased: _LeasedDrive) -> None:
         with self._lock:
-            if driven.drive.owner is None:
-                if driven.publisher is not None:
-                    self._node.destroy_publisher(driven.publisher)
-                    driven.publisher = None
-                driven.lease.release()
+            if leased.drive.owner is None:
+                if leased.publisher is not None:
+                    self._node.destroy_publisher(leased.publisher)
+                    leased.publisher = None
+                leased.lease.release()
 
     def _run(self) -> None:
         while not self._stopped:
             with self._lock:
-                periods = [self._serve_or_stop(driven) for driven in self._drives.values()]
+                periods = [self._serve_or_stop(leased) for leased in self._drives.values()]
             # Without a driving page, wait until one commands.
             self._wake.wait(min(filter(None, periods), default=None))
             self._wake.clear()
 
-    def _serve_or_stop(self, driven: _Driven) -> float | None:
+    def _serve_or_stop(self, leased: _LeasedDrive) -> float | None:
         """Serve a drive; one that fails is released, and the others go on."""
         try:
-            return self._serve(driven)
+            return self._serve(leased)
         except Exception as error:
-            text = f'the drive of {driven.offer.topic} failed: {error_and_place(error)}'
+            text = f'the drive of {leased.offer.topic} failed: {error_and_place(error)}'
             self._node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
-            self._release(driven, 'view_node failed to drive it')
+            self._release(leased, 'view_node failed to drive it')
             return _COMMAND_PERIOD
 
-    def _serve(self, driven: _Driven) -> float | None:
+    def _serve(self, leased: _LeasedDrive) -> float | None:
         """Publish due messages; return the time to the next [s], None while nothing drives."""
-        drive = driven.drive
+        drive = leased.drive
         now = monotonic()
-        if drive.owner is None and not driven.stops:
+        if drive.owner is None and not leased.stops:
             return None
-        reason = self._obstacle(driven, now)
+        reason = self._obstacle(leased, now)
         if reason and drive.owner is not None:
-            self._release(driven, reason)
+            self._release(leased, reason)
             self._put(self._on_change)
         if drive.owner is None:
-            if driven.stops:
-                driven.stops -= 1
-                self._publish_walk(driven)
-                if not driven.stops:
-                    self._put(lambda: self._destroy_publisher(driven))
-        elif driven.taking is None and isinstance(drive, WalkDrive):
-            self._publish_walk(driven, drive.forward, drive.turn)
-        elif driven.taking is None and isinstance(drive, CrankDrive):
-            self._publish(driven, Float64(data=drive.advance(now)))
+            if leased.stops:
+                leased.stops -= 1
+                self._publish_walk(leased)
+                if not leased.stops:
+                    self._put(lambda: self._destroy_publisher(leased))
+        elif leased.taking is None and isinstance(drive, WalkDrive):
+            self._publish_walk(leased, drive.forward, drive.turn)
+        elif leased.taking is None and isinstance(drive, CrankDrive):
+            self._publish(leased, Float64(data=drive.advance(now)))
             return _TURNING_PERIOD if drive.speed else _COMMAND_PERIOD
         return _COMMAND_PERIOD
 
-    def _obstacle(self, driven: _Driven, now: float) -> str:
+    def _obstacle(self, leased: _LeasedDrive, now: float) -> str:
         """Announce the lease; return the reason why a page must stop driving, '' for none."""
-        is_uninterrupted = driven.lease.announce()
-        owner = driven.drive.owner
-        if driven.drive.is_lost(now):
+        is_uninterrupted = leased.lease.announce()
+        owner = leased.drive.owner
+        if leased.drive.is_lost(now):
             return 'the page timed out'
         if not is_uninterrupted:
             return 'view_node was stopped for a while'
-        if owner is None or driven.taking is None:
-            return driven.intruder(self._rate_of) if owner is not None else ''
-        is_alone, reason = driven.is_alone(now, self._rate_of)
-        if is_alone and driven.publisher is not None:
-            angle = self._crank_angle(driven.offer.name) if driven.offer.kind == CRANK else 0.0
-            driven.start(owner, angle)
+        if owner is None or leased.taking is None:
+            return leased.intruder(self._rate_of) if owner is not None else ''
+        is_alone, reason = leased.is_alone(now, self._rate_of)
+        if is_alone and leased.publisher is not None:
+            angle = self._crank_angle(leased.offer.name) if leased.offer.kind == CRANK else 0.0
+            leased.start(owner, angle)
             self._put(self._on_change)
         return reason
 
-    def _publish_walk(self, driven: _Driven, forward: float = 0.0, turn: float = 0.0) -> None:
-        self._publish(driven, self._twist(forward, turn))
+    def _publish_walk(self, leased: _LeasedDrive, forward: float = 0.0, turn: float = 0.0) -> None:
+        self._publish(leased, self._twist(forward, turn))
 
     def _twist(self, forward: float = 0.0, turn: float = 0.0) -> TwistStamped:
         message = TwistStamped()
@@ -373,10 +373,10 @@ class Drives:
         message.twist.angular.z = turn
         return message
 
-    def _publish(self, driven: _Driven, message: Any) -> None:
-        if driven.publisher is not None:
-            driven.sent += 1
-            driven.publisher.publish(message)
+    def _publish(self, leased: _LeasedDrive, message: Any) -> None:
+        if leased.publisher is not None:
+            leased.sent += 1
+            leased.publisher.publish(message)
 
 
 def _is_silent(rate: TopicRate | None) -> bool:
