@@ -20,8 +20,12 @@ FRAME = tuple(SHARED / f'{name}.css' for name in ('theme', 'base', 'layout', 'ca
 
 COMMENT_LINES = re.compile(r'^ *(?:/\*(?:(?!\*/).)*\*/|//[^\n]*)\n', re.DOTALL | re.MULTILINE)
 STRINGS = re.compile(r"""('(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|`(?:\\.|[^`\\])*`)""")
-# Blanks around operators, in sums, and after colons and keywords. `a :hover` is not `a:hover`.
-BLANKS = re.compile(r' ?([=<>?,{}&|*]) ?|(?<=[\w)\]]) ([+-]) (?=[\w(\[])|(?<=:) |(?<=\bif) (?=\()')
+# Blanks around operators, in sums, after colons, semicolons and keywords. `a :hover` is not
+# `a:hover`.
+BLANKS = re.compile(
+    r' ?([!=<>?,{}&|*]) ?|(?<=[\w)\]]) ([+-]) (?=[\w(\[])|(?<=[:;]) |(?<=\bif) (?=\()'
+    r'|(?<=\bfor) (?=\()|(?<=\breturn) (?=[\[(])'
+)
 
 
 @dataclass(frozen=True)
