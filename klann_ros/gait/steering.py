@@ -85,14 +85,14 @@ class Steering:
         """Return the speed at 1 rad/s straight on, and the yaw rate at 1 rad/s on the spot."""
         return Twist2D(self.speed, self.motion(Rates(-1.0, 1.0)).angular)
 
-    def rates(self, wanted: Twist2D) -> Rates:
+    def rates(self, twist: Twist2D) -> Rates:
         """Return the rates of the sides for a motion; a walker that cannot turn does not."""
-        walking, turning = self._mean_rates(wanted)
+        walking, turning = self._mean_rates(twist)
         return Rates(walking - turning, walking + turning)
 
-    def _mean_rates(self, wanted: Twist2D) -> tuple[float, float]:
+    def _mean_rates(self, twist: Twist2D) -> tuple[float, float]:
         """Return the mean rate of the sides, and half of their difference [rad/s]."""
-        linear, angular = wanted
+        linear, angular = twist
         if abs(angular) < 1e-9 or not self.can_turn:
             return linear / self.speed, 0.0
         v, w, x, y = self._gains
@@ -102,7 +102,7 @@ class Steering:
         return walking, turning
 
     def planned_rates(
-        self, wanted: Twist2D, cranks: list[float], *, on_spot: bool = False
+        self, twist: Twist2D, cranks: list[float], *, on_spot: bool = False
     ) -> Rates:
         """
         Return the rates of the sides for a motion, at crank angles [rad].
@@ -110,7 +110,7 @@ class Steering:
         The motion is their mean over a cycle of phases, see `TurnPlan`.
         With `on_spot` the mean phase stays where turning is the most effective.
         """
-        walking, turning = self._mean_rates(wanted)
+        walking, turning = self._mean_rates(twist)
         if turning and self.turn_plan.is_possible:
             left = sum(map(mul, self._left_weights, cranks))
             right = sum(map(mul, self._right_weights, cranks))

@@ -82,26 +82,27 @@ def agreement(
     crank, foot = data.joint(leg.crank_joint), data.site(leg.linkage.structure.foot.lower())
     crank.qvel = data.ctrl[0] = rate
     steps = int((end - start) / abs(rate) / model.opt.timestep)
-    every = max(1, steps // samples)
-    rows, forces = [], []
+    interval = max(1, steps // samples)
+    readings = []
+    forces = []
     for step in range(1, steps + 1):
         mujoco.mj_step(model, data)
-        if step % every == 0 and step > SETTLING_TURNS * steps:
+        if step % interval == 0 and step > SETTLING_TURNS * steps:
             mujoco.mj_forward(model, data)
             mujoco.mj_rnePostConstraint(model, data)
             effort = float(data.actuator_force[0])
-            rows.append((crank.qpos[0], crank.qvel[0], crank.qacc[0], effort, *foot.xpos))
+            readings.append((crank.qpos[0], crank.qvel[0], crank.qacc[0], effort, *foot.xpos))
             forces.append(_pins(leg, data, bodies, closing))
-    joint, speeds, changes, torques, *place = np.array(rows).T
+    joint, speeds, changes, torques, *place = np.array(readings).T
     alphas, dynamics = leg.crank_angles(joint), robot.dynamics(leg)
     feet = leg.mount.transform(linkage_poses(leg.linkage, alphas).h)
     even = way * dynamics.crank_torque(alphas, rate)
     rotor = float(model.joint(leg.crank_joint).armature[0])
-    moved = way * dynamics.crank_torque(alphas, speeds, way * changes) + rotor * changes
+    torque_as_moved = way * dynamics.crank_torque(alphas, speeds, way * changes) + rotor * changes
     return Agreement(
         foot=float(np.linalg.norm(np.array(place).T - feet, axis=1).max()),
         torque=_rms(torques - even) / _rms(even),
-        torque_as_moved=_rms(torques - moved) / _rms(moved),
+        torque_as_moved=_rms(torques - torque_as_moved) / _rms(torque_as_moved),
         reactions=_apart(forces, dynamics.reactions(alphas, speeds, way * changes)),
         ripple=float(np.abs(speeds / rate - 1.0).max()),
     )
@@ -115,11 +116,11 @@ def _pins(
     names = {FIXED: GROUND, **dict(enumerate(structure.angles))}
     pins: dict[tuple[str, str], complex] = {}
 
-    def pull(point: str, on: int, by: int, force: FloatArray) -> None:
+    def pull(point: str, body: int, partner: int, force: FloatArray) -> None:
         flat = leg.mount.rotation.T @ force
-        for body, sign in ((on, 1.0), (by, -1.0)):
-            own = point, names[body]
-            pins[own] = pins.get(own, 0j) + sign * complex(flat[0], flat[1])
+        for index, sign in ((body, 1.0), (partner, -1.0)):
+            pin = point, names[index]
+            pins[pin] = pins.get(pin, 0j) + sign * complex(flat[0], flat[1])
 
     for j, parent, point in bodies:
         if not structure.bodies[j].slides:
@@ -132,12 +133,13 @@ def _pins(
 
 def _apart(forces: Sequence[dict[tuple[str, str], complex]], computed: Reactions) -> float:
     """Return the greatest rms difference of a pin's force, by the rms of it."""
-    sizes = {own: _rms(np.abs(force)) for own, force in computed.pins.items()}
-    least = MIN_FORCE_SCALE * max(sizes.values())
-    return max(
-        _rms(np.abs(np.array([each[own] for each in forces]) - force)) / max(sizes[own], least)
-        for own, force in computed.pins.items()
-    )
+    sizes = {pin: _rms(np.abs(force)) for pin, force in computed.pins.items()}
+    min_scale = MIN_FORCE_SCALE * max(sizes.values())
+    differences = []
+    for pin, force in computed.pins.items():
+        measured = np.array([sample[pin] for sample in forces])
+        differences.append(_rms(np.abs(measured - force)) / max(sizes[pin], min_scale))
+    return max(differences)
 
 
 def _rms(values: Any) -> float:

@@ -205,8 +205,8 @@ class FaultInjector:
                     imu = Imu(mirrored, (*rates[:2], -rates[2]), force)
                 case Injection.IMU_TURNED | Injection.IMU_TILTED:
                     mount = _about(2 if kind is Injection.IMU_TURNED else 0, radians(size))
-                    turned = _product(orientation, mount)
-                    imu = Imu(turned, _in_mount(rates, mount), _in_mount(force, mount))
+                    mounted = _product(orientation, mount)
+                    imu = Imu(mounted, _in_mount(rates, mount), _in_mount(force, mount))
                 case Injection.IMU_NO_ORIENTATION:
                     imu = imu._replace(orientation=(0.0, 0.0, 0.0, 0.0))
                 case Injection.IMU_HEADING_JUMPS:

@@ -172,8 +172,8 @@ class _Model:
         actuator = Element('actuator')
         root.extend([self.equality, self.tendon, actuator])
         for joint, name in cranks.items():
-            turned = self._on_joint(base, joint, name)
-            gain = self._accuracy.servo * turned / self._accuracy.time_step
+            inertia = self._on_joint(base, joint, name)
+            gain = self._accuracy.servo * inertia / self._accuracy.time_step
             _add(actuator, 'velocity', name=name, joint=name, kv=gain)
         if self.robot.is_walker:
             # With the names that mujoco_ros2_control looks for.
@@ -224,21 +224,22 @@ class _Model:
 
     def _on_joint(self, base: Element, joint: str, name: str) -> float:
         """Write the legs of a joint; return its least inertia [kg m^2]."""
-        turned, legs = 0.0, [leg for leg in self._legs if leg.leg.crank_joint == joint]
+        inertia = 0.0
+        legs = [leg for leg in self._legs if leg.leg.crank_joint == joint]
         for leg in legs:
-            least, most = leg.inertias()
-            rotor = ROTOR_RATIO * most
-            turned += least + rotor
+            min_inertia, max_inertia = leg.inertias()
+            rotor = ROTOR_RATIO * max_inertia
+            inertia += min_inertia + rotor
             crank_name, mount = name, leg.leg.mount
             if leg is not legs[0]:
                 crank_name = self.unique('joint', leg.leg.joint_name(joint, SEPARATOR))
-                both = {'joint1': crank_name, 'joint2': name, 'polycoef': '0 1 0 0 0'}
-                _add(self.equality, 'joint', **self.closed, **both)
+                coupling = {'joint1': crank_name, 'joint2': name, 'polycoef': '0 1 0 0 0'}
+                _add(self.equality, 'joint', **self.closed, **coupling)
             plane = self.unique('body', f'{leg.leg.prefix}leg_plane')
             leg.write(
                 _add(base, 'body', name=plane, pos=mount.xyz, euler=mount.rpy), crank_name, rotor
             )
-        return turned
+        return inertia
 
 
 class _Leg:
@@ -329,9 +330,9 @@ class _Leg:
 
     def _inertial(self, element: Element, j: int) -> None:
         mass, frame = self._dynamics.masses.bodies[j], self._structure.frames[j]
-        turned = self._pose.vectors[frame] if frame != FIXED else 1.0
+        direction = self._pose.vectors[frame] if frame != FIXED else 1.0
         first = self._points[self._structure.bodies[j].points[0]]
-        centre = first + complex(mass.centre * turned) - self._origins[j]
+        centre = first + complex(mass.centre * direction) - self._origins[j]
         weight = mass.mass or MIN_MASS_PART * self._dynamics.masses.total
         inertia = max(mass.inertia or POINT_INERTIA_PART * weight * self._size**2, MIN_INERTIA)
         # A plate: the moments about the axes in its plane add up to the one about its normal.
@@ -384,8 +385,12 @@ def _critically_damped(stiffness: float) -> dict[str, str]:
 
 def _touching(friction: float, *, floor: bool = False) -> dict[str, str]:
     """Return the attributes of a geom that touches only the floor, or of the floor."""
-    own, other = ('1', '2') if floor else ('2', '1')
-    contact = {'contype': own, 'conaffinity': other, 'friction': f'{_text(friction)} 0.005 0.0001'}
+    category, partner = ('1', '2') if floor else ('2', '1')
+    contact = {
+        'contype': category,
+        'conaffinity': partner,
+        'friction': f'{_text(friction)} 0.005 0.0001',
+    }
     # Stiff contact: in a soft one the feet sink and creep, which shortens a walk.
     return {**contact, 'solref': '0.003 1'}
 

@@ -41,14 +41,13 @@ def spanning_tree(linkage: Linkage) -> tuple[list[TreeBody], list[Closing]]:
         visited.append(tree[-1].body)
     joined = {(h.point, h.parent, h.body) for h in tree if not structure.bodies[h.body].slides}
     closing = []
-    for point, every in structure.owners.items():
+    for point, owners in structure.owners.items():
         # One of its bodies has the point; the others are attached or constrained to it.
-        first = next((h.parent for h in tree if h.point == point and h.parent in every), every[0])
-        closing += [
-            Closing(point, first, j)
-            for j in every
-            if j != first and (point, first, j) not in joined
-        ]
+        parents = (h.parent for h in tree if h.point == point and h.parent in owners)
+        first = next(parents, owners[0])
+        for body in owners:
+            is_joined = body == first or (point, first, body) in joined
+            closing += [] if is_joined else [Closing(point, first, body)]
     return tree, closing
 
 
@@ -73,7 +72,7 @@ def joint_rates(linkage: Linkage, tree: Sequence[TreeBody], alpha: float) -> dic
     sliding = leg.velocity(leg.closed_form(alpha), 1.0).joints
     rates = {}
     for j, parent, _ in tree:
-        before = moving.rotation_1[parent, 0] if parent >= 0 else 0.0
-        turns = float(moving.rotation_1[j, 0] - before)
+        parent_rate = moving.rotation_1[parent, 0] if parent >= 0 else 0.0
+        turns = float(moving.rotation_1[j, 0] - parent_rate)
         rates[j] = sliding[j] if linkage.structure.bodies[j].slides else turns
     return rates

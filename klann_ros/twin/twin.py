@@ -285,8 +285,8 @@ class Twin:
         self._legs = robot.legs
         for joint in motors.factors:
             if joint not in self.joints:
-                known = ', '.join(map(printable, self.joints)) + did_you_mean(joint, self.joints)
-                raise TwinError(f'{printable(joint)} turns no crank: there are {known}')
+                joints = ', '.join(map(printable, self.joints)) + did_you_mean(joint, self.joints)
+                raise TwinError(f'{printable(joint)} turns no crank: there are {joints}')
         self._engine, self._seed = engine(), seed
         # Otherwise it writes a log file in the working directory; each step checks for divergence.
         self._engine.set_mju_user_warning(lambda _: None)

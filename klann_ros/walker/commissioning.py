@@ -73,7 +73,9 @@ class Commissioning:
         settings: CommissioningSettings,
         backwards: Collection[str] | None = None,
     ) -> None:
-        self._joints, self._settings, self._backwards = joints, settings, backwards
+        self._joints = joints
+        self._settings = settings
+        self._backwards = backwards
         self.now = 0.0
         self.findings: list[Finding] = []
         self.drives = dict[str, CrankDrive]()
@@ -128,7 +130,8 @@ class Commissioning:
         """Turn a crank forwards until its switch closes, and take its zero there."""
         yield from self._rest()
         drive = self.drives[joint]
-        start, self.aborted = self._encoders[joint][-1].position, ''
+        start = self._encoders[joint][-1].position
+        self.aborted = ''
         was_closed = True
         while not self.aborted:
             before, after = self._encoders[joint][-2:]
@@ -137,8 +140,8 @@ class Commissioning:
                 self._take_zero(joint, edge)
                 break
             was_closed = is_closed()
-            turned = (after.position - start) / drive.encoder_ratio
-            if abs(turned) > 1.1 * TURN:
+            rotation = (after.position - start) / drive.encoder_ratio
+            if abs(rotation) > 1.1 * TURN:
                 self.aborted = 'its switch has not closed in a turn'
             elif self.now - after.at > self._settings.timeout:
                 self.aborted = 'crank_state is silent'
@@ -168,7 +171,9 @@ class Commissioning:
 
     def _turn(self, joint: str, rate: float, angle: float) -> Generator[Rates, None, Turn]:
         """Turn a crank by an angle, stand until it has stopped, and return the answers."""
-        begun, before, imu_count = self.now, self._tilt(), len(self._imu)
+        begun = self.now
+        first_tilt = self._tilt()
+        imu_count = len(self._imu)
         first = {name: encoders[-1] for name, encoders in self._encoders.items()}
         for encoders in self._encoders.values():
             encoders.clear()
@@ -183,15 +188,15 @@ class Commissioning:
         for name, encoders in self._encoders.items():
             encoders.insert(0, first[name])
         yield from self._rest()
-        moved = {
+        angle_changes = {
             name: (encoders[-1].position - first[name].position) / self._gear(name, joint)
             for name, encoders in self._encoders.items()
         }
         gyro = sum(complex(*sample.rates[:2]) for sample in self._imu[imu_count:])
         span = self._imu[-1].at - self._imu[imu_count].at if imu_count < len(self._imu) else 0.0
         gyro *= span / max(1, len(self._imu) - imu_count)
-        self.tilts.setdefault(joint, (self._tilt() - before, gyro))
-        return _answers(commanded, rate, moved, trace)
+        self.tilts.setdefault(joint, (self._tilt() - first_tilt, gyro))
+        return _answers(commanded, rate, angle_changes, trace)
 
     def _stop_reason(self, joint: str, first: Mapping[str, _Encoder]) -> str:
         """Return why a turn has to end, '' if it may go on."""
@@ -283,8 +288,8 @@ class Commissioning:
                 along += tilt * predicted.conjugate()
         if along and abs(phase(along)) > radians(60.0):
             # Roll + j pitch of a body is turned against its IMU: within 5 deg.
-            turned = -5 * round(degrees(phase(along)) / 5.0)
-            text = f'it is turned about z by some {turned} deg'
+            mounting_angle = -5 * round(degrees(phase(along)) / 5.0)
+            text = f'it is turned about z by some {mounting_angle} deg'
             self._imu_finding(Verdict.AXES, text)
 
     def _imu_finding(self, verdict: Verdict, text: str) -> None:
@@ -294,17 +299,17 @@ class Commissioning:
 def predicted_tilt(feet: Feet, joint: str, angle: float) -> complex:
     """Return the change of roll + j pitch where a crank turns from zero [rad]; 0 if it falls."""
     tilts = []
-    for turned in (0.0, angle):
-        positions, _, centre = feet.at([turned * (name == joint) for name in feet.joints]).tolist()
-        rest = stance.support(positions, centre)
-        if rest is None:
+    for crank in (0.0, angle):
+        positions, _, centre = feet.at([crank * (name == joint) for name in feet.joints]).tolist()
+        support = stance.support(positions, centre)
+        if support is None:
             return 0j
-        tilts.append(complex(rest.roll, rest.pitch))
+        tilts.append(complex(support.roll, support.pitch))
     return tilts[1] - tilts[0]
 
 
 def _answers(
-    commanded: float, rate: float, moved: Mapping[str, float], trace: Sequence[_Encoder]
+    commanded: float, rate: float, angle_changes: Mapping[str, float], trace: Sequence[_Encoder]
 ) -> Turn:
     """Return the answers of a turn; `trace` is that of its encoder while it turned."""
     # A motor needs some time for its rate.
@@ -317,7 +322,7 @@ def _answers(
     return Turn(
         commanded,
         rate,
-        moved,
+        angle_changes,
         fmean(velocities) if velocities else None,
         slope,
         is_repeated=len(trace) > 2 and len(stamps) == 1,

@@ -188,12 +188,12 @@ class PhaseLock:
         # Feedback that is late makes a larger gain swing.
         delay_phase = settings.phase_gain * self.delay
         gain_share = min(1.0, MAX_DELAY_PHASE / delay_phase) if delay_phase else 1.0
-        wanted = forward + gain_share * settings.phase_gain * error
+        requested = forward + gain_share * settings.phase_gain * error
         max_rate = settings.limits.max_crank_rate
         low, high = (0.0, max_rate) if commanded >= 0.0 else (-max_rate, 0.0)
-        velocity = max(low, min(high, max(forward - limit, min(forward + limit, wanted))))
+        velocity = max(low, min(high, max(forward - limit, min(forward + limit, requested))))
         # No wind-up: a saturated rate teaches nothing.
-        if rate and (velocity == wanted or wanted * error < 0.0):
+        if rate and (velocity == requested or requested * error < 0.0):
             gain = gain_share**2 * settings.phase_integral
             speed_error += gain * error * rate / (rate**2 + settings.learning_rate**2) * dt
             self._speed_errors[crank] = clip(speed_error, settings.integral_limit)

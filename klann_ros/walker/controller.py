@@ -230,8 +230,8 @@ class WalkController:
         if self.loop.gap:
             self._restart(now)
             gap = 0.0
-        wanted = self.commands.motion(now, self.settings.cmd_vel_timeout)
-        target, self.limits_hit = self.settings.limits.motion(wanted, self.steering.rates)
+        commanded = self.commands.motion(now, self.settings.cmd_vel_timeout)
+        target, self.limits_hit = self.settings.limits.motion(commanded, self.steering.rates)
         self.motion = self._limiter.approach(self.motion, target, gap)
         command = self.lock.step(gap, self._crank_rates(gap), self.positions)
         for monitor, rate in zip(self.monitors, command.velocity, strict=True):

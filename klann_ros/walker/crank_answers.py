@@ -60,7 +60,7 @@ class Turn(NamedTuple):
     # Commanded angle [rad] and rate [rad/s], and changes of the encoders' angles by joint [rad].
     commanded: float
     rate: float
-    moved: Mapping[str, float]
+    angle_changes: Mapping[str, float]
     # Mean rate by the crank's messages; None if they have none. And that by its angles [rad/s].
     velocity: float | None
     slope: float
@@ -94,19 +94,24 @@ def crank_findings(
     forwards, back = turns
     if not forwards.commanded or not back.commanded:
         return [], None
-    moved = forwards.moved[joint]
-    others = {name: angle for name, angle in forwards.moved.items() if name != joint}
-    answers = [name for name in others if abs(others[name]) > ANSWER * abs(forwards.commanded)]
-    answering = max(answers, key=lambda name: abs(others[name]), default=joint)
-    if abs(moved) < min_angle:
+    angle_change = forwards.angle_changes[joint]
+    neighbours = {name: angle for name, angle in forwards.angle_changes.items() if name != joint}
+    answers = [
+        name for name in neighbours if abs(neighbours[name]) > ANSWER * abs(forwards.commanded)
+    ]
+    answering = max(answers, key=lambda name: abs(neighbours[name]), default=joint)
+    if abs(angle_change) < min_angle:
         return [_still(joint, forwards, answering)], None
-    if answering != joint and abs(others[answering]) > abs(moved):
+    if answering != joint and abs(neighbours[answering]) > abs(angle_change):
         return [_swapped(joint, answering)], None
-    ratio, ratio_back = moved / forwards.commanded, back.moved[joint] / back.commanded
+    ratio, ratio_back = (
+        angle_change / forwards.commanded,
+        back.angle_changes[joint] / back.commanded,
+    )
     if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * min_angle / abs(back.commanded):
         text = f'{ratio:.2f} of the command forwards, {ratio_back:.2f} back: its coupling slips'
         return [Finding(joint, Verdict.SLIPPING, text)], None
-    ratio = (moved - back.moved[joint]) / (forwards.commanded - back.commanded)
+    ratio = (angle_change - back.angle_changes[joint]) / (forwards.commanded - back.commanded)
     of_velocity = _rate_findings(joint, forwards)
     findings = [*of_velocity, *_ratio_findings(joint, ratio)]
     if ratio < 0.0:

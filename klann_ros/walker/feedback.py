@@ -208,9 +208,9 @@ class UnitCheck:
         self._time = time
         if time - self._begin < self.interval:
             return
-        moved = abs(position - self._position)
+        distance = abs(position - self._position)
         if abs(self._path) > self.min_path:
-            self._ratios.append(moved / abs(self._path))
+            self._ratios.append(distance / abs(self._path))
         self._begin_interval(position, time)
         if len(self._ratios) < self.intervals:
             return
@@ -398,8 +398,8 @@ class CrankFeedback:
             if step is None:
                 return 0.0
             if abs(step) > max_step:
-                turned = self.velocity * (at - last.at)
-                offset = step - turned if abs(turned) < max_step else step
+                predicted = self.velocity * (at - last.at)
+                offset = step - predicted if abs(predicted) < max_step else step
                 # No rate follows from a jump.
                 self._rate.restart()
                 self.detector.restart()

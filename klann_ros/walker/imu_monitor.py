@@ -118,10 +118,12 @@ class ImuMonitor:
     def _problem(self, cranks: Sequence[float], seconds: float) -> ImuState | None:
         n = self._noise
         self._cranks = self._cranks or list(cranks)
-        moved = max(abs(angle - first) for angle, first in zip(cranks, self._cranks, strict=True))
+        displacement = max(
+            abs(angle - first) for angle, first in zip(cranks, self._cranks, strict=True)
+        )
         stamp_repeats = self._stamp_repetition.lasts(seconds, n.max_repetition)
         content_repeats = self._content_repetition.lasts(seconds, n.max_repetition)
-        if stamp_repeats or (content_repeats and moved > n.stationary_angle):
+        if stamp_repeats or (content_repeats and displacement > n.stationary_angle):
             return ImuState.FROZEN
         gate = n.yaw_gate + n.yaw_slip_gate * self._slip_angle + abs(self._feet_turn)
         if abs(self._feet_turn) < n.yaw_gate:

@@ -26,9 +26,9 @@ class AxisLimits(NamedTuple):
     deceleration: float
     jerk: float
 
-    def largest(self, wanted: float) -> float:
-        """Return the largest magnitude in the direction of a wanted speed or yaw rate."""
-        return self.forwards if wanted >= 0.0 else self.backwards
+    def largest(self, commanded: float) -> float:
+        """Return the largest magnitude in the direction of a commanded speed or yaw rate."""
+        return self.forwards if commanded >= 0.0 else self.backwards
 
     def eased_acceleration(self, before: float, missing: float, dt: float) -> float:
         """
@@ -96,14 +96,14 @@ class MotionLimits:
         return linear, angular
 
     def motion(
-        self, wanted: Twist2D, rates: Callable[[Twist2D], Rates]
+        self, commanded: Twist2D, rates: Callable[[Twist2D], Rates]
     ) -> tuple[Twist2D, list[str]]:
         """
         Return the motion that is allowed, on the same path, and what limits it.
 
         `rates` returns those of the sides for a motion.
         """
-        linear, angular = wanted
+        linear, angular = commanded
         largest_angular = self.max_curvature * abs(linear)
         hit = []
         if abs(angular) > largest_angular:
@@ -157,19 +157,21 @@ class MotionLimiter:
         self._rates = Rates(left, right)
         return self._rates
 
-    def approach(self, motion: Twist2D, wanted: Twist2D, dt: float) -> Twist2D:
+    def approach(self, motion: Twist2D, commanded: Twist2D, dt: float) -> Twist2D:
         """Return the motion after a time [s]; one that is not the last begins unaccelerated."""
         if dt <= 0.0:
             return motion
-        if motion != self._motion or motion == wanted:
+        if motion != self._motion or motion == commanded:
             self._accelerations = (0.0, 0.0)
-        if motion == wanted:
+        if motion == commanded:
             return motion
         linear_limits, angular_limits = self.limits.axes
         linear_growth, angular_growth = self._accelerations
-        linear = _AxisChange.plan(linear_limits, motion.linear, wanted.linear, linear_growth, dt)
+        linear = _AxisChange.plan(
+            linear_limits, motion.linear, commanded.linear, linear_growth, dt
+        )
         angular = _AxisChange.plan(
-            angular_limits, motion.angular, wanted.angular, angular_growth, dt
+            angular_limits, motion.angular, commanded.angular, angular_growth, dt
         )
         if linear.grows == angular.grows:
             share = min(linear.share, angular.share)
@@ -190,10 +192,10 @@ class _AxisChange(NamedTuple):
 
     @classmethod
     def plan(
-        cls, axis: AxisLimits, now: float, wanted: float, acceleration: float, dt: float
+        cls, axis: AxisLimits, now: float, commanded: float, acceleration: float, dt: float
     ) -> '_AxisChange':
         """Plan the next step; on the way to the other direction the first target is 0."""
-        target = wanted if now * wanted >= 0.0 else 0.0
+        target = commanded if now * commanded >= 0.0 else 0.0
         grows = abs(target) > abs(now)
         missing = abs(target - now)
         rate = axis.eased_acceleration(acceleration, missing, dt) if grows else axis.deceleration

@@ -16,7 +16,7 @@ class OdometryScale:
     Scale estimates by constant factors, which a calibration gives.
 
     The path is that of the scaled velocities. Its covariance is that of the estimate, scaled and
-    turned by the difference of the headings: exact for an `angular` factor of 1.
+    rotation by the difference of the headings: exact for an `angular` factor of 1.
 
     Parameters
     ----------
@@ -46,10 +46,12 @@ class OdometryScale:
         place_before, yaw_before = self._estimated
         place, yaw = self._scaled
         self._estimated = complex(estimate.x, estimate.y), estimate.yaw
-        turned = wrap(estimate.yaw - yaw_before)
-        moved = (self._estimated[0] - place_before) * rect(1.0, -yaw_before - turned / 2.0)
-        place += self._linear * moved * rect(1.0, yaw + self._angular * turned / 2.0)
-        yaw = wrap(yaw + self._angular * turned)
+        rotation = wrap(estimate.yaw - yaw_before)
+        displacement = (self._estimated[0] - place_before) * rect(
+            1.0, -yaw_before - rotation / 2.0
+        )
+        place += self._linear * displacement * rect(1.0, yaw + self._angular * rotation / 2.0)
+        yaw = wrap(yaw + self._angular * rotation)
         self._scaled = place, yaw
         c, s = cos(yaw - estimate.yaw), sin(yaw - estimate.yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

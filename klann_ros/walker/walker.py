@@ -241,8 +241,8 @@ class Walker:
 
 def _mean_motion(before: OdometryEstimate, after: OdometryEstimate, seconds: float) -> Twist2D:
     """Return the mean motion from pose to pose: velocities at instants would miss impacts."""
-    turned = wrap(after.yaw - before.yaw)
-    middle = before.yaw + turned / 2.0
+    rotation = wrap(after.yaw - before.yaw)
+    middle = before.yaw + rotation / 2.0
     dx, dy = after.x - before.x, after.y - before.y
     forwards = dx * cos(middle) + dy * sin(middle)
-    return Twist2D(forwards / seconds, turned / seconds)
+    return Twist2D(forwards / seconds, rotation / seconds)
