@@ -249,21 +249,22 @@ class Leg(Generic[PoseT, MotionT]):
             The rate is not finite, or the pose is one of another linkage.
 
         """
-        self._check_pose(pose)
+        if pose.linkage is not self._linkage:
+            self._check_linkage(pose)
+        if isnan(pose.coefficients[0]):
+            raise errors.SingularPoseError(pose.crank_angle)
         validation.rate('alpha_rate', alpha_rate)
         rates = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         motion: Any = self.motion_class._make((*rates, pose, None))
         return motion  # type: ignore[no-any-return]  # of its class
 
-    def _check_pose(self, pose: LinkagePose) -> None:
-        """Refuse a pose of another linkage, unless it is equal, and a singular one."""
-        if pose.linkage is not self._linkage and pose.linkage != self._linkage:
+    def _check_linkage(self, pose: LinkagePose) -> None:
+        """Refuse a pose of another linkage, unless it is equal."""
+        if pose.linkage != self._linkage:
             raise ValueError(
                 f'the pose is one of another linkage, {pose.linkage.name!r} with '
                 f'{listed(pose.linkage.joint_names, 8)}: take one that this leg has solved'
             )
-        if isnan(pose.coefficients[0]):
-            raise errors.SingularPoseError(pose.crank_angle)
 
     def gradient(self, pose: PoseT) -> LinkagePoses:
         """
@@ -279,7 +280,10 @@ class Leg(Generic[PoseT, MotionT]):
             The pose is one of another linkage.
 
         """
-        self._check_pose(pose)
+        if pose.linkage is not self._linkage:
+            self._check_linkage(pose)
+        if isnan(pose.coefficients[0]):
+            raise errors.SingularPoseError(pose.crank_angle)
         x_gradient, h_gradient = self._linkage.derivatives(pose.crank_angle, pose.x)
         return LinkagePoses(
             np.array(pose.h),
