@@ -10,11 +10,11 @@ plain fit is least_squares by finite differences, from the file's zero, whatever
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 import math
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.calibration import calibrate, Calibration, CrankSamples, MeasuredSeries, series_of
 from klann_ros.kinematics import (
@@ -33,20 +33,29 @@ import numpy as np
 from scipy.optimize import least_squares
 from support.aims import exit_code, sized, SMOKE
 
-# The linkages and their measured points; '' for all that move.
+# The linkages and their measured points; '' stands for all moving points.
 LINKAGES = {'sem104': 'HG', 'jansen': '', 'quick_return': '', 'watt_six_bar': '', 'strider': ''}
-NOISE, LENGTH_ERROR, BEND_ERROR = 1e-4, 5e-4, math.radians(1.0)
-SAMPLES, SPEED, SECONDS = 1000, 3.0, 2.3
-OUTLIERS, OUTLIER_SIZE = 0.05, 0.05
+# Noise of the cameras [m], and errors of the dimensions [m], [rad].
+NOISE = 1e-4
+LENGTH_ERROR = 5e-4
+BEND_ERROR = math.radians(1.0)
+SAMPLES = 1000
+# Speed of the crank [rad/s], duration of the measurement and step of the engine [s].
+SPEED = 3.0
+SECONDS = 2.3
+TIME_STEP = 5e-4
+# Fraction of outliers, and their size [m].
+OUTLIERS = 0.05
+OUTLIER_SIZE = 0.05
 # Poses of a path whose derivatives are timed.
 PATH = sized(1000, 100_000)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The errors of the calibration of a robot."""
+class Outcome(NamedTuple):
+    """Errors and time of the calibration of a robot."""
 
-    ratios: list[float]  # errors over reported standard errors
+    # Errors over their reported standard errors.
+    ratios: list[float]
     chi2_dof: float
     # Root mean square of the foot's residuals in a turn that was not fitted, over the noise.
     held_out: float
@@ -56,11 +65,11 @@ class Outcome:
     seconds: float
 
 
-def built(drawn: Linkage, rng: np.random.Generator) -> Linkage:
+def build_linkage(drawn: Linkage, rng: np.random.Generator) -> Linkage:
     """Return a leg with errors that turns fully, as the drawing does."""
-    scale = [LENGTH_ERROR if d.unit == 'm' else BEND_ERROR for d in drawn.structure.dimensions]
+    spreads = [LENGTH_ERROR if d.unit == 'm' else BEND_ERROR for d in drawn.structure.dimensions]
     while True:
-        numbers = (np.array(drawn.numbers) + rng.normal(0.0, scale)).tolist()
+        numbers = (np.array(drawn.numbers) + rng.normal(0.0, spreads)).tolist()
         try:
             linkage = drawn.varied(dict(zip(drawn.dimensions, numbers, strict=True)))
         except GeometryError:
@@ -69,62 +78,65 @@ def built(drawn: Linkage, rng: np.random.Generator) -> Linkage:
             return linkage
 
 
-def moved(robot: Robot, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def simulate(robot: Robot, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, joint angles and points, shape (k, p, 2), of a leg that the engine turns."""
     (leg,) = robot.legs
     mujoco = engine()
-    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, time_step=5e-4))
-    data = mujoco.MjData(model)
-    step_count = max(1, int(SECONDS / 5e-4) // SAMPLES)  # of a sample
-    settling_steps = int(0.2 / 5e-4)
-    samples = []
-    mujoco.mj_forward(model, data)
-    plane = data.body('leg_plane')
+    model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, time_step=TIME_STEP))
+    state = mujoco.MjData(model)
+    steps_per_sample = max(1, int(SECONDS / TIME_STEP) // SAMPLES)
+    times: list[float] = []
+    crank_angles: list[float] = []
+    points: list[list[np.ndarray]] = []
+    mujoco.mj_forward(model, state)
+    plane = state.body('leg_plane')
     axes = plane.xmat.reshape(3, 3)[:, :2].copy()
-    data.ctrl[:] = SPEED
-    for step in range(settling_steps + step_count * SAMPLES):
-        mujoco.mj_step(model, data)
-        if step >= settling_steps and (step - settling_steps) % step_count == 0:
+    state.ctrl[:] = SPEED
+    for step in range(-int(0.2 / TIME_STEP), steps_per_sample * SAMPLES):
+        mujoco.mj_step(model, state)
+        if step >= 0 and step % steps_per_sample == 0:
             # The state of this very step: positions lag by one otherwise.
-            mujoco.mj_kinematics(model, data)
-            positions = [(data.site(name.lower()).xpos - plane.xpos) @ axes for name in names]
-            samples.append((data.time, data.joint(leg.crank_joint).qpos[0], positions))
-    times, crank, points = zip(*samples, strict=True)
-    return np.array(times), np.array(crank), np.array(points)
+            mujoco.mj_kinematics(model, state)
+            times.append(state.time)
+            crank_angles.append(state.joint(leg.crank_joint).qpos[0])
+            points.append([(state.site(n.lower()).xpos - plane.xpos) @ axes for n in names])
+    return np.array(times), np.array(crank_angles), np.array(points)
 
 
-def outcome(name: str, seed: int) -> Outcome:
+def calibrate_robot(name: str, seed: int) -> Outcome:
     """Build, move, measure and calibrate a robot."""
     robot = robot_of(name)
     rng = np.random.default_rng([seed, *name.encode()])
     (leg,) = robot.legs
-    drawn = leg.linkage
-    structure = drawn.structure
-    moving = [point for point in structure.points if point not in structure.pivots]
-    names = [*LINKAGES[name]] or moving
+    structure = leg.linkage.structure
+    names = [*LINKAGES[name]]
+    if not names:
+        names = [point for point in structure.points if point not in structure.pivots]
     phase = rng.normal(0.0, 0.1)
-    real = replace(leg, linkage=built(drawn, rng), phase=phase)
-    times, crank, points = moved(replace(robot, legs=(real,)), names)
-    seen = points + rng.normal(0.0, NOISE, points.shape)
+    real_leg = replace(leg, linkage=build_linkage(leg.linkage, rng), phase=phase)
+    times, crank, points = simulate(replace(robot, legs=(real_leg,)), names)
+    camera_points = points + rng.normal(0.0, NOISE, points.shape)
     encoder = CrankSamples.of(times, crank)
 
-    def measured(positions: np.ndarray) -> list[MeasuredSeries]:
-        return [
+    def fit(positions: np.ndarray) -> Calibration:
+        measured = [
             series_of('point', point, times, positions[:, n], encoder, noise=NOISE)
             for n, point in enumerate(names)
         ]
+        return calibrate(leg.linkage, measured, direction=leg.direction, crank_noise=0.0)
 
-    fit = partial(calibrate, drawn, direction=leg.direction, crank_noise=0.0)
-    calibration = fit(measured(seen))
-    duration = seconds(lambda: fit(measured(seen)))
-    true = np.array([*real.linkage.numbers, phase])
-    is_observable = np.isfinite(calibration.standard_errors)
-    ratios = (errors(calibration, true) / calibration.standard_errors)[is_observable]
-    is_outlier = rng.random(seen.shape[:2]) < OUTLIERS
-    with_outliers = seen + is_outlier[..., None] * rng.normal(0.0, OUTLIER_SIZE, seen.shape)
-    outlier_ratios = errors(fit(measured(with_outliers)), true) / calibration.standard_errors
+    calibration = fit(camera_points)
+    duration = cpu_time(lambda: fit(camera_points))
+    true_numbers = np.array([*real_leg.linkage.numbers, phase])
+    deviations = calibration.standard_errors
+    is_observable = np.isfinite(deviations)
+    ratios = (errors(calibration, true_numbers) / deviations)[is_observable]
+    is_outlier = rng.random(camera_points.shape[:2]) < OUTLIERS
+    outliers = is_outlier[..., None] * rng.normal(0.0, OUTLIER_SIZE, camera_points.shape)
+    outlier_errors = errors(fit(camera_points + outliers), true_numbers)
+    outlier_ratios = (outlier_errors / deviations)[is_observable]
     lengths = [d.is_length for d in structure.dimensions]
-    length_errors = calibration.standard_errors[: len(lengths)][lengths]
+    length_deviations = deviations[: len(lengths)][lengths]
     # A turn with other noise, by the engine's own points.
     foot = names.index(structure.foot)
     predicted = linkage_poses(calibration.linkage, leg.direction * crank + calibration.phase).h
@@ -133,15 +145,15 @@ def outcome(name: str, seed: int) -> Outcome:
         ratios.tolist(),
         float(calibration.chi2_dof or np.nan),
         float(np.sqrt(np.mean((predicted - held_out) ** 2))) / NOISE,
-        float(np.nanmax(length_errors)),
-        float(np.sqrt(np.nanmean(outlier_ratios[is_observable] ** 2) / np.mean(ratios**2))),
+        float(np.nanmax(length_deviations)),
+        float(np.sqrt(np.nanmean(outlier_ratios**2) / np.mean(ratios**2))),
         duration,
     )
 
 
-def errors(calibration: Calibration, true: np.ndarray) -> np.ndarray:
+def errors(calibration: Calibration, true_numbers: np.ndarray) -> np.ndarray:
     """Return the errors of dimensions and encoder zero."""
-    difference = calibration.values - true
+    difference = calibration.values - true_numbers
     difference[-1] = math.remainder(difference[-1], 2.0 * math.pi)
     return np.array(difference)
 
@@ -149,118 +161,123 @@ def errors(calibration: Calibration, true: np.ndarray) -> np.ndarray:
 def count(name: str, robots: int, jobs: int) -> bool:
     """Calibrate robots of a linkage; print and judge the counts."""
     with ProcessPoolExecutor(jobs) as pool:
-        outcomes = list(pool.map(partial(outcome, name), range(robots)))
-    ratios = np.concatenate([robot.ratios for robot in outcomes])
-    within = float(np.mean(np.abs(ratios) < 1.96))
-    chi2 = np.array([robot.chi2_dof for robot in outcomes])
-    outliers = float(np.median([robot.with_outliers for robot in outcomes]))
-    held_out = float(np.mean([robot.held_out for robot in outcomes]))
-    worst = max(robot.length_error for robot in outcomes)
-    duration = np.median([robot.seconds for robot in outcomes])
+        outcomes = list(pool.map(partial(calibrate_robot, name), range(robots)))
+    ratios = np.concatenate([outcome.ratios for outcome in outcomes])
+    coverage = float(np.mean(np.abs(ratios) < 1.96))
+    figures = np.array([outcome[1:] for outcome in outcomes])
+    chi2, held_out, length_errors, with_outliers, seconds = figures.T
+    outliers = np.median(with_outliers)
     print(
-        f'{name:14} {robots:4} robots, {100.0 * within:5.1f} % within 1.96 sigma, chi2/dof '
-        f'{chi2.mean():.3f} ({chi2.min():.3f} .. {chi2.max():.3f}), held-out foot {held_out:.3f} '
-        f'noise, worst length {1e3 * worst:.3f} mm, outliers x{outliers:.2f}, {duration:.3f} s'
+        f'{name:14} {robots:4} robots, {100.0 * coverage:5.1f} % within 1.96 sigma, chi2/dof '
+        f'{chi2.mean():.3f} ({chi2.min():.3f} .. {chi2.max():.3f}), held-out foot '
+        f'{held_out.mean():.3f} noise, worst length {1e3 * length_errors.max():.3f} mm, outliers '
+        f'x{outliers:.2f}, {np.median(seconds):.3f} s'
     )
-    # Of few robots the share varies more.
-    enough = abs(within - 0.95) <= 0.02 * math.sqrt(40.0 / robots)
-    return bool(enough and 0.9 < chi2.mean() < 1.1 and held_out < 1.05 and outliers < 1.5)
+    # The coverage varies more with few robots.
+    is_covered = abs(coverage - 0.95) <= 0.02 * math.sqrt(40.0 / robots)
+    is_consistent = 0.9 < chi2.mean() < 1.1 and held_out.mean() < 1.05
+    return bool(is_covered and is_consistent and outliers < 1.5)
 
 
-def side_by_side() -> bool:
+def fit_plainly(drawn: Linkage, times: np.ndarray, positions: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the dimensions and the encoder zero of a Klann leg by plain least squares."""
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        numbers = dict(zip(drawn.dimensions, x[:-1].tolist(), strict=True))
+        points: Any = klann_poses(KlannGeometry(**numbers), times + x[-1], points=True).points
+        differences = [points[:, 'ABCDEFGH'.index(p)] - positions[p] for p in positions]
+        return np.concatenate(differences).ravel()
+
+    return np.array(least_squares(residuals, np.array([*drawn.numbers, 0.0])).x)
+
+
+def compare_fits() -> bool:
     """Fit one leg by both ways; print times and errors."""
     drawn = KlannGeometry.sem104().linkage
     rng = np.random.default_rng(1)
-    real = built(drawn, rng)
+    real_linkage = build_linkage(drawn, rng)
     phase = 0.02
     times = np.linspace(0.0, 2.0 * math.pi, SAMPLES)
     crank = CrankSamples.of(times, times)
     noise = rng.normal(0.0, NOISE, (2, SAMPLES, 2))
-    with_outliers = noise + (rng.random((2, SAMPLES, 1)) < OUTLIERS) * rng.normal(
-        0.0, OUTLIER_SIZE, noise.shape
-    )
-    true = np.array([*real.numbers, phase])
+    is_outlier = rng.random((2, SAMPLES, 1)) < OUTLIERS
+    outliers = is_outlier * rng.normal(0.0, OUTLIER_SIZE, noise.shape)
     print('fit of the Klann leg by foot and G  seconds   rms error / mm, of lengths and pivots')
-    totals = {}
-    for suffix, errors_of_points in (('', noise), (' with outliers', with_outliers)):
-        seen = []
-        measured = []
-        for point, point_errors in zip('HG', errors_of_points, strict=True):
-            path = linkage_poses(real.with_foot(point), times + phase).h + point_errors
-            seen.append(path)
-            measured.append(series_of('point', point, times, path, crank, noise=NOISE))
-
-        def plain(seen: Sequence[np.ndarray] = seen) -> np.ndarray:
-            def residuals(x: np.ndarray) -> np.ndarray:
-                numbers = dict(zip(drawn.dimensions, x[:-1].tolist(), strict=True))
-                geometry = KlannGeometry(**numbers)
-                points: Any = klann_poses(geometry, times + x[-1], points=True).points
-                foot, g = (points[:, 'ABCDEFGH'.index(name)] for name in 'HG')
-                return np.concatenate([(foot - seen[0]).ravel(), (g - seen[1]).ravel()])
-
-            return np.array(least_squares(residuals, np.array([*drawn.numbers, 0.0])).x)
-
-        def ours(measured: Sequence[MeasuredSeries] = measured) -> np.ndarray:
-            return calibrate(drawn, measured, crank_noise=0.0).values
-
-        for way, fit in (('calibrate', ours), ('plain least_squares', plain)):
-            fit()
-            rounds = [seconds(fit) for _ in range(sized(1, 7))]
-            lengths = fit()[:11] - true[:11]
-            rms = 1e3 * float(np.sqrt(np.mean(lengths**2)))
-            totals[way + suffix] = np.median(rounds), rms
-            print(f'{way + suffix:34} {np.median(rounds):8.3f}   {rms:.4f}')
+    # Median time of each fit [s], and root mean square of the errors of the lengths [mm].
+    median_times: dict[str, float] = {}
+    rms_errors: dict[str, float] = {}
+    for suffix, added_errors in (('', noise), (' with outliers', noise + outliers)):
+        positions: dict[str, np.ndarray] = {}
+        measured: list[MeasuredSeries] = []
+        for point, point_errors in zip('HG', added_errors, strict=True):
+            true_positions = linkage_poses(real_linkage.with_foot(point), times + phase).h
+            positions[point] = true_positions + point_errors
+            measured.append(series_of('point', point, times, positions[point], crank, noise=NOISE))
+        fits: dict[str, Callable[[], Any]] = {
+            'calibrate': partial(calibrate, drawn, measured, crank_noise=0.0),
+            'plain least_squares': partial(fit_plainly, drawn, times, positions),
+        }
+        for name, fit in fits.items():
+            fitted = fit()
+            numbers = fitted.values if isinstance(fitted, Calibration) else fitted
+            length_errors = numbers[:11] - np.array(real_linkage.numbers[:11])
+            rms_errors[name + suffix] = rms = 1e3 * float(np.sqrt(np.mean(length_errors**2)))
+            seconds = float(np.median([cpu_time(fit) for _ in range(sized(1, 7))]))
+            median_times[name + suffix] = seconds
+            print(f'{name + suffix:34} {seconds:8.3f}   {rms:.4f}')
+    plain_error = rms_errors['plain least_squares with outliers']
     return bool(
-        totals['calibrate'][0] <= 2.0 * totals['plain least_squares'][0]
-        and totals['calibrate'][1] <= 1.05 * totals['plain least_squares'][1]
-        and totals['calibrate with outliers'][1]
-        < 0.2 * totals['plain least_squares with outliers'][1]
+        median_times['calibrate'] <= 2.0 * median_times['plain least_squares']
+        and rms_errors['calibrate'] <= 1.05 * rms_errors['plain least_squares']
+        and rms_errors['calibrate with outliers'] < 0.2 * plain_error
     )
 
 
-def speed() -> bool:
+def time_gradients() -> bool:
     """Time poses with all their derivatives and poses without: of a path, and a million."""
     geometry = KlannGeometry.sem104()
     times = []
-    for count in (PATH, sized(500, 1_000_000)):
-        alphas = np.linspace(0.0, 2.0 * math.pi, count)
-        solve = partial(klann_poses, geometry, alphas, kernel='numba')
-        ways = [partial(solve, gradients=has_gradients) for has_gradients in (False, True)]
+    for pose_count in (PATH, sized(500, 1_000_000)):
+        alphas = np.linspace(0.0, 2.0 * math.pi, pose_count)
+        calls = [
+            partial(klann_poses, geometry, alphas, gradients=has_gradients, kernel='numba')
+            for has_gradients in (False, True)
+        ]
         # In turn, so that both have the same machine.
-        rounds = [[seconds(way) / count for way in ways] for _ in range(sized(2, 15))]
+        rounds = [[cpu_time(call) / pose_count for call in calls] for _ in range(sized(2, 15))]
         times.append(np.median(rounds[1:], axis=0))
-    (path, with_gradients), (_, of_many) = times
-    ratio = with_gradients / path
+    (path_time, gradients_time), (_, bulk_time) = times
+    ratio = gradients_time / path_time
     print(
-        f'path of {PATH} poses: {1e9 * path:.1f} ns a pose, with 13 derivatives each '
-        f'{1e9 * with_gradients:.1f} ns, {ratio:.2f} times the time; a million with derivatives: '
-        f'{1e-6 / of_many:.1f} million a second'
+        f'path of {PATH} poses: {1e9 * path_time:.1f} ns a pose, with 13 derivatives each '
+        f'{1e9 * gradients_time:.1f} ns, {ratio:.2f} times the time; a million with derivatives: '
+        f'{1e-6 / bulk_time:.1f} million a second'
     )
     leg = KlannLeg(geometry)
-    calls = sized(20, 2000)
     pose = leg.solve(1.0)
-    single = seconds(lambda: [leg.gradient(pose) for _ in range(calls)]) / calls
-    print(f'all derivatives of one pose: {1e6 * single:.0f} us')
-    return bool(ratio <= 3.0 and of_many < 1e-7 and single < 1e-4)
+    call_count = sized(20, 2000)
+    pose_time = cpu_time(lambda: [leg.gradient(pose) for _ in range(call_count)]) / call_count
+    print(f'all derivatives of one pose: {1e6 * pose_time:.0f} us')
+    return bool(ratio <= 3.0 and bulk_time < 1e-7 and pose_time < 1e-4)
 
 
-def seconds(call: Callable[[], object]) -> float:
+def cpu_time(call: Callable[[], object]) -> float:
     """Return the time of a call on the processor [s]."""
-    start = time.process_time()
+    start_time = time.process_time()
     call()
-    return time.process_time() - start
+    return time.process_time() - start_time
 
 
 def main() -> int:
-    """Run all parts; return the exit code."""
+    """Run all comparisons; return the exit code."""
     parser = ArgumentParser()
     parser.add_argument('--robots', type=int, default=sized(1, 8, 40))
     parser.add_argument('--jobs', type=int, default=2)
     options = parser.parse_args()
-    passed = [speed(), side_by_side()]
+    met = [time_gradients(), compare_fits()]
     names = ['sem104'] if SMOKE else [*LINKAGES]
-    passed += [count(name, options.robots, options.jobs) for name in names]
-    return exit_code(*passed)
+    met += [count(name, options.robots, options.jobs) for name in names]
+    return exit_code(*met)
 
 
 if __name__ == '__main__':

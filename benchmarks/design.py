@@ -15,6 +15,7 @@ import resource
 import sys
 import tempfile
 import time
+from typing import NamedTuple
 
 from klann_ros.design import refine, requirements_from, search
 from klann_ros.design.figures import CANDIDATE_ANGLES, judge
@@ -31,62 +32,82 @@ from klann_ros.robot import robot_of
 import numpy as np
 from support.aims import exit_code, sized, SMOKE
 
-POSES, CHUNK, CORES = sized(10**5, 10**8, 10**9), sized(256, 4096), 2
-LEGS, ANGLES = sized(3, 1000, 10_000), sized(1000, 10_000, 100_000)
-CASES, CASE_EVALUATIONS = sized(1, 5, 100), sized(480, 8000)
-SEEDS, EVALUATIONS = sized(1, 1, 5), sized(480, 50_000, 100_000)
+# Judging: poses, legs that are judged at once, processes.
+POSES = sized(10**5, 10**8, 10**9)
+CHUNK = sized(256, 4096)
+CORES = 2
+# Proof: legs, and angles of each.
+LEGS = sized(3, 1000, 10_000)
+ANGLES = sized(1000, 10_000, 100_000)
+# Recovery: hidden legs, and evaluations of each search.
+CASES = sized(1, 5, 100)
+CASE_EVALUATIONS = sized(480, 8000)
+# Jansen's path: seeds, and evaluations of each search.
+SEEDS = sized(1, 1, 5)
+EVALUATIONS = sized(480, 50_000, 100_000)
 if SMOKE:
     refine.MAX_STEPS = 2
 FIGURES = frozenset({'stride', 'lift', 'duty_factor', 'deviation', 'transmission_angle'})
 FIXED = {'move': False, 'turn': False, 'scale': False}
 
 
-def random_legs(
-    linkage_name: str, spread: float, count: int, random: np.random.Generator
-) -> Variants:
-    """Return legs with all dimensions within a part of the shipped ones."""
-    linkage = shipped_linkage(linkage_name)
+def random_legs(name: str, spread: float, count: int, random: np.random.Generator) -> Variants:
+    """Return legs whose dimensions differ from the shipped ones by up to a fraction."""
+    linkage = shipped_linkage(name)
     changes = {}
-    for name, number in linkage.dimensions.items():
-        changes[name] = number * random.uniform(1.0 - spread, 1.0 + spread, count)
+    for dimension, length in linkage.dimensions.items():
+        factors = random.uniform(1.0 - spread, 1.0 + spread, count)
+        changes[dimension] = length * factors
     return Variants(linkage, changes)
 
 
-def judged(seed: int) -> tuple[int, int, float, float]:
-    """Judge poses; return legs, turning ones, seconds of the CPU and memory [GB]."""
+class Workload(NamedTuple):
+    """Judged legs, those that turn, time on the CPU [s] and memory [GB] of a process."""
+
+    legs: int
+    turning: int
+    seconds: float
+    memory: float
+
+
+def judge_legs(seed: int) -> Workload:
+    """Judge the poses of a process."""
     random = np.random.default_rng(seed)
-    legs = turning = 0
     judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
-    begin = time.process_time()
+    start_time = time.process_time()
+    legs = 0
+    turning = 0
     while legs * CANDIDATE_ANGLES < POSES / CORES:
-        judgement = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
-        turning += int(judgement.turns.sum())
+        figures = judge(random_legs('klann', 0.2, CHUNK, random), FIGURES)
+        turning += int(figures.turns.sum())
         legs += CHUNK
+    seconds = time.process_time() - start_time
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    return legs, turning, time.process_time() - begin, memory
+    return Workload(legs, turning, seconds, memory)
 
 
 def poses() -> bool:
     """Judge poses by path figures, transmission angle and turning, on two cores."""
-    begin = time.perf_counter()
+    start_time = time.perf_counter()
     with ProcessPoolExecutor(CORES) as pool:
-        counts = [*pool.map(judged, range(CORES))]
-    legs, turning, cpu, memory = (sum(column) for column in zip(*counts, strict=True))
-    done = legs * CANDIDATE_ANGLES
-    longest = max(seconds for _, _, seconds, _ in counts)
+        workloads = [*pool.map(judge_legs, range(CORES))]
+    legs, turning, cpu_time, memory = np.sum(workloads, axis=0).tolist()
+    pose_count = legs * CANDIDATE_ANGLES
+    longest = max(workload.seconds for workload in workloads)
     print(
-        f'{done:.3g} poses of {legs} legs, {100.0 * turning / legs:.0f} % turn: '
-        f'{longest:.1f} s of the CPU on each of {CORES} cores ({1e9 * cpu / done:.0f} ns a pose), '
-        f'{time.perf_counter() - begin:.1f} s in all, memory {memory:.2f} GB; '
+        f'{pose_count:.3g} poses of {legs:.0f} legs, {100.0 * turning / legs:.0f} % turn: '
+        f'{longest:.1f} s of the CPU on each of {CORES} cores '
+        f'({1e9 * cpu_time / pose_count:.0f} ns a pose), '
+        f'{time.perf_counter() - start_time:.1f} s in all, memory {memory:.2f} GB; '
         'aim 60 s for 1e9, below 1 GB'
     )
-    return longest <= 60.0 * POSES / 1e9 and memory < 1.0
+    return bool(longest <= 60.0 * POSES / 1e9 and memory < 1.0)
 
 
 def proof() -> bool:
     """Solve legs that the search takes as turning at many angles; none may jam or jump."""
     random = np.random.default_rng(2)
-    checked = jam = jump = refused = 0
+    checked = jammed = jumped = refused = 0
     alphas = np.linspace(0.0, TURN, ANGLES)
     while checked < LEGS:
         legs = random_legs('klann', 0.2, CHUNK, random)
@@ -98,17 +119,17 @@ def proof() -> bool:
                 # The proof of the search drops it.
                 refused += 1
                 continue
-            poses = linkage_poses(leg, alphas)
-            steps = np.linalg.norm(np.diff(poses.h, axis=0), axis=1)
-            jam += bool(poses.reason.any())
+            leg_poses = linkage_poses(leg, alphas)
+            steps = np.linalg.norm(np.diff(leg_poses.h, axis=0), axis=1)
+            jammed += bool(leg_poses.reason.any())
             # A change of branch moves the foot by a part of the leg at once.
-            jump += bool(steps.max() > 0.1 * leg.size)
+            jumped += bool(steps.max() > 0.1 * leg.size)
             checked += 1
     print(
-        f'{checked} legs at {ANGLES} angles: {jam} jam, {jump} change branch, aim 0 and 0; '
+        f'{checked} legs at {ANGLES} angles: {jammed} jam, {jumped} change branch, aim 0 and 0; '
         f'the proof refuses {refused} more that turn at all {CANDIDATE_ANGLES} angles'
     )
-    return jam == jump == 0
+    return jammed == jumped == 0
 
 
 def recovery() -> bool:
@@ -118,17 +139,16 @@ def recovery() -> bool:
     seconds: list[float] = []
     alphas = np.arange(360) * (TURN / 360)
     while len(errors) < CASES:
-        hidden = random_legs('klann', 0.2, 1, random)
-        poses = linkage_poses(hidden, alphas)
-        if poses.reason.any():
+        hidden_poses = linkage_poses(random_legs('klann', 0.2, 1, random), alphas)
+        if hidden_poses.reason.any():
             continue
-        path = {'points': poses.h[0].tolist(), **FIXED}
+        path = {'points': hidden_poses.h[0].tolist(), **FIXED}
         requirements = requirements_from(
             {'linkage': 'klann', 'vary': 20, 'path': path, 'count': 1}
         )
-        begin = time.perf_counter()
+        start_time = time.perf_counter()
         legs = search(requirements, evaluations=CASE_EVALUATIONS).legs
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.perf_counter() - start_time)
         size = requirements.target.size if requirements.target else 1.0
         errors.append(min((leg.reached['path_error'] / size for leg in legs), default=1.0))
         print(f'  {100.0 * errors[-1]:.4f} % of the size, {seconds[-1]:.1f} s', flush=True)
@@ -139,14 +159,13 @@ def recovery() -> bool:
     return recovered >= 0.95 * CASES
 
 
-def other_jansen(seed: int) -> str:
+def write_jansen_variant(seed: int) -> str:
     """Return the file of a leg of his structure: the search must not begin with the answer."""
     (leg,) = robot_of('jansen').legs
     random = np.random.default_rng(seed)
     while True:
-        changes = {}
-        for name, number in leg.linkage.dimensions.items():
-            changes[name] = number * random.uniform(0.6, 1.4)
+        dimensions = leg.linkage.dimensions
+        changes = {name: dimensions[name] * random.uniform(0.6, 1.4) for name in dimensions}
         try:
             text = leg_text(with_numbers(leg, leg.linkage.varied(changes)))
         except GeometryError:
@@ -162,13 +181,13 @@ def jansen() -> bool:
     errors: list[float] = []
     path = linkage_poses(drawn, np.arange(180) * (TURN / 180)).h
     vary = {}
-    for name, number in drawn.dimensions.items():
-        if number:
-            vary[name] = sorted([0.5 * number, 1.5 * number])
+    for name, length in drawn.dimensions.items():
+        if length:
+            vary[name] = sorted([0.5 * length, 1.5 * length])
     for seed in range(SEEDS):
-        content = {'linkage': other_jansen(seed), 'vary': vary, 'count': 1}
-        content['path'] = {'points': path.tolist(), 'timing': 'prescribed', **FIXED}
-        legs = search(requirements_from(content), seed=seed, evaluations=EVALUATIONS).legs
+        tables = {'linkage': write_jansen_variant(seed), 'vary': vary, 'count': 1}
+        tables['path'] = {'points': path.tolist(), 'timing': 'prescribed', **FIXED}
+        legs = search(requirements_from(tables), seed=seed, evaluations=EVALUATIONS).legs
         # His units are centimetres here.
         errors.append(min((100.0 * leg.reached['path_error'] for leg in legs), default=np.inf))
         print(f'  RMSE {errors[-1]:.4g}', flush=True)
@@ -178,7 +197,10 @@ def jansen() -> bool:
 
 
 PARTS: dict[str, Callable[[], bool]] = {
-    run.__name__: run for run in (poses, proof, recovery, jansen)
+    'poses': poses,
+    'proof': proof,
+    'recovery': recovery,
+    'jansen': jansen,
 }
 
 
