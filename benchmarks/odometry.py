@@ -21,13 +21,14 @@ of three walks beside those of evo (M. Grupp; pip install evo), with pairs from 
 import argparse
 from collections.abc import Iterator
 from functools import cache, partial
-from math import atan2, cos, pi, sin
+from math import cos, pi, sin
 from multiprocessing import Pool
 from pathlib import Path
 import tempfile
 from typing import NamedTuple
 
 from klann_ros.gait import Feet
+from klann_ros.kinematics.angles import yaw_of
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import LogError, open_log
 from klann_ros.walker import imu_reading, Odometry, OdometryNoise
@@ -149,8 +150,7 @@ def estimates(
 
 def truth(walk: Walk) -> FloatArray:
     """Return x, y and yaw from the start on, shape (k, 3)."""
-    x, y, z, w = walk.orientation[0]
-    yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    yaw = yaw_of(*walk.orientation[0])
     away = walk.position[:, :2] - walk.position[0, :2]
     c, s = cos(yaw), sin(yaw)
     return np.column_stack([away @ [[c, -s], [s, c]], walk.yaw])
@@ -287,7 +287,7 @@ def of_run(run: Path) -> Result:
                 continue
             read = deserialize_message(message.data, Message)
             at, q, stamp = read.pose.pose.position, read.pose.pose.orientation, read.header.stamp
-            yaw = atan2(2.0 * (q.x * q.y + q.w * q.z), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+            yaw = yaw_of(q.x, q.y, q.z, q.w)
             time = stamp.sec * 10**9 + stamp.nanosec
             poses[message.topic.name][time] = at.x, at.y, yaw
             if message.topic.name == '/odom':

@@ -13,11 +13,12 @@ No ROS: the controller and the odometry of walker_node, and the twin in MuJoCo (
 import argparse
 from collections.abc import Iterator
 from itertools import product
-from math import atan2, cos, degrees, hypot, pi, sin
+from math import cos, degrees, hypot, pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
 from klann_ros.gait import Feet, Rates, Steering
+from klann_ros.kinematics.angles import wrap, yaw_of
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
 from klann_ros.walker import ControllerSettings, imu_reading, MotionLimits, Walker
@@ -28,9 +29,9 @@ WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.ya
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
 GRID_SECONDS, WINDOW = 60.0, 3.0
-# It stands so long before it walks, for what its accelerometer is wrong by to be learned [s].
+# It stands for this time before it walks, to learn the bias of its accelerometer [s].
 STANDS = 2.0
-# What walker_node is asked for, one after the other: m/s, rad/s.
+# The commands of walker_node, one after the other [m/s, rad/s].
 GRID = (
     (0.15, 0.0), (0.1, 0.03), (0.05, 0.06), (0.0, 0.1), (0.1, -0.05),
     (-0.1, 0.0), (0.05, -0.03), (-0.05, 0.05), (0.0, -0.06), (0.12, 0.02),
@@ -97,8 +98,8 @@ def walk(
         at = walker.feedback(dict(twin.cranks()), now)
         truth = twin.truth()
         dx, dy = truth.position[0] - last.position[0], truth.position[1] - last.position[1]
-        turn = _wrapped(_yaw(truth) - _yaw(last))
-        heading = _yaw(last) + turn / 2.0
+        turn = wrap(yaw_of(*truth.orientation) - yaw_of(*last.orientation))
+        heading = yaw_of(*last.orientation) + turn / 2.0
         path += hypot(dx, dy)
         forwards += dx * cos(heading) + dy * sin(heading)
         turned += turn
@@ -120,7 +121,7 @@ def walk(
         [
             at.x - last.position[0] + begin.position[0],
             at.y - last.position[1] + begin.position[1],
-            _wrapped(at.yaw - turned),
+            wrap(at.yaw - turned),
         ]
     )
     return Walk(
@@ -135,15 +136,6 @@ def walk(
         forwards / seconds,
         yaws[slice(-round(seconds / PERIOD), None)],
     )
-
-
-def _yaw(truth: object) -> float:
-    x, y, z, w = truth.orientation  # type: ignore[attr-defined]
-    return atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + pi) % (2.0 * pi) - pi
 
 
 def straight(steering: Steering) -> Iterator[str]:

@@ -1,9 +1,10 @@
 """A simulated walker, whose controller and odometry know nothing of the simulation."""
 
-from math import atan2, degrees, hypot
+from math import degrees, hypot
 from pathlib import Path
 
 from klann_ros.gait import Feet, Steering
+from klann_ros.kinematics.angles import yaw_of
 from klann_ros.robot import robot_of
 from klann_ros.twin import Floor, Motors, Sensors, Twin
 from klann_ros.walker import imu_reading, Walker
@@ -55,7 +56,7 @@ class Walked:
         assert at is not None
         self.values = walker.values(now)
         x, y, z, w = last.orientation
-        self.yaw = atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+        self.yaw = yaw_of(x, y, z, w)
         self.yaw_error = at.yaw - self.yaw
         self.height_error = at.z - last.position[2]
         ways = (at.x - last.position[0] + begin.position[0], at.y - last.position[1])
