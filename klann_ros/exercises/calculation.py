@@ -67,31 +67,44 @@ class Calculation:
         self._input = input_angle
         self._slip, _, self._place = mistake.partition(':')
         self._digits = int(self._place) if self._slip == 'rounding' else 0
-        self._is_radian = mistake == 'radians:trig'
-        self.half_turn: Any = pi if self._is_radian else HALF_TURN
-        # The numbers that formulas read: givens, with the mistake of the input angle, and results.
-        self._numbers: dict[str, Any] = {**givens}
+        is_radian = mistake == 'radians:trig'
+        self._to_rad, self._to_deg = (float, float) if is_radian else (radians, degrees)
+        self._cosine, self._sine = (sin, cos) if mistake == 'sine:all' else (cos, sin)
+        self.half_turn: Any = pi if is_radian else HALF_TURN
+        # Numbers that formulas read are attributes: givens, with the mistake of the input angle,
+        # and results.
+        vars(self).update(givens)
         reading = data()['mistakes']['input'].get(mistake)
         if reading and input_angle in givens:
-            self._numbers[input_angle] = reading[0] * givens[input_angle] + reading[1]
+            setattr(self, input_angle, reading[0] * givens[input_angle] + reading[1])
+
+    def __getattr__(self, name: str) -> Any:
+        """Refuse the name of a number that is not there."""
+        raise AttributeError(f'{name} is no given number and no result')
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a given number, the input angle with its mistake, or a result."""
+        return getattr(self, name)
+
+    def read(self, names: str) -> list[Any]:
+        """Return several numbers."""
+        return [self[name] for name in names.split()]
 
     def cos(self, angle: Any) -> Any:
         """Return the cosine of an angle [deg]; its sine by a mistake."""
-        function = sin if self.mistake == 'sine:all' else cos
-        return function(angle if self._is_radian else radians(angle))
+        return self._cosine(self._to_rad(angle))
 
     def sin(self, angle: Any) -> Any:
         """Return the sine of an angle [deg]; its cosine by a mistake."""
-        function = cos if self.mistake == 'sine:all' else sin
-        return function(angle if self._is_radian else radians(angle))
+        return self._sine(self._to_rad(angle))
 
     def acos(self, cosine: Any) -> Any:
         """Return the angle of a cosine [deg]."""
-        return acos(cosine) if self._is_radian else degrees(acos(cosine))
+        return self._to_deg(acos(cosine))
 
     def atan2(self, y: Any, x: Any) -> Any:
         """Return the angle of a vector [deg]."""
-        return atan2(y, x) if self._is_radian else degrees(atan2(y, x))
+        return self._to_deg(atan2(y, x))
 
     def wrapped(self, angle: Any) -> Any:
         """Return an angle in (-180, 180] [deg]."""
@@ -105,20 +118,6 @@ class Calculation:
         """Return one of two values."""
         return if_true if condition else if_false
 
-    def __getitem__(self, name: str) -> Any:
-        """Return a given number, the input angle with its mistake, or a result."""
-        return self._numbers[name]
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a number as an attribute, such as L_2."""
-        if name.startswith('_'):
-            raise AttributeError(name)
-        return self[name]
-
-    def read(self, names: str) -> list[Any]:
-        """Return several numbers."""
-        return [self._numbers[name] for name in names.split()]
-
     def require(self, *conditions: Any) -> None:
         """Raise a ValueError where a right calculation does not meet the conditions."""
         # A wrong calculation goes on, as its student does.
@@ -127,7 +126,8 @@ class Calculation:
 
     def define(self, symbol: str, value: Any) -> Any:
         """Return a value that is no step, under a symbol."""
-        self.answers[symbol] = self._numbers[symbol] = value
+        self.answers[symbol] = value
+        setattr(self, symbol, value)
         return value
 
     def result(self, symbol_and_unit: str, value: Any, formula: str) -> Any:
@@ -205,7 +205,7 @@ class Calculation:
 
     def _linearised(self, system: Any, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return Phi and f at x."""
-        self._numbers.update(zip(system.unknowns, x.tolist(), strict=True))
+        vars(self).update(zip(system.unknowns, x.tolist(), strict=True))
         return self._written(system.phi(self), system.f(self))
 
     def _iterates(self, system: Any, guess: FloatArray) -> tuple[list[list[float]], int]:

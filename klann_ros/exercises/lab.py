@@ -82,13 +82,9 @@ class Trace(Calculation):
         self.smallest = partial(_called, 'min')
         self.largest = partial(_called, 'max')
 
-    def __getitem__(self, name: str) -> Symbol:
+    def __getattr__(self, name: str) -> Symbol:
         """Return the symbol of a number."""
         return Symbol(name)
-
-    def read(self, names: str) -> list[Any]:
-        """Return the symbols of several numbers."""
-        return list(map(Symbol, names.split()))
 
     def choose(self, condition: Any, if_true: Any, if_false: Any) -> Any:
         """Return an expression with a condition."""
