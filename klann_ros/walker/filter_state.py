@@ -67,22 +67,11 @@ class FilterState:
         has_accelerometer: bool,
     ) -> None:
         """
-        Predict the velocity after a step.
+        Predict the velocity after a step of a time [s].
 
-        Parameters
-        ----------
-        velocity_change : complex
-            Measured, or by the momentum of the centre of mass; in the directions after the step
-            [m/s].
-        yaw_rate : float, optional
-            That of a gyro, without its bias; None without one [rad/s].
-        dt : float
-            The time of the step [s].
-        variance_growths : mapping
-            Growth of the variance of components, by their indices.
-        has_accelerometer : bool
-            Whether the change is measured, with the biases of the accelerometer.
-
+        `velocity_change` is in the directions after the step [m/s], with the biases of an
+        accelerometer if there is one; `yaw_rate` is that of a gyro without its bias, None without
+        one [rad/s]; `variance_growths` are those of components, by their indices.
         """
         vx, vy, last_yaw_rate = self.mean[VELOCITY].tolist()
         velocity = complex(vx, vy)
@@ -138,19 +127,9 @@ class FilterState:
         with_yaw_rate: bool,
     ) -> None:
         """
-        Correct velocity and yaw rate.
+        Correct v_x, v_y and w; without w the yaw and the gyro's bias stay as they are.
 
-        Parameters
-        ----------
-        correction : tuple of float
-            The correction of v_x, v_y and w.
-        information : tuple of float
-            The inverse covariance of the three before.
-        decrease : sequence of float
-            By how much their covariance decreases.
-        with_yaw_rate : bool
-            Whether w is corrected; if not, the yaw and the gyro's bias stay as they are.
-
+        `information` is the inverse of their covariance, which decreases by `decrease`.
         """
         p, size = self.covariance, 3 if with_yaw_rate else 2
         gain = p[:, slice(VX, VX + size)].dot(_matrix(information, size))
