@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import cos, pi, radians, sin
-import os
 from pathlib import Path
 from random import Random
-from time import monotonic
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 import pytest
@@ -19,8 +18,9 @@ CONFIG = Path(__file__).resolve().parents[3] / 'config'
 LEGS = [f'{end}_{side}' for end in ('front', 'middle', 'rear') for side in ('left', 'right')]
 SPEED = 0.15
 DT = 0.01
-# Zeros that show that it stands, and the time for which a driver repeats its message [s].
-ZEROS, REPEATED = 60, 1.0
+# Commands of zero that show that it stands, and commands that show that it walks.
+ZEROS = 20
+WALKING = 20
 
 
 @dataclass
@@ -58,60 +58,77 @@ TILTS = {
 }
 
 
-class Plant:
-    """Scripted motors and an IMU that answer a walker_node, and a user who goes on to command."""
+@dataclass
+class Body:
+    """The motion that an IMU measures."""
 
-    def __init__(self, ros: Domain, process: Process, space: str, joints: list[str]) -> None:
-        self.probe, self.process, self.space, self.joints = ros.probe, process, space, joints
+    pitch: float = 0.0  # [rad]
+    # Specific force along the vertical [m/s^2].
+    force: float = 9.8
+
+    def imu(self, stamp: Time) -> Imu:
+        message = Imu()
+        message.header.stamp = stamp
+        message.orientation.y, message.orientation.w = sin(self.pitch / 2.0), cos(self.pitch / 2.0)
+        message.orientation_covariance[0] = 1e-6
+        # A gyro without noise is a frozen one.
+        message.angular_velocity.x = _random.gauss(0.0, 1e-3)
+        message.linear_acceleration.x = -self.force * sin(self.pitch)
+        message.linear_acceleration.z = self.force * cos(self.pitch)
+        return message
+
+
+class Cranks:
+    """Scripted motors with encoders; `wirings` are changed by tests."""
+
+    def __init__(self, joints: list[str]) -> None:
         self.wirings = dict.fromkeys(joints, Wiring())
-        self.angles = dict.fromkeys(joints, 0.0)
-        self.readings = dict(self.angles)
-        self.pitch, self.gravity = 0.0, 9.8
-        self.ticks = 0
-        self.linear = SPEED
-        # Steady times and rates of all commands.
-        self.commands: list[tuple[float, list[float]]] = []
-        self.reports: list[DiagnosticArray] = []
-        node = self.probe.node
-        node.create_subscription(JointState, f'{space}/crank_command', self._on_command, 100)
-        node.create_subscription(DiagnosticArray, f'{space}/diagnostics', self.reports.append, 100)
-        self.state = self.probe.publisher(JointState, f'{space}/crank_state')
-        self.imu = self.probe.publisher(Imu, f'{space}/imu')
-        self.cmd_vel = self.probe.publisher(TwistStamped, f'{space}/cmd_vel')
-        self.message = JointState()
-        self.timer = node.create_timer(DT, self._tick)
+        self.angles = dict.fromkeys(joints, 0.0)  # [rad]
+        self.readings = dict.fromkeys(joints, 0.0)  # [rad]
+        self._message = JointState()
 
-    def _on_command(self, message: JointState) -> None:
-        self.commands.append((monotonic(), list(message.velocity)))
-
-    def _tick(self) -> None:
-        self.ticks += 1
-        rates = self.commands[-1][1] if self.commands else [0.0] * len(self.joints)
-        stamp = self.probe.node.get_clock().now().to_msg()
+    def turn(self, rates: list[float], stamp: Time) -> JointState:
+        """Turn for a tick as commanded [rad/s]; return the feedback."""
         velocities = []
-        for joint, rate in zip(self.joints, rates, strict=True):
-            wiring = self.wirings[joint]
-            self.angles[joint] += wiring.motor * rate * DT
+        for (joint, wiring), rate in zip(self.wirings.items(), rates, strict=True):
+            true_rate = wiring.motor * rate
+            self.angles[joint] += true_rate * DT
             if not wiring.is_frozen:
-                self.readings[joint] += wiring.encoder * wiring.motor * rate * DT
-            velocities.append(wiring.velocity(wiring.encoder * wiring.motor * rate, rate))
+                self.readings[joint] += wiring.encoder * true_rate * DT
+            velocities.append(wiring.velocity(wiring.encoder * true_rate, rate))
         if not any(wiring.repeats for wiring in self.wirings.values()):
             positions = list(self.readings.values())
-            self.message = JointState(name=self.joints, position=positions, velocity=velocities)
-            self.message.header.stamp = stamp
-        imu = Imu()
-        imu.header.stamp = stamp
-        imu.orientation.y, imu.orientation.w = sin(self.pitch / 2.0), cos(self.pitch / 2.0)
-        imu.orientation_covariance[0] = 1e-6
-        # A gyro without noise is a frozen one.
-        imu.angular_velocity.x = _random.gauss(0.0, 1e-3)
-        imu.linear_acceleration.x = -self.gravity * sin(self.pitch)
-        imu.linear_acceleration.z = self.gravity * cos(self.pitch)
-        self.imu.publish(imu)
-        self.state.publish(self.message)
+            names = list(self.wirings)
+            self._message = JointState(name=names, position=positions, velocity=velocities)
+            self._message.header.stamp = stamp
+        return self._message
+
+
+class Plant:
+    """Cranks and a body that answer a walker_node, and a user who goes on to command."""
+
+    def __init__(self, ros: Domain, process: Process, space: str, joints: list[str]) -> None:
+        self.probe = ros.probe
+        self.process = process
+        self.space = space
+        self.cranks = Cranks(joints)
+        self.body = Body()
+        self.linear = SPEED
+        self.commands: list[JointState] = self.probe.listen(JointState, f'{space}/crank_command')
+        self.reports = self.probe.listen(DiagnosticArray, f'{space}/diagnostics')
+        self._state = self.probe.publisher(JointState, f'{space}/crank_state')
+        self._imu = self.probe.publisher(Imu, f'{space}/imu')
+        self._cmd_vel = self.probe.publisher(TwistStamped, f'{space}/cmd_vel')
+        self.timer = self.probe.node.create_timer(DT, self._tick)
+
+    def _tick(self) -> None:
+        rates = self.commands[-1].velocity if self.commands else [0.0] * len(self.cranks.angles)
+        stamp = self.probe.node.get_clock().now().to_msg()
+        self._imu.publish(self.body.imu(stamp))
+        self._state.publish(self.cranks.turn(rates, stamp))
         command = TwistStamped()
         command.twist.linear.x = self.linear
-        self.cmd_vel.publish(command)
+        self._cmd_vel.publish(command)
 
     @property
     def status(self) -> DiagnosticStatus:
@@ -122,57 +139,48 @@ class Plant:
     def fault(self) -> str:
         return next(figure.value for figure in self.status.values if figure.key == 'fault')
 
+    @property
+    def is_walking(self) -> bool:
+        return min(map(abs, self.commands[-1].velocity)) > 0.3
+
     def until_walking(self) -> None:
         """Reset what was, and wait until all cranks turn for some time."""
-        self.wirings = dict.fromkeys(self.joints, Wiring())
-        self.pitch, self.gravity = 0.0, 9.8
+        self.cranks.wirings = dict.fromkeys(self.cranks.wirings, Wiring())
+        self.body = Body()
         answer = self.probe.call(
             Trigger, f'{self.space}/walker_node/reset_fault', Trigger.Request()
         )
         assert answer.success
-        first = self.ticks
-        self.probe.until(
-            lambda: self.ticks > first + 60 and min(map(abs, self.commands[-1][1])) > 0.3
-        )
+        self.until_commanded(WALKING)
+        self.probe.until(lambda: self.is_walking)
 
-    def break_down(self, name: str, fault: str, words: str) -> None:
+    def until_commanded(self, command_count: int) -> list[JointState]:
+        """Wait for further commands; return them."""
+        first = len(self.commands)
+        self.probe.until(lambda: len(self.commands) > first + command_count)
+        return self.commands[first:]
+
+    def break_down(self, fault: str, words: str) -> None:
         """Wait until it stands for its fault; then it has to stand for good."""
-        begin = monotonic()
-        command_count = len(self.commands)
-        logged = len(self.process.errors)
-        start_angles = dict(self.angles)
+        log_size = len(self.process.errors)
         self.reports.clear()
         self.probe.until(lambda: self.reports and words in self.status.message)
-        self.probe.until(lambda: self._is_standing)
+        self.probe.until(lambda: not has_motion(self.commands[-ZEROS:]))
         assert self.fault == fault
         assert self.status.level == DiagnosticStatus.ERROR
-        later_commands = self.commands[command_count:]
-        zero_time = next(time for time, rates in later_commands if not any(rates))
         if fault:
-            self.probe.until(lambda: 'fault: ' in self.process.errors[logged:])
-            assert words in self.process.errors[logged:]
+            self.probe.until(lambda: 'fault: ' in self.process.errors[log_size:])
+            assert words in self.process.errors[log_size:]
         # cmd_vel goes on, and so does the fault.
         self.linear = 0.0
         self.probe.spin(0.1)
         self.linear = SPEED
-        reset_count = len(self.commands)
-        self.probe.until(lambda: len(self.commands) > reset_count + ZEROS)
-        assert not any(any(rates) for _, rates in self.commands[reset_count:])
-        turns = [abs(self.angles[joint] - start_angles[joint]) for joint in self.joints]
-        self._write_row(name, fault, zero_time - begin, max(turns))
+        assert not has_motion(self.until_commanded(ZEROS))
 
-    @property
-    def _is_standing(self) -> bool:
-        return len(self.commands) > ZEROS and not any(
-            any(rates) for _, rates in self.commands[-ZEROS:]
-        )
 
-    def _write_row(self, name: str, fault: str, seconds: float, turn: float) -> None:
-        """Add a row to the table of the acceptance, where one is asked for."""
-        if path := os.environ.get('KLANN_ROS_FAULT_TABLE'):
-            figures = f'{seconds:.2f} s | {turn:.2f} rad | 0'
-            with Path(path).open('a', encoding='utf-8') as table:
-                table.write(f'| {name} | {fault} | {figures} | {self.status.message} |\n')
+def has_motion(commands: list[JointState]) -> bool:
+    """Return whether any of the commands turns a crank."""
+    return any(any(command.velocity) for command in commands)
 
 
 @pytest.fixture(scope='module')
@@ -202,8 +210,8 @@ def two_motors(start: Callable[..., Plant]) -> Iterator[Plant]:
 def test_a_crank_that_does_not_follow_is_not_driven(two_motors: Plant, name: str) -> None:
     wiring, fault, words = WIRINGS[name]
     two_motors.until_walking()
-    two_motors.wirings['right_crank'] = replace(wiring)
-    two_motors.break_down(name, fault, words)
+    two_motors.cranks.wirings['right_crank'] = replace(wiring)
+    two_motors.break_down(fault, words)
     if fault:
         assert two_motors.status.message.startswith('stopped: right_crank ')
 
@@ -212,13 +220,13 @@ def test_a_crank_that_does_not_follow_is_not_driven(two_motors: Plant, name: str
 def test_a_body_that_has_fallen_is_not_driven(two_motors: Plant, name: str) -> None:
     degrees, fault, words = TILTS[name]
     two_motors.until_walking()
-    two_motors.pitch = radians(degrees)
-    two_motors.break_down(name, fault, words)
+    two_motors.body.pitch = radians(degrees)
+    two_motors.break_down(fault, words)
 
 
 def test_velocities_in_rpm_are_named(two_motors: Plant) -> None:
     two_motors.until_walking()
-    two_motors.wirings['left_crank'] = Wiring(velocity=lambda true, _: true * 30.0 / pi)
+    two_motors.cranks.wirings['left_crank'] = Wiring(velocity=lambda true, _: true * 30.0 / pi)
     words = 'its velocities may be in rpm'
     two_motors.probe.until(lambda: words in two_motors.process.errors)
     two_motors.probe.until(lambda: words in two_motors.status.message)
@@ -227,8 +235,8 @@ def test_velocities_in_rpm_are_named(two_motors: Plant) -> None:
 
 def test_a_body_that_falls_is_not_driven(two_motors: Plant) -> None:
     two_motors.until_walking()
-    two_motors.gravity = 0.2
-    two_motors.break_down('falls freely', 'FREE_FALL', 'the body falls')
+    two_motors.body.force = 0.2
+    two_motors.break_down('FREE_FALL', 'the body falls')
 
 
 def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
@@ -236,12 +244,12 @@ def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
 ) -> None:
     joints = {f'{leg}.crank_joint': f'{leg}_crank' for leg in LEGS}
     plant = start('/six', 'walker6.yaml', list(joints.values()), **joints)
-    plant.pitch = pi
-    plant.break_down('IMU on its head from the start', 'TILTED', 'check its axes')
-    assert max(map(abs, plant.angles.values())) == 0.0
+    plant.body.pitch = pi
+    plant.break_down('TILTED', 'check its axes')
+    assert max(map(abs, plant.cranks.angles.values())) == 0.0
     plant.until_walking()
-    plant.wirings['middle_right_crank'] = Wiring(motor=-1.0)
-    plant.break_down('six motors, one backwards', 'WRONG_WAY', 'middle_right_crank turns against')
+    plant.cranks.wirings['middle_right_crank'] = Wiring(motor=-1.0)
+    plant.break_down('WRONG_WAY', 'middle_right_crank turns against')
     plant.timer.cancel()
 
 
@@ -252,15 +260,13 @@ def test_with_auto_reset_a_new_command_after_one_of_0_starts_it_again(
         '/auto', 'walker6_two_motors.yaml', ['left_crank', 'right_crank'], auto_reset=True
     )
     plant.until_walking()
-    plant.wirings['left_crank'] = Wiring(motor=0.0)
+    plant.cranks.wirings['left_crank'] = Wiring(motor=0.0)
     plant.probe.until(lambda: plant.reports and 'a cmd_vel of 0' in plant.status.message)
-    plant.wirings['left_crank'] = Wiring()
-    first = len(plant.commands)
-    plant.probe.until(lambda: len(plant.commands) > first + ZEROS)
-    assert not any(plant.commands[-1][1])
+    plant.cranks.wirings['left_crank'] = Wiring()
+    assert not any(plant.until_commanded(ZEROS)[-1].velocity)
     plant.linear = 0.0
-    plant.probe.until(lambda: len(plant.commands) > first + 2 * ZEROS)
+    plant.until_commanded(ZEROS)
     assert plant.fault == 'NOT_TURNING'
     plant.linear = SPEED
-    plant.probe.until(lambda: min(map(abs, plant.commands[-1][1])) > 0.3)
+    plant.probe.until(lambda: plant.is_walking)
     plant.timer.cancel()
