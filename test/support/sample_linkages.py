@@ -20,6 +20,7 @@ from klann_ros.kinematics import (
 )
 
 COURSE = (0.180, 0.080, 0.200, 0.150)
+SHIPPED_ROBOTS = ['sem104', 'patent', *shipped_linkages()]
 KNOWN: Mapping[str, Leg[Any, Any]] = {
     'sem104': KlannLeg(),
     'patent': KlannLeg(KlannGeometry.patent()),
