@@ -48,7 +48,7 @@ _TYPES = {
         *(FLOAT64, JOINT_STATE, POINT, POSE, POSE_WITH_COVARIANCE, TRANSFORM, TRANSFORMS, MARKER),
     )
 }
-# Names of topics with answers of a solver, by their last part.
+# Last names of topics whose points are no measurements: a solver computed them.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
 # Indices of the variances of x and y in the covariance of a pose.
 _VARIANCES = 0, 7

@@ -18,8 +18,6 @@ from .series import ArrayPool, SeriesColumns
 COMMAND = 'crank_command'
 STATE = 'crank_state'
 ODOMETRY_TOPICS = ('odom', 'ground_truth')
-# Points of these names are no measurements: a solver computed them.
-COMPUTED_TOPICS = ('point_h', 'velocity_h')
 # Measured points of a topic that a review reads.
 _MAX_MEASURED = 20_000
 # Name of an unnamed leg in diagnostics.

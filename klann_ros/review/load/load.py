@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
+from klann_ros.calibration import COMPUTED_TOPICS, POINT_FIELDS
 from klann_ros.kinematics.arrays import IndexArray
 from klann_ros.log import (
     ANNOTATION,
@@ -46,7 +47,6 @@ from .batches import Batch, TopicReader
 from .collectors import (
     ClockCollector,
     COMMAND,
-    COMPUTED_TOPICS,
     IterationCollector,
     ODOMETRY_TOPICS,
     PointCollector,
@@ -66,12 +66,10 @@ if TYPE_CHECKING:
 RecordT = TypeVar('RecordT')
 # A larger latency mixes two clocks [s].
 MAX_LATENCY = 3600.0
-# The field that is a measured point, by the type.
-_POINT_FIELDS = {
-    POINT.name: (POINT, 'point'),
-    POSE.name: (POSE, 'pose.position'),
-    POSE_WITH_COVARIANCE.name: (POSE_WITH_COVARIANCE, 'pose.pose.position'),
-    TRANSFORM.name: (TRANSFORM, 'transform.translation'),
+# Types of messages with a single measured point.
+_POINT_TYPES = {
+    message_type.name: message_type
+    for message_type in (POINT, POSE, POSE_WITH_COVARIANCE, TRANSFORM)
 }
 Handler = Callable[[MessageBlock, IndexArray], object]
 
@@ -115,9 +113,8 @@ class _Dispatcher:
             handler = partial(self.descriptions.add, topic)
         elif topic.type == DIAGNOSTICS.name:
             handler = self.iterations.add
-        elif topic.type in _POINT_FIELDS and name not in COMPUTED_TOPICS:
-            message_type, path = _POINT_FIELDS[topic.type]
-            reader = TopicReader(topic, message_type, (path,))
+        elif topic.type in _POINT_TYPES and name not in COMPUTED_TOPICS:
+            reader = TopicReader(topic, _POINT_TYPES[topic.type], (POINT_FIELDS[topic.type],))
             handler = partial(_add_batches, reader, self.points.add)
         return handler
 
