@@ -60,12 +60,14 @@ class Chain:
 
     def until_walking(self) -> None:
         self.probe.until(self.turns)
-        self.probe.spin(1.0)
+        self.probe.spin(0.3)
 
-    def turned_in(self, seconds: float) -> float:
-        """Return the largest motion of a crank in a time [rad]."""
+    def motion_until_standing(self) -> float:
+        """Wait until the cranks stand for good; return the largest motion of one [rad]."""
         start_angles = self.angles
-        self.probe.spin(seconds)
+        self.probe.until(self.stands)
+        self.probe.spin(0.5)
+        assert self.stands()
         angles = zip(self.angles, start_angles, strict=True)
         return max(abs(angle - start_angle) for angle, start_angle in angles)
 
@@ -78,8 +80,7 @@ def chain(ros: Domain) -> Chain:
 def test_cranks_stand_while_walker_node_is_stopped(chain: Chain) -> None:
     chain.until_walking()
     chain.walker.popen.send_signal(SIGSTOP)
-    assert chain.turned_in(4.0) < SECOND
-    assert chain.stands()
+    assert chain.motion_until_standing() < SECOND
     assert 'crank_velocity_controller/commands: no command for 0.5 s' in chain.watchdog.errors
     chain.walker.popen.send_signal(SIGCONT)
     # cmd_vel has gone on.
@@ -90,8 +91,7 @@ def test_cranks_stand_while_walker_node_is_stopped(chain: Chain) -> None:
 def test_cranks_stand_after_walker_node_was_killed(chain: Chain) -> None:
     chain.until_walking()
     chain.walker.kill()
-    assert chain.turned_in(4.0) < SECOND
-    assert chain.stands()
+    assert chain.motion_until_standing() < SECOND
 
 
 def test_a_stopped_watchdog_neither_stops_nor_drives_the_cranks(chain: Chain) -> None:
@@ -101,9 +101,7 @@ def test_a_stopped_watchdog_neither_stops_nor_drives_the_cranks(chain: Chain) ->
     chain.probe.spin(2.0)
     chain.probe.until(chain.turns)
     chain.is_driven = False
-    chain.probe.until(chain.stands)
-    chain.probe.spin(1.0)
-    assert chain.stands()
+    chain.motion_until_standing()
     chain.watchdog.popen.send_signal(SIGCONT)
 
 
