@@ -230,8 +230,8 @@ class EventSession:
         self._pending_triggers: list[RecordedFinding] = []
         # Number of events.
         self._count = 0
-        # Messages of the closed runs.
-        self._stored = StoredCounts(Counter(), Counter())
+        # Messages of the finished events.
+        self._finished_counts = StoredCounts(Counter(), Counter())
 
     def put(self, message: Message) -> None:
         """Take a message that was counted as received."""
@@ -301,7 +301,7 @@ class EventSession:
 
     def stored_counts(self) -> StoredCounts:
         """Return what became of the messages of all events so far."""
-        stored = self._stored
+        stored = self._finished_counts
         for event in (self._event, self._closing):
             stored = _add_counts(stored, event.counts()) if event else stored
         return stored
@@ -413,7 +413,7 @@ class EventSession:
             self._closing = None
         if event is self._event:
             self._event = None
-        self._stored = _add_counts(self._stored, event.counts())
+        self._finished_counts = _add_counts(self._finished_counts, event.counts())
         if ok:
             self._status.report_success(message)
         else:
@@ -421,6 +421,7 @@ class EventSession:
 
 
 def _add_counts(stored: StoredCounts, counts: Mapping[str, TopicCount]) -> StoredCounts:
+    """Return the counts with those of an event's run added, by topic name."""
     written = stored.written.copy()
     dropped = stored.dropped.copy()
     for name, count in counts.items():

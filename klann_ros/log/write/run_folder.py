@@ -98,7 +98,7 @@ class RunFolder:
         self.create()
 
     def create(self) -> None:
-        """Create it, again if it was removed."""
+        """Create the folder, again if it was removed."""
         try:
             self.path.mkdir()
         except FileExistsError:
@@ -129,13 +129,13 @@ class RunFolder:
             self.reserve.release()
 
     def remove(self) -> None:
-        """Remove it with its content, unless its path is another folder's now."""
+        """Remove the folder with its content, unless its path leads to another folder now."""
         self.release_reserve()
-        if self.owns_path():
+        if self.is_in_place():
             shutil.rmtree(self.path, ignore_errors=True)
 
-    def owns_path(self) -> bool:
-        """Return whether the path is that of the created folder, as far as that is visible."""
+    def is_in_place(self) -> bool:
+        """Return whether the path leads to the created folder, as far as that is visible."""
         try:
             return os.path.samestat(self.path.stat(), os.fstat(self._descriptor))
         except OSError as error:
@@ -165,11 +165,11 @@ class RunFolder:
         return stat.S_ISREG(status.st_mode) and status.st_size == size
 
     def replace_file(self, name: str, data: bytes) -> None:
-        """Replace a file atomically."""
-        if not self.owns_path():
+        """Replace a file of the folder atomically; a FileNotFoundError if the folder is gone."""
+        if not self.is_in_place():
             raise FileNotFoundError(errno.ENOENT, 'the folder was removed or replaced')
         temporary = self.path / f'.{name}.new'
-        # A leftover of a user or a crash, maybe a pipe that would block.
+        # A crash or a user may have left something of this name, even a pipe, which would block.
         temporary.unlink(missing_ok=True)
         try:
             with temporary.open('xb') as file:

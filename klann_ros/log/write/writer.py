@@ -300,7 +300,7 @@ class RunWriter(AbstractContextManager['RunWriter']):
 
     def _open_next(self) -> None:
         """Begin the next file, in a new folder if there is none any more."""
-        if not self._folder.owns_path():
+        if not self._folder.is_in_place():
             self._folder.create()
         self.file = self._open(self._folder.next_number(self._number))
         self._content = replace(self._content, current=self.file)
