@@ -85,7 +85,7 @@ def recover(log: AnyPath, output: AnyPath) -> Recovery:
             recovery.remarks += file.problems.lines(file.name, losses=False)
             recovery.remarks += [f'{file.name}: {remark}' for remark in file.remarks]
         recovery.counts = writer.counts
-        _check_content(log, files, recovery)
+        _check_recovered(log, files, recovery)
     except BaseException:
         # Half a recovery looks like a whole run.
         writer.discard()
@@ -132,7 +132,7 @@ def check_output(log: AnyPath, output: AnyPath) -> None:
         )
 
 
-def _check_content(log: AnyPath, files: list[Storage], recovery: Recovery) -> None:
+def _check_recovered(log: AnyPath, files: list[Storage], recovery: Recovery) -> None:
     """Raise a NotALogError if nothing of a damaged log was recovered."""
     has_content = recovery.messages or recovery.attachments or recovery.metadata
     is_whole = all(file.closed for file in files) and not recovery.lost

@@ -96,13 +96,15 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
     """
     Locate the records in a chunk's unpacked data, up to the first malformed one.
 
-    `verified` says whether a CRC matched, `allowed` is the maximum cost of the bytes that are no
-    messages.
+    `verified` says whether a CRC matched. `allowed` is the maximum cost of the other records, less
+    the credit of the messages [bytes that could be unpacked in that time].
     """
     starts = array('Q')
     definitions = array('Q')
     size = len(data)
-    position = cost = unknown = 0
+    position = 0
+    cost = 0
+    unknown = 0
     broken = ''
     while position < size:
         position = _append_messages(data, position, starts)
@@ -118,6 +120,7 @@ def content_of(data: bytes | bytearray, *, verified: bool, allowed: int = sys.ma
             broken = 'a record in it is longer than the chunk'
             break
         if opcode == Opcode.MESSAGE:
+            # `_append_messages` left it, although it ends within the chunk.
             broken = 'a message in it is too short'
             break
         if not opcode:

@@ -104,9 +104,9 @@ def open_storage(path: Path) -> Storage:
 
 
 def _open_plain(path: Path, start: bytes) -> Storage:
-    open_kind = _storage_of(start)
-    if open_kind is not None:
-        return open_kind(path, None)
+    open_format = _opener(start)
+    if open_format is not None:
+        return open_format(path, None)
     reason = _foreign_format(path, start)
     if any(start.startswith(magic) for magic in _FOREIGN_FORMATS if len(magic) >= _CERTAIN_SIZE):
         raise NotALogError(path, reason)
@@ -121,16 +121,18 @@ def _open_plain(path: Path, start: bytes) -> Storage:
 
 
 def _open_unpacked(path: Path) -> Storage:
-    unpacked, problem = unpack(path, lambda start: _storage_of(start) is not None)
-    open_kind = _storage_of(_first_bytes(path, unpacked.path)) or McapStorage
-    storage = open_kind(path, unpacked)
+    """Unpack a zstd file and open its content, by default as MCAP."""
+    unpacked, problem = unpack(path, lambda start: _opener(start) is not None)
+    open_format = _opener(_first_bytes(path, unpacked.path)) or McapStorage
+    storage = open_format(path, unpacked)
     if problem:
         storage.problems.note_whole(problem)
     return storage
 
 
-def _storage_of(start: bytes) -> _OpenStorage | None:
-    return next((kind for magic, kind in _STORAGES.items() if start.startswith(magic)), None)
+def _opener(start: bytes) -> _OpenStorage | None:
+    """Return what opens a file with these first bytes; None for another format."""
+    return next((opener for magic, opener in _STORAGES.items() if start.startswith(magic)), None)
 
 
 def _first_bytes(path: Path, plain_path: Path) -> bytes:
