@@ -26,7 +26,7 @@ from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits, limits_from_file, NAMES
 from klann_ros.robot import preset_names, robot_of, RobotFileError
 from klann_ros.sanitize.text import printable
-from klann_ros.web import is_opened
+from klann_ros.web import open_browser
 from tqdm import tqdm
 
 from .fleet import command as each
@@ -126,7 +126,7 @@ def _review(options: argparse.Namespace) -> int:
             '--csv': partial(save_csv, reviews[0]),
         },
     )
-    if options.open and not is_opened((page := Path(options.html).absolute()).as_uri()):
+    if options.open and not open_browser((page := Path(options.html).absolute()).as_uri()):
         _print_state(f'no browser here; the page is {printable(page)}')
     healthy = all(review.is_healthy for review in reviews)
     return 0 if healthy and not (comparison and comparison.differences) else 1

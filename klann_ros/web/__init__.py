@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from .browser import is_opened, print_page, PrintError
+    from .browser import open_browser, print_page, PrintError
     from .lab.build import LAB_FILE, lab_page
     from .markup import (
         element,
@@ -27,7 +27,7 @@ else:
     __getattr__, __dir__, __all__ = lazy_face(
         __name__,
         {
-            'browser': 'PrintError is_opened print_page',
+            'browser': 'PrintError open_browser print_page',
             'lab.build': 'LAB_FILE lab_page',
             'markup': 'Markup element joined number scrolling_table table_row',
             'parts': 'FRAME Parts SHARED html_page text',

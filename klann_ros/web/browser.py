@@ -8,8 +8,8 @@ import sys
 from tempfile import TemporaryDirectory
 import webbrowser
 
-# Where one of these is set, there is a screen, or somebody has named a browser.
-_SCREENS = ('DISPLAY', 'WAYLAND_DISPLAY', 'BROWSER')
+# One of these is set if there is a screen, or if the user has named a browser.
+_SCREEN_VARIABLES = ('DISPLAY', 'WAYLAND_DISPLAY', 'BROWSER')
 # Programs that print, and the time for one page [s].
 _CHROMIUMS = (
     *('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'),
@@ -18,13 +18,13 @@ _CHROMIUMS = (
 _MAX_PRINTING = 300.0
 
 
-def is_opened(url: str) -> bool:
+def open_browser(url: str) -> bool:
     """
     Open an address in a browser; return whether there is one.
 
-    One that takes over the terminal is none: there, something else is being said.
+    Without a screen none is started: one in the terminal would hide what the program prints.
     """
-    if sys.platform == 'linux' and not any(os.environ.get(name) for name in _SCREENS):
+    if sys.platform == 'linux' and not any(os.environ.get(name) for name in _SCREEN_VARIABLES):
         return False
     try:
         return webbrowser.open(url)

@@ -12,7 +12,7 @@ from klann_ros.nodes.parameters import StartError
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
-from klann_ros.web import is_opened
+from klann_ros.web import open_browser
 
 DESCRIPTION = """\
 Show the legs that publish in a browser, live: the pose, the foot, charts, diagnostics, rates.
@@ -94,7 +94,7 @@ class ViewNode(ProcessNode):
         return 0
 
     def _open(self, url: str) -> None:
-        if not is_opened(url):
+        if not open_browser(url):
             self.get_logger().warning('no browser here; open the address that was printed')
 
 
