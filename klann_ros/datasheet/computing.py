@@ -112,7 +112,7 @@ def data_sheet(
     sheets_by_name: dict[str, LegSheet] = {}
     for sheet in sheets:
         sheets_by_name |= dict.fromkeys(sheet.names, sheet)
-    walk, no_walk = _walk(robot)
+    walk, no_walk = _walk_figures(robot)
     cranks = [_crank(options, joint, sheets_by_name) for joint in robot.crank_joints]
     return DataSheet(
         name=robot.name,
@@ -220,7 +220,8 @@ def _crank(options: _SheetOptions, joint: str, sheets: Mapping[str, LegSheet]) -
     )
 
 
-def _walk(robot: Robot) -> tuple[GaitFigures | None, str]:
+def _walk_figures(robot: Robot) -> tuple[GaitFigures | None, str]:
+    """Return the figures of a walk, and why there are none; neither for a few legs."""
     count = len(robot.legs)
     if count < MIN_WALKING_LEGS:
         return None, ''

@@ -29,19 +29,19 @@ POSES = 360
 def page(sheet: DataSheet) -> str:
     """Return the page of a data sheet."""
     animations = [_animation(leg, sheet.speed) for leg in sheet.legs]
-    legs = [_leg(sheet, leg, index) for index, leg in enumerate(sheet.legs)]
+    legs = [_leg_section(sheet, leg, index) for index, leg in enumerate(sheet.legs)]
     cranks = []
     if not sheet.is_single:
-        cranks = [_crank(crank, sheet) for crank in sheet.cranks if crank.hardest]
+        cranks = [_crank_section(crank, sheet) for crank in sheet.cranks if crank.hardest]
     no_scripts = 'The leg is drawn by scripts, which are switched off here.'
     return PAGE_PARTS.page(
         f'Data sheet of {sheet.name}',
         _header(sheet),
         element('noscript', element('p', no_scripts, class_='quiet')),
-        _notes(sheet),
+        _findings_section(sheet),
         *legs,
         *cranks,
-        _walking(sheet),
+        _walk_section(sheet),
         data=animations,
     )
 
@@ -87,7 +87,7 @@ def _header(sheet: DataSheet) -> Markup:
     return element('header', title, verdict)
 
 
-def _notes(sheet: DataSheet) -> Markup:
+def _findings_section(sheet: DataSheet) -> Markup:
     if not sheet.no_forces:
         return Markup()
     mark = element('span', '!', class_='mark', aria_hidden='true')
@@ -95,21 +95,24 @@ def _notes(sheet: DataSheet) -> Markup:
     return element('section', element('ul', element('li', mark, note), class_='findings'))
 
 
-def _leg(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
-    """Return the section of a leg, with the crank's charts beside a single one."""
+def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
+    """Return the section of a leg; a single leg's has the charts and motor of its crank, too."""
     charts = [*_leg_charts(leg)]
     motor = Markup()
     if sheet.is_single:
         crank = sheet.cranks[0]
         charts = [*_crank_charts(crank, sheet, leg), *charts]
-        motor = _table(_motor(crank)) if crank.motor else motor
-    title = f'{"Legs" if leg.names[1:] else "Leg"} {leg.title}' if leg.title else 'Motion'
+        if crank.motor:
+            motor = _table(_motor_table(crank))
+    title = 'Motion'
+    if leg.title:
+        title = f'{"Legs" if len(leg.names) > 1 else "Leg"} {leg.title}'
     return element(
         'section',
         element('h2', title),
         element('dl', *map(_tile, figures.foot_figures(leg, sheet.speed)), class_='tiles'),
-        _quiet(leg.no_stance),
-        _quiet(_about(leg)),
+        _remark(leg.no_stance),
+        _remark(_about(leg)),
         element(
             'div',
             element('div', _drawing(leg, index), motor, class_='beside'),
@@ -127,7 +130,8 @@ def _about(leg: LegSheet) -> str:
     return '; '.join(filter(None, (origin, figures.turning(leg))))
 
 
-def _quiet(text: str) -> Markup:
+def _remark(text: str) -> Markup:
+    """Return a clause as a sentence in a muted paragraph; nothing for ''."""
     return element('p', f'{text[:1].upper()}{text[1:]}.', class_='quiet') if text else Markup()
 
 
@@ -223,12 +227,12 @@ def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
 def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[FigureTable]:
     for crank in cranks:
         if crank.motor is not None and not sheet.is_single:
-            yield _motor(crank)
+            yield _motor_table(crank)
         if crank.hardest is not None:
             yield figures.crank_forces(crank, sheet.speed)
 
 
-def _motor(crank: CrankSheet) -> FigureTable:
+def _motor_table(crank: CrankSheet) -> FigureTable:
     lines = [
         (figure.name, f'{figure.value} {figure.unit}'.rstrip(), figure.note)
         for figure in figures.motor_figures(crank)
@@ -236,19 +240,19 @@ def _motor(crank: CrankSheet) -> FigureTable:
     return FigureTable('Motor', ('Figure', 'Value', 'Remark'), tuple(lines))
 
 
-def _crank(crank: CrankSheet, sheet: DataSheet) -> Markup:
+def _crank_section(crank: CrankSheet, sheet: DataSheet) -> Markup:
     return element(
         'section',
         element('h2', figures.crank_title(crank)),
-        _quiet(f'it turns {", ".join(crank.legs)}' if any(crank.legs) else ''),
+        _remark(f'it turns {", ".join(crank.legs)}' if any(crank.legs) else ''),
         grid(_crank_charts(crank, sheet, None)),
         element('div', *map(_table, _crank_tables([crank], sheet)), class_='tables'),
     )
 
 
-def _walking(sheet: DataSheet) -> Markup:
+def _walk_section(sheet: DataSheet) -> Markup:
     if sheet.no_walk:
-        return element('section', element('h2', 'Walking'), _quiet(sheet.no_walk))
+        return element('section', element('h2', 'Walking'), _remark(sheet.no_walk))
     walk = sheet.walk
     table = figures.supports(sheet)
     if walk is None or table is None:
