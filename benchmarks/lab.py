@@ -17,48 +17,52 @@ from support.aims import sized
 ANGLES = 100
 # Coupled loops are followed all round for each leg.
 COUPLED_ANGLES = sized(100, 1000)
-# Nearer to in line a pose itself is ill conditioned.
+# Sine of the transmission angle below which a pose is ill conditioned.
 IN_LINE = 0.02
 
 
 def compare(name: str, poses: int) -> str:
     """Return a row of the table."""
-    base, rng = shipped_linkage(name), np.random.default_rng(1)
-    angles, share = (ANGLES, 0.1) if base.is_dyadic else (COUPLED_ANGLES, 0.02)
-    legs = max(1, poses // angles)
-    numbers = varied_numbers(base.numbers, rng, legs, share)
-    alphas = rng.uniform(-7.0, 7.0, (legs, angles))
+    base = shipped_linkage(name)
+    rng = np.random.default_rng(1)
+    angle_count = ANGLES if base.is_dyadic else COUPLED_ANGLES
+    leg_count = max(1, poses // angle_count)
+    numbers = varied_numbers(base.numbers, rng, leg_count, 0.1 if base.is_dyadic else 0.02)
+    alphas = rng.uniform(-7.0, 7.0, (leg_count, angle_count))
     pairs = zip(numbers.tolist(), alphas.tolist(), strict=True)
-    begin = time.perf_counter()
-    found = poses_in_node({name: [{'numbers': one, 'alphas': at} for one, at in pairs]})[name]
-    seconds = time.perf_counter() - begin
-    closed = jammed = refused = apart = 0
-    farthest = weighted = 0.0
-    for row, at, ours in zip(numbers, alphas, found, strict=True):
+    legs = [{'numbers': leg_numbers, 'alphas': leg_alphas} for leg_numbers, leg_alphas in pairs]
+    start_time = time.perf_counter()
+    lab_legs = poses_in_node({name: legs})[name]
+    seconds = time.perf_counter() - start_time
+    closed = jammed = refused = contradictions = 0
+    max_distance = max_weighted_distance = 0.0
+    for leg_numbers, leg_alphas, lab_poses in zip(numbers, alphas, lab_legs, strict=True):
         try:
-            linkage = base.varied(dict(zip(base.dimensions, row, strict=True)))
-            points = linkage_poses(linkage, at, points=True).points
-            assert points is not None  # noqa: S101 - asked for
+            linkage = base.varied(dict(zip(base.dimensions, leg_numbers, strict=True)))
+            leg_points = linkage_poses(linkage, leg_alphas, points=True).points
+            assert leg_points is not None  # noqa: S101 - asked for
         except GeometryError:
             refused += 1
-            apart += 'refused' not in ours
+            contradictions += 'refused' not in lab_poses
             continue
-        for pose, theirs in zip(ours, points, strict=True):
-            closes = not np.isnan(theirs).any()
-            apart += ('points' in pose) != closes
+        for lab_pose, points in zip(lab_poses, leg_points, strict=True):
+            closes = not np.isnan(points).any()
+            contradictions += ('points' in lab_pose) != closes
             jammed += not closes
-            if closes and 'points' in pose:
+            if closes and 'points' in lab_pose:
                 closed += 1
-                off = np.abs(np.array(pose['points']) - theirs).max() / max(1.0, linkage.size)
-                weighted = max(weighted, off * pose['sine'])
-                farthest = max(farthest, off if pose['sine'] > IN_LINE else 0.0)
-    row = f'{name:18}{closed:9}{jammed:9}{refused:9}{apart:9}'
-    return f'{row}{farthest:12.1e}{weighted:12.1e}{seconds:8.1f}'
+                distance = np.abs(np.array(lab_pose['points']) - points).max()
+                distance /= max(1.0, linkage.size)
+                max_weighted_distance = max(max_weighted_distance, distance * lab_pose['sine'])
+                if lab_pose['sine'] > IN_LINE:
+                    max_distance = max(max_distance, distance)
+    counts = f'{closed:9}{jammed:9}{refused:9}{contradictions:9}'
+    return f'{name:18}{counts}{max_distance:12.1e}{max_weighted_distance:12.1e}{seconds:8.1f}'
 
 
 if __name__ == '__main__':
-    wanted = int(sys.argv[1]) if len(sys.argv) > 1 else sized(100, 10_000, 100_000)
+    pose_count = int(sys.argv[1]) if len(sys.argv) > 1 else sized(100, 10_000, 100_000)
     heads = f'{"linkage":18}{"closed":>9}{"jammed":>9}{"refused":>9}{"disagree":>9}'
     print(f'{heads}{"apart/m":>12}{"* |sin|":>12}{"s":>8}')
-    for one in shipped_linkages()[: sized(3, None)]:
-        print(compare(one, wanted), flush=True)
+    for linkage_name in shipped_linkages()[: sized(3, None)]:
+        print(compare(linkage_name, pose_count), flush=True)
