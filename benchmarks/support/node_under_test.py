@@ -1,10 +1,10 @@
-"""A node as a process: cranks go in, answers come out, and what it costs is read from outside."""
+"""A node as a process: it takes crank angles, and its answers and its CPU time are measured."""
 
-from dataclasses import dataclass
+from operator import sub
 import struct
 import subprocess
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PointStamped
 from klann_ros.nodes.endpoints import OUTPUT
@@ -21,8 +21,7 @@ WARM_UP = REST / 4.0
 OUTPUTS = ((JointState, 'joint_states'), (PointStamped, 'point_h'))
 
 
-@dataclass(frozen=True)
-class Figures:
+class Figures(NamedTuple):
     """CPU a message [us], latency of point_h [us], idle CPU [%] and lost answers."""
 
     cpu: float
@@ -44,42 +43,45 @@ class NodeUnderTest:
     """
 
     def __init__(self, command: list[str]) -> None:
-        """Start it, and wait until it is found."""
+        """Start it, and wait for its discovery."""
         self.process = subprocess.Popen(command)
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         node = rclpy.create_node('probe', context=self._context)
         self._node = node
         self._crank = node.create_publisher(Float64, 'crank_angle', OUTPUT)
-        outputs = [
-            node.create_subscription(kind, topic, lambda _: None, OUTPUT, raw=True)
-            for kind, topic in OUTPUTS
-        ]
-        while self._crank.get_subscription_count() < 1 or any(
-            output.get_publisher_count() < 1 for output in outputs
-        ):
+        endpoints = []
+        for kind, topic in OUTPUTS:
+            endpoints.append(
+                node.create_subscription(kind, topic, lambda _: None, OUTPUT, raw=True)
+            )
+        while not self._crank.get_subscription_count():
+            time.sleep(0.05)
+        while not all(endpoint.get_publisher_count() for endpoint in endpoints):
             time.sleep(0.05)
         time.sleep(0.7)
-        self._handles = [output.handle for output in outputs]
+        self._handles = [endpoint.handle for endpoint in endpoints]
         self._wait_set = rclpy_implementation.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
-        self._received: list[list[float]] = [[], []]
+        # Times of reception [s], by outputs.
+        self._received_times: list[list[float]] = [[], []]
 
     def measure(self, rate: float, seconds: float) -> Figures:
         """Turn the crank at a rate [Hz] for some time [s], then leave it at rest."""
         self._turn(rate, round(rate * WARM_UP))
-        before, count = self.cpu(), round(rate * seconds)
-        sent = self._turn(rate, count)
-        spent = self.cpu() - before
-        points = self._received[1]
-        latencies = sorted(b - a for a, b in zip(sent, points, strict=False)) or [float('nan')]
-        before = self.cpu()
+        count = round(rate * seconds)
+        first_cpu = self.cpu()
+        sent_times = self._turn(rate, count)
+        last_cpu = self.cpu()
+        point_times = self._received_times[1]
+        latencies = sorted(map(sub, point_times, sent_times)) or [float('nan')]
+        first_idle_cpu = self.cpu()
         time.sleep(REST)
         return Figures(
-            cpu=spent / count * 1e6,
+            cpu=(last_cpu - first_cpu) / count * 1e6,
             p50=latencies[len(latencies) // 2] * 1e6,
             p99=latencies[min(len(latencies) - 1, int(0.99 * len(latencies)))] * 1e6,
-            idle=(self.cpu() - before) / REST * 100.0,
-            lost=sum(count - len(received) for received in self._received),
+            idle=(self.cpu() - first_idle_cpu) / REST * 100.0,
+            lost=len(OUTPUTS) * count - sum(map(len, self._received_times)),
         )
 
     def cpu(self) -> float:
@@ -93,33 +95,31 @@ class NodeUnderTest:
         self._context.try_shutdown()
 
     def _turn(self, rate: float, count: int) -> list[float]:
-        """Publish a number of angles; return their times, and store those of the answers [s]."""
-        for received in self._received:
-            received.clear()
-        sent = []
-        begin = time.perf_counter()
+        """Publish a number of angles; return their times, and store the answers' times [s]."""
+        for times in self._received_times:
+            times.clear()
+        sent_times = []
+        start_time = time.perf_counter()
         for k in range(count):
-            while (left := begin + k / rate - time.perf_counter()) > 0:
-                self._take(left)
-            data = struct.pack('<4sd', b'\0\1\0\0', 0.01 * k)
-            sent.append(time.perf_counter())
-            self._crank.publish(data)
-        end = time.perf_counter() + 2.0
-        while min(map(len, self._received)) < count and time.perf_counter() < end:
+            while (timeout := start_time + k / rate - time.perf_counter()) > 0:
+                self._take(timeout)
+            message = struct.pack('<4sd', b'\0\1\0\0', 0.01 * k)
+            sent_times.append(time.perf_counter())
+            self._crank.publish(message)
+        deadline = time.perf_counter() + 2.0
+        while min(map(len, self._received_times)) < count and time.perf_counter() < deadline:
             self._take(0.01)
-        return sent
+        return sent_times
 
     def _take(self, timeout: float) -> None:
         self._wait_set.clear_entities()
         for handle in self._handles:
             self._wait_set.add_subscription(handle)
         self._wait_set.wait(max(0, round(timeout * 1e9)))
-        for handle, (kind, _), received in zip(
-            self._handles, OUTPUTS, self._received, strict=True
-        ):
-            while _taken(handle, kind):
-                received.append(time.perf_counter())
+        for k, (kind, _) in enumerate(OUTPUTS):
+            while _take_raw(self._handles[k], kind):
+                self._received_times[k].append(time.perf_counter())
 
 
-def _taken(handle: Any, kind: type) -> bool:
+def _take_raw(handle: Any, kind: type) -> bool:
     return handle.take_message(kind, True) is not None  # raw
