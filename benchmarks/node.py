@@ -52,7 +52,7 @@ def measure_in_turn(
 def median_ratio(rounds: list[Figures], reference_rounds: list[Figures], quantity: str) -> float:
     """Return the median over the rounds of the ratio of a quantity to that of the reference."""
     get = attrgetter(quantity)
-    return median(map(truediv, map(get, rounds), map(get, reference_rounds)))
+    return float(median(map(truediv, map(get, rounds), map(get, reference_rounds))))
 
 
 def compare(rate: float) -> bool:

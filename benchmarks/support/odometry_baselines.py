@@ -26,16 +26,16 @@ Triple = tuple[float, float, float]
 
 class Sample(NamedTuple):
     """
-    What all sensors read at one time.
+    The readings of all sensors at one time.
 
     Attributes
     ----------
     cranks, rates : list of float
         [rad], [rad/s].
     imu : ImuReading
-        Of an IMU in base_link.
+        The IMU in base_link.
     orientation : 4 floats
-        Its quaternion x, y, z, w.
+        Quaternion x, y, z, w of the IMU.
     gyro, force : 3 floats
         [rad/s], [m/s^2].
     is_still : bool
@@ -66,27 +66,30 @@ class NoSlip:
     """
 
     def __init__(self, feet: Feet, *, with_gyro: bool) -> None:
-        self._feet, self._with_gyro = feet, with_gyro
+        self._feet = feet
+        self._with_gyro = with_gyro
         self.pose = [0.0, 0.0, 0.0]
         self._last: StancePose | None = None
-        self._bias, self._count = 0.0, 0
-        # A dead reckoning has none.
-        self.covariance: FloatArray | None = None
+        # Mean yaw rate of the gyro at standstill [rad/s], and the number of its samples.
+        self._bias = 0.0
+        self._count = 0
 
     def update(self, sample: Sample, dt: float) -> None:
         """Take the next sample."""
         if sample.is_still:
             self._count += 1
             self._bias += (sample.imu.yaw_rate - self._bias) / self._count
-        placed, rolled, centre = self._feet.at(sample.cranks).tolist()
-        found = support(placed, centre, self._last and self._last.support.facet)
-        last, self._last = self._last, found and stance_pose(placed, rolled, found)
-        if last is None or self._last is None or dt == 0.0:
+        positions, rolled, centre = self._feet.at(sample.cranks).tolist()
+        last = self._last
+        stance_support = support(positions, centre, last and last.support.facet)
+        stance = stance_support and stance_pose(positions, rolled, stance_support)
+        self._last = stance
+        if last is None or stance is None or dt == 0.0:
             return
-        both = {*last.support.feet} & {*self._last.support.feet} or {*self._last.support.feet}
-        standing = [foot_motion(last.flat[i], self._last.flat[i], 1.0) for i in both]
+        standing = {*last.support.feet} & {*stance.support.feet} or {*stance.support.feet}
+        motions = [foot_motion(last.flat[i], stance.flat[i], 1.0) for i in standing]
         turn = (sample.imu.yaw_rate - self._bias) * dt if self._with_gyro else None
-        motion, yaw = least_squares(standing, turn)
+        motion, yaw = least_squares(motions, turn)
         step = motion * rect(1.0, self.pose[2] + yaw / 2.0)
         self.pose[0] += step.real
         self.pose[1] += step.imag
@@ -111,8 +114,8 @@ class RobotLocalization:
     @property
     def pose(self) -> list[float]:
         """Return x, y and yaw."""
-        found: list[float] = self._state[:3].tolist()
-        return found
+        pose: list[float] = self._state[:3].tolist()
+        return pose
 
     @property
     def covariance(self) -> FloatArray:
@@ -122,24 +125,27 @@ class RobotLocalization:
     def predict(self, dt: float) -> None:
         """Predict over a time [s]."""
         _, _, yaw, vx, vy, w, ax, ay = self._state
-        c, s, half = cos(yaw), sin(yaw), dt * dt / 2.0
-        step = np.array([vx * dt + ax * half, vy * dt + ay * half])
+        c = cos(yaw)
+        s = sin(yaw)
+        half = dt * dt / 2.0
+        step_x = vx * dt + ax * half
+        step_y = vy * dt + ay * half
         f = np.eye(8)
-        f[0, 2], f[1, 2] = -s * step[0] - c * step[1], c * step[0] - s * step[1]
-        f[0, 3:5], f[1, 3:5] = (c * dt, -s * dt), (s * dt, c * dt)
-        f[0, 6:], f[1, 6:] = (c * half, -s * half), (s * half, c * half)
+        f[:2, 2] = (-s * step_x - c * step_y, c * step_x - s * step_y)
+        f[:2, 3:5] = ((c * dt, -s * dt), (s * dt, c * dt))
+        f[:2, 6:] = ((c * half, -s * half), (s * half, c * half))
         f[2, 5] = f[3, 6] = f[4, 7] = dt
-        self._state[0] += c * step[0] - s * step[1]
-        self._state[1] += s * step[0] + c * step[1]
+        self._state[0] += c * step_x - s * step_y
+        self._state[1] += s * step_x + c * step_y
         self._state[2] = (yaw + w * dt + pi) % (2.0 * pi) - pi
         self._state[3:5] += self._state[6:] * dt
         self._p = f @ self._p @ f.T + dt * np.diag(self.PROCESS_NOISE)
 
-    def measure(self, indices: Sequence[int], values: Sequence[float], r: Sequence[float]) -> None:
-        """Update by measurements of components of the state, with variances r."""
+    def measure(self, indices: Sequence[int], z: Sequence[float], r: Sequence[float]) -> None:
+        """Update by measurements z of components of the state, with variances r."""
         h = np.eye(8)[list(indices)]
         noise = np.diag(r)
         gain = self._p @ h.T @ np.linalg.inv(h @ self._p @ h.T + noise)
-        self._state = self._state + gain @ (np.array(values) - self._state[list(indices)])
-        part = np.eye(8) - gain @ h
-        self._p = part @ self._p @ part.T + gain @ noise @ gain.T
+        self._state = self._state + gain @ (np.array(z) - self._state[list(indices)])
+        correction = np.eye(8) - gain @ h
+        self._p = correction @ self._p @ correction.T + gain @ noise @ gain.T
