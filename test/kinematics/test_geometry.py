@@ -45,29 +45,9 @@ def test_a_length_must_be_positive(make: Make, name: str, value: float) -> None:
         (four_bar, dict(zip(NAMES, COURSE, strict=True))),
     ],
 )
-def test_lengths_beyond_all_measure_are_refused(
-    make: Make, numbers: dict[str, float], factor: float
-) -> None:
+def test_extreme_lengths_are_refused(make: Make, numbers: dict[str, float], factor: float) -> None:
     with pytest.raises(GeometryError, match=r'must be within 1e-60 \.\. 1e\+60 m'):
         make(**{name: factor * value for name, value in numbers.items()})
-
-
-@pytest.mark.parametrize(
-    ('make', 'assembly', 'text'),
-    [
-        *(
-            (KlannGeometry, signs, 'two signs')
-            for signs in ((0, 1), (1,), (1, 1, 1), (2, -1), 1, None, ('+', '-'), {1, -1}, {})
-        ),
-        *(
-            (four_bar, sign, r'assembly = .* must be one sign, \+1 or -1')
-            for sign in (0, 2, None, '+', (1,), [1, -1], math.nan)
-        ),
-    ],
-)
-def test_an_invalid_assembly_is_refused(make: Make, assembly: object, text: str) -> None:
-    with pytest.raises(GeometryError, match=text):
-        make(assembly=assembly)
 
 
 def test_geometries_are_frozen_and_compare_by_value() -> None:
@@ -127,7 +107,7 @@ def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
         ({'l_ef': 0.3, 'l_fg': 0.850028}, (0.00104, 0.00916)),
     ],
 )
-def test_an_extremum_beside_zero_is_not_missed(
+def test_an_extremum_beside_zero_is_found(
     change: dict[str, float], arc: tuple[float, float]
 ) -> None:
     # The leg of SEM 104, turned so that |EG| has an extremum just beside a crank angle of 0.
@@ -176,13 +156,6 @@ def test_one_length_is_replaced_and_nothing_else(thing: Any) -> None:
         thing.varied({name: -1.0})
 
 
-@pytest.mark.parametrize('thing', THINGS, ids=IDS)
-@pytest.mark.parametrize('factor', [0.0, -1.0, math.nan, math.inf, '2', None])
-def test_an_invalid_factor_is_refused(thing: Any, factor: Any) -> None:
-    with pytest.raises(GeometryError, match=r'factor = .* is refused'):
-        thing.scaled(factor)
-
-
 @pytest.mark.parametrize('fixed', LINKS)
 def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
     inversion = BAR.inversion(fixed)
@@ -197,9 +170,3 @@ def test_an_inversion_moves_by_the_law_of_grashof(fixed: str) -> None:
         for assembly in (1, -1):
             f = BAR.inversion(fixed, assembly).f(crank, [coupler, rocker - math.pi])
             assert f == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.parametrize('fixed', ['coupler bar', '', None, 2])
-def test_an_unknown_link_is_refused(fixed: Any) -> None:
-    with pytest.raises(GeometryError, match='must be one of ground, crank, coupler, rocker'):
-        BAR.inversion(fixed)

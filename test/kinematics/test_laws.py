@@ -28,9 +28,6 @@ STEP = 1e-5
 FOR_EACH = settings(max_examples=3 * len(NAMES))
 
 
-# Equations.
-
-
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, data=st.data())
 def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any) -> None:
@@ -74,17 +71,14 @@ def test_both_methods_give_the_same_pose(leg: AnyLeg, alpha: float) -> None:
     geometric_pose = leg.closed_form(alpha)
     assert difference(pose, geometric_pose) <= allowed(pose)
     np.testing.assert_allclose(pose.points, geometric_pose.points, rtol=0, atol=allowed(pose))
-    np.testing.assert_allclose(
-        pose.coefficients, geometric_pose.coefficients, rtol=1e-8, atol=1e-9
-    )
+    coefficients = geometric_pose.coefficients
+    np.testing.assert_allclose(pose.coefficients, coefficients, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(pose.sines, geometric_pose.sines, rtol=0, atol=1e-9)
 
 
 @FOR_EACH
 @given(leg=legs(), alpha=alphas)
-def test_a_pose_is_in_its_assembly_as_good_as_its_transmission_angles(
-    leg: AnyLeg, alpha: float
-) -> None:
+def test_a_pose_is_in_its_assembly_as_good_as_its_angles(leg: AnyLeg, alpha: float) -> None:
     pose = solved(leg, alpha)
     for block, sign in zip(leg.linkage.blocks, leg.assembly, strict=True):
         assert block.sine(pose.vectors) * sign > 0
@@ -93,21 +87,18 @@ def test_a_pose_is_in_its_assembly_as_good_as_its_transmission_angles(
     assert pose.condition >= 1.0
 
 
-@given(leg=legs(), alpha=alphas, changes=st.lists(st.floats(-0.02, 0.02), min_size=3, max_size=3))
-def test_many_at_once_are_the_same_as_one_by_one(
-    leg: AnyLeg, alpha: float, changes: list[float]
-) -> None:
+@given(leg=legs(), alpha=alphas, factors=st.lists(st.floats(0.98, 1.02), min_size=3, max_size=3))
+def test_many_at_once_are_the_same_as_one_by_one(leg: AnyLeg, alpha: float, factors: Any) -> None:
     name = next(iter(leg.linkage.dimensions))
-    number = leg.linkage.dimensions[name]
-    variants = Variants(leg.linkage, {name: [number * (1 + change) for change in changes]})
-    at = np.array([alpha, alpha + 1.0])
+    variants = Variants(leg.linkage, {name: leg.linkage.dimensions[name] * np.array(factors)})
+    crank_angles = np.array([alpha, alpha + 1.0])
     # Of numba's kernels batch/test_velocities.py claims the same.
-    poses = linkage_poses(variants, at, angles=True, points=True, kernel='numpy')
+    poses = linkage_poses(variants, crank_angles, angles=True, points=True, kernel='numpy')
     for i, j in np.ndindex(*poses.reason.shape):
         if variants.refused[i]:
             continue
         try:
-            pose = leg_of(variants[i]).closed_form(at[j])
+            pose = leg_of(variants[i]).closed_form(crank_angles[j])
         except KinematicsError:
             continue
         # A branch may end between the two ways to it.
@@ -119,12 +110,9 @@ def test_many_at_once_are_the_same_as_one_by_one(
         assert np.abs(np.sin(poses.angles[i, j] - pose.x)).max() <= limit
 
 
-# Motion.
-
-
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, spin=rates)
-def test_velocity_and_acceleration_are_differences_of_poses(
+def test_motion_is_differences_of_poses(
     leg: AnyLeg, alpha: float, rate: float, spin: float
 ) -> None:
     # Differences are off by a third derivative, which grows with a power of 1 / sine.
@@ -136,13 +124,10 @@ def test_velocity_and_acceleration_are_differences_of_poses(
     earlier, later = pose_at(-STEP), pose_at(STEP)
     velocity, acceleration = leg.velocity(pose, rate), leg.acceleration(pose, rate, spin)
     scale = max(1.0, *map(abs, pose.coefficients)) ** 5
-    np.testing.assert_allclose(
-        velocity.points, (later.points - earlier.points) / (2 * STEP), rtol=0, atol=1e-7 * scale
-    )
-    first, last = (
-        leg.velocity(earlier, rate - spin * STEP),
-        leg.velocity(later, rate + spin * STEP),
-    )
+    rates_of_points = (later.points - earlier.points) / (2 * STEP)
+    np.testing.assert_allclose(velocity.points, rates_of_points, rtol=0, atol=1e-7 * scale)
+    first = leg.velocity(earlier, rate - spin * STEP)
+    last = leg.velocity(later, rate + spin * STEP)
     for attribute in ('points', 'joints', 'h'):
         change = np.subtract(getattr(last, attribute), getattr(first, attribute)) / (2 * STEP)
         derivative = getattr(acceleration, attribute)
@@ -153,7 +138,7 @@ def test_velocity_and_acceleration_are_differences_of_poses(
 
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, rate=rates, change=rates)
-def test_in_motion_no_bar_changes_its_length_and_the_pivots_rest(
+def test_bars_keep_their_length_and_pivots_rest(
     leg: AnyLeg, alpha: float, rate: float, change: float
 ) -> None:
     pose, structure = solved(leg, alpha), leg.linkage.structure
@@ -173,14 +158,9 @@ def test_in_motion_no_bar_changes_its_length_and_the_pivots_rest(
             assert link @ changing + turning @ turning == pytest.approx(0.0, abs=scale)
 
 
-# Forces.
-
-
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, force=st.tuples(*[st.floats(-100.0, 100.0)] * 2), rate=rates)
-def test_the_crank_does_the_work_that_the_foot_takes(
-    leg: AnyLeg, alpha: float, force: tuple[float, float], rate: float
-) -> None:
+def test_crank_and_foot_do_no_work(leg: AnyLeg, alpha: float, force: Any, rate: float) -> None:
     pose = solved(leg, alpha)
     velocity = leg.velocity(pose, rate).h
     power = leg.crank_torque(pose, force) * rate + np.dot(force, velocity)
@@ -190,7 +170,7 @@ def test_the_crank_does_the_work_that_the_foot_takes(
 
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, force=st.floats(-1e3, 1e3), direction=st.floats(-3.2, 3.2))
-def test_the_force_that_a_torque_balances_takes_that_torque(
+def test_a_force_takes_the_torque_it_balances(
     leg: AnyLeg, alpha: float, force: float, direction: float
 ) -> None:
     pose = solved(leg, alpha)
@@ -211,32 +191,6 @@ def test_across_its_path_the_foot_balances_any_force() -> None:
     assert caught.value.h_1 == (x_1, y_1)
     assert math.hypot(*caught.value.direction) == pytest.approx(1.0)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
-
-
-@pytest.mark.parametrize(
-    ('method', 'arguments', 'text'),
-    [
-        *(
-            ('crank_torque', (force,), 'force = .* must be two finite numbers')
-            for force in ((math.nan, 0.0), (0.0, math.inf), (1.0,), (1.0, 2.0, 3.0), 'x')
-        ),
-        *(
-            ('velocity', (rate,), 'alpha_rate = .* must be finite')
-            for rate in (math.nan, None, '1')
-        ),
-        ('acceleration', (math.inf, 0.0), 'alpha_rate = inf is refused'),
-        ('acceleration', (0.0, math.nan), 'alpha_acceleration = nan is refused'),
-        ('foot_force', (math.nan, (1.0, 0.0)), 'torque = nan is refused'),
-        ('foot_force', (1.0, (0.0, 0.0)), 'it has no length'),
-        ('foot_force', (1.0, None), 'direction = None'),
-    ],
-)
-def test_invalid_rates_and_forces_are_refused(
-    method: str, arguments: tuple[object, ...], text: str
-) -> None:
-    leg = fresh('sem104')
-    with pytest.raises(ValueError, match=text):
-        getattr(leg, method)(leg.solve(1.0), *arguments)
 
 
 # Similarity.
@@ -268,11 +222,7 @@ def turned_about(linkage: Linkage) -> Linkage:
 @settings(max_examples=30)
 @given(leg=legs(), alpha=alphas)
 def test_a_similar_linkage_moves_alike(
-    change: Callable[[Linkage], Linkage],
-    crank: int,
-    points: tuple[float, float],
-    leg: AnyLeg,
-    alpha: float,
+    change: Callable[[Linkage], Linkage], crank: int, points: Any, leg: AnyLeg, alpha: float
 ) -> None:
     pose = solved(leg, alpha, 0.1)
     similar_leg = leg_of(change(leg.linkage))
@@ -288,10 +238,8 @@ def test_a_similar_linkage_moves_alike(
         limit = digits * factor * (1.0 + np.abs(original).max())
         np.testing.assert_allclose(similar, original * points, rtol=0, atol=limit)
     if leg.linkage.is_dyadic:
-        expected = np.multiply(pose.clearances, factor)
-        np.testing.assert_allclose(
-            similar_pose.clearances, expected, rtol=1e-9, atol=1e-11 * factor
-        )
+        clearances = np.divide(similar_pose.clearances, factor)
+        np.testing.assert_allclose(clearances, pose.clearances, rtol=1e-9, atol=1e-11)
 
 
 # Where it has been, and where it can be.
@@ -299,9 +247,7 @@ def test_a_similar_linkage_moves_alike(
 
 @settings(max_examples=100)
 @given(leg=legs(0.3), steps=st.lists(alphas, min_size=2, max_size=10))
-def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(
-    leg: AnyLeg, steps: list[float]
-) -> None:
+def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(leg: AnyLeg, steps: Any) -> None:
     for alpha in steps:
         try:
             expected = leg.closed_form(alpha)
@@ -382,9 +328,6 @@ def test_a_singular_pose_has_no_motion_and_transmits_nothing_known(method: str) 
         assert leg.solve(alpha + 0.1).iterations > 0
 
 
-# Objects.
-
-
 @FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_pickles_are_restored_equal(leg: AnyLeg, alpha: float) -> None:
@@ -392,12 +335,6 @@ def test_pickles_are_restored_equal(leg: AnyLeg, alpha: float) -> None:
     again = pickle.loads(pickle.dumps(pose))  # noqa: S301 - our own
     assert again == pose
     assert pickle.loads(pickle.dumps(leg)).solve(alpha).h == pytest.approx(pose.h)  # noqa: S301
-
-
-def test_the_points_are_a_copy() -> None:
-    pose = fresh('sem104').solve(1.0)
-    pose.points[7] = 0.0
-    assert pose.points[7].tolist() == pytest.approx(pose.h)
 
 
 def test_a_pose_of_another_linkage_is_refused_and_one_of_an_equal_one_is_not() -> None:

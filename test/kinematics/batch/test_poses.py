@@ -62,7 +62,7 @@ def test_ends_that_coincide_are_too_close(kernel: str) -> None:
 @both_kernels
 @pytest.mark.parametrize('shape', [(), (0,), (1,), (7,), (2, 3), (3, 0, 2), (2, 3, 4)])
 @pytest.mark.parametrize('count', [None, 0, 1, 2, 50])
-def test_the_shape_is_that_of_legs_and_angles(
+def test_the_shape_is_of_legs_and_angles(
     count: int | None, shape: tuple[int, ...], kernel: str
 ) -> None:
     alphas = np.linspace(0.0, 7.0, math.prod(shape)).reshape(shape)
@@ -221,12 +221,6 @@ THREE = [1.0, 2.0, 3.0]
 def test_invalid_arrays_are_refused(alphas: object, out: object, text: str) -> None:
     with pytest.raises(ValueError, match=text):
         klann_poses(SEM104, alphas, out=out)
-
-
-@pytest.mark.parametrize('geometries', [None, 3.0, [SEM104, None], KlannLeg(), {'l_ab': 1.0}])
-def test_geometries_must_be_geometries(geometries: object) -> None:
-    with pytest.raises(TypeError, match='is refused: it must be a KlannGeometry'):
-        klann_poses(geometries, 1.0)
 
 
 @settings(max_examples=2 * len(NAMES))

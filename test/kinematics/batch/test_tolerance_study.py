@@ -140,31 +140,3 @@ def test_progress_is_reported_to_the_end(monkeypatch: pytest.MonkeyPatch) -> Non
     options: Any = {'samples': 400, 'crank_angles': 3}
     tolerance_study(SEM104, 0.01, progress=lambda *now: calls.append(now), **options)
     assert calls == [(800, 1200), (1200, 1200)]
-
-
-@pytest.mark.parametrize(
-    ('tolerances', 'options', 'text'),
-    [
-        ({'l_xy': 0.1}, {}, 'tolerances of l_xy are refused: the names are l_ab, '),
-        ({'assembly': 0.1}, {}, 'tolerances of assembly are refused'),
-        ({'l_ab': 0.12}, {}, 'tolerance of l_ab = 0.12 is refused: .* smaller than the length'),
-        ({'x_d': -0.1}, {}, 'tolerance of x_d = -0.1 is refused: .* not negative'),
-        ({'x_d': math.inf}, {}, 'must be finite'),
-        ({'x_d': math.nan}, {}, 'must be finite'),
-        ({'x_d': '0.1'}, {}, "tolerance of x_d = '0.1' is refused"),
-        (1.0, {}, 'tolerance of l_ab = 0.12 is refused'),
-        *(
-            (neither, {}, 'tolerances = .* must be finite, or a mapping of names')
-            for neither in (None, 'a', math.nan, math.inf)
-        ),
-        (0.01, {'samples': 0}, 'samples = 0 is refused'),
-        (0.01, {'samples': 2.5}, 'samples = 2.5 is refused'),
-        (0.01, {'crank_angles': -1}, 'crank_angles = -1 is refused'),
-        (0.01, {'distribution': 'flat'}, "distribution = 'flat' is refused"),
-        (0.01, {'seed': -1}, 'seed = -1 is refused'),
-        (0.01, {'seed': 'a'}, "seed = 'a' is refused"),
-    ],
-)
-def test_invalid_arguments_are_refused(tolerances: object, options: Any, text: str) -> None:
-    with pytest.raises(ValueError, match=text):
-        tolerance_study(SEM104, tolerances, **options)

@@ -1,6 +1,5 @@
 """Which crank angles put the foot where it is wanted: all of them, and no others."""
 
-from collections.abc import Callable
 import math
 from typing import Any
 
@@ -83,7 +82,7 @@ def test_the_ends_of_an_arc_are_included() -> None:
             leg.solve(angle)
 
 
-def test_an_ellipse_gives_the_arc_cosines(ellipse: Callable[[float, float], Any]) -> None:
+def test_an_ellipse_gives_the_arc_cosines(ellipse: Any) -> None:
     path = foot_path(ellipse(0.5, 0.25))
     for x in (-0.49, -0.2, 0.0, 0.3, 0.499999):
         alpha = math.acos(x / 0.5)
@@ -92,7 +91,7 @@ def test_an_ellipse_gives_the_arc_cosines(ellipse: Callable[[float, float], Any]
     assert path.crank_angles_at_height(-2.0) == pytest.approx([0.0, math.pi], abs=1e-12)
 
 
-def test_two_extremes_between_two_samples_are_found(wavy: Callable[[float], Any]) -> None:
+def test_two_extremes_between_two_samples_are_found(wavy: Any) -> None:
     # x = sin u (1 + k cos u) is 0 at u = 0 and pi, and for k > 1 at cos u = -1/k as well.
     few = foot_path(wavy(0.9995), samples=32)
     assert few.crank_angles_at_x(0.0) == pytest.approx([0.1, math.pi + 0.1], abs=1e-5)
@@ -138,7 +137,7 @@ def test_the_nearest_angle_of_a_foot_is_its_own_and_no_sample_is_nearer_to_a_poi
     assert at_foot.alpha == at_foot.ties[0]
 
 
-def test_all_ties_are_returned(ellipse: Callable[[float, float], Any]) -> None:
+def test_all_ties_are_returned(ellipse: Any) -> None:
     path = foot_path(ellipse(0.5, 0.25))
     nearest = path.nearest_crank_angle((1.0, -2.0))
     assert nearest.distance == pytest.approx(0.25, abs=1e-15)

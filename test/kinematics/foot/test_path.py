@@ -1,6 +1,5 @@
 """`foot_path`: the figures of a whole turn, of what there is of one, of any point; refusals."""
 
-from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 import math
 from typing import Any
@@ -10,7 +9,6 @@ from klann_ros.kinematics import (
     foot_path,
     FootPath,
     FourBar,
-    GeometryError,
     KlannGeometry,
     KlannLeg,
     LinkageLeg,
@@ -88,9 +86,7 @@ def test_a_path_is_frozen() -> None:
 
 @settings(max_examples=15)
 @given(geometry=legs(), factor=st.sampled_from([0.001, 3.0, 1000.0]))
-def test_a_scaled_leg_has_a_scaled_path_and_a_mirrored_one_a_mirrored_path(
-    geometry: KlannGeometry, factor: float
-) -> None:
+def test_a_scaled_or_mirrored_leg_has_such_a_path(geometry: KlannGeometry, factor: float) -> None:
     path, scaled = path_of(geometry), path_of(geometry.scaled(factor))
     # Where an arc ends its own last digit moves the foot.
     tolerance = 1e-9 if path.full_turn else 1e-5
@@ -168,7 +164,7 @@ def test_other_legs_have_a_path_and_a_stance(name: str) -> None:
         assert leg.solve(angle).h[0] == pytest.approx(sum(path.x_range) / 2, abs=1e-13)
 
 
-def test_an_ellipse_has_its_figures(ellipse: Callable[[float, float], Any]) -> None:
+def test_an_ellipse_has_its_figures(ellipse: Any) -> None:
     path = foot_path(ellipse(0.5, 0.5))
     assert path.x_range == pytest.approx((0.5, 1.5), abs=1e-15)
     assert path.length == pytest.approx(math.pi, rel=1e-15)
@@ -192,9 +188,7 @@ def test_a_leg_that_reaches_nothing_has_no_path(half_circle: Any, arcs: Any) -> 
         foot_path(half_circle)
 
 
-def test_a_singular_sample_leaves_a_closed_path_without_an_area(
-    ellipse: Callable[[float, float], Any],
-) -> None:
+def test_a_singular_sample_leaves_no_area(ellipse: Any) -> None:
     leg = ellipse(0.5, 0.25)
     velocity = leg.velocity
 
@@ -211,55 +205,6 @@ def test_a_singular_sample_leaves_a_closed_path_without_an_area(
 
 
 NO_POINT = "must be a point's name, or body, u, v"
-
-
-@pytest.mark.parametrize('samples', [31, 0, -5, 100.5, '100', None])
-def test_too_few_samples(samples: Any) -> None:
-    with pytest.raises(ValueError, match=f'samples = {samples!r} is refused'):
-        foot_path(KlannLeg(), samples=samples)
-
-
-@pytest.mark.parametrize('leg', [KlannGeometry(), None, 'jansen'])
-def test_anything_but_a_leg(leg: Any) -> None:
-    with pytest.raises(TypeError, match=r'leg = .* is refused: it must be a leg'):
-        foot_path(leg)
-
-
-@pytest.mark.parametrize(
-    ('point', 'reason'),
-    [
-        ('A', 'the foot A is a pivot and does not move'),
-        ('h', 'the foot h is none of the points: .*; did you mean H'),
-        (('gama', 0.1, 0.0), 'gama: no such body; there are .*; did you mean gamma'),
-        (('gamma', math.nan, 0.0), 'u = nan is refused'),
-        (('gamma', 0.1, '1'), "v = '1' is refused"),
-        (('gamma', 0.1), NO_POINT),
-        (3, NO_POINT),
-    ],
-)
-def test_an_unknown_or_fixed_point(point: Any, reason: str) -> None:
-    with pytest.raises(ValueError, match=reason) as caught:
-        foot_path(KlannLeg(), point=point)
-    assert isinstance(caught.value, GeometryError) != (reason == NO_POINT)
-
-
-@pytest.mark.parametrize('value', [math.nan, math.inf, None, 'a'])
-def test_a_coordinate_that_is_not_finite(value: Any) -> None:
-    path = foot_path(KlannLeg())
-    for ask, argument, reason in (
-        (path.crank_angles_at_x, value, f'x = {value!r} is refused'),
-        (path.crank_angles_at_height, value, f'y = {value!r} is refused'),
-        (path.nearest_crank_angle, (0.0, value), 'two finite numbers'),
-        (path.nearest_crank_angle, (0.0,), 'two finite numbers'),
-    ):
-        with pytest.raises(ValueError, match=reason):
-            ask(argument)
-
-
-@pytest.mark.parametrize('ground', [0.0, -0.01, 1e-15, math.nan, math.inf, 'a'])
-def test_a_band_without_height(ground: Any) -> None:
-    with pytest.raises(ValueError, match=r'ground = .* is refused'):
-        foot_path(KlannLeg()).stance(ground)
 
 
 BAR = FourBar(0.18, 0.08, 0.2, 0.15)
@@ -300,7 +245,7 @@ def test_every_point_that_moves_has_its_path(name: str) -> None:
         ('four_bar', 'theta3', 'AB', (-0.1, 0.0)),
     ],
 )
-def test_a_body_point_is_placed_by_its_first_bar_and_side(
+def test_a_body_point_is_placed_by_its_bar(
     name: str, body: str, ends: str, place: tuple[float, float]
 ) -> None:
     leg, (u, v) = LinkageLeg(shipped_linkage(name)), place

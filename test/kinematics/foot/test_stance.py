@@ -1,6 +1,5 @@
 """The stance: while the foot is on the ground and moves backwards."""
 
-from collections.abc import Callable
 import math
 import pickle
 from typing import Any
@@ -73,9 +72,7 @@ def test_a_foot_that_only_rises_and_falls_has_no_stance() -> None:
         assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
 
 
-def test_a_foot_that_rises_and_falls_all_round_has_no_stance(
-    ellipse: Callable[[float, float], Any],
-) -> None:
+def test_a_foot_that_rises_and_falls_all_round_has_no_stance(ellipse: Any) -> None:
     with pytest.raises(NoStanceError):
         foot_path(ellipse(0.0, 0.5)).stance()
 
@@ -128,7 +125,7 @@ def test_the_first_stance_holds_the_lowest_point() -> None:
     assert path.stance(0.01) == first
 
 
-def test_an_ellipse_has_its_stance(ellipse: Callable[[float, float], Any]) -> None:
+def test_an_ellipse_has_its_stance(ellipse: Any) -> None:
     path = foot_path(ellipse(0.5, 0.5))
     stance = path.stance(0.1)
     half = math.acos(0.8)
@@ -148,9 +145,7 @@ def test_an_ellipse_has_its_stance(ellipse: Callable[[float, float], Any]) -> No
     assert stance.straightness == pytest.approx(stance.deviation / 0.6, rel=1e-12)
 
 
-def test_a_band_above_the_whole_path_leaves_the_half_that_moves_backwards(
-    ellipse: Callable[[float, float], Any],
-) -> None:
+def test_a_band_above_the_whole_path_leaves_the_half_that_moves_backwards(ellipse: Any) -> None:
     (stance,) = foot_path(ellipse(0.5, 0.25)).stances(9.0)
     assert (stance.start, stance.end) == pytest.approx((math.pi, 2 * math.pi), abs=1e-12)
 

@@ -122,12 +122,6 @@ def test_change_points_are_not_dead_points() -> None:
         assert bar.dead_points('crank') == bar.dead_points('rocker') == []
 
 
-@pytest.mark.parametrize('driver', ['coupler', '', None, 2])
-def test_another_driver_is_refused(driver: str) -> None:
-    with pytest.raises(ValueError, match=r"driver = .* must be 'crank', 'rocker' or 'both'"):
-        FourBar(*COURSE).dead_points(driver)
-
-
 @pytest.mark.parametrize('assembly', [1, -1])
 def test_the_limits_of_a_crank_rocker_are_those_of_its_turn(assembly: int) -> None:
     bar = FourBar(*COURSE, assembly)

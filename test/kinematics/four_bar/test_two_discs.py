@@ -20,9 +20,7 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     return called(PYTHON, EXAMPLE, *arguments)
 
 
-def test_the_example_prints_the_angles_and_the_greatest_difference_and_draws(
-    tmp_path: Path,
-) -> None:
+def test_the_example_prints_angles_and_differences_and_draws(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     picture = tmp_path / 'discs.png'
     result = run('--step', 5, '--plot', picture)

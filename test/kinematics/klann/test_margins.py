@@ -1,11 +1,9 @@
 """Margins: each is where the full turn is lost, and the way there is free of gaps."""
 
-from collections.abc import Callable
 import math
 import pickle
-from typing import Any
 
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, HealthCheck, settings, strategies as st
 from klann_ros.kinematics import (
     GeometryError,
     KlannGeometry,
@@ -103,11 +101,10 @@ def test_a_number_that_is_0_has_no_relative_change() -> None:
     assert margin.relative == (-math.inf, math.inf)
 
 
-@settings(max_examples=6)
+# Most random legs do not turn fully.
+@settings(max_examples=6, suppress_health_check=[HealthCheck.filter_too_much])
 @given(geometry=legs(change=0.15), name=st.sampled_from(NUMBERS), share=shares)
-def test_between_the_margins_the_crank_turns_fully(
-    geometry: KlannGeometry, name: str, share: float
-) -> None:
+def test_between_margins_it_turns_fully(geometry: KlannGeometry, name: str, share: float) -> None:
     assume(turns_fully(geometry))
     margins = length_margins(geometry)
     _, min_number, max_number = margins[name]
@@ -129,7 +126,7 @@ def test_scaled_lengths_scale_the_margins(geometry: KlannGeometry, factor: float
 
 
 @pytest.mark.parametrize('difference', [0.01, 0.0001])
-def test_the_range_ends_at_the_first_loss_though_it_closes_again_beyond(difference: float) -> None:
+def test_the_range_ends_at_the_first_loss(difference: float) -> None:
     # Where E crosses the path of G, EG becomes shorter than |EF - FG|, over no more than that.
     geometry = KlannGeometry(l_ef=0.36, l_fg=0.36 + difference)
     greatest = length_margins(geometry)['x_e'].greatest
@@ -145,10 +142,3 @@ def test_a_leg_that_does_not_turn_fully_has_no_margins() -> None:
         length_margins(geometry)
     assert caught.value.arcs == reachable_arcs(geometry)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)  # noqa: S301
-
-
-@pytest.mark.parametrize('ask', [length_margins, turns_fully, reachable_arcs])
-@pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry, [KlannGeometry()]])
-def test_invalid_linkages_are_refused(ask: Callable[[Any], Any], wrong: object) -> None:
-    with pytest.raises(TypeError, match=r'is refused: it must be a Linkage, a KlannGeometry or a'):
-        ask(wrong)

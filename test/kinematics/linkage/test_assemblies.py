@@ -75,12 +75,6 @@ def test_a_leg_that_does_not_close_names_the_assemblies_that_do() -> None:
         KlannGeometry(y_a=9.0)
 
 
-@pytest.mark.parametrize('signs', [(), (1,), (1, 0), (1, 1, 1), (True, 2)])
-def test_invalid_assembly_signs_are_refused(signs: tuple[int, ...]) -> None:
-    with pytest.raises(GeometryError, match=r'it must be two signs, each \+1 or -1'):
-        KlannGeometry().linkage.in_assembly(signs)
-
-
 @pytest.mark.parametrize('sign', [1, -1])
 def test_a_file_may_state_its_assembly_in_place_of_a_start(sign: int) -> None:
     stated = linkage_from_text(FOUR_BAR % ('', f'assembly: [{sign}]'), 'x')

@@ -131,9 +131,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         linkage_from_file(tmp_path / 'binary.yaml')
 
 
-def test_a_folder_hides_no_shipped_linkage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_hides_no_linkage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'jansen').mkdir()
     assert linkage_from_file('jansen') == shipped_linkage('jansen')

@@ -30,9 +30,7 @@ def unknowns(linkage: Linkage) -> list[list[str]]:
         ('stephenson', None),
     ],
 )
-def test_loops_are_dyads_one_after_the_other_or_coupled(
-    name: str, expected: list[list[str]] | None
-) -> None:
+def test_loops_are_dyads_or_coupled(name: str, expected: list[list[str]] | None) -> None:
     linkage = shipped_linkage(name)
     assert linkage.is_dyadic is (expected is not None)
     assert all(block.is_dyad is linkage.is_dyadic for block in linkage.blocks)
