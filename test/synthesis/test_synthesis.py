@@ -29,8 +29,10 @@ import numpy as np
 import pytest
 from traced_four_bars import is_joined, is_traced, position_at, random_task, with_positions
 
+Task = tuple[PlacedFourBar, list[float]]
 
-def tasks(count: int) -> st.SearchStrategy[tuple[PlacedFourBar, list[float]]]:
+
+def tasks(count: int) -> st.SearchStrategy[Task]:
     """Draw a four-bar and crank angles of one assembly mode, apart from each other."""
     return st.integers(0, 2**32).map(lambda seed: random_task(np.random.default_rng(seed), count))
 
@@ -56,9 +58,7 @@ def same(linkage: PlacedFourBar, generator: PlacedFourBar) -> bool:
 
 
 @given(task=tasks(5))
-def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(task: Task) -> None:
     linkage, thetas = task
     poses = poses_of(linkage, thetas)
     dyads = burmester_points(poses)
@@ -70,9 +70,7 @@ def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(
 
 
 @given(task=tasks(4))
-def test_dyads_of_four_poses_are_bars_of_one_length(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_dyads_of_four_poses_are_bars_of_one_length(task: Task) -> None:
     poses = poses_of(*task)
     for dyad in burmester_curve(poses, 36):
         bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
@@ -85,9 +83,7 @@ def test_dyads_of_four_poses_are_bars_of_one_length(
 
 
 @given(task=tasks(3))
-def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(task: Task) -> None:
     linkage, thetas = task
     (a, b, _), poses, psi = linkage.positions[0], poses_of(linkage, thetas), rocker_angles(*task)
     turns = [np.array(angles[1:]) - angles[0] for angles in (thetas, psi)]
@@ -106,9 +102,7 @@ def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(
 
 
 @given(task=tasks(5))
-def test_function_generators_of_three_to_five_points_contain_their_origin(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_function_generators_of_three_to_five_points_contain_their_origin(task: Task) -> None:
     linkage, thetas = task
     ground = linkage.geometry.ground
     phi, psi = np.array(thetas) - thetas[0], rocker_angles(linkage, thetas)
@@ -124,8 +118,8 @@ def test_function_generators_of_three_to_five_points_contain_their_origin(
 
 
 @given(task=tasks(4), flip=st.sampled_from([None, 1, 2, 3]))
-def test_a_linkage_is_sound_just_where_a_trace_of_its_motion_meets_the_positions_in_order(
-    task: tuple[PlacedFourBar, list[float]], flip: int | None
+def test_it_is_sound_where_a_trace_meets_the_positions_in_order(
+    task: Task, flip: int | None
 ) -> None:
     positioned = with_positions(*task, flip)
     assert positioned.defects.branch == (flip is not None)
@@ -133,9 +127,7 @@ def test_a_linkage_is_sound_just_where_a_trace_of_its_motion_meets_the_positions
 
 
 @given(task=tasks(4))
-def test_circuits_are_the_components_of_the_reachable_poses(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_circuits_are_the_components_of_the_reachable_poses(task: Task) -> None:
     linkage, thetas = task
     positioned = with_positions(linkage, thetas)
     # In one assembly mode two poses are on one circuit where the crank leads between them.
@@ -144,9 +136,7 @@ def test_circuits_are_the_components_of_the_reachable_poses(
 
 
 @given(task=tasks(3))
-def test_cognates_share_the_path_of_the_coupler_point(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_cognates_share_the_path_of_the_coupler_point(task: Task) -> None:
     linkage, thetas = task
     assume(min(abs(linkage.coupler_vector), abs(1.0 - linkage.coupler_vector)) > 0.05)
     positioned = with_positions(linkage, thetas)
@@ -161,9 +151,7 @@ def test_cognates_share_the_path_of_the_coupler_point(
 
 
 @given(task=tasks(1))
-def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
-    task: tuple[PlacedFourBar, list[float]],
-) -> None:
+def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(task: Task) -> None:
     linkage, (theta,) = task
     centres = linkage.instant_centres()
     i_24 = centres['I24']
@@ -186,7 +174,7 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(
 # Four hundred cranks are tried for each.
 @settings(max_examples=8)
 @given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
-def test_quick_returns_have_the_time_ratio_and_the_swing(
+def test_quick_returns_have_time_ratio_and_swing(
     ratio: float, swing: float, rocker: float
 ) -> None:
     for geometry in quick_returns(ratio, swing, rocker):
