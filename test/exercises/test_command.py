@@ -11,6 +11,8 @@ from klann_ros.exercises.sheet import picture, with_unit
 from klann_ros.exercises.tables import read_students
 import pytest
 
+Capture = pytest.CaptureFixture[str]
+
 CLASS = 'student;name\n0011;João\n0012;<b>Eve</b>\n=cmd;x\n'
 
 
@@ -27,6 +29,10 @@ def make(students: Path, folder: Path, kind: str, *more: str) -> int:
     return main(['make', '--kind', kind, *place, *more])
 
 
+def read_csv(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text('utf-8-sig').splitlines()))
+
+
 def code_of(*arguments: str) -> int:
     with pytest.raises(SystemExit) as end:
         main([*arguments])
@@ -34,9 +40,7 @@ def code_of(*arguments: str) -> int:
 
 
 @pytest.mark.parametrize('language', ['en', 'pt'])
-def test_sheets_and_key_are_made_for_a_class(
-    students: Path, tmp_path: Path, language: str
-) -> None:
+def test_sheets_and_key_are_for_a_class(students: Path, tmp_path: Path, language: str) -> None:
     assert make(students, tmp_path / 'out', 'limits', '--language', language) == 0
     sheets = (tmp_path / 'out/limits.html').read_text()
     key = (tmp_path / 'out/limits_key.html').read_text()
@@ -51,23 +55,15 @@ def test_sheets_and_key_are_made_for_a_class(
     assert shown not in sheets
 
 
-def test_the_template_filled_in_is_marked(
-    students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_template_filled_in_is_marked(students: Path, tmp_path: Path, capsys: Capture) -> None:
     make(students, tmp_path, 'toggle')
-    rows = [*csv.DictReader((tmp_path / 'toggle_answers.csv').read_text('utf-8-sig').splitlines())]
-    assert [row['student'] for row in rows] == ['0011'] * 3 + ['0012'] * 3 + ["'=cmd"] * 3
+    template = read_csv(tmp_path / 'toggle_answers.csv')
+    assert [line['student'] for line in template] == ['0011'] * 3 + ['0012'] * 3 + ["'=cmd"] * 3
     key = make_variant(KINDS['toggle'], '0011').answers
     lines = ['student,kind,question,answer']
-    lines += [f'0011,toggle,{name},"{value:.5g} mm"' for name, value in key.items()]
-    lines += [
-        "'=cmd,toggle,Z,x",
-        '0012,toggle,Z,1',
-        '0012,toggle,Y,1',
-        '0012,jump,Z,1',
-        '0011,toggle,Z,1',
-        '1.1E+07,toggle,Z,1',
-    ]
+    lines += [f'0011,toggle,{name},"{length:.5g} mm"' for name, length in key.items()]
+    lines += ["'=cmd,toggle,Z,x", '0012,toggle,Z,1', '0012,toggle,Y,1', '0012,jump,Z,1']
+    lines += ['0011,toggle,Z,1', '1.1E+07,toggle,Z,1']
     answers = tmp_path / 'answers.csv'
     answers.write_text('\n'.join(lines))
     capsys.readouterr()
@@ -80,9 +76,9 @@ def test_the_template_filled_in_is_marked(
     ]
     assert shown.count('refused: line ') == 4
     assert 'toggle: 3 students, 33 %; empty 4, right 3, ' in shown
-    marks = [*csv.DictReader((tmp_path / 'marks.csv').read_text('utf-8-sig').splitlines())]
-    assert [row['points'] for row in marks] == ['1'] * 3 + ['0'] * 6
-    assert "'=cmd" in {row['student'] for row in marks}
+    marks = read_csv(tmp_path / 'marks.csv')
+    assert [line['points'] for line in marks] == ['1'] * 3 + ['0'] * 6
+    assert "'=cmd" in {line['student'] for line in marks}
 
 
 @pytest.mark.parametrize(
@@ -103,8 +99,8 @@ def test_the_template_filled_in_is_marked(
         (f'student\n{"9" * 300}\n', '(300 characters)'),
     ],
 )
-def test_an_invalid_class_list_is_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, message: str
+def test_an_invalid_class_list_is_refused(
+    tmp_path: Path, capsys: Capture, content: str, message: str
 ) -> None:
     path = tmp_path / 'class.csv'
     path.write_text(content)
@@ -130,18 +126,13 @@ def test_a_class_list_of_any_spreadsheet_is_read(tmp_path: Path, content: bytes)
     assert read_students(str(path)) == {'1': 'João, "o outro"', '2': '=cmd|x'}
 
 
-@pytest.mark.parametrize(
-    ('name', 'message'),
-    [
-        ('none.csv', 'cannot be read: '),
-        ('.', 'cannot be read: '),
-        ('a\0b', 'cannot be read: '),
-        ('class.xlsx', 'is a workbook: save it as CSV'),
-        ('empty.csv', 'has no answers'),
-    ],
-)
-def test_answers_that_cannot_be_read_are_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, message: str
+UNREADABLE = dict.fromkeys(['none.csv', '.', 'a\0b'], 'cannot be read: ')
+UNREADABLE |= {'class.xlsx': 'is a workbook: save it as CSV', 'empty.csv': 'has no answers'}
+
+
+@pytest.mark.parametrize(('name', 'message'), UNREADABLE.items())
+def test_unreadable_answers_are_refused(
+    tmp_path: Path, capsys: Capture, name: str, message: str
 ) -> None:
     (tmp_path / 'class.xlsx').write_bytes(b'PK\x03\x04\x14')
     (tmp_path / 'empty.csv').write_text('student,kind,question,answer\n')
@@ -151,9 +142,7 @@ def test_answers_that_cannot_be_read_are_refused_in_one_line(
     assert error.count('\n') == 1
 
 
-def test_hostile_answers_are_marked_and_never_reach_the_terminal_or_a_formula(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_hostile_answers_are_marked_and_harmless(tmp_path: Path, capsys: Capture) -> None:
     hostile = [
         '=1+1',
         '@SUM(A1)',
@@ -165,40 +154,40 @@ def test_hostile_answers_are_marked_and_never_reach_the_terminal_or_a_formula(
         '1;2',
         '\u202e12',
     ]
-    path, marks = tmp_path / 'answers.csv', tmp_path / 'marks.csv'
+    path = tmp_path / 'answers.csv'
+    marks = tmp_path / 'marks.csv'
     with path.open('w', encoding='utf-8', newline='') as file:
-        rows = [(f's{k}', 'toggle', 'Z', answer) for k, answer in enumerate(hostile)]
-        csv.writer(file).writerows([('student', 'kind', 'question', 'answer'), *rows])
+        writer = csv.writer(file)
+        writer.writerow(['student', 'kind', 'question', 'answer'])
+        for k, answer in enumerate(hostile):
+            writer.writerow([f's{k}', 'toggle', 'Z', answer])
     assert main(['mark', str(path), '--csv', str(marks)]) == 0
     shown = capsys.readouterr().out
     assert '\x1b' not in shown
     assert '\u202e' not in shown
     assert max(map(len, shown.splitlines())) < 150
-    found = list(csv.DictReader(marks.read_text('utf-8-sig').splitlines()))
-    first = [row for row in found if row['question'] == 'Z']
-    assert [row['points'] for row in first] == ['0'] * len(hostile)
-    assert not any(row['answer'].startswith(('=', '@')) for row in first)
+    first = [line for line in read_csv(marks) if line['question'] == 'Z']
+    assert [line['points'] for line in first] == ['0'] * len(hostile)
+    assert not any(line['answer'].startswith(('=', '@')) for line in first)
 
 
 @pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'cp1252'])
 @pytest.mark.parametrize('delimiter', [';', '\t', ','])
 def test_answers_with_decimal_commas_are_read_from_any_spreadsheet(
-    tmp_path: Path, encoding: str, delimiter: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, encoding: str, delimiter: str, capsys: Capture
 ) -> None:
     key = make_variant(KINDS['toggle'], '0011').answers
     path = tmp_path / 'answers.csv'
     with path.open('w', encoding=encoding, newline='') as file:
         writer = csv.writer(file, delimiter=delimiter)
         writer.writerow(['Student', 'Kind', 'Question', 'Answer', 'Observação'])
-        for name, value in key.items():
-            writer.writerow(['0011', 'toggle', name, f'{value:.2f} mm'.replace('.', ','), ''])
+        for name, length in key.items():
+            writer.writerow(['0011', 'toggle', name, f'{length:.2f} mm'.replace('.', ','), ''])
     assert main(['mark', str(path)]) == 0
     assert 'toggle  3 of 3' in capsys.readouterr().out
 
 
-def test_answers_filled_in_are_kept_when_the_exercises_are_made_again(
-    students: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_answers_filled_in_are_kept(students: Path, tmp_path: Path, capsys: Capture) -> None:
     answers = tmp_path / 'toggle_answers.csv'
     make(students, tmp_path, 'toggle')
     empty = answers.read_bytes()
@@ -225,7 +214,7 @@ def test_answers_filled_in_are_kept_when_the_exercises_are_made_again(
 )
 def test_a_refusal_leaves_the_class_list_as_it_is(  # noqa: PLR0917 - a row of the table
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
     name: str,
     folder: str,
     kind: str,
@@ -239,20 +228,20 @@ def test_a_refusal_leaves_the_class_list_as_it_is(  # noqa: PLR0917 - a row of t
     assert path.read_text() == CLASS
 
 
-def test_a_key_shows_every_step(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_key_shows_every_step(capsys: Capture) -> None:
     assert main(['key', '--kind', 'newton', '--student', '0011']) == 0
     shown = capsys.readouterr().out
     for name in ('Phi_44', 'gamma_2', 'theta_3', 'iterations'):
         assert re.search(rf'^{name} = ', shown, re.MULTILINE)
 
 
-@pytest.mark.parametrize('value', [-7.96e-15, -0.0])
-def test_rounding_errors_are_shown_as_0(value: float) -> None:
-    assert with_unit(value, 'mm', 'pt') == '0 mm'
-    assert with_unit(value, 'deg', 'en') == '0°'
+@pytest.mark.parametrize('error', [-7.96e-15, -0.0])
+def test_rounding_errors_are_shown_as_0(error: float) -> None:
+    assert with_unit(error, 'mm', 'pt') == '0 mm'
+    assert with_unit(error, 'deg', 'en') == '0°'
 
 
-def test_the_kinds_are_listed_in_portuguese(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_kinds_are_listed_in_portuguese(capsys: Capture) -> None:
     assert main(['list', '--language', 'pt']) == 0
     assert capsys.readouterr().out.count('\n') == len(KINDS)
 
