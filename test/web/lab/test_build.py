@@ -12,7 +12,7 @@ PACKED = re.compile('(?<=<script id="packed" type="text/plain">)[^<]+')
 
 def unpacked(page: str) -> str:
     """Return a page with the practice mode as it was before each zlib packed it its own way."""
-    return PACKED.sub(lambda found: zlib.decompress(b64decode(found[0])).decode(), page)
+    return PACKED.sub(lambda match: zlib.decompress(b64decode(match[0])).decode(), page)
 
 
 def test_the_file_is_up_to_date() -> None:

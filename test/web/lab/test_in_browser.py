@@ -48,8 +48,8 @@ class Opened(OpenedPage):
         self.until('Boolean(lab.turn)')
 
     def text(self, selector: str) -> str:
-        found: str = self.page.locator(selector).text_content()
-        return found
+        text: str = self.page.locator(selector).text_content()
+        return text
 
     def load(self, text: str) -> None:
         """Load a text as somebody does who has pasted it."""
@@ -63,14 +63,15 @@ class Opened(OpenedPage):
         # A page that has just been scrolled may still take the pointer for elsewhere.
         for _ in range(200):
             box = grip.bounding_box()
-            at = box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
-            self.page.mouse.move(*at)
+            grip_x = box['x'] + box['width'] / 2
+            grip_y = box['y'] + box['height'] / 2
+            self.page.mouse.move(grip_x, grip_y)
             if grip.evaluate("(node) => node.matches(':hover')"):
                 break
             self.page.wait_for_timeout(10)
         self.page.mouse.down()
-        self.page.mouse.move(at[0] + x / 2, at[1] + y / 2)
-        self.page.mouse.move(at[0] + x, at[1] + y)
+        self.page.mouse.move(grip_x + x / 2, grip_y + y / 2)
+        self.page.mouse.move(grip_x + x, grip_y + y)
         self.page.mouse.up()
 
 
@@ -104,9 +105,9 @@ def test_every_shipped_linkage_is_drawn_without_a_request_or_an_error(visit) -> 
         opened.page.locator('#linkage').select_option(name)
         linkage = linkage_from_text((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'), name)
         pose = LinkageLeg(linkage).solve(opened.page.evaluate('lab.alpha'))
-        found = opened.page.evaluate(PLACES)
-        for point, at in zip(linkage.structure.points, pose.points, strict=True):
-            assert np.abs(np.array(found[point]) - at).max() < 1e-9, (name, point)
+        places = opened.page.evaluate(PLACES)
+        for point, place in zip(linkage.structure.points, pose.points, strict=True):
+            assert np.abs(np.array(places[point]) - place).max() < 1e-9, (name, point)
     assert opened.requests == [LAB_FILE.as_uri()]
     assert opened.complaints == []
 
@@ -121,43 +122,36 @@ def test_the_policy_lets_no_other_script_run(visit) -> None:
 
 
 def test_a_dragged_joint_changes_the_lengths_that_meet_there(lab: Opened) -> None:
-    before = lab.page.evaluate('[...lab.numbers]')
+    names = np.array(lab.page.evaluate('lab.linkage.structure.dimensions.map(({ name }) => name)'))
+    first_numbers = np.array(lab.page.evaluate('[...lab.numbers]'))
     lab.drag('C', 30, -40)
-    names = lab.page.evaluate('lab.linkage.structure.dimensions.map(({ name }) => name)')
-    after = lab.page.evaluate('[...lab.numbers]')
-    changed = {n for n, a, b in zip(names, before, after, strict=True) if abs(a - b) > 1e-9}
-    assert changed == {'B-C', 'C-G', 'bend of C-G', 'D-C'}
+    numbers = np.array(lab.page.evaluate('[...lab.numbers]'))
+    changed = names[abs(numbers - first_numbers) > 1e-9]
+    assert {*changed.tolist()} == {'B-C', 'C-G', 'bend of C-G', 'D-C'}
     # Everything else stayed where it was, but for the rounding.
     places = lab.page.evaluate(PLACES)
     expected = KlannLeg().solve(np.pi / 3).points
-    pixel = lab.page.evaluate(
-        '1 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.plane.scale)'
-    )
+    pixel = lab.page.evaluate(METRES_A_PIXEL)
     assert np.abs(np.array(places['G']) - expected[6]).max() < 2.0 * pixel
     assert np.abs(np.array(places['C']) - expected[2]).max() > 0.01
-    assert lab.page.locator('#number-1').input_value() == f'{1000 * after[1]:.8g}'
+    assert lab.page.locator('#number-1').input_value() == f'{1000 * numbers[1]:.8g}'
     # A pivot keeps all lengths.
     lab.drag('E', 12, 9)
-    moved = lab.page.evaluate('[...lab.numbers]')
-    assert [n for n, a, b in zip(names, after, moved, strict=True) if a != b] == ['E.x', 'E.y']
+    last_numbers = np.array(lab.page.evaluate('[...lab.numbers]'))
+    assert names[last_numbers != numbers].tolist() == ['E.x', 'E.y']
 
 
 def test_a_drag_gives_numbers_as_coarse_as_a_pixel(lab: Opened) -> None:
-    pixel = lab.page.evaluate(
-        '1000 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.plane.scale)'
-    )
+    pixel = 1000 * lab.page.evaluate(METRES_A_PIXEL)
     step = lab.page.evaluate(f'roundStep({pixel})')
     assert pixel / 2.5 <= step <= pixel
     lab.drag('E', 12.3, 9.7)
     lab.drag('C', 30.1, -40.2)
     lab.drag('B', 7.3, 5.9)
     for name in ('A-B', 'B-C', 'C-G', 'D-C', 'E.x', 'E.y'):
-        value = lab.page.evaluate(
-            '(name) => 1000 * lab.numbers[lab.linkage.structure.dimensions.findIndex('
-            '(one) => one.name === name)]',
-            name,
-        )
-        assert value / step == pytest.approx(round(value / step), abs=1e-9), name
+        index = f"lab.linkage.structure.dimensions.findIndex(({{ name }}) => name === '{name}')"
+        steps = 1000 * lab.page.evaluate(f'lab.numbers[{index}]') / step
+        assert steps == pytest.approx(round(steps), abs=1e-9), name
     assert len(f'{lab.page.evaluate("lab.alpha * 360 / TAU"):.10g}') <= 5
     assert lab.page.evaluate('!lab.pose.error')
     lab.page.locator('#numbers input[type=range]').first.fill('123.456789')
@@ -165,7 +159,7 @@ def test_a_drag_gives_numbers_as_coarse_as_a_pixel(lab: Opened) -> None:
 
 
 STATE = (
-    '[lab.numbers, lab.linkage.signs, lab.guess, lab.name, lab.source, lab.pose.points || null]'
+    '[lab.numbers, lab.linkage.signs, lab.guess, lab.name, lab.source, lab.pose.points ?? null]'
 )
 
 
@@ -233,36 +227,35 @@ def test_a_link_opens_the_same_state(lab: Opened, visit, name: str) -> None:
     lab.until('location.hash === linkOf(lab)')
     fragment, state, alpha = page.evaluate(f'[location.hash, {STATE}, lab.alpha]')
     if name == 'klann':
-        other = visit(locale='en-US', fragment=fragment)
+        linked = visit(locale='en-US', fragment=fragment)
     else:
         page.evaluate("lab.choose('four_bar'); location.hash = ''")
         page.evaluate('(fragment) => { location.hash = fragment; }', fragment)
         lab.until("lab.source !== 'four_bar'")
-        other = lab
-    assert not other.page.locator('#refusal').is_visible()
-    found, at = other.page.evaluate(f'[{STATE}, lab.alpha]')
-    assert at == alpha
-    assert found[0] == pytest.approx(state[0], rel=1e-15)
-    assert found[1] == state[1]
-    assert found[2] == pytest.approx(state[2], rel=1e-12)
-    assert found[3:5] == state[3:5]
-    assert np.abs(np.array(found[5]) - np.array(state[5])).max() < 1e-12
-    assert other.complaints == []
+        linked = lab
+    assert not linked.page.locator('#refusal').is_visible()
+    linked_state, linked_alpha = linked.page.evaluate(f'[{STATE}, lab.alpha]')
+    assert linked_alpha == alpha
+    assert linked_state[0] == pytest.approx(state[0], rel=1e-15)
+    assert linked_state[1] == state[1]
+    assert linked_state[2] == pytest.approx(state[2], rel=1e-12)
+    assert linked_state[3:5] == state[3:5]
+    assert np.abs(np.array(linked_state[5]) - np.array(state[5])).max() < 1e-12
+    assert linked.complaints == []
 
 
 def test_a_hostile_link_is_refused_in_a_line_and_changes_nothing(lab: Opened) -> None:
     lab.drag('C', 30, -40)
-    before = lab.page.evaluate(STATE)
+    first_state = lab.page.evaluate(STATE)
     open_links = f"""(links) => links.map((link) => {{
         lab.refusal = null;
         lab.attempt(() => openLink(lab, link));
         return [document.getElementById('refusal').textContent, JSON.stringify({STATE})];
     }})"""
     links = [*FILES['links'], 'file=' + '[' * 10_000, 'x' * 1_000_000]
-    found = lab.page.evaluate(open_links, links)
-    for link, (line, state) in zip(links, found, strict=True):
+    for link, (line, state) in zip(links, lab.page.evaluate(open_links, links), strict=True):
         assert 10 < len(line) < 300, link[:60]
-        assert json.loads(state) == before, link[:60]
+        assert json.loads(state) == first_state, link[:60]
     lab.page.evaluate("lab.refusal = null; lab.tell('pose'); location.hash = 'linkage=nothing'")
     lab.until("document.getElementById('refusal').textContent.includes('nothing')")
     assert lab.page.locator('img').count() == 0
@@ -284,26 +277,25 @@ def test_it_turns_and_stops(lab: Opened) -> None:
     lab.page.locator('#play').click()
     lab.until('lab.alpha > 1.2')
     lab.page.locator('#play').click()
-    at = lab.page.evaluate('lab.alpha')
+    alpha = lab.page.evaluate('lab.alpha')
     lab.page.wait_for_timeout(60)
-    assert lab.page.evaluate('lab.alpha') == at
+    assert lab.page.evaluate('lab.alpha') == alpha
 
 
 def test_the_lectures_twelve_numbers_are_in_the_table(lab: Opened) -> None:
     lab.page.evaluate("lab.choose('jansen')")
     lab.page.locator('#lecture').click()
-    rows = lab.page.locator('#iterates tbody tr').all()
-    cells = [[cell.text_content() for cell in row.locator('td').all()][:4] for row in rows]
-    assert [' '.join(row) for row in cells[1:4]] == PRINTED
-    assert (
-        lab.text('#verdict')
-        == 'Converged after 5 corrections, to the assembly [+ +], the one drawn.'
-    )
+    for iterate, printed in zip(
+        lab.page.locator('#iterates tbody tr').all()[1:4], PRINTED, strict=True
+    ):
+        assert iterate.locator('td').all_text_contents()[:4] == printed.split()
+    verdict = 'Converged after 5 corrections, to the assembly [+ +], the one drawn.'
+    assert lab.text('#verdict') == verdict
 
 
 def test_a_guess_may_lead_elsewhere_or_nowhere(lab: Opened) -> None:
-    for box, value in zip(lab.page.locator('#guess input').all(), (60, 15, 45, 60), strict=True):
-        box.fill(str(value))
+    for box, angle in zip(lab.page.locator('#guess input').all(), (60, 15, 45, 60), strict=True):
+        box.fill(str(angle))
     lab.page.locator('#iterate').select_option('2')
     assert lab.page.locator('.iterate-bars').get_attribute('d').startswith('M')
     lab.page.evaluate('lab.setNumber(1, 0.33); lab.turnTo(Math.PI * 11 / 12)')
@@ -333,8 +325,8 @@ def test_another_assembly_is_taken_by_a_button(lab: Opened) -> None:
 
 
 def test_a_refused_number_is_explained_and_changes_nothing(lab: Opened) -> None:
-    def refusal(n: int, value: str) -> str:
-        lab.page.locator(f'#number-{n}').fill(value)
+    def refusal(n: int, text: str) -> str:
+        lab.page.locator(f'#number-{n}').fill(text)
         assert lab.page.evaluate('[lab.numbers[0], lab.numbers[3]]') == [0.12, np.pi / 18.0]
         return lab.text('#refusal')
 
@@ -384,24 +376,21 @@ def test_fit_shows_why_it_jams(lab: Opened) -> None:
 
 def test_f_and_phi_of_each_step_are_those_of_the_lectures(lab: Opened) -> None:
     def matrices() -> list[list[str]]:
-        tables = lab.page.locator('#step table').all()
-        return [
-            [
-                cell.text_content().replace('\N{MINUS SIGN}', '-')
-                for cell in one.locator('td').all()
-            ]
-            for one in tables
-        ]
+        cells = []
+        for table in lab.page.locator('#step table').all():
+            texts = table.locator('td').all_text_contents()
+            cells.append([text.replace('\N{MINUS SIGN}', '-') for text in texts])
+        return cells
 
     lab.page.locator('#lecture').click()
     for row, degrees in enumerate([[15.0, 60.0, 45.0, 60.0], None]):
         alpha, *x = lab.page.evaluate(f'newton.found.x[{row}]')
         assert degrees is None or np.degrees(x) == pytest.approx(degrees)
         lab.page.locator('#iterate').select_option(str(row + 1))
-        shown = [np.array(cells, dtype=float) for cells in matrices()]
         geometry = KlannGeometry.sem104()
-        for found, expected in zip(shown, (f(geometry, alpha, x), phi(geometry, x)), strict=True):
-            assert found == pytest.approx(1e3 * expected.ravel(), abs=6e-4)
+        expected = f(geometry, alpha, x), phi(geometry, x)
+        for cells, matrix in zip(matrices(), expected, strict=True):
+            assert [*map(float, cells)] == pytest.approx(1e3 * matrix.ravel(), abs=6e-4)
     lab.page.evaluate("document.querySelector('details:has(#equations)').open = true")
     equations = lab.page.locator('#equations li').all_text_contents()
     minus, a, b, g = '\u2212\u03b1\u03b2\u03b3'
@@ -434,11 +423,11 @@ def test_the_portuguese_page_has_the_same_content(visit) -> None:
     opened.page.locator('[data-language=en]').click()
     assert opened.text('h1') == 'Linkage lab'
     assert '491.0 mm' in opened.text('#tiles')
-    both = opened.page.evaluate(
-        '[Object.keys(TEXTS.en), Object.keys(TEXTS.pt), Object.keys(TITLES)]'
+    english, portuguese, titles = opened.page.evaluate(
+        '[TEXTS.en, TEXTS.pt, TITLES].map(Object.keys)'
     )
-    assert both[0] == both[1]
-    assert both[2] == shipped_linkages()
+    assert english == portuguese
+    assert titles == shipped_linkages()
     assert opened.complaints == []
 
 
@@ -450,9 +439,7 @@ def saved_by(lab: Opened, button: str, folder: Path) -> str:
     return path.read_text(encoding='utf-8')
 
 
-def test_saved_files_are_loaded_by_solver_node_and_by_the_page(
-    lab: Opened, tmp_path: Path
-) -> None:
+def test_saved_files_are_loaded_by_node_and_page(lab: Opened, tmp_path: Path) -> None:
     lab.drag('C', 25, -30)
     numbers = lab.page.evaluate('[...lab.numbers]')
     lab.page.locator('#name').fill('My leg: "1"')
@@ -460,13 +447,11 @@ def test_saved_files_are_loaded_by_solver_node_and_by_the_page(
     linkage = linkage_from_text(text, 'file')
     assert linkage.numbers == pytest.approx(numbers, rel=1e-15, abs=1e-18)
     assert linkage.name == 'My leg: "1"'
-    (values,) = parse(saved_by(lab, '#save-parameters', tmp_path)).values()
-    geometry = KlannGeometry(**values['ros__parameters'])
+    (node,) = parse(saved_by(lab, '#save-parameters', tmp_path)).values()
+    geometry = KlannGeometry(**node['ros__parameters'])
     assert geometry.l_bc == pytest.approx(numbers[1], rel=1e-14)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        'my_leg_1.yaml',
-        'my_leg_1_parameters.yaml',
-    }
+    names = ['my_leg_1.yaml', 'my_leg_1_parameters.yaml']
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
     lab.page.evaluate("lab.choose('jansen')")
     lab.page.locator('#file').set_input_files(tmp_path / 'my_leg_1.yaml')
     lab.until('lab.name === \'My leg: "1"\'')
@@ -528,13 +513,10 @@ def test_axe_finds_no_barrier(visit) -> None:
     for scheme, options in (('light', None), ('dark', {'runOnly': ['color-contrast']})):
         opened.page.emulate_media(color_scheme=scheme)
         opened.page.wait_for_timeout(150)
-        found = axe.Axe().run(opened.page, options=options).response
-        assert found['passes']
-        reported = [
-            (one['id'], [node['html'][:120] for node in one['nodes']][:3])
-            for one in found['violations']
-        ]
-        assert reported == [], scheme
+        report = axe.Axe().run(opened.page, options=options).response
+        assert report['passes']
+        for barrier in report['violations']:
+            pytest.fail(f'{scheme}: {barrier["id"]}, {barrier["nodes"][0]["html"]}')
 
 
 def draw(lab: Opened, corners: list[tuple[float, float]]) -> None:
@@ -572,9 +554,7 @@ def test_a_drawn_path_is_saved_as_a_wish_that_design_takes(lab: Opened, tmp_path
     assert space.linkage.name == 'My leg'
 
 
-def test_a_path_is_written_with_the_keyboard_and_in_portuguese(
-    lab: Opened, tmp_path: Path
-) -> None:
+def test_a_path_is_typed_and_in_portuguese(lab: Opened, tmp_path: Path) -> None:
     lab.page.locator('#save-requirements').click()
     assert 'there is no path' in lab.text('#refusal')
     lab.page.locator('[data-language=pt]').click()

@@ -1,6 +1,6 @@
 """The practice mode: the exercises, keys, steps and marks of Python, in node and in the page."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import json
 from pathlib import Path
 import re
@@ -29,9 +29,9 @@ function answer({ data, cases }) {
     return {
       givens: exercise.givens,
       answers: exercise.answers,
-      tolerances: exercise.kind.questions.map((each) => exercise.tolerance(each)),
+      tolerances: exercise.kind.questions.map((question) => exercise.tolerance(question)),
       steps: exercise.worked.steps,
-      marks: answers.map((each) => markAnswers(exercise, each)),
+      marks: answers.map((given) => markAnswers(exercise, given)),
     };
   });
 }
@@ -39,64 +39,71 @@ function answer({ data, cases }) {
 
 
 def in_browser(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = in_node(
+    exercises: list[dict[str, Any]] = in_node(
         ANSWERS, {'data': lab_data(), 'cases': cases}, PRACTICE[:4]
     )
-    return found
+    return exercises
 
 
-def assert_near(found: Any, right: Any) -> None:
+def assert_near(answer: Any, right: Any) -> None:
     if isinstance(right, str):
-        assert found == right
+        assert answer == right
     else:
-        assert found == right or abs(found - right) <= NEAR * max(1.0, abs(right))
+        assert answer == right or abs(answer - right) <= NEAR * max(1.0, abs(right))
 
 
 @needs_node
 def test_a_student_gets_the_numbers_of_the_sheet() -> None:
     variants = [make_variant(kind, student) for kind in KINDS.values() for student in STUDENTS]
     cases = [{'kind': v.kind.name, 'student': v.student, 'answers': []} for v in variants]
-    for variant, found in zip(variants, in_browser(cases), strict=True):
-        assert found['givens'] == variant.givens
-        for question, tolerance in zip(variant.kind.questions, found['tolerances'], strict=True):
-            assert_near(found['answers'][question.name], variant.answers[question.name])
+    for variant, exercise in zip(variants, in_browser(cases), strict=True):
+        assert exercise['givens'] == variant.givens
+        for question, tolerance in zip(
+            variant.kind.questions, exercise['tolerances'], strict=True
+        ):
+            assert_near(exercise['answers'][question.name], variant.answers[question.name])
             assert tolerance == variant.tolerance(question)
-        for mine, step in zip(found['steps'], variant.steps, strict=True):
-            assert (mine['symbol'], mine['unit'], mine['formula']) == (step[0], step[2], step[3])
-            assert_near(mine['value'], step.value)
+        for shown, step in zip(exercise['steps'], variant.steps, strict=True):
+            assert (shown['symbol'], shown['unit'], shown['formula']) == (step[0], *step[2:4])
+            assert_near(shown['value'], step.value)
 
 
 def wrong_answers(variant: Variant) -> list[dict[str, str]]:
     """Return the answers of students with one slip each, and as they may be written."""
-    right = {name: written(value) for name, value in variant.answers.items()}
-    found = [right, {}, dict.fromkeys(right, 'x'), dict.fromkeys(right, '7')]
-    found.append({name: f' {text.replace(".", ",")} ' for name, text in right.items()})
+    right = written(variant.answers)
+    answers = [right, {}, dict.fromkeys(right, 'x'), dict.fromkeys(right, '7')]
+    answers.append({name: f' {text.replace(".", ",")} ' for name, text in right.items()})
     for mistake, wrong in variant.mistaken.items():
         # Iterates that lead nowhere amplify the last bit of a number.
         if variant.kind.name.endswith('newton') and re.match('f:|phi|transp|sign|sine', mistake):
             continue
-        found.append(right | {name: written(value) for name, value in wrong.items()})
-    return found
+        answers.append(right | written(wrong))
+    return answers
 
 
-def written(value: float | str) -> str:
-    return value if isinstance(value, str) else f'{value:.6g}'
+def written(answers: Mapping[str, float | str]) -> dict[str, str]:
+    return {name: x if isinstance(x, str) else f'{x:.6g}' for name, x in answers.items()}
 
 
 @needs_node
 def test_slips_and_points_are_those_of_the_marking() -> None:
     variants = [make_variant(kind, '31') for name, kind in KINDS.items() if name != 'foot-path']
-    answers = [wrong_answers(variant) for variant in variants]
-    cases = [
-        {'kind': variant.kind.name, 'student': '31', 'answers': own}
-        for variant, own in zip(variants, answers, strict=True)
-    ]
-    for variant, own, found in zip(variants, answers, in_browser(cases), strict=True):
-        for given, marks in zip(own, found['marks'], strict=True):
-            right = mark(variant, given)
-            assert [(m['question'], m['points'], m['slip'], m['isCarried']) for m in marks] == [
-                (each.question, each.points, each.slip, each.carried) for each in right
-            ], (variant.kind.name, given)
+    cases = []
+    for variant in variants:
+        answers = wrong_answers(variant)
+        cases.append({'kind': variant.kind.name, 'student': '31', 'answers': answers})
+    for variant, case, exercise in zip(variants, cases, in_browser(cases), strict=True):
+        for answers, marks in zip(case['answers'], exercise['marks'], strict=True):
+            expected = mark(variant, answers)
+            for shown, right in zip(marks, expected, strict=True):
+                mark_in_lab = (
+                    shown['question'],
+                    shown['points'],
+                    shown['slip'],
+                    shown['isCarried'],
+                )
+                mark_here = (right.question, right.points, right.slip, right.carried)
+                assert mark_in_lab == mark_here, (variant.kind.name, answers)
 
 
 @needs_node
@@ -106,11 +113,10 @@ def test_an_answer_is_read_as_python_reads_it() -> None:
     }"""
     question = KINDS['four-bar-position'].questions[1]
     given = {'data': lab_data(), 'texts': FILES['answers'], 'question': question._asdict()}
-    expected = [read_answer(text, question) for text in FILES['answers']]
-    for text, mine, right in zip(
-        FILES['answers'], in_node(script, given, PRACTICE[:4]), expected, strict=True
-    ):
-        assert mine == (None if right is None else pytest.approx(right, rel=1e-15)), text
+    readings = in_node(script, given, PRACTICE[:4])
+    for text, reading in zip(FILES['answers'], readings, strict=True):
+        right = read_answer(text, question)
+        assert reading == (None if right is None else pytest.approx(right, rel=1e-15)), text
 
 
 if find() is None:
@@ -125,8 +131,8 @@ class Practice(OpenedPage):
         self.until("!document.querySelector('#practice').hidden || Boolean(lab.refusal)")
 
     def marks(self) -> list[str]:
-        found: list[str] = self.page.locator('.practice-mark').all_text_contents()
-        return found
+        texts: list[str] = self.page.locator('.practice-mark').all_text_contents()
+        return texts
 
 
 @pytest.fixture

@@ -32,16 +32,16 @@ FIGURES = ['klann', 'peaucellier', 'quick_return', 'stephenson', 'walker_six_bar
 
 DESCRIBE = """
 function answer({ texts, figures }) {
-  const found = {};
+  const answers = {};
   for (const [name, text] of Object.entries(texts)) {
     const { linkage, start } = readFile(text, texts.klann);
     const { structure } = linkage;
     const arcs = figures.includes(name) ? reachableArcs(linkage) : [];
     const turn = turnOf(linkage, arcs);
     const { u } = poseAt(linkage, start);
-    found[name] = {
+    answers[name] = {
       groups: structure.groups, signs: linkage.signs, numbers: linkage.numbers, arcs,
-      dimensions: structure.dimensions.map((one) => one.name), points: structure.points,
+      dimensions: structure.dimensions.map(({ name }) => name), points: structure.points,
       names: linkage.blocks.map((block) => block.names), closing: structure.paths.closing,
       transmission: linkage.blocks.map((block) => block.transmissionAngle(u)),
       clearances: linkage.blocks.map((block) => block.clearance(u)), start,
@@ -49,7 +49,7 @@ function answer({ texts, figures }) {
       assemblies: assemblyPoses(linkage, start, 5000).map(({ x }) => x.slice(1)),
     };
   }
-  return found;
+  return answers;
 }
 """
 
@@ -63,46 +63,48 @@ function answer({ texts, cases }) {
 
 @pytest.fixture(scope='module')
 def described() -> dict[str, Any]:
-    found: dict[str, Any] = in_node(DESCRIBE, {'texts': TEXTS, 'figures': FIGURES})
-    return found
+    answers: dict[str, Any] = in_node(DESCRIBE, {'texts': TEXTS, 'figures': FIGURES})
+    return answers
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_the_structure_is_the_same(described: dict[str, Any], name: str) -> None:
-    linkage, found = shipped_linkage(name), described[name]
+    linkage = shipped_linkage(name)
+    answer = described[name]
     structure = linkage.structure
-    assert found['groups'] == [list(group) for group in structure.groups]
-    assert found['signs'] == list(linkage.assembly)
-    assert found['dimensions'] == list(linkage.dimensions)
-    assert found['numbers'] == pytest.approx(linkage.numbers, rel=1e-15)
-    assert found['points'] == list(structure.points)
-    assert found['names'] == [list(block.names) for block in linkage.blocks]
-    assert found['closing'] == list(structure.paths.closing)
+    assert answer['groups'] == [list(group) for group in structure.groups]
+    assert answer['signs'] == list(linkage.assembly)
+    assert answer['dimensions'] == list(linkage.dimensions)
+    assert answer['numbers'] == pytest.approx(linkage.numbers, rel=1e-15)
+    assert answer['points'] == list(structure.points)
+    assert answer['names'] == [list(block.names) for block in linkage.blocks]
+    assert answer['closing'] == list(structure.paths.closing)
 
 
 @pytest.mark.parametrize('name', FIGURES)
 def test_the_figures_are_the_same(described: dict[str, Any], name: str) -> None:
-    linkage, found = shipped_linkage(name), described[name]
-    assert np.array(found['arcs']) == pytest.approx(np.array(reachable_arcs(linkage)), abs=1e-12)
+    linkage = shipped_linkage(name)
+    answer = described[name]
+    assert np.array(answer['arcs']) == pytest.approx(np.array(reachable_arcs(linkage)), abs=1e-12)
     path = foot_path(LinkageLeg(linkage))
     # Where arcs end the crank angle's last digit moves the foot.
-    assert found['stride'] == pytest.approx(path.stride, abs=1e-9)
-    assert found['lift'] == pytest.approx(path.lift, abs=1e-9)
-    pose = LinkageLeg(linkage).solve(found['start'])
-    assert found['transmission'] == pytest.approx(pose.transmission_angles, abs=1e-11)
-    known = [block.is_dyad and block.two_branches for block in linkage.blocks]
-    ours = np.array(found['clearances'], dtype=float)[known]
-    assert ours == pytest.approx(np.array(pose.clearances)[known], abs=1e-12)
+    assert answer['stride'] == pytest.approx(path.stride, abs=1e-9)
+    assert answer['lift'] == pytest.approx(path.lift, abs=1e-9)
+    pose = LinkageLeg(linkage).solve(answer['start'])
+    assert answer['transmission'] == pytest.approx(pose.transmission_angles, abs=1e-11)
+    has_clearance = [block.is_dyad and block.two_branches for block in linkage.blocks]
+    ours = np.array(answer['clearances'], dtype=float)[has_clearance]
+    assert ours == pytest.approx(np.array(pose.clearances)[has_clearance], abs=1e-12)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_the_assemblies_are_the_same(described: dict[str, Any], name: str) -> None:
-    found = described[name]
-    expected = [pose.x for pose in assembly_poses(shipped_linkage(name), found['start'])]
-    off = np.array(found['assemblies']) - np.array(expected)
+    answer = described[name]
+    expected = [pose.x for pose in assembly_poses(shipped_linkage(name), answer['start'])]
+    errors = np.array(answer['assemblies']) - np.array(expected)
     slides = [body.slides for body in shipped_linkage(name).structure.bodies[1:]]
-    off = np.where(slides, off, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi)
-    assert np.abs(off).max() < 1e-9
+    errors = np.where(slides, errors, np.remainder(errors + np.pi, 2.0 * np.pi) - np.pi)
+    assert np.abs(errors).max() < 1e-9
 
 
 @pytest.fixture(scope='module')
@@ -114,8 +116,9 @@ def random_legs() -> dict[str, list[dict[str, Any]]]:
         count, share = (LEGS, 0.1) if linkage.is_dyadic else (COUPLED_LEGS, 0.02)
         numbers = varied_numbers(linkage.numbers, rng, count, share)
         alphas = rng.uniform(-7.0, 7.0, (count, ANGLES))
-        pairs = zip(numbers.tolist(), alphas.tolist(), strict=True)
-        cases[name] = [{'numbers': one, 'alphas': at} for one, at in pairs]
+        cases[name] = []
+        for leg_numbers, leg_alphas in zip(numbers.tolist(), alphas.tolist(), strict=True):
+            cases[name].append({'numbers': leg_numbers, 'alphas': leg_alphas})
     return cases
 
 
@@ -130,18 +133,18 @@ def test_random_legs_have_the_same_poses_and_refusals(
 ) -> None:
     base = shipped_linkage(name)
     closed = 0
-    for case, found in zip(random_legs[name], solved[name], strict=True):
+    for case, answer in zip(random_legs[name], solved[name], strict=True):
         try:
             linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
         except GeometryError:
-            assert 'refused' in found
+            assert 'refused' in answer
             continue
         poses = linkage_poses(linkage, np.array(case['alphas']), points=True)
         assert poses.points is not None
         # The foot may be placed where other points cannot be.
         closes = ~np.isnan(poses.points).any(axis=(1, 2))
-        assert [('points' in pose) for pose in found] == closes.tolist()
-        for pose, points in zip(found, poses.points, strict=True):
+        assert [('points' in pose) for pose in answer] == closes.tolist()
+        for pose, points in zip(answer, poses.points, strict=True):
             if 'points' in pose:
                 near = NEAR * max(1.0, linkage.size) / min(1.0, 50.0 * pose['sine'])
                 assert np.abs(np.array(pose['points']) - points).max() <= near
@@ -153,9 +156,9 @@ def test_jams_are_reported_as_by_the_python_kinematics(
     random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
 ) -> None:
     base, reported = shipped_linkage('klann'), 0
-    for case, found in zip(random_legs['klann'], solved['klann'], strict=True):
+    for case, answer in zip(random_legs['klann'], solved['klann'], strict=True):
         linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
-        for alpha, pose in zip(case['alphas'], found, strict=True):
+        for alpha, pose in zip(case['alphas'], answer, strict=True):
             if 'points' not in pose:
                 with pytest.raises(UnreachableError) as info:
                     LinkageLeg(linkage).closed_form(alpha)
@@ -167,32 +170,32 @@ def test_jams_are_reported_as_by_the_python_kinematics(
 
 def test_invalid_dimensions_are_refused_by_both() -> None:
     cases: dict[str, list[dict[str, Any]]] = {'klann': [], 'jansen': [], 'slider_crank': []}
-    for name, own in cases.items():
+    for name, invalid_legs in cases.items():
         linkage = shipped_linkage(name)
         lengths = [n for n, d in enumerate(linkage.structure.dimensions) if d.is_length]
         for n, value in product(lengths, [0.0, -0.1, 1e300, 1e-300, None]):
             numbers: list[float | None] = [*linkage.numbers]
             numbers[n] = value
-            own.append({'numbers': numbers, 'alphas': [0.0]})
+            invalid_legs.append({'numbers': numbers, 'alphas': [0.0]})
             with pytest.raises(GeometryError):
                 linkage.varied({[*linkage.dimensions][n]: np.nan if value is None else value})
-    for found in poses_in_node(cases).values():
-        assert all('refused' in one and '\n' not in one['refused'] for one in found)
+    for answers in poses_in_node(cases).values():
+        assert all('refused' in answer and '\n' not in answer['refused'] for answer in answers)
 
 
 def test_iterates_are_the_textbooks_wherever_they_lead() -> None:
     rng = np.random.default_rng(7)
     cases = rng.uniform(-3.0, 3.0, (20, 5))
-    found = in_node(ITERATES, {'texts': TEXTS, 'cases': cases.tolist()})
+    answers = in_node(ITERATES, {'texts': TEXTS, 'cases': cases.tolist()})
     leg, converged = LinkageLeg(shipped_linkage('klann')), 0
-    for (alpha, *guess), ours in zip(cases, found, strict=True):
+    for (alpha, *guess), answer in zip(cases, answers, strict=True):
         try:
             theirs = leg.newton(alpha, guess, tolerance=1e-12)
-            converged += ours['converged']
+            converged += answer['converged']
         except NotConvergedError as error:
             theirs = error.iterates
         # Until chaos takes over what rounding has begun.
-        few = min(4, len(theirs), len(ours['x']))
-        first = np.array(ours['x'])[:few, 1:]
-        assert first == pytest.approx(theirs[:few], rel=1e-7, abs=1e-7)
+        count = min(4, len(theirs), len(answer['x']))
+        first = np.array(answer['x'])[:count, 1:]
+        assert first == pytest.approx(theirs[:count], rel=1e-7, abs=1e-7)
     assert converged > 10
