@@ -73,9 +73,7 @@ def _dimensions(file: Path) -> dict[str, Any]:
     return content
 
 
-def test_a_maker_gets_a_leg_file_that_every_program_takes(
-    run: Path, tmp_path: Path, capsys: Capture
-) -> None:
+def test_every_program_takes_the_leg_file(run: Path, tmp_path: Path, capsys: Capture) -> None:
     built, page, numbers = (tmp_path / name for name in ('built.yaml', 'c.html', 'c.json'))
     asked = [str(run), '--leg', 'sem104', '--point', 'H=/mocap/foot', '--point', 'G=/mocap/knee']
     assert main([*asked, '-o', str(built), '--html', str(page), '--json', str(numbers)]) == 0
@@ -206,9 +204,7 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
         ('--point H=/mocap/foot --leg-name front', 'name the leg with --leg-name'),
     ],
 )
-def test_unusable_input_is_refused_in_one_line(
-    run: Path, capsys: Capture, arguments: str, words: str
-) -> None:
+def test_unusable_input_is_refused(run: Path, capsys: Capture, arguments: str, words: str) -> None:
     try:
         code = main([str(run), '--leg', 'sem104', *arguments.split()])
     except SystemExit as end:
@@ -242,7 +238,7 @@ def test_unusable_tables_are_refused_in_one_line(
 
 
 @pytest.mark.parametrize('option', ['-o', '--html', '--json'])
-def test_an_output_that_cannot_be_written_is_one_line(
+def test_an_unwritable_output_is_one_line(
     run: Path, tmp_path: Path, capsys: Capture, option: str
 ) -> None:
     kept, link = tmp_path / 'kept', tmp_path / 'link'
@@ -258,9 +254,7 @@ def test_an_output_that_cannot_be_written_is_one_line(
     assert kept.read_text() == 'precious'
 
 
-def test_a_full_disk_leaves_the_previous_leg_file(
-    table: Path, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_full_disk_leaves_the_old_leg_file(table: Path, tmp_path: Path, capsys: Capture) -> None:
     built = tmp_path / 'built.yaml'
     built.write_text('# by hand')
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -279,7 +273,7 @@ def test_a_full_disk_leaves_the_previous_leg_file(
 @pytest.mark.parametrize(
     ('number', 'code', 'stage'), [(signal.SIGINT, 130, 'fit'), (signal.SIGTERM, 143, 'page')]
 )
-def test_a_signal_leaves_whole_files_only(
+def test_a_signal_leaves_whole_files(
     table: Path, tmp_path: Path, number: int, code: int, stage: str
 ) -> None:
     built, page, pipe = (tmp_path / name for name in ('built.yaml', 'c.html', 'pipe'))

@@ -5,13 +5,7 @@ from dataclasses import replace
 import math
 from typing import Any
 
-from klann_ros.calibration import (
-    calibrate,
-    CrankSamples,
-    fit,
-    MeasurementError,
-    series_of,
-)
+from klann_ros.calibration import calibrate, CrankSamples, fit, MeasurementError, series_of
 from klann_ros.calibration.report import text_lines
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
 from measured_robots import built, DRAWN, errors, NOISE, Robot
@@ -82,9 +76,7 @@ def test_errors_of_other_linkages_match_their_standard_errors(name: str) -> None
     ('name', 'angle', 'seed'),
     [('ghassaei', '', 7), ('ghassaei', '', 65), ('stephenson', 'beta', 4)],
 )
-def test_what_is_reported_is_right_though_other_combinations_are_open(
-    name: str, angle: str, seed: int
-) -> None:
+def test_what_is_reported_of_open_legs_is_right(name: str, angle: str, seed: int) -> None:
     # They were up to 8.4 standard errors off: the fit ran far along what is open.
     drawn = shipped_linkage(name)
     leg, noise = built(seed, drawn, length=1e-3 * drawn.size), 1e-4 * drawn.size
@@ -308,7 +300,7 @@ def test_a_coarse_encoder_shows_as_noise_of_the_crank() -> None:
     ('assembly', 'direction', 'words'),
     [((1, -1), 1, r'assembly \[1, -1\]'), ((1, 1), -1, 'direction -1')],
 )
-def test_another_assembly_mode_or_direction_is_named(
+def test_another_assembly_or_direction_is_named(
     assembly: tuple[int, int], direction: int, words: str
 ) -> None:
     leg = KlannGeometry(assembly=assembly).linkage
@@ -344,9 +336,7 @@ def test_measurements_of_another_leg_are_refused(change: Any, words: str) -> Non
         ('quick_return', 'B', lambda h: h, 'fits the leg at .* % of its samples only'),
     ],
 )
-def test_an_unknown_camera_does_not_make_another_leg_fit(
-    name: str, point: str, change: Any, words: str
-) -> None:
+def test_no_camera_makes_another_leg_fit(name: str, point: str, change: Any, words: str) -> None:
     # What is open let them fit far from the drawing, and the rest was reported.
     drawn = shipped_linkage(name)
     noise = 1e-4 * drawn.size

@@ -15,6 +15,8 @@ from klann_ros.robot import Robot, robot_from_file, robot_of
 import numpy as np
 import pytest
 
+Visit = Callable[..., OpenedPage]
+
 pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
@@ -48,9 +50,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_it_is_self_contained_and_fits_a_phone(
-    visit: Callable[..., OpenedPage], pages: dict[str, Path], name: str
-) -> None:
+def test_it_is_self_contained_on_a_phone(visit: Visit, pages: dict[str, Path], name: str) -> None:
     opened = visit(name, viewport={'width': 360, 'height': 760})
     for button in opened.page.locator('button:visible').all():
         button.click()
@@ -62,16 +62,14 @@ def test_it_is_self_contained_and_fits_a_phone(
 
 
 @pytest.mark.parametrize(('name', 'scheme'), [('walker', 'dark'), ('cannot', 'light')])
-def test_axe_finds_no_barrier(visit: Callable[..., OpenedPage], name: str, scheme: str) -> None:
+def test_axe_finds_no_barrier(visit: Visit, name: str, scheme: str) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
     barriers = axe.Axe().run(visit(name, color_scheme=scheme).page).response['violations']
     assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in barriers] == []
 
 
 @pytest.mark.parametrize('degrees', [0.0, 60.0, 200.0])
-def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(
-    visit: Callable[..., OpenedPage], degrees: float
-) -> None:
+def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(visit: Visit, degrees: float) -> None:
     opened = visit('leg')
     opened.page.locator('.angle').fill(repr(degrees / 360.0 + 1e-4))
     pose = KlannLeg().solve(np.radians(degrees))
@@ -85,9 +83,7 @@ def test_the_slider_moves_the_leg_and_the_marks_to_an_angle(
     )
 
 
-def test_it_plays_and_pauses_in_the_direction_of_the_crank(
-    visit: Callable[..., OpenedPage],
-) -> None:
+def test_it_plays_and_pauses_in_the_direction_of_the_crank(visit: Visit) -> None:
     for name, direction in (('leg', 1.0), ('cannot', -1.0)):
         opened = visit(name)
         play, slider = opened.page.locator('.play'), opened.page.locator('.angle')
@@ -106,19 +102,19 @@ def test_it_plays_and_pauses_in_the_direction_of_the_crank(
         assert slider.input_value() == end
 
 
-def test_a_motor_that_is_too_weak_is_reported_first(visit: Callable[..., OpenedPage]) -> None:
+def test_a_motor_that_is_too_weak_is_reported_first(visit: Visit) -> None:
     verdict = visit('cannot').page.locator('header .verdict.bad')
     assert 'The motor cannot turn it' in verdict.inner_text()
     assert 'turns no faster than' in verdict.inner_text()
 
 
-def test_charts_are_there_without_scripts(visit: Callable[..., OpenedPage]) -> None:
+def test_charts_are_there_without_scripts(visit: Visit) -> None:
     opened = visit('leg', java_script_enabled=False)
     assert opened.page.locator('.chart svg[role=img]').count() == 4
     assert 'switched off' in opened.page.locator('noscript').inner_text()
 
 
-def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., OpenedPage]) -> None:
+def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Visit) -> None:
     opened = visit('leg', color_scheme='dark')
     opened.page.emulate_media(media='print')
     paper = opened.page.evaluate('getComputedStyle(document.body).backgroundColor')
@@ -127,16 +123,14 @@ def test_on_paper_it_is_light_and_has_nothing_to_press(visit: Callable[..., Open
 
 
 @pytest.mark.parametrize(('name', 'sides', 'height'), [('leg', 1, 3000), ('walker', 2, 4500)])
-def test_it_is_short_on_paper_and_on_a_telephone(
-    visit: Callable[..., OpenedPage], name: str, sides: int, height: int
-) -> None:
+def test_it_is_short_on_paper_and_phone(visit: Visit, name: str, sides: int, height: int) -> None:
     opened = visit(name, viewport={'width': 390, 'height': 844})
     assert opened.page.evaluate('document.documentElement.scrollHeight') <= height
     printed = opened.page.pdf(format='A4', prefer_css_page_size=True)
     assert len(re.findall(rb'/Type\s*/Page\b', printed)) == sides
 
 
-def test_a_hostile_name_is_but_text(visit: Callable[..., OpenedPage]) -> None:
+def test_a_hostile_name_is_but_text(visit: Visit) -> None:
     opened = visit('hostile')
     assert opened.page.locator('img').count() == 0
     assert opened.page.evaluate('document.scripts.length') == 4

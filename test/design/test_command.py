@@ -17,6 +17,8 @@ from klann_ros.design.report import report
 from klann_ros.sanitize.yaml_text import parse
 import pytest
 
+Capture = pytest.CaptureFixture[str]
+
 PROGRAM = 'import sys; from klann_ros.executables import design; sys.exit(design())'
 REQUIREMENTS = """\
 linkage: klann
@@ -65,9 +67,7 @@ def workers(process: subprocess.Popen[str]) -> list[int]:
     return [worker for server in children(process.pid) for worker in children(server)]
 
 
-def test_it_writes_a_folder_of_legs_that_describe_takes_and_overwrites_none(
-    out: Path, undisturbed: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_writes_legs_that_describe_takes(out: Path, undisturbed: str, capsys: Capture) -> None:
     assert run() == 0
     shown, error = capsys.readouterr()
     assert shown.splitlines()[0].endswith('in out')
@@ -91,9 +91,7 @@ def test_it_writes_a_folder_of_legs_that_describe_takes_and_overwrites_none(
     assert victim.read_text() == 'mine'
 
 
-def test_requirements_that_no_leg_fulfils_have_exit_code_1(
-    out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_requirements_that_no_leg_fulfils_have_exit_code_1(out: Path, capsys: Capture) -> None:
     file = out.with_name('requirements.yaml')
     file.write_text(REQUIREMENTS.replace('0.3', '1.5'))
     assert run() == 1
@@ -110,7 +108,7 @@ def test_requirements_that_no_leg_fulfils_have_exit_code_1(
     ],
 )
 def test_a_refusal_is_one_line(
-    arguments: list[str], code: int, message: str, out: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], code: int, message: str, out: Path, capsys: Capture
 ) -> None:
     old = out.with_name('old')
     old.mkdir()
@@ -121,9 +119,7 @@ def test_a_refusal_is_one_line(
     assert 'Traceback' not in error
 
 
-def test_two_jobs_find_the_same_legs_though_a_worker_is_killed(
-    out: Path, undisturbed: str
-) -> None:
+def test_two_jobs_find_the_same_legs_without_a_worker(out: Path, undisturbed: str) -> None:
     process = started(jobs=2)
     wait_until(process, lambda: bool(workers(process)))
     os.kill(workers(process)[0], signal.SIGKILL)
@@ -144,9 +140,7 @@ def test_a_killed_search_is_resumed(out: Path, undisturbed: str) -> None:
 
 
 @pytest.mark.parametrize(('evaluations', 'jobs'), [(0, 1), (1, 2), (960, 1)])
-def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(
-    out: Path, evaluations: int, jobs: int
-) -> None:
+def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> None:
     """At the begin of the first round, as the workers of the next start, and in the proof."""
     # With two jobs many rounds follow, so that the signal never comes in the proof.
     more = ['--evaluations', '40000'] if jobs == 2 else []
@@ -169,8 +163,8 @@ def test_ctrl_c_keeps_the_legs_found_and_prints_no_traceback(
 
 # Bytes that a file may have.
 @pytest.mark.parametrize('room', [20_000, 100])
-def test_a_full_disk_is_one_line_and_the_search_can_be_resumed(
-    out: Path, undisturbed: str, capsys: pytest.CaptureFixture[str], room: int
+def test_a_full_disk_leaves_a_search_to_resume(
+    out: Path, undisturbed: str, capsys: Capture, room: int
 ) -> None:
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))

@@ -97,18 +97,11 @@ def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
 EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28, 0.1)]
 
 
-def test_a_grown_leg_follows_a_path_and_is_a_file_that_reads_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 20)
     monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
     requirements = requirements_from(
-        {
-            'grow': {'dyads': 1},
-            'units': {'length': 'mm'},
-            'path': {'points': EIGHT},
-            'count': 1,
-        }
+        {'grow': {'dyads': 1}, 'units': {'length': 'mm'}, 'path': {'points': EIGHT}, 'count': 1}
     )
     search_result = search(requirements, evaluations=5000)
     (leg,) = search_result.legs

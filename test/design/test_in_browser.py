@@ -11,6 +11,8 @@ from klann_ros.design import requirements_from, search, SearchResult
 from klann_ros.design.page import page
 import pytest
 
+Visit = Callable[..., OpenedPage]
+
 pytest.importorskip('playwright')
 if find() is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
@@ -47,9 +49,7 @@ def pages(found: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dict
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_it_is_self_contained_and_fits_a_phone(
-    visit: Callable[..., OpenedPage], pages: dict[str, Path], name: str
-) -> None:
+def test_it_is_self_contained_on_a_phone(visit: Visit, pages: dict[str, Path], name: str) -> None:
     opened = visit(name, viewport={'width': 360, 'height': 760})
     assert opened.requests == [pages[name].as_uri()]
     assert opened.complaints == []
@@ -58,13 +58,13 @@ def test_it_is_self_contained_and_fits_a_phone(
 
 
 @pytest.mark.parametrize('scheme', ['dark', 'light'])
-def test_axe_finds_no_barrier(visit: Callable[..., OpenedPage], scheme: str) -> None:
+def test_axe_finds_no_barrier(visit: Visit, scheme: str) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
     found = axe.Axe().run(visit('legs', color_scheme=scheme).page).response['violations']
     assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in found] == []
 
 
-def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Callable[..., OpenedPage]) -> None:
+def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Visit) -> None:
     opened = visit('legs')
     dots, titles = opened.page.locator('.scatter circle'), opened.page.locator('.chosen h3')
     assert dots.count() == 6
@@ -79,9 +79,7 @@ def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Callable[..., Opened
     assert dots.nth(4).get_attribute('aria-pressed') == 'false'
 
 
-def test_the_cards_show_the_figures_in_the_units_of_the_wish(
-    visit: Callable[..., OpenedPage], found: SearchResult
-) -> None:
+def test_the_cards_have_the_units_of_the_wish(visit: Visit, found: SearchResult) -> None:
     opened = visit('legs')
     rows = opened.page.locator('.chosen table').first.locator('tbody tr')
     cells = {row.locator('th').text_content(): row for row in rows.all()}

@@ -30,10 +30,7 @@ EXAMPLES = sorted((Path(__file__).parents[2] / 'examples' / 'requirements').glob
         ({**LEG, 'figures': {'stride': {'at_least': 'far'}}}, 'must be a number [m]'),
         ({**LEG, 'figures': {'duty_factor': {'at_least': 1.2}}}, 'out of its bounds, 0 to 1'),
         ({**LEG, 'figures': {'transmission_angle': {'at_least': 40}}}, 'units: {angle: deg}'),
-        (
-            {**LEG, 'figures': {'lift': {'at_least': 2, 'at_most': 1}}},
-            'at_least is above at_most',
-        ),
+        ({**LEG, 'figures': {'lift': {'at_least': 2, 'at_most': 1}}}, 'at_least is above at_most'),
         ({**LEG, 'figures': {'speed': 'maximize'}}, 'needs walker'),
         ({**LEG, 'figures': {'torque_peak': 'minimize'}}, 'needs load'),
         ({**LEG, 'vary': {'A-C': [1, 2]}}, 'A-C is no dimension'),

@@ -50,9 +50,7 @@ def test_every_leg_closes_all_round_in_one_assembly_mode(found: SearchResult) ->
         assert leg.margins
 
 
-def test_the_figures_are_those_that_describe_reports_of_the_file(
-    found: SearchResult, tmp_path: Path
-) -> None:
+def test_the_figures_are_those_of_describe(found: SearchResult, tmp_path: Path) -> None:
     for leg in found.legs[:3]:
         file = tmp_path / 'leg.yaml'
         file.write_text(leg_text(leg.leg))
@@ -134,9 +132,7 @@ def test_every_figure_that_no_leg_has_is_named_with_its_shortfall(linkage: str) 
         {'linkage': 'peaucellier'},
     ],
 )
-def test_degenerate_linkages_give_legs_that_close_or_reasons(
-    content: Mapping[str, object],
-) -> None:
+def test_degenerate_linkages_give_legs_or_reasons(content: Mapping[str, object]) -> None:
     search_result = searched({**content, 'count': 1})
     assert search_result.legs or search_result.reasons
     for leg in search_result.legs:
