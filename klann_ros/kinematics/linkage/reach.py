@@ -116,10 +116,10 @@ def crank_limits(lengths: Lengths) -> tuple[float, float]:
     """
     Return the smallest and the largest crank angle of a four-bar, from the ground, in [0, pi].
 
-    |A O4| grows with the angle [rad]: at the smallest coupler and rocker are folded,
-    |A O4| = |L3 - L4|, at the largest stretched out, |A O4| = L3 + L4; 0 and pi without such a
-    limit, and at a change point, which the crank passes. The reversed linkage, L1, L4, L3, L2,
-    has limits of pi - theta4.
+    The distance A O4 grows with the angle [rad]. At the smallest, `abs(L3 - L4)`, coupler and
+    rocker are folded, at the largest, `L3 + L4`, stretched out. The limits are 0 and pi without
+    such an angle, and at a change point, which the crank passes. The reversed linkage, L1, L4,
+    L3, L2, has limits of pi - theta4.
     """
     l_1, l_2, l_3, l_4 = lengths
     folded = abs(l_3 - l_4)
