@@ -10,7 +10,7 @@ from engine_functions import fragile, squared
 from klann_ros.design import requirements_from, search
 from klann_ros.design.report import report
 from klann_ros.engines import parallel_map
-import klann_ros.review.fleet.command as each
+from klann_ros.review.fleet.command import main as review_fleet
 from leg_runs import LegRun
 import pytest
 
@@ -37,9 +37,10 @@ def test_a_search_finds_the_same_legs() -> None:
     requirements = requirements_from(
         {'linkage': 'klann', 'figures': {'stride': 'maximize'}, 'count': 1}
     )
-    found = [search(requirements, evaluations=480, engine=name) for name in ('local', 'ray')]
-    assert found[0].legs
-    assert report(found[0]) == report(found[1])
+    local_design = search(requirements, evaluations=480, engine='local')
+    ray_design = search(requirements, evaluations=480, engine='ray')
+    assert local_design.legs
+    assert report(local_design) == report(ray_design)
 
 
 def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:
@@ -53,7 +54,7 @@ def test_rows_are_the_same_byte_for_byte(tmp_path: Path) -> None:
     for engine in ('ray', 'local'):
         table = tmp_path / f'{engine}.csv'
         options = ['--table', str(table), '--engine', engine, '--jobs', '1']
-        assert each.main(['--each', str(runs), *options]) == 2
+        assert review_fleet(['--each', str(runs), *options]) == 2
         tables.append(table.read_bytes())
     assert tables[0] == tables[1]
     assert tables[0].count(b'unreadable') == 1

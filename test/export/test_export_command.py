@@ -1,6 +1,5 @@
 """What the command `export` writes, refuses, and leaves alone."""
 
-import os
 from pathlib import Path
 import sys
 from xml.etree import ElementTree as ET
@@ -15,16 +14,14 @@ WALKER = str(ROOT / 'config' / 'walker6.yaml')
 
 
 def test_all_formats_are_written_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    names = {option: str(tmp_path / f'leg.{option}') for option in ('mjcf', 'urdf', 'svg', 'dxf')}
-    options = [word for option, name in names.items() for word in (f'--{option}', name)]
+    files = {name: tmp_path / f'leg.{name}' for name in ('mjcf', 'urdf', 'svg', 'dxf')}
+    options = [f'--{name}={file}' for name, file in files.items()]
     assert main(['sem104', '--bar-density', '0.4', *options]) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        map(os.path.basename, names.values())
-    )
-    assert ET.parse(names['svg']).getroot().tag.endswith('svg')  # noqa: S314 - our own
-    assert ET.parse(names['urdf']).getroot().tag == 'robot'  # noqa: S314
-    assert not ezdxf.readfile(names['dxf']).audit().errors
-    model = mujoco.MjModel.from_xml_path(names['mjcf'])
+    assert {*tmp_path.iterdir()} == {*files.values()}
+    assert ET.parse(files['svg']).getroot().tag.endswith('svg')  # noqa: S314 - our own
+    assert ET.parse(files['urdf']).getroot().tag == 'robot'  # noqa: S314
+    assert not ezdxf.readfile(files['dxf']).audit().errors
+    model = mujoco.MjModel.from_xml_path(str(files['mjcf']))
     assert model.actuator('crank').id == 0
     out, error = capsys.readouterr()
     assert (out.count('written: '), error) == (4, '')
@@ -112,12 +109,9 @@ def test_a_refused_output_is_exit_code_3_and_nothing_is_written(
     error = capsys.readouterr().err
     assert error.startswith('export: --svg')
     assert error.count('\n') == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        'leg.yaml',
-        'link.svg',
-        'other.yml',
-    ]
-    assert {Path(name).read_text() for name in ('leg.yaml', 'other.yml')} == {'l_ab: 0.12\n'}
+    names = ['leg.yaml', 'link.svg', 'other.yml']
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert {Path(name).read_text() for name in names} == {'l_ab: 0.12\n'}
 
 
 def test_without_ezdxf_one_line_names_the_package(
@@ -144,10 +138,10 @@ def test_a_leg_of_every_kind_is_cut_and_assembled(
     tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     for name in (WALKER, 'slider_crank'):
-        out = {option: str(tmp_path / f'{option}.svg') for option in ('svg', 'assembly')}
         sizes = ['--hole', '4', '--hole', 'A=6', '--kerf', '0.2', '--thickness', '4']
-        assert main([name, '--svg', out['svg'], '--assembly', out['assembly'], *sizes]) == 0
+        outputs = ['--svg', f'{tmp_path}/a.svg', '--assembly', f'{tmp_path}/b.svg']
+        assert main([name, *outputs, *sizes]) == 0
         assert 'holes 4 mm, in 3 layers' in capsys.readouterr().out
-        sheet = ET.parse(out['svg'])  # noqa: S314 - our own
+        sheet = ET.parse(tmp_path / 'a.svg')  # noqa: S314 - our own
         radii = [circle.get('r') for circle in sheet.iter('{http://www.w3.org/2000/svg}circle')]
         assert set(radii) == {'1.900000', '2.900000'}

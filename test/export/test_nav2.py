@@ -14,6 +14,7 @@ from klann_ros.walker import ControllerSettings, Walker
 import numpy as np
 import pytest
 import yaml
+from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD, FOOT_RADIUS = 0.01, 0.004
@@ -30,8 +31,8 @@ def parameters(name: str) -> Any:
     return yaml.safe_load(nav2_parameters(walker(name)))
 
 
-def section(name: str, of: str) -> Any:
-    return parameters(name)[of]['ros__parameters']
+def section(name: str, node: str) -> Any:
+    return parameters(name)[node]['ros__parameters']
 
 
 def test_the_shipped_file_is_that_of_the_generator() -> None:
@@ -41,22 +42,21 @@ def test_the_shipped_file_is_that_of_the_generator() -> None:
     assert '&' not in shipped
 
 
-def types(value: Any) -> Any:
+def types(parameter: Any) -> Any:
     """Return the types of all parameters, without the level that ROS puts above them."""
-    if isinstance(value, dict):
-        inside = value.get('ros__parameters', value)
-        return {key: types(each) for key, each in inside.items()}
-    return [*map(types, value)] if isinstance(value, list) else type(value).__name__
+    if isinstance(parameter, dict):
+        inner = parameter.get('ros__parameters', parameter)
+        return dict(zip(inner, map(types, inner.values()), strict=True))
+    return [*map(types, parameter)] if isinstance(parameter, list) else type(parameter).__name__
 
 
 def test_every_parameter_is_one_of_nav2_with_its_type() -> None:
-    known = (Path(__file__).parent / 'nav2_parameters.yaml').read_text(encoding='utf-8')
+    nav2_types = read_table(Path(__file__).parent / 'nav2_parameters.yaml')
     for name in WALKERS:
-        content = parameters(name)
-        assert types(content) == yaml.safe_load(known)
+        assert types(parameters(name)) == nav2_types
         # Rotating to the heading and reversing exclude each other, and with them such paths.
-        follow = content['controller_server']['ros__parameters']['FollowPath']
-        planner = content['planner_server']['ros__parameters']['GridBased']
+        follow = section(name, 'controller_server')['FollowPath']
+        planner = section(name, 'planner_server')['GridBased']
         assert follow['use_rotate_to_heading'] != follow['allow_reversing']
         assert follow['allow_reversing'] or planner['motion_model_for_search'] == 'DUBIN'
 
@@ -71,7 +71,8 @@ def test_limits_are_within_the_cranks_and_the_footprint_holds_the_feet(name: str
     robot = walker(name)
     feet = Feet(robot, foot_radius=FOOT_RADIUS)
     follow = section(name, 'controller_server')['FollowPath']
-    linear, angular = follow['desired_linear_vel'], follow['rotate_to_heading_angular_vel']
+    linear = follow['desired_linear_vel']
+    angular = follow['rotate_to_heading_angular_vel']
     radius = section(name, 'planner_server')['GridBased']['minimum_turning_radius']
     steering = Steering(feet)
     for twist in ((linear, 0.0), (0.0, angular), (linear, linear / radius)):
@@ -90,31 +91,32 @@ def test_limits_are_within_the_cranks_and_the_footprint_holds_the_feet(name: str
 
 def test_pure_pursuit_with_these_limits_reaches_its_goal_in_the_twin() -> None:
     server = section('walker6_two_motors', 'controller_server')
-    follow, checker = server['FollowPath'], server['general_goal_checker']
+    tolerance = server['general_goal_checker']['xy_goal_tolerance']
     robot = walker('walker6_two_motors')
     twin = Twin(robot)
     steps = Walker(Steering(Feet(robot, foot_radius=FOOT_RADIUS)), ControllerSettings())
-    joints = steps.feet.joints
-    twist, arrived = (0.0, 0.0), 0.0
+    twist = (0.0, 0.0)
+    arrival_time = 0.0
     for k in range(-50, 6000):
         now = k * PERIOD
-        at = steps.feedback(dict(twin.cranks()), now)
-        if k % 5 == 0 and at is not None:
-            twist = pursue((at.x, at.y, at.yaw), follow, checker['xy_goal_tolerance'])
+        pose = steps.feedback(dict(twin.cranks()), now)
+        if k % 5 == 0 and pose is not None:
+            twist = pursue((pose.x, pose.y, pose.yaw), server['FollowPath'], tolerance)
             if twist == (0.0, 0.0) and k > 0:
-                arrived = arrived or now
+                arrival_time = arrival_time or now
         if k >= 0:
             steps.controller.command(*twist, now)
         command = steps.controller.step(now)
-        for joint, rate in zip(joints, command.velocity if command else (), strict=False):
-            twin.command(joint, rate)
+        if command:
+            for joint, rate in zip(steps.feet.joints, command.velocity, strict=True):
+                twin.command(joint, rate)
         twin.step(now + PERIOD + 0.5)
-        if arrived and now > arrived + 1.0:
+        if arrival_time and now > arrival_time + 1.0:
             break
-    assert arrived
+    assert arrival_time
     x, y, _ = twin.truth().position
     # The odometry is off by some per cent of the path; it stops within the tolerance.
-    assert hypot(GOAL[0] - x, GOAL[1] - y) < checker['xy_goal_tolerance'] + 0.05 * hypot(*GOAL)
+    assert hypot(GOAL[0] - x, GOAL[1] - y) < tolerance + 0.05 * hypot(*GOAL)
 
 
 def pursue(
@@ -122,22 +124,23 @@ def pursue(
 ) -> tuple[float, float]:
     """Return the command of a regulated pure pursuit of a straight path to the goal."""
     x, y, yaw = pose
-    dx, dy = GOAL[0] - x, GOAL[1] - y
-    far = hypot(dx, dy)
-    if far < tolerance:
+    dx = GOAL[0] - x
+    dy = GOAL[1] - y
+    distance = hypot(dx, dy)
+    if distance < tolerance:
         return 0.0, 0.0
     heading = (atan2(dy, dx) - yaw + pi) % (2.0 * pi) - pi
     if abs(heading) > follow['rotate_to_heading_min_angle']:
         spin = follow['rotate_to_heading_angular_vel']
         return 0.0, spin if heading > 0.0 else -spin
     # The carrot is on the path, at the look-ahead distance at most.
-    ahead = min(follow['lookahead_dist'], far)
+    ahead = min(follow['lookahead_dist'], distance)
     curvature = 2.0 * sin(heading) / ahead
     radius = 1.0 / max(abs(curvature), 1e-9)
     linear = follow['desired_linear_vel'] * min(
         1.0,
         radius / follow['regulated_linear_scaling_min_radius'],
-        far / follow['approach_velocity_scaling_dist'],
+        distance / follow['approach_velocity_scaling_dist'],
     )
     linear = max(linear, follow['min_approach_linear_velocity']) * cos(heading)
     return linear, linear * curvature

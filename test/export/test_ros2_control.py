@@ -1,6 +1,7 @@
 """What mujoco_ros2_control's plugin, ros2_control and launch ask of the exported files."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 import resource
 from typing import Any
@@ -15,24 +16,16 @@ from launch_api import NAMES
 import mujoco
 import numpy as np
 import pytest
-import yaml
 from yaml_tables import read_table
 
 ROOT = Path(__file__).resolve().parents[2]
-FREE, HINGE, SLIDE = (
-    int(kind)
-    for kind in (
-        mujoco.mjtJoint.mjJNT_FREE,
-        mujoco.mjtJoint.mjJNT_HINGE,
-        mujoco.mjtJoint.mjJNT_SLIDE,
-    )
-)
-WALKERS = ('walker6', 'walker_jansen', 'slotted_leg')
+FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+JOINT_TYPES = (FREE, int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 # By file, of ros2_controllers (jazzy, 2026-08) and controller_manager; what is set of each.
-KNOWN = read_table(Path(__file__).parent / 'controller_parameters.yaml')
+PUBLISHED = read_table(Path(__file__).parent / 'controller_parameters.yaml')
 
 
-@pytest.fixture(scope='module', params=WALKERS)
+@pytest.fixture(scope='module', params=['walker6', 'walker_jansen', 'slotted_leg'])
 def exported(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """Return a robot's file, and the exported folder."""
     folder = tmp_path_factory.mktemp(request.param) / 'control'
@@ -53,8 +46,8 @@ def control(folder: Path, name: str = 'cranks.urdf') -> Any:
 
 
 def parameter(element: Any, name: str) -> str:
-    (found,) = (each.text for each in element.iter('param') if each.get('name') == name)
-    return str(found)
+    (text,) = (node.text for node in element.iter('param') if node.get('name') == name)
+    return str(text)
 
 
 def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str, Path]) -> None:
@@ -65,7 +58,7 @@ def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str
     for n in range(model.njnt):
         joint = model.joint(n)
         assert joint.name
-        assert int(joint.type[0]) in (FREE, HINGE, SLIDE)
+        assert int(joint.type[0]) in JOINT_TYPES
     assert [model.actuator(n).name for n in range(model.nu)] == cranks
     element = control(folder)
     for joint in element.iter('joint'):
@@ -74,10 +67,11 @@ def test_the_plugin_finds_all_that_it_looks_for_in_the_model(exported: tuple[str
         assert model.joint(actuator.trnid[0]).name == joint.get('name')
         # By these the plugin takes it for a velocity actuator.
         assert actuator.biastype[0] == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        assert (actuator.biasprm[1], actuator.biasprm[2] != 0.0) == (0.0, True)
+        assert actuator.biasprm[1] == 0.0
+        assert actuator.biasprm[2] != 0.0
         # It puts the joint there, whatever the model says.
-        at = model.joint(joint.get('name')).qposadr[0]
-        assert float(parameter(joint, 'initial_value')) == data.qpos[at]
+        address = model.joint(joint.get('name')).qposadr[0]
+        assert float(parameter(joint, 'initial_value')) == data.qpos[address]
     assert {joint.get('name') for joint in element.iter('joint')} == {*cranks}
     free = model.joint(parameter(element.find('hardware'), 'odom_free_joint_name'))
     assert int(free.type[0]) == FREE
@@ -93,9 +87,8 @@ def test_the_model_is_that_of_sim_node_and_starts_closed(exported: tuple[str, Pa
     model = mujoco.MjModel.from_xml_path(str(folder / 'robot.xml'))
     data = mujoco.MjData(model)
     twin = Twin(robot_of(file), time_step=model.opt.timestep)
-    assert {joint: state.position for joint, state in twin.cranks().items()} == {
-        joint: data.qpos[model.joint(joint).qposadr[0]] for joint in twin.joints
-    }
+    for joint, state in twin.cranks().items():
+        assert state.position == data.qpos[model.joint(joint).qposadr[0]]
     mujoco.mj_forward(model, data)
     assert abs(data.efc_pos[: data.ne]).max() < 1e-9
     for joint in twin.joints:
@@ -114,10 +107,11 @@ def test_the_urdfs_are_whole_and_differ_in_the_plugin(exported: tuple[str, Path]
     import yourdfpy
 
     file, folder = exported
+    models = {}
     for name in ('robot.urdf', 'cranks.urdf', 'cranks_hardware.urdf'):
-        model = yourdfpy.URDF.load(str(folder / name), load_meshes=False)
-        assert model.validate()
-    joints = yourdfpy.URDF.load(str(folder / 'cranks.urdf'), load_meshes=False).joint_map
+        models[name] = yourdfpy.URDF.load(str(folder / name), load_meshes=False)
+        assert models[name].validate()
+    joints = models['cranks.urdf'].joint_map
     plugins = []
     for name in ('cranks.urdf', 'cranks_hardware.urdf'):
         element = control(folder, name)
@@ -125,37 +119,36 @@ def test_the_urdfs_are_whole_and_differ_in_the_plugin(exported: tuple[str, Path]
         for joint in element.iter('joint'):
             # ros2_control refuses a fixed one, and one that the URDF has not.
             assert joints[joint.get('name')].type == 'continuous'
-            interfaces = [each.get('name') for each in joint if each.tag != 'param']
+            interfaces = [node.get('name') for node in joint if node.tag != 'param']
             assert interfaces == ['velocity', 'position', 'velocity']
     assert plugins == [
         'mujoco_ros2_control/MujocoSystemInterface',
         'joint_state_topic_hardware_interface/JointStateTopicSystem',
     ]
-    names = [each.get('name') for each in control(folder).find('sensor').iter('state_interface')]
-    assert names == KNOWN['imu_interfaces']
-    assert robot_of(str(folder / 'walker.yaml')).legs == tuple(
-        leg.__class__(**{**leg.__dict__, 'linkage_file': ''}) for leg in robot_of(file).legs
-    )
+    sensor = control(folder).find('sensor')
+    imu_interfaces = [interface.get('name') for interface in sensor.iter('state_interface')]
+    assert imu_interfaces == PUBLISHED['imu_interfaces']
+    legs = [replace(leg, linkage_file='') for leg in robot_of(file).legs]
+    assert [*robot_of(str(folder / 'walker.yaml')).legs] == legs
 
 
 def test_every_parameter_is_one_of_the_controllers(exported: tuple[str, Path]) -> None:
     file, folder = exported
-    content = yaml.safe_load((folder / 'ros2_control.yaml').read_text(encoding='utf-8'))
-    manager = content.pop('controller_manager')['ros__parameters']
+    nodes = read_table(folder / 'ros2_control.yaml')
+    parameters = {name: section['ros__parameters'] for name, section in nodes.items()}
+    manager = parameters.pop('controller_manager')
     assert manager.pop('update_rate') == 100
-    kinds = {name: given['type'] for name, given in manager.items()}
-    assert content.pop('walker_node') == {'ros__parameters': {'command_type': 'velocities'}}
-    watchdog = content.pop('watchdog_node')['ros__parameters']
-    declared = {parameter.name: parameter for parameter in WATCHDOG_PARAMETERS}
-    assert all(declared[name].allows(value) for name, value in watchdog.items())
-    assert kinds.keys() == content.keys()
-    for name, kind in kinds.items():
-        given, known = content[name]['ros__parameters'], KNOWN['controllers'][kind]
-        assert given.keys() <= known.keys()
-        for key, value in given.items():
-            assert type(value).__name__ == known[key]
+    assert parameters.pop('walker_node') == {'command_type': 'velocities'}
+    watchdog = parameters.pop('watchdog_node')
+    for declaration in WATCHDOG_PARAMETERS:
+        assert declaration.name not in watchdog or declaration.allows(watchdog[declaration.name])
+    assert watchdog.keys() <= {declaration.name for declaration in WATCHDOG_PARAMETERS}
+    assert manager.keys() == parameters.keys()
+    for name, section in manager.items():
+        types = {key: type(number).__name__ for key, number in parameters[name].items()}
+        assert types.items() <= PUBLISHED['controllers'][section['type']].items()
     joints = [*robot_of(file).crank_joints]
-    assert content['crank_velocity_controller']['ros__parameters']['joints'] == joints
+    assert parameters['crank_velocity_controller']['joints'] == joints
     assert watchdog['joints'] == joints
 
 

@@ -6,18 +6,16 @@ from typing import TYPE_CHECKING
 
 from klann_ros.export import urdf
 from klann_ros.export.travel import crank_angles
-from klann_ros.kinematics import LinkageLeg, shipped_linkages
+from klann_ros.kinematics import LinkageLeg
 from klann_ros.robot import robot_of, RobotLeg
 import numpy as np
 import pytest
+from sample_linkages import SHIPPED_ROBOTS
 
 if TYPE_CHECKING:
     import yourdfpy
 
 ROOT = Path(__file__).resolve().parents[2]
-SHIPPED = ['sem104', 'patent', *shipped_linkages()]
-WALKERS = [str(ROOT / 'config' / f'walker{legs}.yaml') for legs in (4, 6)]
-PLAIN = {'klann': 'sem104', 'walker4': WALKERS[0], 'walker6': WALKERS[1]}
 
 
 def loaded(text: str) -> 'yourdfpy.URDF':
@@ -30,19 +28,18 @@ def loaded(text: str) -> 'yourdfpy.URDF':
 
 def published(leg: RobotLeg, alpha: float) -> dict[str, float]:
     pose = LinkageLeg(leg.linkage).closed_form(alpha)
-    return {
-        f'{leg.prefix}{name}': value
-        for name, value in zip(leg.linkage.joint_names, pose.joints, strict=True)
-    }
+    names = [f'{leg.prefix}{name}' for name in leg.linkage.joint_names]
+    return dict(zip(names, pose.joints, strict=True))
 
 
-@pytest.mark.parametrize('name', SHIPPED)
+@pytest.mark.parametrize('name', SHIPPED_ROBOTS)
 def test_the_published_joints_alone_move_each_bar_to_its_points(name: str) -> None:
     robot = robot_of(name)
     (leg,) = robot.legs
-    model, structure = loaded(urdf(robot)), leg.linkage.structure
+    structure = leg.linkage.structure
+    model = loaded(urdf(robot))
     joints = model.robot.joints
-    free = {j.name for j in joints if j.type != 'fixed' and j.mimic is None}
+    free = {joint.name for joint in joints if joint.type != 'fixed' and joint.mimic is None}
     assert free == set(leg.linkage.joint_names)
     # robot_state_publisher looks a mimicked joint up in the message, not in another mimic.
     assert {joint.mimic.joint for joint in joints if joint.mimic} <= free
@@ -52,51 +49,50 @@ def test_the_published_joints_alone_move_each_bar_to_its_points(name: str) -> No
         pose = LinkageLeg(leg.linkage).closed_form(float(alpha))
         points = dict(zip(structure.points, pose.points, strict=True))
         model.update_cfg(published(leg, float(alpha)))
-        seen = 0
-        for body in structure.bodies:
-            for bar in body.rigid:
-                link = bar_link(bar.start, bar.end)
-                frame = model.get_transform(link)
-                far = np.hypot(*(points[bar.end] - points[bar.start]))
-                close(frame[:3, 3], leg.mount.transform(points[bar.start]))
-                close((frame @ [far, 0, 0, 1])[:3], leg.mount.transform(points[bar.end]))
-                seen += 1
-        assert seen
+        bars = [bar for body in structure.bodies for bar in body.rigid]
+        assert bars
+        for bar in bars:
+            separator = '_' if len(bar.start + bar.end) > 2 else ''
+            frame = model.get_transform(f'{bar.start}{separator}{bar.end}'.lower())
+            length = np.hypot(*(points[bar.end] - points[bar.start]))
+            close(frame[:3, 3], leg.mount.transform(points[bar.start]))
+            close((frame @ [length, 0, 0, 1])[:3], leg.mount.transform(points[bar.end]))
         foot = model.get_transform(structure.foot.lower())[:3, 3]
         close(foot, leg.mount.transform(pose.h))
 
 
-def bar_link(start: str, end: str) -> str:
-    return f'{start}{"_" if len(start + end) > 2 else ""}{end}'.lower()
+def close(place: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(place, expected, rtol=0, atol=1e-9)
 
 
-def close(found: np.ndarray, expected: np.ndarray) -> None:
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize('plain', PLAIN)
-def test_a_klann_leg_has_the_joints_and_frames_of_the_plain_urdf(plain: str) -> None:
-    robot = robot_of(PLAIN[plain])
-    ours, theirs = map(loaded, (urdf(robot, joint_separator='/'), plain_text(plain)))
+@pytest.mark.parametrize(
+    ('plain', 'robot_name'),
+    [
+        ('klann', 'sem104'),
+        ('walker4', str(ROOT / 'config' / 'walker4.yaml')),
+        ('walker6', str(ROOT / 'config' / 'walker6.yaml')),
+    ],
+    ids=['klann', 'walker4', 'walker6'],
+)
+def test_a_klann_leg_has_the_joints_and_frames_of_the_plain_urdf(
+    plain: str, robot_name: str
+) -> None:
+    robot = robot_of(robot_name)
+    ours = loaded(urdf(robot, joint_separator='/'))
+    theirs = loaded((ROOT / 'urdf' / f'{plain}.urdf').read_text())
     assert {link.name for link in ours.robot.links} == {link.name for link in theirs.robot.links}
-    assert {facts(joint) for joint in ours.robot.joints} == {
-        facts(joint) for joint in theirs.robot.joints
-    }
+    assert {*map(joint_facts, ours.robot.joints)} == {*map(joint_facts, theirs.robot.joints)}
     for alpha in np.linspace(-3, 3, 4):
-        for model in (ours, theirs):
-            positions: dict[str, float] = {}
-            for leg in robot.legs:
-                positions |= published(leg, float(leg.crank_angles(alpha)))
-            model.update_cfg(positions)
+        positions: dict[str, float] = {}
+        for leg in robot.legs:
+            positions |= published(leg, float(leg.crank_angles(alpha)))
+        ours.update_cfg(positions)
+        theirs.update_cfg(positions)
         for link in theirs.robot.links:
             close(ours.get_transform(link.name), theirs.get_transform(link.name))
 
 
-def plain_text(name: str) -> str:
-    return (ROOT / 'urdf' / f'{name}.urdf').read_text()
-
-
-def facts(joint: 'yourdfpy.Joint') -> tuple:
+def joint_facts(joint: 'yourdfpy.Joint') -> tuple:
     """Return what makes a joint what it is, but for its place."""
     mimic = joint.mimic and (joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
     axis = None if joint.type == 'fixed' else tuple(map(float, joint.axis))
@@ -147,8 +143,9 @@ def test_sliders_have_room_for_their_stroke() -> None:
     robot = robot_of('slider_crank')
     linkage = robot.legs[0].linkage
     sliding = {body.angle for body in linkage.structure.bodies if body.slides}
-    joints = {j.name: j for j in loaded(urdf(robot)).robot.joints if j.type == 'prismatic'}
-    assert set(joints) == sliding
+    joints = [joint for joint in loaded(urdf(robot)).robot.joints if joint.type == 'prismatic']
+    assert {joint.name for joint in joints} == sliding
     for alpha in np.linspace(0, 6, 20):
-        now = published(robot.legs[0], float(alpha))
-        assert all(joints[n].limit.lower < now[n] < joints[n].limit.upper for n in sliding)
+        positions = published(robot.legs[0], float(alpha))
+        for joint in joints:
+            assert joint.limit.lower < positions[joint.name] < joint.limit.upper
