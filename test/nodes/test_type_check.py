@@ -1,6 +1,7 @@
 """A publisher of another type is one warning with both types, from every node, over real DDS."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
@@ -16,81 +17,98 @@ STAMPED = 'geometry_msgs/msg/TwistStamped'
 JOINTS = 'sensor_msgs/msg/JointState'
 
 
-def until_warned(ros: Domain, node: Process, text: str) -> None:
-    """Wait for a warning, and for 1.5 s of reports, in which it is not repeated."""
-    reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
-    ros.probe.until(lambda: text in node.errors)
+# Nodes, the topics that have publishers of another type, and both types with the remedy.
+MISMATCHES = [
+    ('walker_node WALKER', 'cmd_vel', Twist, f'{TWIST}, {STAMPED}, stamped_cmd_vel:=false'),
+    (
+        'walker_node WALKER -p stamped_cmd_vel:=false',
+        'cmd_vel',
+        TwistStamped,
+        f'{STAMPED}, {TWIST}, stamped_cmd_vel:=true',
+    ),
+    (
+        'walker_node WALKER -r crank_state:=motor',
+        'motor',
+        Int32,
+        f'std_msgs/msg/Int32, {JOINTS}, crank_state_type:=ticks and counts_per_turn',
+    ),
+    (
+        'solver_node --ros-args',
+        'crank_angle',
+        Float32,
+        'std_msgs/msg/Float32, std_msgs/msg/Float64, crank_angle_type:=float32',
+    ),
+    (
+        'solver_node --ros-args -p crank_angle_type:=float32',
+        'crank_angle',
+        Float64,
+        'std_msgs/msg/Float64, std_msgs/msg/Float32, crank_angle_type:=float64',
+    ),
+    (
+        'solver_node --ros-args -p crank_state_type:=ticks -p counts_per_turn:=600',
+        'crank_state',
+        JointState,
+        f'{JOINTS}, std_msgs/msg/Int32, crank_state_type:=joint_state',
+    ),
+    (
+        'watchdog_node --ros-args -p joints:=[crank]',
+        'crank_command',
+        JointState,
+        f'{JOINTS}, std_msgs/msg/Float64MultiArray, command_type:=velocities of walker_node',
+    ),
+    (
+        'sim_node WALKER',
+        'crank_command',
+        Float64MultiArray,
+        f'std_msgs/msg/Float64MultiArray, {JOINTS}, command_type:=joint_state of walker_node',
+    ),
+]
+# Reports in 1.5 s, in which a node looks for publishers again.
+REPORTS = 15
+
+
+class Warned(NamedTuple):
+    """A node with a publisher of another type, and its warning."""
+
+    node: Process
+    text: str
+
+
+@pytest.fixture(scope='module')
+def reports(module_ros: Domain) -> list[DiagnosticArray]:
+    return module_ros.probe.listen(DiagnosticArray, '/diagnostics')
+
+
+@pytest.fixture(scope='module')
+def warned(module_ros: Domain, reports: list[DiagnosticArray]) -> list[Warned]:
+    """Start a node of each mismatch, in a namespace of its own; `reports` are those afterwards."""
+    driver = module_ros.other_node()
+    warned: list[Warned] = []
+    for index, (command, topic, kind, types) in enumerate(MISMATCHES):
+        space = f'/case_{index}'
+        driver.create_publisher(kind, f'{space}/{topic}', 1)
+        name, *words = command.replace('WALKER', f'--ros-args --params-file {WALKER}').split()
+        words += ['-p', 'diagnostics_period:=0.1', '-r', f'__ns:={space}']
+        published, taken, remedy = types.split(', ')
+        text = f'/probe publishes {published}, this node takes {taken}: set {remedy}'
+        warned.append(Warned(module_ros.start(name, *words), f'{space}/{topic}: {text}'))
+    module_ros.probe.until(lambda: all(text in node.errors for node, text in warned))
     reports.clear()
-    ros.probe.until(lambda: len(reports) > 15)
-    told = [status for report in reports for status in report.status if text in status.message]
-    # One of each report.
-    assert len(told) >= 15
-    assert all(status.level != DiagnosticStatus.OK for status in told)
-    assert node.errors.count(text) == 1
+    module_ros.probe.until(lambda: all(len(told(reports, text)) >= REPORTS for _, text in warned))
+    return warned
 
 
-@pytest.mark.parametrize(
-    ('command', 'topic', 'kind', 'types'),
-    [
-        ('walker_node WALKER', 'cmd_vel', Twist, f'{TWIST}, {STAMPED}, stamped_cmd_vel:=false'),
-        (
-            'walker_node WALKER -p stamped_cmd_vel:=false',
-            'cmd_vel',
-            TwistStamped,
-            f'{STAMPED}, {TWIST}, stamped_cmd_vel:=true',
-        ),
-        (
-            'walker_node WALKER -r crank_state:=motor',
-            'motor',
-            Int32,
-            f'std_msgs/msg/Int32, {JOINTS}, crank_state_type:=ticks and counts_per_turn',
-        ),
-        (
-            'solver_node --ros-args',
-            'crank_angle',
-            Float32,
-            'std_msgs/msg/Float32, std_msgs/msg/Float64, crank_angle_type:=float32',
-        ),
-        (
-            'solver_node --ros-args -p crank_angle_type:=float32',
-            'crank_angle',
-            Float64,
-            'std_msgs/msg/Float64, std_msgs/msg/Float32, crank_angle_type:=float64',
-        ),
-        (
-            'solver_node --ros-args -p crank_state_type:=ticks -p counts_per_turn:=600',
-            'crank_state',
-            JointState,
-            f'{JOINTS}, std_msgs/msg/Int32, crank_state_type:=joint_state',
-        ),
-        (
-            'watchdog_node --ros-args -p joints:=[crank]',
-            'crank_command',
-            JointState,
-            f'{JOINTS}, std_msgs/msg/Float64MultiArray, command_type:=velocities of walker_node',
-        ),
-        (
-            'sim_node WALKER',
-            'crank_command',
-            Float64MultiArray,
-            f'std_msgs/msg/Float64MultiArray, {JOINTS}, command_type:=joint_state of walker_node',
-        ),
-    ],
-)
+def told(reports: list[DiagnosticArray], text: str) -> list[DiagnosticStatus]:
+    return [status for report in reports for status in report.status if text in status.message]
+
+
+@pytest.mark.parametrize('index', range(len(MISMATCHES)))
 def test_both_types_and_the_remedy_are_said_once(
-    ros: Domain, command: str, topic: str, kind: type, types: str
+    warned: list[Warned], reports: list[DiagnosticArray], index: int
 ) -> None:
-    driver = ros.other_node()
-    publisher = driver.create_publisher(kind, topic, 1)
-    name, *words = command.replace('WALKER', f'--ros-args --params-file {WALKER}').split()
-    node = ros.start(name, *words, '-p', 'diagnostics_period:=0.1')
-    published, taken, remedy = types.split(', ')
-    until_warned(
-        ros,
-        node,
-        f'/{topic}: /probe publishes {published}, this node takes {taken}: set {remedy}',
-    )
-    driver.destroy_publisher(publisher)
+    node, text = warned[index]
+    assert all(status.level != DiagnosticStatus.OK for status in told(reports, text))
+    assert node.errors.count(text) == 1
 
 
 def test_a_live_page_says_so_too(ros: Domain) -> None:
@@ -100,7 +118,7 @@ def test_a_live_page_says_so_too(ros: Domain) -> None:
     view = ros.start('view_node', '--port', '0')
     text = f'publishes {TWIST}, this node takes {STAMPED}'
     ros.probe.until(lambda: text in view.errors)
-    ros.probe.spin(2.5)
+    ros.probe.spin(1.5)
     assert view.errors.count(text) == 1
     ros.probe.node.destroy_publisher(publisher)
 

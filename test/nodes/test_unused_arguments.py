@@ -73,7 +73,7 @@ def test_a_running_node_suggests_the_nearest_parameter(ros: Domain) -> None:
 
 def test_a_value_of_any_length_is_refused_on_a_short_line(ros: Domain) -> None:
     ros.solve()
-    answer = ros.probe.set_parameters('solver_node', {'assembly': [1] * 10**6})
+    answer = ros.probe.set_parameters('solver_node', {'assembly': [1] * 10**5})
     assert answer.reason.endswith('it must be two signs, each +1 or -1')
     assert len(answer.reason) < 300
     assert not ros.probe.set_parameters('solver_node', {'l_ab': None}).successful

@@ -102,14 +102,18 @@ def test_odom_goes_on_at_a_set_pose_and_begins_again(
 
 
 def test_the_scale_of_odom_is_that_of_the_calibration(ros: Domain) -> None:
-    paths = []
+    walks = []
     for name, factor in (('one', 1.0), ('two', 1.2)):
         words = [*FILE, '-r', f'__ns:=/{name}']
         ros.start('walker_node', *words, linear_scale=factor, motion_gain=0.0)
         motors = Motors(ros, f'/{name}/')
         motors.factors = [1.0, 1.0]
-        motors.twist = (0.1, 0.0)
-        ros.probe.until(lambda motors=motors: motors.odom and motors.positions[0] > 6.0)
+        walks.append(motors)
+    for motors in walks:
+        motors.twist = (0.15, 0.0)
+    paths = []
+    for motors in walks:
+        ros.probe.until(lambda motors=motors: motors.odom and motors.positions[0] > 3.0)
         motors.twist = None
         motors.until_stopped()
         paths.append(motors.odom[-1].pose.pose.position.x / motors.positions[0])
