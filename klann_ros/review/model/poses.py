@@ -167,19 +167,26 @@ def leg_figures(recording: LegRecording, errors: PoseErrors | None) -> LegFigure
         straightness = stance.straightness
         is_stance = np.mod(alphas - stance.start, _TURN) < stance.end - stance.start
         duty_factor = float(np.mean(is_stance)) if is_stance.size else nan
-    worst = [nan] * 4
-    if errors is not None:
-        mu = errors.transmission_angles
-        worst_mu = -_worst((-np.minimum(mu, np.pi - mu)).ravel())
-        worst = [worst_mu, _worst(errors.residuals)]
-        worst += [_worst(errors.angle_errors), _worst(errors.foot_errors)]
-    return LegFigures(
+    figures = LegFigures(
         turns,
         float(stride),
         float(lift),
         duty_factor,
         straightness,
-        *worst,
+        worst_transmission_angle=nan,
+        worst_residual=nan,
+        worst_angle_error=nan,
+        worst_foot_error=nan,
+    )
+    if errors is None:
+        return figures
+    mu = errors.transmission_angles
+    return replace(
+        figures,
+        worst_transmission_angle=-_worst((-np.minimum(mu, np.pi - mu)).ravel()),
+        worst_residual=_worst(errors.residuals),
+        worst_angle_error=_worst(errors.angle_errors),
+        worst_foot_error=_worst(errors.foot_errors),
     )
 
 
@@ -215,5 +222,6 @@ def _stance(linkage: Linkage) -> Stance | None:
 
 
 def _worst(errors: FloatArray) -> float:
+    """Return the largest error that is known; NaN without any."""
     worst = np.fmax.reduce(errors, initial=-inf)
     return nan if worst == -inf else float(worst)
