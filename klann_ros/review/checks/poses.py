@@ -46,11 +46,11 @@ class WrongPoses(NamedTuple):
 
 
 def wrong_poses(leg: ReviewedLeg, errors: PoseErrors, limits: Limits) -> WrongPoses:
-    """Return the wrong poses, without those of a second solver."""
+    """Return the wrong poses, without those whose input another solver answered rightly."""
     wrong = WrongPoses.of(errors, limits)
-    explained = leg.answers.duplicates.explained(wrong.any())
+    second_answers = leg.answers.duplicates.answered_rightly(wrong.any())
     for flags in wrong:
-        flags[explained] = False
+        flags[second_answers] = False
     return wrong
 
 
@@ -174,7 +174,7 @@ def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]
     if wrong.any() and reviewed.errors is not None:
         # `check_poses` finds poses of another leg.
         wrong &= ~wrong_poses(reviewed, reviewed.errors, review.limits).any()
-    wrong[reviewed.answers.duplicates.explained(wrong)] = False
+    wrong[reviewed.answers.duplicates.answered_rightly(wrong)] = False
     if wrong.any():
         count = int(wrong.sum())
         text = (

@@ -42,13 +42,13 @@ class Duplicates(NamedTuple):
     alone: BoolArray  # whether the stamp belongs to one input only
     solvers: int  # their number, if most inputs have equally many answers; else 1
 
-    def explained(self, wrong: BoolArray) -> IndexArray:
+    def answered_rightly(self, wrong: BoolArray) -> IndexArray:
         """Return the wrong poses whose input has a right answer, too."""
         is_wrong = wrong[self.rows]
-        answered = np.zeros(int(self.inputs.max(initial=-1)) + 1, dtype=bool)
-        answered[self.inputs[~is_wrong]] = True
-        explained: IndexArray = self.rows[is_wrong & answered[self.inputs]]
-        return explained
+        has_right_answer = np.zeros(int(self.inputs.max(initial=-1)) + 1, dtype=bool)
+        has_right_answer[self.inputs[~is_wrong]] = True
+        rows: IndexArray = self.rows[is_wrong & has_right_answer[self.inputs]]
+        return rows
 
 
 @dataclass(frozen=True, eq=False)

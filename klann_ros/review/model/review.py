@@ -59,7 +59,7 @@ class ReviewedLeg:
 
     @cached_property
     def figures(self) -> LegFigures:
-        """Return its figures."""
+        """Return the figures of the evaluated part."""
         # A log may hold any number: overflow gives infinity or NaN.
         with np.errstate(over='ignore', invalid='ignore'):
             return leg_figures(self.evaluated, self.errors)
