@@ -139,7 +139,7 @@ def run(
         # These objects stay: the garbage collector need not scan them again.
         gc.freeze()
         loop = RawMessageExecutor(executor, plain=not raw, batch_period=batch_period)
-        spin_on(partial(loop.spin_until_future_complete, finished), node)
+        spin_through_errors(partial(loop.spin_until_future_complete, finished), node)
     finally:
         # First: nothing may fail, or block, before a robot is stopped.
         closed = node.close() if isinstance(node, ProcessNode) else 0
@@ -190,9 +190,9 @@ def ros_error(error: Exception) -> str:
     return printable_line(error).partition(', at /')[0]
 
 
-def spin_on(spin: Callable[[], None], node: Node) -> None:
+def spin_through_errors(spin: Callable[[], None], node: Node) -> None:
     """
-    Call `spin`, and again after a callback has failed, which is logged.
+    Spin until `spin` returns; an error of a callback is logged, and does not end it.
 
     rclpy itself raises for messages of any sender: a parameter of an unknown type, a clock before
     1970. No message may end a node that turns a leg or records a run.
@@ -200,7 +200,7 @@ def spin_on(spin: Callable[[], None], node: Node) -> None:
     while True:
         try:
             spin()
-        except ExternalShutdownException:  # noqa: PERF203, RUF100 - it seldom fails
+        except ExternalShutdownException:  # noqa: PERF203, RUF100 - an error is rare
             raise
         except Exception as error:
             text = f'a callback failed, and the node goes on: {error_and_place(error)}'

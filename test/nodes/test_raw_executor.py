@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from klann_ros.nodes import raw_executor
-from klann_ros.nodes.process import error_and_place, spin_on
+from klann_ros.nodes.process import error_and_place, spin_through_errors
 from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
 from rclpy import executors
@@ -427,7 +427,7 @@ def test_a_busy_executor_does_not_starve_messages(ros: Domain) -> None:
 @pytest.mark.parametrize('end', ['future', 'executor', 'context'])
 def test_it_ends_under_load_with_its_threads(ros: Domain, plain: bool, end: str) -> None:
     before = threading.active_count()
-    with Running(ros, plain=plain, spin=spin_on) as run, load(ros):
+    with Running(ros, plain=plain, spin=spin_through_errors) as run, load(ros):
         ros.probe.until(lambda: run.echo.taken)
         if end == 'future':
             run.done.set_result(0)
@@ -474,7 +474,7 @@ def test_errors_of_callbacks_are_raised(ros: Domain, plain: bool) -> None:
 def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
     ros: Domain, plain: bool
 ) -> None:
-    with Running(ros, plain=plain, spin=spin_on) as run:
+    with Running(ros, plain=plain, spin=spin_through_errors) as run:
         there = ros.probe.publisher(Float64, 'there')
         client = ros.probe.node.create_client(Trigger, 'echo/call')
         ros.probe.until(client.service_is_ready)

@@ -32,7 +32,7 @@ from klann_ros.log import (
 from klann_ros.log.errors import LogError
 from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
-from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_on
+from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_through_errors
 from klann_ros.nodes.solver_watch import SolverWatch
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
@@ -175,7 +175,7 @@ class RecorderNode(ProcessNode):
             while self._solvers.pending and monotonic() < end:
                 executor.spin_once(timeout_sec=0.02)
 
-        spin_on(spin, self)
+        spin_through_errors(spin, self)
         executor.remove_node(self)
 
     def _pause(self) -> tuple[bool, str]:
