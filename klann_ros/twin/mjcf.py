@@ -160,19 +160,19 @@ class _Model:
         return name
 
     def text(self) -> str:
-        """Return the model."""
+        """Return the XML of the model."""
         root = Element('mujoco', model=self.unique('model', self.robot.name))
         root.append(Comment(' Made by klann_ros. Metres, kilograms, seconds, radians. '))
         # As in a URDF: roll, pitch and yaw about fixed axes.
         _add(root, 'compiler', angle='radian', autolimits='true', eulerseq='XYZ')
         self._option(root)
         base = self._base(_add(root, 'worldbody'))
-        # Before those of the legs: a crank's joint keeps its own name.
+        # Cranks take their names before the legs do, so none of them gets a suffix.
         cranks = {name: self.unique('joint', name) for name in self.robot.crank_joints}
         actuator = Element('actuator')
         root.extend([self.equality, self.tendon, actuator])
         for joint, name in cranks.items():
-            inertia = self._on_joint(base, joint, name)
+            inertia = self._write_legs(base, joint, name)
             gain = self._accuracy.servo * inertia / self._accuracy.time_step
             _add(actuator, 'velocity', name=name, joint=name, kv=gain)
         if self.robot.is_walker:
@@ -222,7 +222,7 @@ class _Model:
         _add(base, 'geom', **_touching(self.floor.friction), **box, **look)
         return base
 
-    def _on_joint(self, base: Element, joint: str, name: str) -> float:
+    def _write_legs(self, base: Element, joint: str, name: str) -> float:
         """Write the legs of a joint; return its least inertia [kg m^2]."""
         inertia = 0.0
         legs = [leg for leg in self._legs if leg.leg.crank_joint == joint]

@@ -130,7 +130,7 @@ class PlayerNode(ProcessNode):
             )
 
     def close(self) -> int:
-        """Stop playing and what it commands, and wait until the last messages have arrived."""
+        """Stop playing, then the moved robots; wait until the last messages have arrived."""
         self._stopped.set()
         self._playback.transport.stop()
         self._thread.join(_SHUTDOWN_TIMEOUT)

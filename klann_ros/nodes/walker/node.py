@@ -321,13 +321,13 @@ class ManagedWalkerNode(LifecycleNodeMixin, WalkerNode):
         LifecycleNodeMixin.__init__(self)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Command the cranks, which begin to stand."""
+        """Begin to command the cranks, from standstill."""
         self._walker.controller.interlocks.is_active = True
         self._log('activated: it commands the cranks')
         return super().on_activate(state)
 
     def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the cranks, and command nothing."""
+        """Stop the cranks, and command nothing more."""
         self._walker.controller.interlocks.is_active = False
         self.close()
         self._log('not active: it commands nothing')
