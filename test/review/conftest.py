@@ -1,6 +1,7 @@
 """Runs made by the real solver and the real writer, without ROS: a message is its CDR bytes."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 import math
@@ -88,21 +89,21 @@ class Script:
 
     def do(self, step: dict[str, Any]) -> None:
         """Do a step of a situation: call a method by its name with words, the last ones named."""
-        ((name, given),) = step.items()
+        ((name, argument),) = step.items()
         if name == 'other':
-            self.others[-1].do(given)
+            self.others[-1].do(argument)
         elif name == 'recorded':
-            self.geometry = given and KlannGeometry(**given)
+            self.geometry = argument and KlannGeometry(**argument)
         elif name == 'parameters':
-            self.parameters |= given
+            self.parameters |= argument
         elif name == 'linkage':
-            file = ROOT / 'klann_ros' / 'linkages' / f'{given}.yaml'
+            file = ROOT / 'klann_ros' / 'linkages' / f'{argument}.yaml'
             self.parameters['linkage_description'] = file.read_text(encoding='utf-8')
         else:
-            words = [*given] if isinstance(given, list) else [given]
+            words = [*argument] if isinstance(argument, list) else [argument]
             are_named = name not in ('add_counts', 'record', 'describe_leg')
-            named = words.pop() if are_named and words and isinstance(words[-1], dict) else {}
-            getattr(self, name)(*words, **named)
+            options = words.pop() if are_named and words and isinstance(words[-1], dict) else {}
+            getattr(self, name)(*words, **options)
 
     def change(self, index: int, **fields: Any) -> None:
         self.answers[index] = replace(self.answers[index], **fields)
@@ -111,33 +112,33 @@ class Script:
         """Set another crank angle, with its pose and its foot."""
         self.answers[index] = self.answers[index].by(KlannLeg(self.geometry), alpha)
 
-    def delay(self, first: int, by: int, last: int | None = None, every: int = 1) -> None:
+    def delay(self, first: int, delay: int, last: int | None = None, every: int = 1) -> None:
         """Send the answers from the first on later [ns]."""
         for n in range(len(self.answers))[first:last:every]:
-            self.change(n, stamp=self.answers[n].stamp + by)
+            self.change(n, stamp=self.answers[n].stamp + delay)
 
-    def solve(self, index: int, by: float = 0.0, last: int = 0, **geometry: Any) -> None:
+    def solve(self, index: int, error: float = 0.0, last: int = 0, **geometry: Any) -> None:
         """Answer with the pose of another angle, or with some of another leg."""
         leg = KlannLeg(replace(self.geometry or KlannGeometry(), **geometry))
         for n in range(index, max(last, index + 1)):
             asked = self.answers[n].alpha
-            self.answers[n] = self.answers[n].by(leg, asked + by, asked)
+            self.answers[n] = self.answers[n].by(leg, asked + error, asked)
 
-    def turn(self, first: int, by: float, last: int | None = None, every: int = 1) -> None:
+    def turn(self, first: int, angle: float, last: int | None = None, every: int = 1) -> None:
         """Turn the crank further at some angles [rad]."""
         for n in range(len(self.answers))[first:last:every]:
-            self.move(n, self.answers[n].alpha + by)
+            self.move(n, self.answers[n].alpha + angle)
 
-    def spoil(self, index: int, joint: int, value: float) -> None:
-        """Answer with another value of a joint, or with none for NaN and infinity."""
-        known = self.answers[index].pose[joint]
-        self.answers[index].pose[joint] = known + value if math.isfinite(value) else value
+    def spoil(self, index: int, joint: int, error: float) -> None:
+        """Answer with an angle that is wrong by an error, or that is NaN or infinite."""
+        pose = self.answers[index].pose
+        pose[joint] = pose[joint] + error if math.isfinite(error) else error
 
-    def drift(self, first: int, by: float) -> None:
+    def drift(self, first: int, distance: float) -> None:
         """Move the foot in y from an answer on [m]."""
         for n in range(first, len(self.answers)):
             x, y = self.answers[n].foot
-            self.change(n, foot=(x, y + by))
+            self.change(n, foot=(x, y + distance))
 
     def stand(self, first: int, last: int) -> None:
         """Let the crank stand still from one answer to another."""
@@ -169,12 +170,13 @@ class Script:
     def clock(self, late: int = 0, pause: int = 0) -> None:
         """Stamp late by a /clock of half the speed, which pauses midway [ns]."""
         self.by_crank_state()
-        topic, start = Topic('/clock', 'rosgraph_msgs/msg/Clock', ''), self.answers[0].stamp
+        topic = Topic('/clock', 'rosgraph_msgs/msg/Clock', '')
+        start = self.answers[0].stamp
         for n, answer in enumerate(self.answers):
-            shown = (answer.stamp - start) // 2 + 5_000_000_000
+            simulated = (answer.stamp - start) // 2 + 5_000_000_000
             stamp = answer.stamp + pause * (2 * n >= len(self.answers))
-            self.change(n, stamp=stamp, header_stamp=shown - late)
-            data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(shown, 10**9))
+            self.change(n, stamp=stamp, header_stamp=simulated - late)
+            data = struct.pack('<4BII', 0, 1, 0, 0, *divmod(simulated, 10**9))
             self.messages.append(Message(topic, data, stamp + 1_000_000, stamp, n + 1))
 
     def tick(self, count: int) -> None:
@@ -185,23 +187,22 @@ class Script:
     def events(self, name: str, kind: str, late: int, *times: int) -> None:
         """Add messages of another topic, by default in four bursts of twelve [ms]."""
         bursts = [500 * burst + n for burst in range(4) for n in range(12)]
-        topic, start = Topic(name, kind, ''), self.answers[0].stamp
-        for time in (start + 1_000_000 * ms for ms in times or bursts):
+        for ms in times or bursts:
+            time = self.answers[0].stamp + 1_000_000 * ms
+            topic = Topic(name, kind, '')
             self.messages.append(Message(topic, b'', time + late, time, 0))
 
     def garble(self, topic: str, *contents: str) -> None:
         """Add messages of these bytes at half a second."""
-        time = START + 500_200_000
-        self.messages += [
-            Message(getattr(self, topic), each.encode('latin-1'), time + n, time + n, 0)
-            for n, each in enumerate(contents)
-        ]
+        for time, content in enumerate(contents, START + 500_200_000):
+            data = content.encode('latin-1')
+            self.messages.append(Message(getattr(self, topic), data, time, time, 0))
 
     def describe(
-        self, robot: str, at: float = 0.0, topic: str = '/robot_description', **numbers: float
+        self, robot: str, seconds: float = 0.0, topic: str = '/robot_description', **numbers: float
     ) -> None:
         """Publish the URDF of a robot, a shipped one by its name, with other lengths of bars."""
-        time = START + round(1e9 * at)
+        time = START + round(1e9 * seconds)
         if robot == 'patent':
             robot = urdf_of(ROOT / 'config' / 'patent.yaml')
         elif robot.isidentifier():
@@ -210,9 +211,9 @@ class Script:
             robot = robot.replace(f'{getattr(KlannGeometry(), name)} 0 0', f'{length} 0 0')
         self.messages.append(Message(topic_of(topic, STRING), text(robot), time + 1000, time, 0))
 
-    def describe_leg(self, parameters: dict[str, float], at: float = 0.0) -> None:
+    def describe_leg(self, parameters: dict[str, float], seconds: float = 0.0) -> None:
         """Publish the parameters of a leg as solver_node does."""
-        time = START + round(1e9 * at)
+        time = START + round(1e9 * seconds)
         words = leg_description(SolverParameters('/solver_node', time, parameters))
         topic = topic_of('/leg_description', STRING)
         self.messages.append(Message(topic, text(words), time, time, 1))
@@ -227,36 +228,39 @@ class Script:
         friction: float = 0.0,
         steps: int = 0,
         of_poses: bool = False,
-        others: Mapping[int, float] = MappingProxyType({}),
+        outliers: Mapping[int, float] = MappingProxyType({}),
         **parameters: Any,
     ) -> None:
         """Let the speed of the crank swing, with some of the torque for it as efforts [N m]."""
         self.by_crank_state()
         self.parameters = {'bar_density': 1.0, 'foot_mass': 0.2, **parameters}
         times = PERIOD / 1e9 * np.arange(len(self.answers))
-        turned = 0.3 + 6.0 * times + 0.4 * np.sin(5.0 * times)
+        alphas = 0.3 + 6.0 * times + 0.4 * np.sin(5.0 * times)
         rates = 6.0 + 2.0 * np.cos(5.0 * times)
         dynamics = Dynamics(KlannGeometry(), rods(KlannGeometry(), 1.0, foot_mass=0.2))
-        torque = dynamics.crank_torque(turned, rates, -10.0 * np.sin(5.0 * times))
+        torque = dynamics.crank_torque(alphas, rates, -10.0 * np.sin(5.0 * times))
         efforts = scale * torque + friction * np.sign(rates)
-        efforts[list(others)] = list(others.values())
-        sense, phase = self.parameters.get('direction', 1), self.parameters.get('phase', 0.0)
+        efforts[list(outliers)] = list(outliers.values())
+        sense = self.parameters.get('direction', 1)
+        phase = self.parameters.get('phase', 0.0)
         leg = KlannLeg()
-        for n, alpha in enumerate(turned):
+        for n, alpha in enumerate(alphas):
             # An encoder counts steps of a turn.
             angle = (alpha - phase) / sense
             angle = math.tau / steps * round(angle * steps / math.tau) if steps else angle
             self.answers[n] = self.answers[n].by(leg, sense * angle + phase, angle)
-        self.assign(
-            **{'pose_efforts': efforts} if of_poses else {'crank_efforts': sense * efforts}
-        )
+        if of_poses:
+            self.pose_efforts = efforts
+        else:
+            self.crank_efforts = sense * efforts
 
     def reach(self, **geometry: float) -> None:
         """Answer by a leg that cannot reach all angles."""
         self.geometry = KlannGeometry(**geometry)
-        leg, answers = KlannLeg(self.geometry), self.answers
+        leg = KlannLeg(self.geometry)
+        asked = self.answers
         self.answers = []
-        for answer in answers:
+        for answer in asked:
             try:
                 self.answers.append(answer.by(leg, answer.alpha))
             except KinematicsError:
@@ -284,20 +288,20 @@ class Script:
         """Lose the messages of a topic with these numbers, the last one excluded."""
         self.lost[topic] = range(first, last)
 
-    def detain(self, topic: str, first: int, last: int, by: int) -> None:
+    def detain(self, topic: str, first: int, last: int, delay: int) -> None:
         """Receive the messages of a topic with these numbers later [ns]."""
-        self.late[topic] = range(first, last), by
+        self.late[topic] = range(first, last), delay
 
     def pause(self, index: int, begin: int, end: int, *reason: str) -> None:
         """Add a pause of the recorder, from the times of an answer and of the next [ns]."""
-        before, after = (answer.stamp for answer in self.answers[index:][:2])
-        stood = Pause(before + begin, after + end, {}, *reason)
-        self.metadata.append((PAUSE_RECORD, pause_record(stood)))
+        begin += self.answers[index].stamp
+        end += self.answers[index + 1].stamp
+        pause = Pause(begin, end, {}, *reason)
+        self.metadata.append((PAUSE_RECORD, pause_record(pause)))
 
     def share(self, topic: str) -> None:
         """Give a topic two publishers."""
-        two = qos_to_yaml([Qos(), Qos()])
-        setattr(self, topic, replace(getattr(self, topic), qos=two))
+        self.alter(topic, qos=qos_to_yaml([Qos(), Qos()]))
 
     def second(
         self,
@@ -311,28 +315,31 @@ class Script:
         """Let another solver answer the same inputs; a named one is recorded."""
         leg = KlannLeg(KlannGeometry(**geometry))
         if node:
-            of = {'legs': legs} if legs else {}
-            self.add_solver(self.answers[0].stamp + 1_000_000, leg.geometry, node, **of)
-        some = self.answers[first:last]
-        self.repeat([each.by(leg, each.alpha + phase, each.alpha) for each in some])
+            parameters = {'legs': legs} if legs else {}
+            self.add_solver(self.answers[0].stamp + 1_000_000, leg.geometry, node, **parameters)
+        self.repeat(
+            [
+                answer.by(leg, answer.alpha + phase, answer.alpha)
+                for answer in self.answers[first:last]
+            ]
+        )
 
-    def repeat(self, others: list[Answer] | None = None) -> None:
+    def repeat(self, answers: list[Answer] | None = None) -> None:
         """Let another solver give these answers, or the same."""
-        others = [*self.answers] if others is None else others
+        answers = [*self.answers] if answers is None else answers
         # Its inputs are those of the first.
-        asked = replace(self.crank, name='/other')
-        topics = {'crank': asked, 'poses': self.poses, 'feet': self.feet}
-        later = self.latency + 1_000_000
-        self.others.append(Script(geometry=None, answers=others, latency=later, **topics))
+        topics = {'crank': replace(self.crank, name='/other'), 'poses': self.poses}
+        latency = self.latency + 1_000_000
+        script = Script(None, answers, feet=self.feet, latency=latency, **topics)
+        self.others.append(script)
 
-    def shift_header_stamps(self, by: int) -> None:
+    def shift_header_stamps(self, offset: int) -> None:
         for n, answer in enumerate(self.answers):
-            self.change(n, header_stamp=answer.stamp + by)
+            self.change(n, header_stamp=answer.stamp + offset)
 
     def assign(self, **fields: Any) -> None:
         """Set fields, such as the latency of all messages [ns]."""
-        for name, value in fields.items():
-            setattr(self, name, value)
+        vars(self).update(fields)
 
     def record(self, name: str, content: dict[str, str]) -> None:
         """Add a record of the recorder."""
@@ -340,17 +347,18 @@ class Script:
 
     def add_counts(self, counts: dict[str, TopicCount | dict[str, int | None]]) -> None:
         """Add what the recorder counted."""
-        made = {n: TopicCount(**c) if isinstance(c, dict) else c for n, c in counts.items()}
-        self.metadata.append((LOSS_RECORD, loss_record(made)))
+        topic_counts = {}
+        for name, count in counts.items():
+            topic_counts[name] = TopicCount(**count) if isinstance(count, dict) else count
+        self.metadata.append((LOSS_RECORD, loss_record(topic_counts)))
 
     def renumber(self) -> None:
         """Set the numbers of the answers that are left, without a gap."""
         self.answers = [replace(answer, sequence=n + 1) for n, answer in enumerate(self.answers)]
 
-    def swap_stamps(self, one: int, other: int) -> None:
-        first, second = self.answers[one].stamp, self.answers[other].stamp
-        self.change(one, header_stamp=second)
-        self.change(other, header_stamp=first)
+    def swap_stamps(self, first: int, second: int) -> None:
+        self.change(first, header_stamp=self.answers[second].stamp)
+        self.change(second, header_stamp=self.answers[first].stamp)
 
     def ask_unstamped(self, index: int) -> None:
         """Add an input without a stamp, logged behind an answered one."""
@@ -365,18 +373,17 @@ class Script:
         self.unanswered.append((stamp + later, asked.alpha if alpha is None else alpha))
 
     def add_solver(
-        self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **others: Any
+        self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **parameters: Any
     ) -> None:
-        record = solver_record(SolverParameters(node, time, {**geometry.as_dict(), **others}))
+        parameters = {**geometry.as_dict(), **parameters}
+        record = solver_record(SolverParameters(node, time, parameters))
         self.metadata.append((SOLVER_RECORD, record))
 
     def in_namespace(self, namespace: str, solver: str = '') -> 'Script':
         """Return the run with its topics in a namespace, and its solver there or elsewhere."""
         self.namespace = solver or namespace
-        self.crank, self.poses, self.feet = (
-            replace(topic, name=namespace + topic.name)
-            for topic in (self.crank, self.poses, self.feet)
-        )
+        for field_name in ('crank', 'poses', 'feet'):
+            self.alter(field_name, name=namespace + getattr(self, field_name).name)
         return self
 
     def beside(self, namespace: str) -> None:
@@ -385,7 +392,8 @@ class Script:
 
     def as_leg(self, name: str) -> None:
         """Publish as a leg of a walker does."""
-        self.prefix, self.feet = f'{name}/', replace(self.feet, name=f'/{name}/point_h')
+        self.prefix = f'{name}/'
+        self.alter('feet', name=f'/{name}/point_h')
 
     def by_crank_state(self) -> 'Script':
         """Return the run with a JointState as its input: it has stamps of its own."""
@@ -396,41 +404,40 @@ class Script:
 def script(geometry: KlannGeometry | None = None, turns: float = 2.0, count: int = 400) -> Script:
     """Return a healthy run of the crank."""
     geometry = geometry or KlannGeometry()
-    answers = [
-        replace(each, pose=[*each.pose]) for each in healthy_answers(geometry, turns, count)
-    ]
-    return Script(geometry=geometry, answers=answers)
+    # Their poses may be changed.
+    answers = deepcopy(healthy_answers(geometry, turns, count))
+    return Script(geometry=geometry, answers=[*answers])
 
 
 @cache
 def healthy_answers(geometry: KlannGeometry, turns: float, count: int) -> tuple[Answer, ...]:
     """Return the answers of a healthy run; most tests begin with the same ones."""
     leg = KlannLeg(geometry)
-    answers = (Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1) for n in range(count))
-    return tuple(
-        answer.by(leg, 0.3 + turns * 2 * math.pi * n / (count - 1))
-        for n, answer in enumerate(answers)
-    )
+    answers = []
+    for n in range(count):
+        answer = Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1)
+        answers.append(answer.by(leg, 0.3 + turns * math.tau * n / (count - 1)))
+    return tuple(answers)
 
 
 def write(script: Script, folder: Path) -> Path:
     with RunWriter(folder) as run:
         for name, content in metadata(script):
             run.add_metadata(name, content)
-        received = filter(None, (_received(script, each) for each in messages(script)))
-        for each in sorted(received, key=lambda message: message.log_time):
-            run.write(each)
+        for message in sorted(_received(script), key=lambda message: message.log_time):
+            run.write(message)
     return folder
 
 
-def _received(script: Script, message: Message) -> Message | None:
-    """Return a message as it is received; None for a lost one."""
-    name, number = message.topic.name, message.sequence
-    late, by = script.late.get(name, (range(0), 0))
-    lost = number in script.lost.get(name, ())
-    if lost:
-        return None
-    return replace(message, log_time=message.log_time + by) if number in late else message
+def _received(script: Script) -> Iterator[Message]:
+    """Yield the messages that are not lost, as they are received."""
+    for message in messages(script):
+        name = message.topic.name
+        late, delay = script.late.get(name, ((), 0))
+        if message.sequence in late:
+            yield replace(message, log_time=message.log_time + delay)
+        elif message.sequence not in script.lost.get(name, ()):
+            yield message
 
 
 def metadata(script: Script) -> Iterator[tuple[str, dict[str, str]]]:
@@ -460,21 +467,22 @@ def crank(topic: Topic, stamp: int, alpha: float) -> Any:
 
 
 def _answer(script: Script, answer: Answer) -> Iterator[Message]:
-    time, number = answer.stamp, answer.sequence
+    time = answer.stamp
+    number = answer.sequence
     stamp = time if answer.header_stamp is None else answer.header_stamp
     names = tuple(script.prefix + joint for joint in JOINTS)
-    of_foot = stamp if answer.foot_stamp is None else answer.foot_stamp
+    foot_stamp = stamp if answer.foot_stamp is None else answer.foot_stamp
     asked: tuple[Any, ...] = crank, script.crank, stamp, answer.alpha
     if len(script.crank_efforts):
         efforts = 77.0, script.crank_efforts[number - 1]
         asked = joint_state, stamp, ('wheel', 'crank'), (0.0, answer.alpha), (), efforts
     first = number - 1
-    of_legs = tuple(float(each) for each in script.pose_efforts[first:number]) * len(names)
-    pose = joint_state, stamp, names, tuple(answer.pose), tuple(script.rates), of_legs
+    efforts = tuple(map(float, script.pose_efforts[first:number])) * len(names)
+    pose = joint_state, stamp, names, tuple(answer.pose), tuple(script.rates), efforts
     for topic, content in (
         (script.crank, asked),
         (script.poses, pose),
-        (script.feet, (foot_at, of_foot, tuple(answer.foot))),
+        (script.feet, (foot_at, foot_stamp, tuple(answer.foot))),
     ):
         yield Message(
             topic, _serialized(topic.type, *content), time + script.latency, time, number
@@ -482,9 +490,9 @@ def _answer(script: Script, answer: Answer) -> Iterator[Message]:
 
 
 @lru_cache(1 << 14)
-def _serialized(kind: str, make_content: Callable[..., Any], *given: Hashable) -> bytes:
+def _serialized(kind: str, make_content: Callable[..., Any], *arguments: Hashable) -> bytes:
     """Return the bytes of a message; in most runs nearly all are the same."""
-    return bytes(STORE.serialize_cdr(make_content(*given), kind))
+    return bytes(STORE.serialize_cdr(make_content(*arguments), kind))
 
 
 def message(
@@ -526,17 +534,16 @@ def make_script() -> Callable[..., Script]:
 def situation_of() -> Callable[[dict[str, Any]], Script]:
     """Return what makes a situation: a healthy run, and one thing done to it after the other."""
 
-    def made(situation: dict[str, Any]) -> Script:
-        given = {**situation.get('run', {})}
-        if 'geometry' in given:
-            leg = given['geometry']
-            given['geometry'] = KlannGeometry.patent() if leg == 'patent' else KlannGeometry(**leg)
-        made = script(**given)
+    def make_situation(situation: dict[str, Any]) -> Script:
+        options = {**situation.get('run', {})}
+        leg = options.pop('geometry', {})
+        geometry = KlannGeometry.patent() if leg == 'patent' else KlannGeometry(**leg)
+        run = script(geometry, **options)
         for step in situation.get('do', ()):
-            made.do(step)
-        return made
+            run.do(step)
+        return run
 
-    return made
+    return make_situation
 
 
 @pytest.fixture(scope='session')
@@ -560,12 +567,12 @@ class Rewriter:
         """Write messages in this order, with the metadata of a run; return the new run."""
         self._count += 1
         folder = self._folder / f'{run.name}_{self._count}'
-        with open_log(run) as log, RunWriter(folder, **options) as made:
+        with open_log(run) as log, RunWriter(folder, **options) as writer:
             for name, records in log.metadata.items():
                 for record in records if name.startswith('klann_ros.') else ():
-                    made.add_metadata(name, record)
-            for each in changed:
-                made.write(each)
+                    writer.add_metadata(name, record)
+            for message in changed:
+                writer.write(message)
         return folder
 
 

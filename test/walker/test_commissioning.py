@@ -26,7 +26,7 @@ class Plant:
         self.noise = noise
         self.random = np.random.default_rng(1)
         settings = CommissioningSettings()
-        self.commissioning = Commissioning(JOINTS, settings, *options)  # type: ignore[arg-type]
+        self.commissioning = Commissioning(JOINTS, settings, *options)
         self.angles = dict.fromkeys(JOINTS, 0.0)
         self.time = 0.0
         self.tilt = self._tilt()
@@ -38,7 +38,6 @@ class Plant:
             return 0j
         positions, _, centre = self.feet.at([*self.angles.values()]).tolist()
         rest = stance.support(positions, centre)
-        assert rest is not None
         return complex(rest.roll, rest.pitch)
 
     def tick(self, commands: dict[str, float]) -> None:
@@ -60,7 +59,7 @@ class Plant:
         if self.feet is not None:
             imu = self.injector.imu(self.imu(), self.time)
             force, gyro = imu.linear_acceleration, imu.angular_velocity
-            self.commissioning.imu(force, gyro)  # type: ignore[arg-type]
+            self.commissioning.imu(force, gyro)
 
     def imu(self) -> Imu:
         before, self.tilt = self.tilt, self._tilt()
@@ -73,7 +72,7 @@ class Plant:
     def run(self, steps: object = None) -> None:
         # The driver is there before.
         self.tick(dict.fromkeys(JOINTS, 0.0))
-        for rates in steps or self.commissioning.turn_all():  # type: ignore[attr-defined]
+        for rates in steps or self.commissioning.turn_all():
             self.tick({joint: rates.get(joint, 0.0) for joint in JOINTS})
 
     @property

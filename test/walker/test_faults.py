@@ -79,7 +79,7 @@ class FaultyWalk:
     """A controller with motors."""
 
     def __init__(self, steering: Steering, motors: list[Motor], **changes: object) -> None:
-        settings = ControllerSettings(**changes)  # type: ignore[arg-type]
+        settings = ControllerSettings(**changes)
         self.control = WalkController(steering, settings)
         self.motors = motors
         self.now = 0.0
@@ -159,7 +159,6 @@ def test_a_crank_that_does_not_follow_stops_all(
     walk.motors[1] = now
     walk.run(patience)
     fault = walk.control.latch.fault
-    assert fault is not None
     assert fault.joint == 'right_crank'
     assert fault.kind is kind
     assert 'right_crank' in walk.control.verdict(walk.now)[1]
@@ -359,7 +358,6 @@ def test_a_driver_that_repeats_its_stamp_is_silent(steering: Steering) -> None:
         walk.control.feedback(last, walk.now, at=2.0)
         walk.control.command(0.15, 0.0, walk.now)
         command = walk.control.step(walk.now)
-    assert command is not None
     assert command.velocity == (0.0, 0.0)
     reason = walk.control.stop_reason(walk.now)
     assert 'no valid feedback of left_crank, right_crank' in reason

@@ -54,7 +54,6 @@ class Readings:
 
     def change(self, seconds: float | None = None) -> Triple | None:
         taken = self.imu.take(self.period if seconds is None else seconds)
-        assert taken is not None
         return taken.delta_velocity
 
 

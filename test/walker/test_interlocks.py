@@ -34,7 +34,6 @@ def test_a_pressed_emergency_stop_trips_again_until_it_is_released(
     interlocks.hear_e_stop(is_pressed=True, now=0.5)
     for _ in range(2):
         interlocks.check(0.6, 1.0)
-        assert latch.fault is not None
         assert latch.fault.kind is FaultKind.E_STOP
         assert latch.fault.text == 'e_stop is pressed'
         latch.reset()

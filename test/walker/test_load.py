@@ -56,7 +56,6 @@ def test_a_clock_that_goes_back_delays_it_only() -> None:
 
 def test_the_described_effort_is_that_of_describe() -> None:
     robot = robot_of(str(CONFIG / 'walker6_two_motors.yaml'))
-    assert robot.body is not None
     sheet = data_sheet(robot, speed=2.0, load=robot.body.mass * 9.80665 / 3.0)
     described = {crank.joint: crank.loaded.peak for crank in sheet.cranks if crank.loaded}
     assert peak_efforts(robot, 2.0) == pytest.approx(described)

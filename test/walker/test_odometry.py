@@ -240,10 +240,8 @@ def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering)
             walker.imu(ImuReading(1.0 + TREMBLE[k % 2], 0.0, now), now)
         at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now)
         if k == 100:
-            assert at is not None
             assert abs(at.yaw) < 1e-4
             assert walker.values(now)['imu'] == 'used'
-    assert at is not None
     assert at.yaw > 0.02
     assert walker.values(3.0)['imu'] == 'none'
 
@@ -274,7 +272,6 @@ def test_no_angle_makes_the_pose_no_number(steering: Steering, bad: float) -> No
     walker = Walker(steering)
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
     at = walker.feedback({'left_crank': (bad, bad), 'right_crank': (0.01, nan)}, 0.01)
-    assert at is not None
     assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
     assert walker.values(0.01)['left_crank rejected'] == '1'
 
@@ -368,7 +365,6 @@ def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
     stance.slope.acceleration = slope + 0j
     load_point = stance._zero_moment_point((0.0, 0.0, 0.0), is_accelerated=True)
     rest = support(SEESAW, load_point)
-    assert rest is not None
     assert rest.facet == facet
 
 
@@ -382,11 +378,9 @@ def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
         angle = 3.9 + max(0.0, 0.003 * (k - 300))
         feet, _, centre = two_motors.at((angle, angle + pi)).tolist()
         rest = support(feet, centre, None, (0.0, pitch))
-        assert rest is not None
         odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (rest.roll, rest.pitch)))
         odometry.update((angle, angle + pi), (0.0, 0.0), 0.01)
     assert rest.pitch == pytest.approx(pitch, abs=0.04)
-    assert odometry.support is not None
     assert odometry.support.pitch == pytest.approx(rest.pitch, abs=0.01)
 
 

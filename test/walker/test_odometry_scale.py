@@ -116,8 +116,6 @@ def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
     lag = walker.controller.motion_feedback.lag
     walker.set_pose((5.0, -3.0, 1.0), COVARIANCE)
     after = walk(200, 201)
-    assert before is not None
-    assert after is not None
     assert before.x > 0.1
     assert (after.x, after.y, after.yaw) == pytest.approx((5.0, -3.0, 1.0), abs=0.01)
     # A covariance that users give is in their scale.
@@ -126,5 +124,4 @@ def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
     assert walker.controller.motion_feedback.lag == pytest.approx(lag, abs=0.01)
     walker.set_pose()
     again = walk(201, 202)
-    assert again is not None
     assert (again.x, again.y, again.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)

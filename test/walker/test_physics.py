@@ -48,7 +48,6 @@ class Walked:
             last = twin.truth()
             walker.controller.command(*(twist if now >= stands else (0.0, 0.0)), now)
             command = walker.controller.step(now)
-            assert command is not None
             for joint, rate in zip(feet.joints, command.velocity, strict=True):
                 twin.command(joint, rate)
             twin.step(now + PERIOD)

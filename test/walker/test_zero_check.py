@@ -31,7 +31,6 @@ def checked(
         angles = 0.05 * k, 0.04 * k
         positions, _, centre = feet.at(angles).tolist()
         rest = stance.support(positions, centre)
-        assert rest is not None
         attitude = complex(rest.roll, rest.pitch) + slope
         attitude += noise * complex(*random.standard_normal(2))
         encoders = [angle + offset for angle, offset in zip(angles, offsets, strict=True)]
@@ -70,7 +69,7 @@ def test_noise_alone_shows_no_offset(two_motors: Feet) -> None:
 
 
 def test_a_single_cause_is_confirmed_before_it_is_reported(two_motors: Feet) -> None:
-    assert checked(two_motors, (0.3, 0.0), count=600).joint == 'left_crank'  # type: ignore[union-attr]
+    assert checked(two_motors, (0.3, 0.0), count=600).joint == 'left_crank'
     # Thirty samples show it, and 32 more have to.
     assert checked(two_motors, (0.3, 0.0), count=50 * 6) is None
 

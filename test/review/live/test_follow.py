@@ -246,7 +246,6 @@ def test_ctrl_c_ends_it_with_a_review_so_far(run: RunWriter) -> None:
         text=True,
         env={**os.environ, 'PYTHONPATH': PACKAGE},
     )
-    assert process.stdout is not None
     # The finding comes before the report.
     first = process.stdout.readline()
     process.send_signal(signal.SIGINT)
