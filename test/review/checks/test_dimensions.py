@@ -35,6 +35,7 @@ def test_a_leg_that_was_built_otherwise_is_found(tmp_path: Path) -> None:
         {},
         {'target': points_topic(ROBOT, 'H')},
         {'point_h': points_topic(ROBOT, 'H')},
+        {'point_h': points_topic(ROBOT, 'H', 'geometry_msgs/msg/PoseStamped')},
         {'h': points_topic(ROBOT, 'H', 'tf2_msgs/msg/TFMessage')},
         {'h': points_topic(Robot(ROBOT.linkage, count=5), 'H')},
     ],

@@ -46,7 +46,7 @@ class Follower:
     """Follows a run in a thread."""
 
     def __init__(self, path: Path) -> None:
-        self.found: list[str] = []
+        self.findings: list[str] = []
         self.status: list[str] = []
         self.error: Exception | None = None
         self._path = path
@@ -58,7 +58,7 @@ class Follower:
             follow(
                 str(self._path),
                 Limits(),
-                on_finding=self.found.append,
+                on_finding=self.findings.append,
                 on_status=self.status.append,
             )
         except (NotALogError, OSError) as error:
@@ -66,7 +66,7 @@ class Follower:
 
     def until_found(self, count: int) -> None:
         end = time.monotonic() + LIMIT
-        while len(self.found) < count:
+        while len(self.findings) < count:
             assert time.monotonic() < end, self.status
             time.sleep(0.01)
 
@@ -77,47 +77,44 @@ class Follower:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[RunWriter]:
-    made = begun(tmp_path / 'run')
-    yield made
-    made.close()
+    writer = begun(tmp_path / 'run')
+    yield writer
+    writer.close()
 
 
 def begun(folder: Path) -> RunWriter:
     """Return a run in which there is only what the solver is."""
-    made = RunWriter(folder)
+    writer = RunWriter(folder)
     record = solver_record(SolverParameters('/solver_node', START, GEOMETRY))
-    made.add_metadata(SOLVER_RECORD, record, in_every_file=True)
-    made.flush()
-    return made
-
-
-def messages() -> list[Message]:
-    return [*GARBLED.messages()]
+    writer.add_metadata(SOLVER_RECORD, record, in_every_file=True)
+    writer.flush()
+    return writer
 
 
 def test_a_finding_is_reported_while_the_run_is_recorded(run: RunWriter) -> None:
     follower = Follower(run.path)
-    everything = messages()
+    everything = [*GARBLED.messages()]
     middle = len(everything) // 2
     for message in everything[:middle]:
         run.write(message)
     run.flush()
     follower.until_found(1)
-    assert ' ERROR nan: ' in follower.found[0]
+    assert ' ERROR nan: ' in follower.findings[0]
     # By the clock of the log, which begins at this second.
-    assert follower.found[0].startswith('2023-11-14T22:13:20.')
-    before = len(follower.found)
+    assert follower.findings[0].startswith('2023-11-14T22:13:20.')
+    early_count = len(follower.findings)
     for message in everything[middle:]:
         run.write(message)
     run.close()
     follower.until_ended()
-    assert len(follower.found) > before
+    assert len(follower.findings) > early_count
     assert follower.status == [f'following {run.path / "run_0.mcap"}']
 
 
 def test_time_without_the_recorder_is_not_a_gap(run: RunWriter) -> None:
     messages = [*LegRun(parameters=GEOMETRY, count=600, turns=3.0, pause=(200, 2.0)).messages()]
-    begin, end = START + 10**9, START + 3 * 10**9
+    begin = START + 10**9
+    end = START + 3 * 10**9
     follower = Follower(run.path)
     for message in messages:
         if message.log_time >= end and begin:
@@ -127,19 +124,19 @@ def test_time_without_the_recorder_is_not_a_gap(run: RunWriter) -> None:
         run.write(message)
     run.close()
     follower.until_ended()
-    assert follower.found == []
+    assert follower.findings == []
 
 
 def test_a_run_that_is_split_is_followed_into_its_next_file(run: RunWriter) -> None:
     follower = Follower(run.path)
-    for number, message in enumerate(messages()):
+    for number, message in enumerate(GARBLED.messages()):
         run.write(message)
         if number in (400, 800):
             run.split()
     run.close()
     follower.until_ended()
     assert [line.rpartition('_')[2] for line in follower.status] == ['0.mcap', '1.mcap', '2.mcap']
-    assert len([line for line in follower.found if ' nan: ' in line]) >= 2
+    assert len([line for line in follower.findings if ' nan: ' in line]) >= 2
 
 
 def test_a_run_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
@@ -152,7 +149,7 @@ def test_a_run_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     GARBLED.write(folder)
     follower.until_ended()
     assert follower.status == [f'waiting for {folder}', f'following {folder / "later_0.mcap"}']
-    assert follower.found
+    assert follower.findings
 
 
 @pytest.mark.parametrize(
@@ -163,7 +160,7 @@ def test_an_abandoned_run_ends_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_removed: bool, status: str
 ) -> None:
     run = begun(tmp_path / 'run')
-    for message in messages():
+    for message in GARBLED.messages():
         run.write(message)
     run.flush()
     follower = Follower(run.path)
@@ -214,15 +211,16 @@ def test_each_byte_is_read_once_however_it_comes(tmp_path: Path) -> None:
     whole = (GARBLED.write(tmp_path / 'run') / 'run_0.mcap').read_bytes()
     path = tmp_path / 'growing_0.mcap'
     path.touch()
-    file, found = GrowingFile(path), []
+    file = GrowingFile(path)
+    messages = []
     with path.open('ab') as out:
         for begin in range(0, len(whole), 1777):
             end = begin + 1777
             out.write(whole[begin:end])
             out.flush()
-            found += [each for each in file.read() if isinstance(each, Message)]
+            messages += [record for record in file.read() if isinstance(record, Message)]
     assert file.is_finished
-    assert [m.data for m in found] == [m.data for m in messages()]
+    assert [m.data for m in messages] == [m.data for m in GARBLED.messages()]
     file.close()
 
 
@@ -235,7 +233,7 @@ def test_non_mcap_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_it_with_a_review_so_far(run: RunWriter) -> None:
-    for message in messages():
+    for message in GARBLED.messages():
         run.write(message)
     run.flush()
     code = 'import sys; from klann_ros.executables import review; sys.exit(review())'

@@ -32,7 +32,7 @@ RUNS = {
     # It was solved with another crank than recorded, and stood still.
     'faulty': LegRun(parameters=LONGER.as_dict(), pause=(300, 0.4)),
     'walker': LegRun(
-        legs={name: KlannLeg() for name in LEGS},
+        legs=dict.fromkeys(LEGS, KlannLeg()),
         phases=PHASES,
         parameters={
             **KLANN.as_dict(),
@@ -68,17 +68,19 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return the page of each run, and of two runs side by side."""
     folder = tmp_path_factory.mktemp('pages')
     runs = {**RUNS, **{name: linkage_run(name) for name in ('jansen', 'quick_return')}}
-    reviews = {
-        name: review_run(run.write(folder / name), rates='f4') for name, run in runs.items()
-    }
-    made = {name: folder / f'{name}.html' for name in (*reviews, 'two')}
-    for name, review in reviews.items():
-        with made[name].open('wb') as file:
-            save([review], None, file)
-    both = [reviews['klann'], reviews['longer']]
-    with made['two'].open('wb') as file:
-        save(both, compare(*both), file)
-    return made
+    reviews = {}
+    for name, run in runs.items():
+        reviews[name] = review_run(run.write(folder / name), rates='f4')
+    pages = {}
+    two = [reviews['klann'], reviews['longer']]
+    for name in (*reviews, 'two'):
+        pages[name] = folder / f'{name}.html'
+        with pages[name].open('wb') as file:
+            if name == 'two':
+                save(two, compare(*two), file)
+            else:
+                save([reviews[name]], None, file)
+    return pages
 
 
 @pytest.fixture(scope='module')

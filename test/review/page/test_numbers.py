@@ -33,23 +33,23 @@ def unpacked(column: dict) -> np.ndarray:
 
 
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1))
-def test_an_angle_is_its_turns_and_its_part_of_one_more(values: list[float]) -> None:
-    radians = np.array(values)
+def test_an_angle_is_its_turns_and_its_part_of_one_more(angles: list[float]) -> None:
+    radians = np.array(angles)
     turns = unpacked(pack_turns(radians))
     again = unpacked(pack_angles(radians)) + math.tau * turns
     assert again == pytest.approx(radians, rel=1e-15, abs=2e-9)
 
 
 @given(st.lists(any_float, min_size=1))
-def test_invalid_angles_are_null(values: list[float]) -> None:
-    radians = np.array(values)
-    known = np.isfinite(unpacked(pack_angles(radians)))
-    assert (known == (np.abs(radians) / math.tau <= 2**31 - 1)).all()
+def test_invalid_angles_are_null(angles: list[float]) -> None:
+    radians = np.array(angles)
+    is_packed = np.isfinite(unpacked(pack_angles(radians)))
+    assert (is_packed == (np.abs(radians) / math.tau <= 2**31 - 1)).all()
 
 
 @given(st.lists(st.floats(0.0, 1e5), min_size=1))
-def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float]) -> None:
-    seconds = np.array(values)
+def test_times_are_known_to_a_microsecond_or_their_last_digit(times: list[float]) -> None:
+    seconds = np.array(times)
     allowed = max(0.51e-6, 0.51 * seconds.max() / (2**31 - 1))
     assert np.abs(unpacked(pack_times(seconds)) - seconds).max() <= allowed
 
@@ -59,17 +59,18 @@ def test_times_are_known_to_a_microsecond_or_their_last_digit(values: list[float
     st.integers(4, 100),
     st.data(),
 )
-def test_the_greatest_and_the_least_are_kept(values: list[float], most: int, data) -> None:
-    column = np.array(values)
-    needed = data.draw(st.lists(st.integers(0, len(values) - 1), max_size=3))
-    rows = thin_rows(len(column), [column], most, needed)
+def test_the_greatest_and_the_least_are_kept(
+    numbers: list[float], max_count: int, data: st.DataObject
+) -> None:
+    column = np.array(numbers)
+    needed = data.draw(st.lists(st.integers(0, len(numbers) - 1), max_size=3))
+    rows = thin_rows(len(column), [column], max_count, needed)
     assert (np.diff(rows) > 0).all()
     assert {0, len(column) - 1, *needed} <= set(rows.tolist())
-    assert len(rows) <= max(most, 4) + 4 + len(needed)
+    assert len(rows) <= max(max_count, 4) + 4 + len(needed)
     if not np.isnan(column).all():
-        kept = column[rows]
-        assert np.nanmax(kept) == np.nanmax(column)
-        assert np.nanmin(kept) == np.nanmin(column)
+        assert np.nanmax(column[rows]) == np.nanmax(column)
+        assert np.nanmin(column[rows]) == np.nanmin(column)
 
 
 def test_every_stretch_keeps_its_peak() -> None:
@@ -86,11 +87,13 @@ def point_positions(shape: dict, phases: np.ndarray) -> np.ndarray:
     for j, frame in enumerate(shape['frames']):
         if frame is not None:
             u[j] = phases[j] * (1.0 if frame < 0 else u[frame])
-    at = [
-        complex(*point['at']) + sum(complex(re, im) * u[j] for j, re, im in point['terms'])
-        for point in shape['points']
-    ]
-    return np.column_stack([np.real(at), np.imag(at)])
+    positions = []
+    for point in shape['points']:
+        position = complex(*point['at'])
+        for j, re, im in point['terms']:
+            position += complex(re, im) * u[j]
+        positions.append((position.real, position.imag))
+    return np.array(positions)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
@@ -103,19 +106,18 @@ def test_any_linkage_has_its_points(name: str) -> None:
 
 
 @given(st.lists(st.floats(-1.0, 1e6)))
-def test_a_histogram_counts_everything_once(values: list[float]) -> None:
-    seconds = np.array(values)
-    found = histogram(seconds)
-    assert sum(found['counts']) == np.count_nonzero(seconds >= 1e-6)
+def test_a_histogram_counts_everything_once(times: list[float]) -> None:
+    seconds = np.array(times)
+    assert sum(histogram(seconds)['counts']) == np.count_nonzero(seconds >= 1e-6)
 
 
 def test_a_histogram_names_times_and_their_bin() -> None:
-    found = histogram(np.array([0.005] * 9 + [0.4]))
-    begin = 10 ** (FIRST + found['first'] / A_DECADE)
+    bins = histogram(np.array([0.005] * 9 + [0.4]))
+    begin = 10 ** (FIRST + bins['first'] / A_DECADE)
     assert begin <= 0.005 < begin * 10 ** (1 / A_DECADE)
-    assert found['counts'][0] == 9
-    assert found['text'].startswith('Half of 10 are up to 5 ms')
-    assert 'the longest is 400 ms' in found['text']
+    assert bins['counts'][0] == 9
+    assert bins['text'].startswith('Half of 10 are up to 5 ms')
+    assert 'the longest is 400 ms' in bins['text']
 
 
 @given(st.text())
@@ -127,7 +129,7 @@ def test_no_text_can_end_the_script_it_stands_in(text: str) -> None:
 
 @given(st.text())
 def test_texts_are_escaped_and_markup_is_not(text: str) -> None:
-    made = element('p', text, element('b', 'x'), title=text, aria_label='y', hidden=False)
-    inner = made.removesuffix('<b>x</b></p>').removeprefix('<p title="')
+    markup = element('p', text, element('b', 'x'), title=text, aria_label='y', hidden=False)
+    inner = markup.removesuffix('<b>x</b></p>').removeprefix('<p title="')
     assert '<' not in inner.replace('">', '', 1).replace('" aria-label="y', '')
-    assert isinstance(joined([made, text]), Markup)
+    assert isinstance(joined([markup, text]), Markup)

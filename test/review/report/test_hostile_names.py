@@ -1,8 +1,8 @@
 """Names out of a stranger's log are shown as what they are, wherever a report goes."""
 
 import csv
-from dataclasses import replace
 import html
+from itertools import chain
 import json
 from pathlib import Path
 import re
@@ -43,9 +43,10 @@ def strings(content) -> list[str]:
     if isinstance(content, str):
         return [content]
     if isinstance(content, dict):
-        return [text for item in content.items() for each in item for text in strings(each)]
-    parts = content if isinstance(content, list) else []
-    return [text for each in parts for text in strings(each)]
+        content = [*content, *content.values()]
+    if not isinstance(content, list):
+        return []
+    return [*chain(*map(strings, content))]
 
 
 def test_a_page_shows_letters_only(evil: Path, tmp_path: Path, capsys) -> None:
@@ -54,14 +55,16 @@ def test_a_page_shows_letters_only(evil: Path, tmp_path: Path, capsys) -> None:
     capsys.readouterr()
     page = file.read_text(encoding='utf-8')
     data = json.loads(re.search(r'<script[^>]* id="data"[^>]*>(.*?)</script>', page, re.DOTALL)[1])
-    shown = html.unescape(re.sub(r'<(script|style)\b.*?</\1>', '', page, flags=re.DOTALL))
-    for text in (*shown.split('\n'), *strings(data)):
+    visible = html.unescape(re.sub(r'<(script|style)\b.*?</\1>', '', page, flags=re.DOTALL))
+    for text in (*visible.split('\n'), *strings(data)):
         assert text.isprintable()
-    assert printable(EVIL)[:50] in shown
+    assert printable(EVIL)[:50] in visible
     # What leads to a leg has the name under which its scripts know it.
-    legs = {html.unescape(each) for each in re.findall('data-leg="(.*?)"', page)} - {''}
+    legs = {html.unescape(title) for title in re.findall('data-leg="(.*?)"', page)} - {''}
     assert legs
-    assert legs <= {leg['title'] for run in data for leg in run['legs']}
+    for run in data:
+        legs -= {leg['title'] for leg in run['legs']}
+    assert legs == set()
 
 
 def test_machine_readable_output_has_unchanged_names(evil: Path, tmp_path: Path, capsys) -> None:
@@ -93,8 +96,8 @@ def test_a_definition_costs_no_more_than_its_bytes(healthy, make_run) -> None:
     comment = '#' + '[' * 200_000 + '\n'
     fields = ''.join(f'float64 x{n}\n' for n in range(20_000))
     for topic, text in (('poses', comment), ('feet', fields)):
-        known = getattr(healthy, topic)
-        setattr(healthy, topic, replace(known, definition=f'{known.definition}\n{text}'))
+        definition = getattr(healthy, topic).definition
+        healthy.alter(topic, definition=f'{definition}\n{text}')
     (line,) = found(make_run(healthy))
     assert line == 'decode: 400 messages of /point_h cannot be decoded'
 

@@ -59,12 +59,12 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_an_output_is_refused_at_once_and_nothing_is_changed(
     place: Path, capsys: pytest.CaptureFixture[str], arguments: str, reason: str
 ) -> None:
-    before = content(place)
+    files = content(place)
     words = arguments.replace('LONG', 300 * 'x').split()
     error = refusal(capsys, 'run', *words)
     assert 'cannot be written: ' in error or 'the same file' in error
     assert reason.format(place=place) in error
-    assert content(place) == before
+    assert content(place) == files
 
 
 def test_a_run_is_known_by_every_name(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,36 +75,37 @@ def test_a_run_is_known_by_every_name(place: Path, capsys: pytest.CaptureFixture
 
 
 def in_process(
-    *arguments: object, before: str = '', stdout: int | None = None
+    *arguments: object, preparation: str = '', stdout: int | None = None
 ) -> CompletedProcess[str]:
     """Run a review after some preparation."""
     code = 'import sys; from klann_ros.executables import review; sys.exit(review())'
-    return called(PYTHON, '-c', f'{before}\n{code}', *arguments, stdout=stdout)
+    return called(PYTHON, '-c', f'{preparation}\n{code}', *arguments, stdout=stdout)
 
 
 def test_an_output_without_permission_is_refused_at_once(run: Path, tmp_path: Path) -> None:
-    closed, kept = tmp_path / 'closed', tmp_path / 'kept'
+    closed = tmp_path / 'closed'
     closed.mkdir(mode=0o555)
-    kept.write_text('old')
-    kept.chmod(0o444)
+    read_only = tmp_path / 'read_only'
+    read_only.write_text('old')
+    read_only.chmod(0o444)
     for folder in (tmp_path, *tmp_path.parents[:3]):
         folder.chmod(folder.stat().st_mode | 0o055)
     # Root may do everything.
-    before = 'import os, klann_ros.executables, klann_ros.review.command\n'
-    before += 'os.getuid() or os.setresuid(65534, 65534, 65534)'
-    for path in (closed / 'page', kept):
-        done = in_process(run, '--html', path, before=before)
+    preparation = 'import os, klann_ros.executables, klann_ros.review.command\n'
+    preparation += 'os.getuid() or os.setresuid(65534, 65534, 65534)'
+    for path in (closed / 'page', read_only):
+        done = in_process(run, '--html', path, preparation=preparation)
         assert (done.returncode, done.stdout) == (3, ''), done.stderr
         assert done.stderr == f'review: --html {path} cannot be written: Permission denied\n'
-    assert kept.read_text() == 'old'
+    assert read_only.read_text() == 'old'
 
 
 def test_a_full_disk_leaves_the_page_of_before(run: Path, tmp_path: Path) -> None:
     page, table = tmp_path / 'page.html', tmp_path / 'run.csv'
     page.write_text('old')
     # As a full disk does, this lets a file grow no further.
-    before = 'import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (150_000, 150_000))'
-    done = in_process(run, '--html', page, '--csv', table, before=before)
+    preparation = 'import resource as r; r.setrlimit(r.RLIMIT_FSIZE, (150_000, 150_000))'
+    done = in_process(run, '--html', page, '--csv', table, preparation=preparation)
     assert done.returncode == 3
     assert done.stderr == f'review: --html {page} cannot be written: File too large\n'
     assert 'nothing found: every pose is the right one' in done.stdout

@@ -25,8 +25,8 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_example_of_the_package_runs(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(run.parents[0])
     Path('runs').symlink_to('.')
-    result = doctest.testmod(face, optionflags=doctest.ELLIPSIS)
-    assert (result.attempted > 5, result.failed) == (True, 0)
+    examples = doctest.testmod(face, optionflags=doctest.ELLIPSIS)
+    assert (examples.attempted > 5, examples.failed) == (True, 0)
 
 
 def test_all_that_the_package_names_is_there() -> None:
@@ -36,9 +36,9 @@ def test_all_that_the_package_names_is_there() -> None:
 def test_a_run_of_many_blocks_is_judged_as_one(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (whole,) = review_run(run).legs
     monkeypatch.setattr('klann_ros.review.model.poses._BLOCK_SIZE', 7)
-    (parts,) = review_run(run).legs
-    np.testing.assert_array_equal(parts.errors.foot_errors, whole.errors.foot_errors)
-    np.testing.assert_array_equal(parts.errors.angle_errors, whole.errors.angle_errors)
+    (blockwise,) = review_run(run).legs
+    np.testing.assert_array_equal(blockwise.errors.foot_errors, whole.errors.foot_errors)
+    np.testing.assert_array_equal(blockwise.errors.angle_errors, whole.errors.angle_errors)
 
 
 def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> None:
@@ -55,10 +55,8 @@ def test_a_frame_has_the_numbers_of_the_csv_file(run: Path, tmp_path: Path) -> N
 
 def test_a_frame_of_several_legs_names_them(tmp_path: Path) -> None:
     names = ['front', 'rear']
-    run = LegRun(
-        legs={name: KlannLeg() for name in names}, parameters={**PARAMETERS, 'legs': names}
-    ).write(tmp_path / 'run')
-    frame = pose_frame(review_run(run))
+    run = LegRun(dict.fromkeys(names, KlannLeg()), parameters={**PARAMETERS, 'legs': names})
+    frame = pose_frame(review_run(run.write(tmp_path / 'run')))
     assert frame.groupby('leg').size().to_dict() == {'front': 400, 'rear': 400}
     assert frame.index.tolist() == list(range(800))
 
