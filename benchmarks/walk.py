@@ -5,14 +5,14 @@ How well a simulated walker walks: its phases, its odometry, its tilt, and what 
     python3 benchmarks/walk.py --grid [FILE ...] [--friction MU] [--seconds S] [--imu | --no-imu]
 
 With --grid: the mean twist in base_link over 60 s on a grid of 5 x 5 commands, with and without an
-IMU. Errors are of the command, or of the grid's largest one where it is 0; `3 s` are the least and
-the greatest mean yaw rate of any 3 s from the third on, by the command.
+IMU. Errors are relative to the command, or to the grid's largest one where it is 0; `3 s` are the
+least and the greatest mean yaw rate of any 3 s from the third on, relative to the command.
 No ROS: the controller and the odometry of walker_node, and the twin in MuJoCo (the extra `sim`).
 """
 
 import argparse
 from collections.abc import Iterator
-from itertools import product
+from itertools import chain, product
 from math import cos, degrees, hypot, pi, sin
 from pathlib import Path
 from typing import NamedTuple
@@ -28,8 +28,9 @@ from support.aims import sized, SMOKE
 WALKER = Path(__file__).resolve().parents[1] / 'config' / 'walker6_two_motors.yaml'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
-GRID_SECONDS, WINDOW = 60.0, 3.0
-# It stands for this time before it walks, to learn the bias of its accelerometer [s].
+GRID_SECONDS = 60.0
+WINDOW = 3.0
+# Standstill before the walk, in which the bias of the accelerometer is estimated [s].
 STANDS = 2.0
 # The commands of walker_node, one after the other [m/s, rad/s].
 GRID = (
@@ -37,14 +38,15 @@ GRID = (
     (-0.1, 0.0), (0.05, -0.03), (-0.05, 0.05), (0.0, -0.06), (0.12, 0.02),
 )  # fmt: skip
 FREE = MotionLimits(max_linear=1.0, max_angular=1.0)
-# Walkers of --grid, and its commands: parts of the speed straight on, and of the yaw rate on the
-# spot, at 1 rad/s.
+# Walkers of --grid, and its commands: fractions of the speed straight on, and of the yaw rate on
+# the spot, at 1 rad/s.
 WALKERS = ('walker6_two_motors', 'walker8_two_motors', 'walker_jansen')
-SPEEDS, YAW_RATES = (-0.7, -0.35, 0.0, 0.35, 0.7), (-1.0, -0.5, 0.0, 0.5, 1.0)
+SPEEDS = (-0.7, -0.35, 0.0, 0.35, 0.7)
+YAW_RATES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 
 
 class Walk(NamedTuple):
-    """How a walk went."""
+    """Figures of a walk."""
 
     path: float
     error: float
@@ -70,7 +72,7 @@ def walk(
     gain: float = ControllerSettings().motion_gain,
     seed: int = 0,
 ) -> Walk:
-    """Walk, and return how it went."""
+    """Walk, and return the figures of the walk."""
     feet = steering.feet
     sensors = Sensors(
         encoder_noise=0.002,
@@ -84,26 +86,31 @@ def walk(
     twin = Twin(feet.robot, floor=Floor(friction), motors=motors, sensors=sensors, seed=seed)
     walker = Walker(steering, ControllerSettings(limits=FREE, phase_lock=lock, motion_gain=gain))
     tilt = phase = path = forwards = 0.0
-    begin = last = twin.truth()
-    turned, yaws = 0.0, list[float]()
-    rest, seconds = (0.1, 0.1) if SMOKE else (STANDS, seconds)
-    for k in range(-round(rest / PERIOD), round(seconds / PERIOD)):
+    start = last = twin.truth()
+    yaw = 0.0
+    yaws: list[float] = []
+    standstill = STANDS
+    if SMOKE:
+        standstill = seconds = 0.1
+    for k in range(-round(standstill / PERIOD), round(seconds / PERIOD)):
         now = k * PERIOD
         if imu:
-            read = twin.imu()
-            x, y, z, w = read.orientation
-            a, b, c = read.angular_velocity
-            fx, fy, fz = read.linear_acceleration
+            sample = twin.imu()
+            x, y, z, w = sample.orientation
+            a, b, c = sample.angular_velocity
+            fx, fy, fz = sample.linear_acceleration
             walker.imu(imu_reading((x, y, z, w), (a, b, c), now, (fx, fy, fz)), now)
-        at = walker.feedback(dict(twin.cranks()), now)
+        odometry = walker.feedback(dict(twin.cranks()), now)
         truth = twin.truth()
-        dx, dy = truth.position[0] - last.position[0], truth.position[1] - last.position[1]
-        turn = wrap(yaw_of(*truth.orientation) - yaw_of(*last.orientation))
-        heading = yaw_of(*last.orientation) + turn / 2.0
+        dx = truth.position[0] - last.position[0]
+        dy = truth.position[1] - last.position[1]
+        last_yaw = yaw_of(*last.orientation)
+        turn = wrap(yaw_of(*truth.orientation) - last_yaw)
+        heading = last_yaw + turn / 2.0
         path += hypot(dx, dy)
         forwards += dx * cos(heading) + dy * sin(heading)
-        turned += turn
-        yaws.append(turned)
+        yaw += turn
+        yaws.append(yaw)
         last = truth
         if now >= 0.0:
             walker.controller.command(*twist, now)
@@ -113,26 +120,23 @@ def walk(
         twin.step(now + PERIOD + STANDS)
         tilt = max(tilt, twin.tilt)
         if now > 2.0 * pi:
-            cranks = [crank.position for crank in twin.cranks().values()]
-            phase = max(phase, abs(cranks[0] - cranks[1]) if not twist[1] else 0.0)
-    if at is None:
+            left, right, *_ = twin.cranks().values()
+            phase = max(phase, abs(left.position - right.position) if not twist[1] else 0.0)
+    if odometry is None:
         raise AssertionError('the cranks are known from the start')
-    off = np.array(
-        [
-            at.x - last.position[0] + begin.position[0],
-            at.y - last.position[1] + begin.position[1],
-            wrap(at.yaw - turned),
-        ]
-    )
+    x_error = odometry.x - last.position[0] + start.position[0]
+    y_error = odometry.y - last.position[1] + start.position[1]
+    errors = np.array([x_error, y_error, wrap(odometry.yaw - yaw)])
+    covariance = np.array(odometry.covariance) + 1e-9 * np.eye(3)
     return Walk(
         path,
-        hypot(off[0], off[1]),
-        off[2],
-        float(off @ np.linalg.solve(np.array(at.covariance) + 1e-9 * np.eye(3), off)),
+        hypot(x_error, y_error),
+        errors[2],
+        float(errors @ np.linalg.solve(covariance, errors)),
         degrees(tilt),
         degrees(phase),
         path / seconds,
-        turned / seconds,
+        yaw / seconds,
         forwards / seconds,
         yaws[slice(-round(seconds / PERIOD), None)],
     )
@@ -143,14 +147,14 @@ def straight(steering: Steering) -> Iterator[str]:
     yield 'straight on at 0.15 m/s for 25 s, motors 5 % apart'
     for lock in (True, False):
         for friction in sized((0.4,), (0.4, 0.8)):
-            went = walk(
+            figures = walk(
                 steering, (0.15, 0.0), seconds=25.0, friction=friction, factors=(1.0, 0.95),
                 lock=lock,
             )  # fmt: skip
             yield (
                 f'  friction {friction}, {"locked" if lock else "not locked"}: '
-                f'odom {went.error / went.path:.1%} of {went.path:.2f} m, '
-                f'cranks {went.phase:.2f} deg apart after the first turn, tilt {went.tilt:.1f} deg'
+                f'odom {figures.error / figures.path:.1%} of {figures.path:.2f} m, cranks '
+                f'{figures.phase:.2f} deg apart after the first turn, tilt {figures.tilt:.1f} deg'
             )
 
 
@@ -158,69 +162,68 @@ def curves(steering: Steering) -> Iterator[str]:
     """Yield how each of the grid went, with and without an IMU."""
     yield 'friction 0.8, 15 s: odom by the way, without and with an IMU; yaw without; tilt'
     for twist in GRID[: sized(1, len(GRID))]:
-        went = walk(steering, twist, seconds=15.0)
-        held = walk(steering, twist, seconds=15.0, imu=True)
+        without_imu = walk(steering, twist, seconds=15.0)
+        with_imu = walk(steering, twist, seconds=15.0, imu=True)
         yield (
-            f'  {twist[0]:5.2f} m/s {twist[1]:5.2f} rad/s: {went.error / went.path:6.1%} '
-            f'{held.error / held.path:6.1%} {degrees(went.yaw_error):7.1f} deg '
-            f'{went.tilt:5.1f} deg; went at {went.yaw_rate:5.2f} rad/s'
+            f'  {twist[0]:5.2f} m/s {twist[1]:5.2f} rad/s: '
+            f'{without_imu.error / without_imu.path:6.1%} '
+            f'{with_imu.error / with_imu.path:6.1%} {degrees(without_imu.yaw_error):7.1f} deg '
+            f'{without_imu.tilt:5.1f} deg; went at {without_imu.yaw_rate:5.2f} rad/s'
         )
 
 
-def doubt(steering: Steering, seeds: int) -> Iterator[str]:
-    """Yield how the errors compare with what odom says of them."""
+def consistency(steering: Steering, seeds: int) -> Iterator[str]:
+    """Yield how the errors compare with the covariances of odom."""
     rng = np.random.default_rng(1)
     for imu in (False, True):
-        found = []
+        nees = np.zeros(seeds)
         for seed in range(seeds):
-            friction, one, other = rng.uniform((0.4, 0.95, 0.95), (0.9, 1.05, 1.05))
-            found.append(
-                walk(
-                    steering, GRID[seed % len(GRID)], seconds=14.0, friction=float(friction),
-                    factors=(float(one), float(other)), imu=imu, seed=seed,
-                ).nees
-            )  # fmt: skip
+            friction, *factors = rng.uniform((0.4, 0.95, 0.95), (0.9, 1.05, 1.05)).tolist()
+            nees[seed] = walk(
+                steering, GRID[seed % len(GRID)], seconds=14.0, friction=friction,
+                factors=(factors[0], factors[1]), imu=imu, seed=seed,
+            ).nees  # fmt: skip
         yield (
             f'NEES of x, y, yaw over {seeds} seeds, {"with" if imu else "without"} IMU: '
-            f'mean {np.mean(found):.2f} of 3, {np.mean(np.array(found) < 7.81):.0%} below 7.81'
+            f'mean {nees.mean():.2f} of 3, {np.mean(nees < 7.81):.0%} below 7.81'
         )
 
 
-def window(yaws: list[float], wanted: float) -> str:
-    """Return the range of mean yaw rates over any `WINDOW`, by the commanded one."""
+def yaw_rate_range(yaws: list[float], commanded_rate: float) -> str:
+    """Return the range of mean yaw rates over any `WINDOW`, relative to the commanded one."""
     size = round(WINDOW / PERIOD)
-    at = np.array(yaws)[slice(size, None)]
-    means = (at[slice(size, None)] - at[slice(None, -size)]) / WINDOW
-    return f'{min(means / wanted):.2f}..{max(means / wanted):.2f}' if means.size else ''
+    starts = yaws[slice(size, -size)]
+    ends = yaws[slice(2 * size, None)]
+    ratios = (np.array(ends) - np.array(starts)) / (WINDOW * commanded_rate)
+    return f'{ratios.min():.2f}..{ratios.max():.2f}' if ratios.size else ''
 
 
-def commands(run: tuple[str, bool, float, float]) -> Iterator[str]:
+def commands(file: str, imu: bool, friction: float, seconds: float) -> Iterator[str]:
     """Yield commanded and reached twists on a grid, and their errors."""
-    file, imu, friction, seconds = run
     steering = Steering(Feet(robot_of(file), foot_radius=FOOT_RADIUS))
     spot = steering.motion(Rates(-1.0, 1.0)).angular
-    most = SPEEDS[-1] * steering.speed, YAW_RATES[-1] * spot
+    max_linear = SPEEDS[-1] * steering.speed
+    max_angular = YAW_RATES[-1] * spot
     yield (
         f'{Path(file).stem}, friction {friction:g}, {"with" if imu else "without"} an IMU: '
         'commanded, reached, error'
     )
     yield '             v [m/s]                    w [rad/s]            tilt       3 s'
-    for part, turn in product(SPEEDS, YAW_RATES):
-        wanted = part * steering.speed, turn * spot
-        went = walk(steering, wanted, seconds=seconds, friction=friction, imu=imu)
-        off = [
-            (is_ - was) / (abs(was) or full)
-            for was, is_, full in zip(wanted, (went.forwards, went.yaw_rate), most, strict=True)
-        ]
+    for speed_fraction, yaw_rate_fraction in product(SPEEDS, YAW_RATES):
+        linear = speed_fraction * steering.speed
+        angular = yaw_rate_fraction * spot
+        figures = walk(steering, (linear, angular), seconds=seconds, friction=friction, imu=imu)
+        linear_error = (figures.forwards - linear) / (abs(linear) or max_linear)
+        angular_error = (figures.yaw_rate - angular) / (abs(angular) or max_angular)
         yield (
-            f'  {wanted[0]:8.4f} {went.forwards:8.4f} {off[0]:9.1%} '
-            f'{wanted[1]:9.4f} {went.yaw_rate:8.4f} {off[1]:9.1%} {went.tilt:5.1f} deg  '
-            + (window(went.yaws, wanted[1]) if turn else '')
+            f'  {linear:8.4f} {figures.forwards:8.4f} {linear_error:9.1%} '
+            f'{angular:9.4f} {figures.yaw_rate:8.4f} {angular_error:9.1%} {figures.tilt:5.1f} deg '
+            f' {yaw_rate_range(figures.yaws, angular) if angular else ""}'
         )
 
 
 def main() -> None:
-    """Print it."""
+    """Print the walks, or the grid."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=sized(1, 3, 20))
     parser.add_argument('--grid', nargs='*', metavar='FILE', help='walkers; default: the shipped')
@@ -231,19 +234,14 @@ def main() -> None:
     if options.grid is not None:
         shipped = [str(WALKER.with_name(f'{name}.yaml')) for name in WALKERS]
         imus = (True, False) if options.imu is None else (options.imu,)
-        runs = [
-            (file, imu, options.friction, options.seconds)
-            for file in options.grid or shipped
-            for imu in imus
-        ]
-        for run in runs:
-            for line in commands(run):
+        for file, imu in product(options.grid or shipped, imus):
+            for line in commands(file, imu, options.friction, options.seconds):
                 print(line, flush=True)
         return
     steering = Steering(Feet(robot_of(str(WALKER)), foot_radius=FOOT_RADIUS))
-    for part in (straight(steering), curves(steering), doubt(steering, options.seeds)):
-        for line in part:
-            print(line, flush=True)
+    consistency_lines = consistency(steering, options.seeds)
+    for line in chain(straight(steering), curves(steering), consistency_lines):
+        print(line, flush=True)
 
 
 if __name__ == '__main__':

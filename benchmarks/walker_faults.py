@@ -20,6 +20,7 @@ largest tilt [deg] and the smallest mean specific force [m/s^2] (faults: 30, 3).
 import argparse
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 from math import degrees, inf, pi
 from multiprocessing import Pool
 from pathlib import Path
@@ -44,12 +45,16 @@ from support.odometry_walks import (
     Walk,
 )  # fmt: skip
 
-COUNTS, NOISE = 64, 0.002
-# Samples by which a command precedes its rate; rates that are those of standing motors [rad/s].
-LEAD, STANDING = 2, 1e-3
+# Counts a turn of a coarse encoder, and the noise of a fine one [rad].
+COUNTS = 64
+NOISE = 0.002
+# Samples by which a command precedes its rate.
+LEAD = 2
+# Rate below which a motor is commanded to stand [rad/s].
+STANDSTILL_RATE = 1e-3
 SECONDS = sized(2.0, 40.0)
-# Parts of the greatest speed and yaw rate, one after the other.
-PARTS = (
+# Fractions of the greatest speed and yaw rate, one after the other.
+COMMANDS = (
     (1.0, 0.0), (0.7, 0.4), (0.0, 0.0), (0.0, 1.0), (0.0, -0.1), (-0.8, 0.0), (0.05, 0.0),
     (-0.6, -0.4), (0.3, 0.6), (0.0, 0.0),
 )  # fmt: skip
@@ -67,7 +72,7 @@ class Condition(NamedTuple):
     counts: int = 0
     has_velocity: bool = True
     sampling: ImuSampling = ImuSampling.MEAN
-    # Of the motors [rad/s].
+    # Bandwidth of the motors [rad/s].
     bandwidth: float = 50.0
     is_six: bool = False
 
@@ -95,7 +100,7 @@ CONDITIONS = (
 
 
 class Margins(NamedTuple):
-    """What the monitors came to: see the top."""
+    """The margins to the faults: see the top."""
 
     fault: str
     ratio: float
@@ -108,11 +113,14 @@ class Observer:
     """The monitors of cranks and body, and how near they came to a fault."""
 
     def __init__(self, monitors: list[FollowingMonitor], latch: FaultLatch) -> None:
-        self.monitors, self.latch, self.body = monitors, latch, BodyMonitor()
+        self.monitors = monitors
+        self.latch = latch
+        self.body = BodyMonitor()
         self.ratios = [inf, inf]
-        self.tilt, self.force = 0.0, inf
+        self.tilt = 0.0
+        self.force = inf
 
-    def feel(self, orientation: Any, angular: Any, force: Any, now: float) -> None:
+    def read_imu(self, orientation: Any, angular: Any, force: Any, now: float) -> None:
         """Take a reading of the IMU."""
         reading = imu_reading(orientation, angular, now, force)
         if fault := self.body.update(reading, now, ControllerSettings().max_tilt):
@@ -131,7 +139,7 @@ class Observer:
 
     @property
     def margins(self) -> Margins:
-        """Return what came out."""
+        """Return the margins so far."""
         fault = self.latch.fault
         ratio, turn_ratio = self.ratios
         return Margins(fault.text if fault else '', ratio, turn_ratio, self.tilt, self.force)
@@ -152,7 +160,7 @@ def encoded(
     angles: Mapping[str, tuple[float, float]], random: Random, noise: float, counts: int,
     *, has_velocity: bool = True,
 ) -> dict[str, tuple[float, float | None]]:  # fmt: skip
-    """Return what encoders read of cranks."""
+    """Return the readings of the encoders of cranks."""
     readings: dict[str, tuple[float, float | None]] = {}
     for joint, (position, velocity) in angles.items():
         measured = position + random.gauss(0.0, noise)
@@ -163,26 +171,32 @@ def encoded(
 
 
 def replayed(walk: Walk, seed: int, factor: float, counts: int) -> Margins:
-    """Return the margins of a recorded walk, of motors that reach a part of their command."""
-    settings, random = ControllerSettings(), Random(seed)  # noqa: S311 - noise
-    joints = [f'crank_{k}' for k in range(walk.positions.shape[1])]
-    cranks = [CrankFeedback(joint, 12.0) for joint in joints]
-    error, delay = settings.max_following_error, settings.feedback_timeout
-    monitors = [FollowingMonitor(crank, error, delay) for crank in cranks]
+    """Return the margins of a recorded walk, of motors that reach a fraction of their command."""
+    settings = ControllerSettings()
+    random = Random(seed)  # noqa: S311 - noise
+    cranks = [CrankFeedback(f'crank_{k}', 12.0) for k in range(walk.positions.shape[1])]
+    monitors = [
+        FollowingMonitor(crank, settings.max_following_error, settings.feedback_timeout)
+        for crank in cranks
+    ]
     observer = Observer(monitors, FaultLatch())
     commands = (walk.velocities[LEAD:] / factor).tolist()
+    positions = walk.positions.tolist()
     velocities = walk.velocities.tolist()
     for k, rates in enumerate(commands):
         now = k * PERIOD
-        both = zip(walk.positions[k].tolist(), velocities[k], strict=True)
-        readings = encoded(dict(zip(joints, both, strict=True)), random, NOISE, counts)
+        states = {}
+        for n, crank in enumerate(cranks):
+            states[crank.joint] = (positions[k][n], velocities[k][n])
+        readings = encoded(states, random, NOISE, counts)
         for crank, monitor, rate in zip(cranks, monitors, rates, strict=True):
             crank.read(*readings[crank.joint], now)
-            if fault := monitor.update(rate if abs(rate) > STANDING else 0.0, PERIOD, now):
+            command = rate if abs(rate) > STANDSTILL_RATE else 0.0
+            if fault := monitor.update(command, PERIOD, now):
                 observer.latch.trip(fault)
         observer.judge()
-        orientation, gyro, force = walk.orientation[k], walk.gyro[k], walk.force[k]
-        observer.feel(orientation.tolist(), gyro.tolist(), force.tolist(), now)
+        gyro = walk.gyro[k].tolist()
+        observer.read_imu(walk.orientation[k].tolist(), gyro, walk.force[k].tolist(), now)
     return observer.margins
 
 
@@ -191,37 +205,38 @@ def recorded_margins(task: tuple[Path, str, str, int]) -> list[tuple[str, Margin
     folder, name, floor, seed = task
     walk = recorded(folder, name, floor, seed)
     margins = []
-    for counts in (0, COUNTS):
-        for factor in (1.0, 0.5):
-            encoder = f'{counts} counts' if counts else '2 mrad'
-            label = f'{name}, {encoder}, motors at {factor:g}'
-            margins.append((label, replayed(walk, seed, factor, counts)))
+    for counts, factor in product((0, COUNTS), (1.0, 0.5)):
+        encoder = f'{counts} counts' if counts else '2 mrad'
+        label = f'{name}, {encoder}, motors at {factor:g}'
+        margins.append((label, replayed(walk, seed, factor, counts)))
     return margins
 
 
-def six_motors(made: Robot) -> Robot:
+def with_six_motors(robot: Robot) -> Robot:
     """Return a robot with a motor for each leg."""
-    legs = tuple(replace(leg, crank_joint=f'{leg.name}_crank') for leg in made.legs)
-    return replace(made, legs=legs)
+    legs = tuple(replace(leg, crank_joint=f'{leg.name}_crank') for leg in robot.legs)
+    return replace(robot, legs=legs)
 
 
 def simulated_margins(task: tuple[Condition, float]) -> list[tuple[str, Margins]]:
     """Return the margins of a walk in closed loop."""
     condition, seconds = task
-    made = robot_of(str(CONFIG / f'{condition.file}.yaml'))
-    made = six_motors(made) if condition.is_six else made
-    steering = Steering(Feet(made, foot_radius=FOOT_RADIUS))
+    robot = robot_of(str(CONFIG / f'{condition.file}.yaml'))
+    if condition.is_six:
+        robot = with_six_motors(robot)
+    steering = Steering(Feet(robot, foot_radius=FOOT_RADIUS))
     control = WalkController(steering, ControllerSettings())
     joints = steering.feet.joints
     factors = dict(zip(joints, condition.factors, strict=False))
     twin = Twin(
-        made,
+        robot,
         floor=Floor(condition.friction),
         motors=Motors(bandwidth=condition.bandwidth, factors=factors),
         sensors=Sensors(imu_sampling=condition.sampling),
         compliance=condition.compliance,
     )
-    observer, random = Observer(control.monitors, control.latch), Random(1)  # noqa: S311 - noise
+    observer = Observer(control.monitors, control.latch)
+    random = Random(1)  # noqa: S311 - noise
     spot = steering.motion(Rates(-1.0, 1.0)).angular
     for k in range(round(seconds / PERIOD)):
         now = k * PERIOD
@@ -230,7 +245,7 @@ def simulated_margins(task: tuple[Condition, float]) -> list[tuple[str, Margins]
             has_velocity=condition.has_velocity,
         )  # fmt: skip
         control.feedback(readings, now)
-        linear, angular = PARTS[int(now / seconds * len(PARTS))]
+        linear, angular = COMMANDS[int(now / seconds * len(COMMANDS))]
         turn = angular * spot if steering.can_turn else 0.0
         control.command(linear * steering.speed, turn, now)
         command = control.step(now)
@@ -238,19 +253,16 @@ def simulated_margins(task: tuple[Condition, float]) -> list[tuple[str, Margins]
             twin.command(joint, rate)
         observer.judge()
         imu = twin.imu()
-        observer.feel(imu.orientation, imu.angular_velocity, imu.linear_acceleration, now)
+        observer.read_imu(imu.orientation, imu.angular_velocity, imu.linear_acceleration, now)
         twin.step(now + PERIOD)
     return [(condition.name, observer.margins)]
 
 
 def recorded_tasks(folder: Path) -> Iterator[tuple[Path, str, str, int]]:
     """Yield the recorded walks of a folder."""
-    for name in ROBOTS:
-        for floor in FLOORS:
-            for seed in range(100):
-                path = folder / f'{name.replace(" ", "_")}-{floor}-first-{seed:02}.npz'
-                if path.exists():
-                    yield folder, name, floor, seed
+    for name, floor, seed in product(ROBOTS, FLOORS, range(100)):
+        if (folder / f'{name.replace(" ", "_")}-{floor}-first-{seed:02}.npz').exists():
+            yield folder, name, floor, seed
 
 
 def main() -> int:
@@ -262,7 +274,7 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=SECONDS, help='of a simulated walk [s]')
     parser.add_argument('--processes', type=int, default=2)
     options = parser.parse_args()
-    rows: dict[str, list[Margins]] = {}
+    margins_of_names: dict[str, list[Margins]] = {}
     with Pool(options.processes) as pool:
         if options.walks:
             margins = pool.imap(recorded_margins, recorded_tasks(options.walks))
@@ -270,18 +282,17 @@ def main() -> int:
             tasks = [(condition, options.seconds) for condition in CONDITIONS]
             margins = pool.imap(simulated_margins, tasks)
         for walk_margins in margins:
-            for name, one_walk in walk_margins:
-                rows.setdefault(name, []).append(one_walk)
+            for name, margins_of_walk in walk_margins:
+                margins_of_names.setdefault(name, []).append(margins_of_walk)
     print('walks faults  ratio  half turn  tilt  force  condition')
     faults = 0
-    for name, walks in rows.items():
-        texts = [walk.fault for walk in walks if walk.fault]
-        faults += len(texts)
-        least = [min(walk[k] for walk in walks) for k in (1, 2, 4)]
-        tilt = max(walk.tilt for walk in walks)
+    for name, walks in margins_of_names.items():
+        texts, ratios, turn_ratios, tilts, forces = zip(*walks, strict=True)
+        fault_texts = [*filter(None, texts)]
+        faults += len(fault_texts)
         print(
-            f'{len(walks):5} {len(texts):6} {least[0]:6.2f} {least[1]:10.2f} {tilt:5.1f} '
-            f'{least[2]:6.2f}  {name} {"; ".join(texts[:1])}'
+            f'{len(walks):5} {len(fault_texts):6} {min(ratios):6.2f} {min(turn_ratios):10.2f} '
+            f'{max(tilts):5.1f} {min(forces):6.2f}  {name} {"; ".join(fault_texts[:1])}'
         )
     return exit_code(is_met('faults in healthy walks', faults, 0.0))
 

@@ -1,8 +1,8 @@
 """
 Simulated walks for the comparison of odometries, recorded once and replayed with sensor noise.
 
-A walk is simulated in MuJoCo with ideal sensors and kept on disk. `sensed` adds the errors of real
-sensors, so that one walk serves estimators, noises and tunings without being simulated again.
+A walk is simulated in MuJoCo with ideal sensors and kept on disk. Errors of real sensors are added
+later, so that one walk serves estimators, noises and tunings without being simulated again.
 """
 
 from dataclasses import dataclass, replace
@@ -25,15 +25,17 @@ import numpy as np
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 FOOT_RADIUS = 0.004
 PERIOD = 0.01
-# It stands for this time before it walks [s].
+# Standstill before the walk [s].
 STANDS = 2.0
 FREE = MotionLimits(
     max_linear=10.0, max_angular=10.0, max_linear_acceleration=0.5, max_angular_acceleration=1.0
 )
-# Size of a rough floor [m], distance of its random heights [m], and the greatest of them [m].
-EXTENT, SPACING, ROUGHNESS = 14.0, 0.15, 0.01
+# Size of a rough floor, distance between its random heights, and the greatest of them [m].
+EXTENT = 14.0
+SPACING = 0.15
+ROUGHNESS = 0.01
 FLOORS = ('flat', 'slope', 'rough')
-# Parts of the greatest speed and yaw rate: before and after half of the walk.
+# Fractions of the greatest speed and yaw rate: in the first and in the second half of the walk.
 COMMANDS = (
     ((1.0, 0.0), (1.0, 0.0)),
     ((0.7, 0.4), (0.7, -0.3)),
@@ -69,13 +71,13 @@ class Walk:
     Attributes
     ----------
     positions, velocities : numpy.ndarray, shape (k, c)
-        Of the cranks [rad, rad/s].
+        Angles and rates of the cranks [rad, rad/s].
     orientation : numpy.ndarray, shape (k, 4)
         Quaternion x, y, z, w.
     gyro, force : numpy.ndarray, shape (k, 3)
         Means of rates [rad/s] and specific force [m/s^2] since the last sample.
     position : numpy.ndarray, shape (k, 3)
-        Of base_link in the world [m].
+        Position of base_link in the world [m].
     linear, angular : numpy.ndarray, shape (k, 3)
         Velocity of base_link in its frame [m/s, rad/s].
 
@@ -99,65 +101,65 @@ class Walk:
 
 
 def robot(name: str) -> Robot:
-    """Return a robot of the comparison, scaled with all its masses' densities kept."""
+    """Return a robot of the comparison, scaled at constant densities."""
     file, scale, _ = ROBOTS[name]
-    made = robot_of(str(file))
-    if scale == 1.0 or made.body is None:
-        return made
-    legs = tuple(_scaled_leg(leg, scale) for leg in made.legs)
+    drawn = robot_of(str(file))
+    if scale == 1.0 or drawn.body is None:
+        return drawn
+    legs = tuple(_scale_leg(leg, scale) for leg in drawn.legs)
     body = replace(
-        made.body,
-        mass=made.body.mass * scale**3,
-        size=_scaled(made.body.size, scale),
-        centre=_scaled(made.body.centre, scale),
+        drawn.body,
+        mass=drawn.body.mass * scale**3,
+        size=_scale_vector(drawn.body.size, scale),
+        centre=_scale_vector(drawn.body.centre, scale),
     )
-    return replace(made, legs=legs, body=body)
+    return replace(drawn, legs=legs, body=body)
 
 
-def _scaled(triple: Triple, scale: float) -> Triple:
-    x, y, z = triple
+def _scale_vector(vector: Triple, scale: float) -> Triple:
+    x, y, z = vector
     return scale * x, scale * y, scale * z
 
 
-def _scaled_leg(leg: RobotLeg, scale: float) -> RobotLeg:
-    mount = replace(leg.mount, xyz=_scaled(leg.mount.xyz, scale))
-    bodies = leg.masses.bodies if leg.masses else ()
-    masses = Masses(
-        tuple(
-            BodyMass(body.mass * scale**3, body.centre * scale, body.inertia * scale**5)
-            for body in bodies
-        )
-    )
+def _scale_leg(leg: RobotLeg, scale: float) -> RobotLeg:
+    mount = replace(leg.mount, xyz=_scale_vector(leg.mount.xyz, scale))
+    bodies = []
+    for body in leg.masses.bodies if leg.masses else ():
+        inertia = body.inertia * scale**5
+        bodies.append(BodyMass(body.mass * scale**3, body.centre * scale, inertia))
+    masses = Masses(tuple(bodies))
     return replace(leg, linkage=leg.linkage.scaled(scale), mount=mount, masses=masses)
 
 
-def model(made: Robot, floor: Floor, *, rough: int | None, second: bool) -> str:
+def write_mjcf(walker: Robot, floor: Floor, *, height_seed: int | None, second: bool) -> str:
     """
     Return the MJCF of a robot on a floor.
 
     Parameters
     ----------
-    made : Robot
+    walker : Robot
         The robot.
     floor : Floor
         Its friction and slope.
-    rough : int, optional
+    height_seed : int, optional
         Seed of the heights of a rough floor.
     second : bool
         Whether contacts are those of the second model: softer, with less damping, and a pyramid
-        of friction in the place of a cone.
+        of friction instead of a cone.
 
     """
     # Our own text.
-    root = ET.fromstring(robot_mjcf(made, floor=floor, time_step=1e-3))  # noqa: S314
-    plane, option = root.find('worldbody/geom'), root.find('option')
+    root = ET.fromstring(robot_mjcf(walker, floor=floor, time_step=1e-3))  # noqa: S314
+    plane = root.find('worldbody/geom')
+    option = root.find('option')
     if plane is None or option is None:
         raise AssertionError('a walker has a floor')
-    if rough is not None:
+    if height_seed is not None:
         count = int(EXTENT / SPACING) + 1
         asset = ET.SubElement(root, 'asset')
-        half, height = EXTENT / 2.0, 2.0 * ROUGHNESS
-        heights = np.random.default_rng(rough).uniform(0.0, 1.0, (count, count))
+        half = EXTENT / 2.0
+        height = 2.0 * ROUGHNESS
+        heights = np.random.default_rng(height_seed).uniform(0.0, 1.0, (count, count))
         ET.SubElement(
             asset, 'hfield', name='heights', nrow=str(count), ncol=str(count),
             size=f'{half} {half} {height} 0.1', elevation=' '.join(map(str, heights.ravel())),
@@ -172,47 +174,48 @@ def model(made: Robot, floor: Floor, *, rough: int | None, second: bool) -> str:
     return ET.tostring(root, encoding='unicode')
 
 
-def walked(name: str, floor_kind: str, seed: int, *, second: bool, seconds: float) -> Walk:
+def simulate_walk(name: str, floor_kind: str, seed: int, *, second: bool, seconds: float) -> Walk:
     """Simulate a walk."""
     rng = np.random.default_rng([seed, second, FLOORS.index(floor_kind)])
-    friction, slope = rng.uniform(0.4, 1.0), 0.0
-    if floor_kind == 'slope':
-        slope = radians(rng.uniform(-3.0, 3.0))
-    made = robot(name)
-    feet = Feet(made, foot_radius=FOOT_RADIUS)
+    friction = rng.uniform(0.4, 1.0)
+    slope = radians(rng.uniform(-3.0, 3.0)) if floor_kind == 'slope' else 0.0
+    height_seed = seed if floor_kind == 'rough' else None
+    drawn = robot(name)
+    feet = Feet(drawn, foot_radius=FOOT_RADIUS)
     steering = Steering(feet)
-    rough = seed if floor_kind == 'rough' else None
-    text = model(made, Floor(friction, slope), rough=rough, second=second)
-    twin = Twin(made, mjcf=text, seed=seed)
+    mjcf = write_mjcf(drawn, Floor(friction, slope), height_seed=height_seed, second=second)
+    twin = Twin(drawn, mjcf=mjcf, seed=seed)
     walker = Walker(steering, ControllerSettings(limits=FREE))
-    speed = steering.speed * ROBOTS[name].rate
-    spot = steering.motion(Rates(-1.0, 1.0)).angular * ROBOTS[name].rate
-    part = rng.uniform(0.6, 1.0)
-    first, then = COMMANDS[seed % len(COMMANDS)]
-    rows = []
+    scale = rng.uniform(0.6, 1.0)
+    max_linear = scale * steering.speed * ROBOTS[name].rate
+    max_angular = scale * steering.motion(Rates(-1.0, 1.0)).angular * ROBOTS[name].rate
+    first_command, second_command = COMMANDS[seed % len(COMMANDS)]
+    samples = []
     for k in range(round((STANDS + seconds) / PERIOD)):
         now = k * PERIOD
-        imu, truth = twin.imu(), twin.truth()
+        imu = twin.imu()
+        truth = twin.truth()
         cranks = twin.cranks()
         walker.feedback(dict(cranks), now)
         if now >= STANDS:
-            linear, angular = first if now < STANDS + seconds / 2.0 else then
-            walker.controller.command(part * linear * speed, part * angular * spot, now)
+            is_first_half = now < STANDS + seconds / 2.0
+            linear, angular = first_command if is_first_half else second_command
+            walker.controller.command(linear * max_linear, angular * max_angular, now)
         command = walker.controller.step(now)
         for joint, rate in zip(feet.joints, command.velocity if command else (), strict=True):
             twin.command(joint, rate)
-        rows.append(
+        positions, velocities = zip(*cranks.values(), strict=True)
+        samples.append(
             (
-                *(crank.position for crank in cranks.values()),
-                *(crank.velocity for crank in cranks.values()),
-                *(*truth.orientation, *imu.angular_velocity, *imu.linear_acceleration),
+                *(*positions, *velocities, *truth.orientation),
+                *(*imu.angular_velocity, *imu.linear_acceleration),
                 *(*truth.position, *truth.linear, *truth.angular),
             )
         )
         twin.step(now + PERIOD)
     count = len(feet.joints)
     ends = np.cumsum([count, count, 4, 3, 3, 3, 3])
-    return Walk(*np.split(np.array(rows), ends, axis=1))
+    return Walk(*np.split(np.array(samples), ends, axis=1))
 
 
 def recorded(
@@ -222,10 +225,10 @@ def recorded(
     kind = 'second' if second else 'first'
     path = folder / f'{name.replace(" ", "_")}-{floor}-{kind}-{seed:02}.npz'
     if not path.exists():
-        walk = walked(name, floor, seed, second=second, seconds=seconds)
+        walk = simulate_walk(name, floor, seed, second=second, seconds=seconds)
         folder.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix('.part.npz')
-        np.savez(part, **vars(walk))
-        part.rename(path)
-    with np.load(path) as found:
-        return Walk(**{key: found[key] for key in found.files})
+        unfinished = path.with_suffix('.part.npz')
+        np.savez(unfinished, **vars(walk))
+        unfinished.rename(path)
+    with np.load(path) as arrays:
+        return Walk(**arrays)
