@@ -17,18 +17,23 @@ from typing import Any, NamedTuple
 
 from klann_ros.log.reader import open_log
 from klann_ros.nodes.endpoints import OUTPUT
+import numpy as np
 import rclpy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from support.aims import exit_code, is_met, REST, sized
 from support.programs import command, cpu_of, memory_of, support_command
 
-ROUNDS, SECONDS = sized(1, 3, 5), sized(0.2, 2.0, 4.0)
-RATE, TOPICS = 1000.0, 3
+ROUNDS = sized(1, 3, 5)
+SECONDS = sized(0.2, 2.0, 4.0)
+RATE = 1000.0
+TOPICS = 3
 MAX_CPU_RATIO = 0.25
 # CPU time of rosbag2's C++ recorder on this load [us a message].
 ROSBAG2_CPU = 26.0
-FLOOD_TOPICS, FLOOD_RATE, FLOOD_SECONDS = 5, 2000.0, sized(0.2, 20.0, 60.0)
+FLOOD_TOPICS = 5
+FLOOD_RATE = 2000.0
+FLOOD_SECONDS = sized(0.2, 20.0, 60.0)
 # Messages that are published at once: a publisher that wakes up for each has no time for it.
 BURST = 5
 
@@ -119,15 +124,12 @@ def compare() -> bool:
     print(f'{TOPICS} topics of {RATE:g} Hz, {ROUNDS} rounds in turn of {SECONDS:g} s')
     print(f'{"":16} {"CPU/us":>8} {"idle/%":>7} {"MB":>6} {"lost":>5}')
     for name, costs in (('stock recorder', stock_costs), ('recorder_node', our_costs)):
-        cpu = median(cost.cpu for cost in costs)
-        idle = median(cost.idle for cost in costs)
-        memory = median(cost.memory for cost in costs)
+        cpu, idle, memory, _ = np.median(costs, axis=0)
         lost = sum(cost.lost for cost in costs)
         print(f'{name:16} {cpu:8.1f} {idle:7.2f} {memory:6.1f} {lost:5}')
-    our_cpu = median(cost.cpu for cost in our_costs)
-    is_met('cpu beside rosbag2', our_cpu, ROSBAG2_CPU, ' us')
-    pairs = zip(our_costs, stock_costs, strict=True)
-    ratio = median(our_cost.cpu / stock_cost.cpu for our_cost, stock_cost in pairs)
+    is_met('cpu beside rosbag2', cpu, ROSBAG2_CPU, ' us')
+    rounds = zip(our_costs, stock_costs, strict=True)
+    ratio = median(our_cost.cpu / stock_cost.cpu for our_cost, stock_cost in rounds)
     return is_met('cpu', ratio, MAX_CPU_RATIO) and lost == 0
 
 

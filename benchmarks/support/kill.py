@@ -13,31 +13,39 @@ from subprocess import DEVNULL, Popen
 import sys
 import tempfile
 import time
+from typing import NamedTuple
 
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import Log, open_log
 from support.programs import command, started
 
-# What is recorded of the crank and its solver, each at its rate.
+# Topics of the crank and its solver.
 TOPICS = ('/crank_angle', '/joint_states', '/point_h')
-MOST = 1.0
+MAX_LOSS = 1.0
 
 
-def killed(folder: Path, seconds: float) -> dict[str, tuple[float, int]]:
-    """Record, kill; return the lost time [s] of each topic, and the gaps before."""
+class Loss(NamedTuple):
+    """The time from the last message to the kill [s], and missing messages before."""
+
+    time: float
+    gaps: int
+
+
+def record_and_kill(folder: Path, seconds: float) -> dict[str, Loss]:
+    """Record, kill; return the loss of each topic."""
     recorder = Popen(command('recorder_node', output=folder, all_topics='true'), stderr=DEVNULL)
-    while not _heard(folder):
+    while not _has_all_topics(folder):
         time.sleep(0.1)
     time.sleep(seconds)
     recorder.kill()
-    end = time.time_ns()
+    kill_time = time.time_ns()
     recorder.wait()
     with open_log(folder) as log:
-        return {topic: _loss(log, topic, end) for topic in TOPICS}
+        return {topic: _loss(log, topic, kill_time) for topic in TOPICS}
 
 
-def _heard(folder: Path) -> bool:
-    """Return whether there is something of every topic in the file."""
+def _has_all_topics(folder: Path) -> bool:
+    """Return whether the file has messages of every topic."""
     try:
         with open_log(folder) as log:
             return set(TOPICS) <= {topic.name for topic in log.topics}
@@ -45,18 +53,18 @@ def _heard(folder: Path) -> bool:
         return False
 
 
-def _loss(log: Log, topic: str, end: int) -> tuple[float, int]:
-    """Return the time from the last message to the end [s], and how many are missing before."""
-    messages = [(message.log_time, message.sequence) for message in log.messages([topic])]
+def _loss(log: Log, topic: str, kill_time: int) -> Loss:
+    messages = list(log.messages([topic]))
     if not messages:
-        return float('inf'), 0
-    (last, newest), (_, oldest) = messages[-1], messages[0]
-    return (end - last) / 1e9, newest - oldest + 1 - len(messages)
+        return Loss(float('inf'), 0)
+    sent_count = messages[-1].sequence - messages[0].sequence + 1
+    return Loss((kill_time - messages[-1].log_time) / 1e9, sent_count - len(messages))
 
 
 def main(times: int) -> int:
-    """Print what each kill has cost; return 0 if it was never more than a second."""
-    worst, missing = 0.0, 0
+    """Print the losses of each kill; return 0 if it was never more than a second."""
+    max_loss = 0.0
+    missing = 0
     with (
         started(command('crank_node', rate=1000.0), stderr=DEVNULL),
         started(command('solver_node'), stderr=DEVNULL),
@@ -64,14 +72,15 @@ def main(times: int) -> int:
     ):
         for number in range(times):
             seconds = random.uniform(0.5, 3.0)  # noqa: S311 - no secret
-            losses = killed(Path(work, f'run_{number}'), seconds)
-            worst = max(worst, *(lost for lost, _ in losses.values()))
-            missing += sum(count for _, count in losses.values())
-            rows = losses.items()
-            said = ', '.join(f'{name} {lost:.3f} s, {gone}' for name, (lost, gone) in rows)
-            print(f'{number + 1:3}: {said}', flush=True)
-    print(f'at most {worst:.3f} s were lost, and {missing} messages before that')
-    return 0 if worst <= MOST and not missing else 1
+            losses = record_and_kill(Path(work, f'run_{number}'), seconds)
+            line = f'{number + 1:3}:'
+            for topic, loss in losses.items():
+                max_loss = max(max_loss, loss.time)
+                missing += loss.gaps
+                line += f' {topic} {loss.time:.3f} s, {loss.gaps};'
+            print(line, flush=True)
+    print(f'at most {max_loss:.3f} s were lost, and {missing} messages before that')
+    return 0 if max_loss <= MAX_LOSS and not missing else 1
 
 
 if __name__ == '__main__':

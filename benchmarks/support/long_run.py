@@ -18,7 +18,7 @@ from klann_ros.messages import JointStateTemplate, point_template
 import numpy as np
 
 START = 1_700_000_000_000_000_000
-# So many poses are solved at once.
+# Poses that are solved at once.
 _BLOCK = 10_000
 
 
@@ -40,12 +40,9 @@ def write_long_run(
     `text` is a linkage's file; where left out it is a run of the Klann leg.
     """
     count = round(seconds * rate)
-    if text:
-        linkage, values = linkage_from_text(text, 'the benchmark'), {LINKAGE_PARAMETER: text}
-    else:
-        geometry = KlannGeometry()
-        linkage, values = geometry.linkage, geometry.as_dict()
-    record = solver_record(SolverParameters('/solver_node', START, values))
+    linkage = linkage_from_text(text, 'the benchmark') if text else KlannGeometry().linkage
+    parameters = {LINKAGE_PARAMETER: text} if text else KlannGeometry().as_dict()
+    record = solver_record(SolverParameters('/solver_node', START, parameters))
     with RunWriter(folder, compression=compression) as run:
         run.add_metadata(SOLVER_RECORD, record)
         for begin in range(0, count, _BLOCK):
@@ -53,20 +50,22 @@ def write_long_run(
 
 
 def _write_block(run: RunWriter, linkage: Linkage, numbers: np.ndarray, rate: float) -> None:
-    state, point = JointStateTemplate([*linkage.joint_names]), point_template('leg_plane')
+    joints = JointStateTemplate([*linkage.joint_names])
+    point = point_template('leg_plane')
     alphas = 2 * pi * numbers / rate
     poses = linkage_poses(linkage, alphas, angles=True)
     assert poses.angles is not None  # noqa: S101 - asked for
     angles = np.column_stack([alphas, poses.angles])
     rates = np.gradient(angles, 1 / rate, axis=0) if len(numbers) > 1 else np.zeros_like(angles)
-    late = np.random.default_rng(int(numbers[0])).integers(200_000, 500_000, len(numbers))
-    times = START + (numbers * (1e9 / rate)).astype(np.int64)
-    columns = (each.tolist() for each in (numbers, times, late, angles, rates, poses.h))
-    for n, time, delay, x, v, h in zip(*columns, strict=True):
-        sec, nanosec = divmod(time, 10**9)
+    delays = np.random.default_rng(int(numbers[0])).integers(200_000, 500_000, len(numbers))
+    stamps = START + (numbers * (1e9 / rate)).astype(np.int64)
+    columns = (column.tolist() for column in (numbers, stamps, delays, angles, rates, poses.h))
+    for n, stamp, delay, x, v, h in zip(*columns, strict=True):
+        log_time = stamp + delay
+        sec, nanosec = divmod(stamp, 10**9)
         crank = struct.pack('<4sd', b'\0\1\0\0', x[0])
-        run.write(Message(CRANK, crank, time + delay, time, n + 1))
-        data = state.fill(sec, nanosec, tuple(x), tuple(v))
-        run.write(Message(POSES, data, time + delay + 100_000, time + 50_000, n + 1))
+        run.write(Message(CRANK, crank, log_time, stamp, n + 1))
+        pose = joints.fill(sec, nanosec, tuple(x), tuple(v))
+        run.write(Message(POSES, pose, log_time + 100_000, stamp + 50_000, n + 1))
         foot = point.fill(sec, nanosec, *h)
-        run.write(Message(FEET, foot, time + delay + 150_000, time + 60_000, n + 1))
+        run.write(Message(FEET, foot, log_time + 150_000, stamp + 60_000, n + 1))

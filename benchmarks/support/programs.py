@@ -1,4 +1,4 @@
-"""Programs as processes of their own, and what they cost, seen from outside."""
+"""Programs as processes of their own, and their costs, measured from outside."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ import sys
 from time import monotonic
 from typing import Any, NamedTuple
 
-# The traffic never leaves the machine, nor meets another's.
+# The traffic stays on this machine and in a domain of its own.
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault('ROS_DOMAIN_ID', '90')
 STOP_TIME = 5.0
@@ -27,9 +27,12 @@ class Usage(NamedTuple):
 def command(name: str, *arguments: object, **parameters: object) -> list[str]:
     """Return the command line of an executable with arguments and parameters of ROS."""
     code = f'import sys; from klann_ros.executables import {name}; sys.exit({name}())'
-    given = [word for key, value in parameters.items() for word in ('-p', f'{key}:={value}')]
-    ros = ['--ros-args', *given] if given else []
-    return [sys.executable, '-c', code, *map(str, arguments), *ros]
+    line = [sys.executable, '-c', code, *map(str, arguments)]
+    if parameters:
+        line.append('--ros-args')
+    for parameter, setting in parameters.items():
+        line += ['-p', f'{parameter}:={setting}']
+    return line
 
 
 def support_command(name: str, *arguments: object) -> list[str]:
@@ -60,18 +63,18 @@ def end(process: subprocess.Popen[Any]) -> None:
 
 def finished(line: Sequence[str]) -> Usage:
     """Run a program to its end."""
-    begin = monotonic()
+    start_time = monotonic()
     process = subprocess.Popen(line, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     cpu = usage.ru_utime + usage.ru_stime
-    return Usage(process.returncode, monotonic() - begin, cpu, usage.ru_maxrss / 1000)
+    return Usage(process.returncode, monotonic() - start_time, cpu, usage.ru_maxrss / 1000)
 
 
 def cpu_of(process: int) -> float:
     """Return the time that all threads of a process have run [s]."""
     threads = Path(f'/proc/{process}/task').iterdir()
-    return sum(int((each / 'schedstat').read_text().split()[0]) for each in threads) / 1e9
+    return sum(int((thread / 'schedstat').read_text().split()[0]) for thread in threads) / 1e9
 
 
 def memory_of(process: int) -> float:

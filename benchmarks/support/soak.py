@@ -11,13 +11,14 @@ from support.programs import memory_of
 
 RATE = 1000.0
 # Growth that a leak of one small object a message would exceed many times [MB].
-MOST_GROWTH = 5.0
+MAX_GROWTH = 5.0
 
 
 def main(minutes: float) -> int:
     """Print the figures of every minute; return 0 if nothing was lost and memory stayed flat."""
     node = NodeUnderTest(SOLVER)
-    lost, memory = 0, list[float]()
+    lost = 0
+    memory: list[float] = []
     try:
         print(f'{"minute":>6} {"CPU/us":>7} {"p50/us":>7} {"p99/us":>7} {"lost":>5} {"MB":>7}')
         for minute in range(round(minutes)):
@@ -33,7 +34,7 @@ def main(minutes: float) -> int:
         node.stop()
     growth = memory[-1] - memory[0]
     print(f'lost {lost}, memory {memory[0]:.1f} MB and {growth:+.1f} MB since the first minute')
-    return 0 if lost == 0 and growth <= MOST_GROWTH else 1
+    return 0 if lost == 0 and growth <= MAX_GROWTH else 1
 
 
 if __name__ == '__main__':
