@@ -21,7 +21,13 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # Tests of real processes on real DDS: they wait more than they compute, so three of them run side
 # by side, in domains of their own, and no more while others compute, so that none starves.
 LINES = 3
-ONE_BY_ONE = ('test/nodes/', 'test/packaging/', '/test_real_', '/test_launched_')
+ONE_BY_ONE = (
+    'test/nodes/',
+    'test/packaging/',
+    'test/examples/test_hardware_driver.py',
+    '/test_real_',
+    '/test_launched_',
+)
 # Few tests that take long, in files that would otherwise come last, for one worker.
 LONG = (
     'test/benchmarks/',
@@ -29,9 +35,13 @@ LONG = (
     'test/design/',
     'test/viewing/test_launched_',
     'test/review/test_',
+    'test/examples/test_hardware_driver.py',
+    'test/nodes/commission/',
     'test/nodes/recorder/',
+    'test/nodes/sim/',
     'test/nodes/view/',
     'test/nodes/walker/',
+    'test/nodes/watchdog/',
     'test/docs/test_',
     'test/log/test_',
     'test/log/read/test_bombs.py',
