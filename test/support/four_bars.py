@@ -67,18 +67,22 @@ def solved(bar: FourBar, theta2: float, sine: float = 0.05) -> FourBarPose:
 
 def turning_links(bar: FourBar) -> set[tuple[str, str]]:
     """Return the pairs of links that turn fully against each other in a closed motion."""
-    found = set()
+    turning_pairs = set()
     for start, end in bar.reachable_arcs():
         theta2 = (start + end) / 2 - (end - start) / 2 * np.cos(np.linspace(0, math.pi, 400))
-        tables = [FourBar(*bar.geometry.lengths, sign).table(theta2) for sign in (1, -1)]
-        there, back = (np.array([t.theta2, t.theta3, t.theta4]) for t in tables)
-        # At the ends of an arc the assemblies meet.
-        path = there if end - start == 2 * math.pi else np.hstack([there, back[:, ::-1]])
-        path = np.unwrap(path[:, ~np.isnan(path).any(axis=0)])
-        whole = np.round((path[:, -1] - path[:, 0]) / (2 * math.pi)).tolist()
-        turned = dict(zip(NAMES, (0, *whole), strict=True))
-        found |= {(a, b) for a, b in product(NAMES, NAMES) if turned[a] != turned[b]}
-    return found
+        motions = []
+        for sign in (1, -1):
+            table = FourBar(*bar.geometry.lengths, sign).table(theta2)
+            motions.append(np.array([table.theta2, table.theta3, table.theta4]))
+        motion = motions[0]
+        if end - start != 2 * math.pi:
+            # At the ends of an arc the assemblies meet.
+            motion = np.hstack([motion, motions[1][:, ::-1]])
+        motion = np.unwrap(motion[:, ~np.isnan(motion).any(axis=0)])
+        whole_turns = np.round((motion[:, -1] - motion[:, 0]) / (2 * math.pi)).tolist()
+        turns = dict(zip(NAMES, (0, *whole_turns), strict=True))
+        turning_pairs |= {(a, b) for a, b in product(NAMES, NAMES) if turns[a] != turns[b]}
+    return turning_pairs
 
 
 def refusal(end: str, angle: str = ', angle: deg', text: str = FOUR_BAR) -> str:

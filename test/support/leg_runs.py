@@ -13,6 +13,7 @@ from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.write.writer import RunWriter
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_typestore, Stores
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -92,31 +93,31 @@ class LegRun:
         if self.pause is not None and number >= self.pause[0]:
             time += round(self.pause[1] * 1e9)
         rate = math.tau * self.turns / (self.period * (self.count - 1))
-        names, positions, velocities, found = [], [], [], []
+        names: list[str] = []
+        positions: list[float] = []
+        velocities: list[float] = []
+        messages = []
         if self.cranks:
-            angle = make(FLOAT, data=self.crank(number))
-            found.append(self._message('/crank_angle', FLOAT, time, number, angle))
+            angle = filled(FLOAT, {'data': self.crank(number)})
+            messages.append(self._message('/crank_angle', FLOAT, time, number, angle))
         for name, leg in self.legs.items():
-            pose, foot = leg.solve(self.alpha(number, name)), self.garbled.get(number)
-            h = pose.h if foot is None else (foot, foot)
+            pose = leg.solve(self.alpha(number, name))
+            h = [self.garbled[number]] * 2 if number in self.garbled else pose.h
             names += [f'{name}/{joint}' if name else joint for joint in leg.joint_names]
             positions += pose.joints
-            own = self.directions.get(name, 1.0) * rate
-            velocities += [own, *(own * x for x in pose.coefficients)]
-            place = f'/{name}' if name else ''
-            found.append(self._message(f'{place}/point_h', POINT, time, number, foot_at(time, h)))
+            leg_rate = self.directions.get(name, 1.0) * rate
+            velocities += (leg_rate * np.array([1.0, *pose.coefficients])).tolist()
+            topic = f'/{name}/point_h' if name else '/point_h'
+            messages.append(self._message(topic, POINT, time, number, foot_at(time, h)))
         if number in self.garbled:
             positions = velocities = [self.garbled[number]] * len(positions)
         if self.poses:
             state = joint_state(time, names, positions, velocities if self.rates else ())
-            found.append(self._message('/joint_states', STATE, time, number, state))
+            messages.append(self._message('/joint_states', STATE, time, number, state))
         if self.iterations and number % 40 == 0:
-            found.append(
-                self._message(
-                    '/diagnostics', REPORT, time, number // 40, self._report(time, number)
-                )
-            )
-        return found
+            report = self._report(time, number)
+            messages.append(self._message('/diagnostics', REPORT, time, number // 40, report))
+        return messages
 
     def _message(self, name: str, kind: str, time: int, number: int, content: Any) -> Message:
         data = bytes(STORE.serialize_cdr(content, kind))
@@ -125,41 +126,53 @@ class LegRun:
         return Message(topic, data, time + late, time, number + 1)
 
     def _report(self, time: int, number: int) -> Any:
-        status = [
-            make(
-                'diagnostic_msgs/msg/DiagnosticStatus',
-                level=0,
-                name=f'solver_node: {name or "leg"}',
-                message='solving',
-                hardware_id='',
-                values=[
-                    make(
-                        'diagnostic_msgs/msg/KeyValue', key='iterations', value=str(3 + number % 3)
-                    )
-                ],
-            )
-            for name in self.legs
-        ]
-        return make(REPORT, header=header(time), status=status)
+        common = {
+            'message': 'solving',
+            'values': [{'key': 'iterations', 'value': str(3 + number % 3)}],
+        }
+        statuses = [common | {'name': f'solver_node: {name or "leg"}'} for name in self.legs]
+        return filled(REPORT, {'header': leg_header(time), 'status': statuses})
 
 
 def make(kind: str, **fields: Any) -> Any:
     return STORE.types[kind](**fields)
 
 
-def header(time: int, frame: str = 'leg_plane') -> Any:
-    stamp = make('builtin_interfaces/msg/Time', sec=time // 10**9, nanosec=time % 10**9)
-    return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame)
+def filled(kind: str, content: Mapping[str, Any]) -> Any:
+    """Return a message of nested content; what it leaves out is 0 or empty."""
+    fields: dict[str, Any] = {}
+    for name, (node, description) in STORE.fielddefs[kind][1]:
+        if node == Nodetype.NAME:
+            fields[name] = filled(description, content.get(name, {}))
+        elif node == Nodetype.BASE:
+            fields[name] = content.get(name, '' if description[0] == 'string' else 0)
+        else:
+            (element_node, element_kind), length = description
+            elements = content.get(name, ())
+            if element_node == Nodetype.NAME:
+                fields[name] = [filled(element_kind, element) for element in elements]
+            elif element_kind[0] == 'string':
+                fields[name] = [*elements]
+            else:
+                array = elements if len(elements) else [0] * length
+                fields[name] = np.array(array, dtype=element_kind[0])
+    return STORE.types[kind](**fields)
+
+
+def stamp_fields(time: int) -> dict[str, int]:
+    return {'sec': time // 10**9, 'nanosec': time % 10**9}
+
+
+def leg_header(time: int) -> dict[str, Any]:
+    return {'stamp': stamp_fields(time), 'frame_id': 'leg_plane'}
 
 
 def joint_state(
     time: int, names: Sequence[str], positions: Any, velocities: Any = (), efforts: Any = ()
 ) -> Any:
     numbers = {'position': positions, 'velocity': velocities, 'effort': efforts}
-    arrays = {name: np.array(values, dtype=float) for name, values in numbers.items()}
-    return make(STATE, header=header(time), name=[*names], **arrays)
+    return filled(STATE, {'header': leg_header(time), 'name': names, **numbers})
 
 
 def foot_at(time: int, h: Sequence[float]) -> Any:
-    point = make('geometry_msgs/msg/Point', x=h[0], y=h[1], z=0.0)
-    return make(POINT, header=header(time), point=point)
+    return filled(POINT, {'header': leg_header(time), 'point': {'x': h[0], 'y': h[1]}})

@@ -11,9 +11,8 @@ from klann_ros.kinematics import KlannGeometry, Linkage, linkage_poses
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SOLVER_RECORD, solver_record, SolverParameters
 from klann_ros.log.write.writer import RunWriter
-from leg_runs import FLOAT, joint_state, POINT, START, STATE, STORE
+from leg_runs import filled, FLOAT, joint_state, POINT, stamp_fields, START, STATE, STORE
 import numpy as np
-from rosbags.interfaces import Nodetype
 
 DRAWN = KlannGeometry.sem104().linkage
 NOISE = 1e-4
@@ -99,33 +98,13 @@ class Robot:
 
 def errors(calibration: Any, robot: Robot) -> np.ndarray:
     """Return the errors of dimensions and phase over their standard errors."""
-    true = np.array([*robot.linkage.numbers, robot.phase])
-    found = calibration.values[: len(true)] - true
-    found[-1] = math.remainder(found[-1], math.tau)
-    return np.array(found / calibration.standard_errors[: len(true)])
+    truth = np.array([*robot.linkage.numbers, robot.phase])
+    deviations = calibration.values[: len(truth)] - truth
+    deviations[-1] = math.remainder(deviations[-1], math.tau)
+    return np.array(deviations / calibration.standard_errors[: len(truth)])
 
 
 # Runs.
-
-
-def filled(kind: str, content: Mapping[str, Any]) -> Any:
-    """Return a message of nested content; what it leaves out is 0 or empty."""
-    made: dict[str, Any] = {}
-    for name, (node, detail) in STORE.fielddefs[kind][1]:
-        given = content.get(name, ())
-        if node == Nodetype.NAME:
-            made[name] = filled(detail, given or {})
-        elif node == Nodetype.BASE:
-            made[name] = content.get(name, '' if detail[0] == 'string' else 0)
-        else:
-            (item, of), count = detail
-            if item == Nodetype.BASE and of[0] != 'string':
-                made[name] = np.array(given or [0] * count, dtype=of[0])
-            else:
-                made[name] = [
-                    filled(of, each) if item == Nodetype.NAME else each for each in given
-                ]
-    return STORE.types[kind](**made)
 
 
 def message(kind: str, time: int, place: Any) -> Any:
@@ -134,22 +113,23 @@ def message(kind: str, time: int, place: Any) -> Any:
         return joint_state(time, [*place], [*place.values()])
     if kind == FLOAT:
         return filled(kind, {'data': float(place)})
-    at, turn = dict(zip('xy', map(float, place), strict=True)), {'w': 1.0}
-    pose = {'position': at, 'orientation': turn}
+    position = dict(zip('xy', map(float, place), strict=True))
+    rotation = {'w': 1.0}
+    pose = {'position': position, 'orientation': rotation}
     covariance = [NOISE**2 * (k in {0, 7}) for k in range(36)]
-    stamp = {'sec': time // 10**9, 'nanosec': time % 10**9}
-    head = {'header': {'stamp': stamp, 'frame_id': 'camera'}}
-    moved = {'transform': {'translation': at, 'rotation': turn}, 'child_frame_id': 'marker'}
-    other = {'transform': {'translation': {'x': 9.0}}, 'child_frame_id': 'other'}
-    content = {
-        'PointStamped': {'point': at},
+    header = {'header': {'stamp': stamp_fields(time), 'frame_id': 'camera'}}
+    marker_transform = {'translation': position, 'rotation': rotation}
+    marker = {'transform': marker_transform, 'child_frame_id': 'marker'}
+    other_frame = {'transform': {'translation': {'x': 9.0}}, 'child_frame_id': 'other'}
+    contents = {
+        'PointStamped': {'point': position},
         'PoseStamped': {'pose': pose},
         'PoseWithCovarianceStamped': {'pose': {'pose': pose, 'covariance': covariance}},
-        'TransformStamped': moved,
-        'TFMessage': {'transforms': [head | other, head | moved]},
+        'TransformStamped': marker,
+        'TFMessage': {'transforms': [header | other_frame, header | marker]},
         'Marker': {'ns': 'marker', 'id': 7, 'pose': pose},
     }
-    return filled(kind, head | content[kind.rpartition('/')[2]])
+    return filled(kind, header | contents[kind.rpartition('/')[2]])
 
 
 def write_run(
@@ -158,16 +138,15 @@ def write_run(
     parameters: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a run: of each topic its type, and its stamps [s] with their content."""
-    rows = [
-        (round(time * 1e9) + START, name, kind, place)
-        for name, (kind, content) in topics.items()
-        for time, place in content
-    ]
+    samples = []
+    for name, (kind, content) in topics.items():
+        samples += [(round(time * 1e9) + START, name, kind, place) for time, place in content]
+    samples.sort(key=lambda sample: sample[0])
     with RunWriter(folder) as run:
         if parameters is not None:
             solver = SolverParameters('/solver_node', START, dict(parameters))
             run.add_metadata(SOLVER_RECORD, solver_record(solver))
-        for number, (time, name, kind, place) in enumerate(sorted(rows, key=lambda row: row[0])):
+        for number, (time, name, kind, place) in enumerate(samples):
             data = bytes(STORE.serialize_cdr(message(kind, time, place), kind))
             # tf2_msgs need not be installed.
             topic = Topic(name, kind, STORE.generate_msgdef(kind, ros_version=2)[0])

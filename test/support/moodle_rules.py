@@ -43,23 +43,25 @@ class MoodleQuestion(NamedTuple):
     def marked(self, response: str) -> MoodleAnswer | None:
         """Return the answer that a response is taken for."""
         if self.kind == 'multichoice':
-            return next((each for each in self.answers if each.text == response), None)
+            return next((answer for answer in self.answers if answer.text == response), None)
         response = SPACES.sub('', response).replace(',', '.')
         number = re.match(r'[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?', response)
         if not number:
             return None
-        value, unit = float(number[0]), response.removeprefix(number[0])
-        scaled = value / self.units[unit] if unit in self.units else value
-        for each in self.answers:
-            reach = each.tolerance + 1e-14 * max(1.0, abs(float(each.text)))
-            if min(abs(scaled - float(each.text)), abs(value - float(each.text))) <= reach:
-                return each
+        as_written = float(number[0])
+        in_unit = as_written / self.units.get(response.removeprefix(number[0]), 1.0)
+        for answer in self.answers:
+            key = float(answer.text)
+            tolerance = answer.tolerance + 1e-14 * max(1.0, abs(key))
+            if min(abs(in_unit - key), abs(as_written - key)) <= tolerance:
+                return answer
         return None
 
 
 def imported(content: bytes) -> tuple[str, list[MoodleQuestion]]:
     """Return the category and the questions of a file; a ValueError if Moodle refuses one."""
-    category, questions = '', []
+    category = ''
+    questions = []
     for element in ET.fromstring(content):  # noqa: S314 - our own
         if element.get('type') == 'category':
             category = _text(element, 'category')
@@ -79,56 +81,56 @@ def _text(element: ET.Element, path: str) -> str:
 
 
 def _question(element: ET.Element) -> MoodleQuestion:
-    kind, text = element.get('type') or '', _text(element, 'questiontext')
+    kind = element.get('type') or ''
+    text = _text(element, 'questiontext')
     files = {}
     for file in element.findall('questiontext/file'):
         files[f'{file.get("path")}{file.get("name")}'] = b64decode(file.text or '', validate=True)
-    parts, answers, units = [], [], {}
-    if kind == 'cloze':
-        parts = [_field(found) for found in FIELD.finditer(text)]
-    else:
-        answers = [
-            MoodleAnswer(
-                float(each.get('fraction') or 0.0) / 100.0,
-                _text(each, '.'),
-                float(each.findtext('tolerance') or 0.0),
-                _text(each, 'feedback'),
-            )
-            for each in element.findall('answer')
-        ]
-        for unit in element.findall('units/unit'):
-            units[unit.findtext('unit_name') or ''] = float(unit.findtext('multiplier') or 0.0)
+    fields = [*map(_field, FIELD.finditer(text))] if kind == 'cloze' else []
+    answers = []
+    for answer in element.findall('answer') if kind != 'cloze' else ():
+        fraction = float(answer.get('fraction') or 0.0) / 100.0
+        tolerance = float(answer.findtext('tolerance') or 0.0)
+        feedback = _text(answer, 'feedback')
+        answers.append(MoodleAnswer(fraction, _text(answer, '.'), tolerance, feedback))
+    units = {}
+    for unit in element.findall('units/unit') if kind != 'cloze' else ():
+        units[unit.findtext('unit_name') or ''] = float(unit.findtext('multiplier') or 0.0)
     name = _text(element, 'name')
-    return MoodleQuestion(name, kind, FIELD.sub('', text), answers, units, files, parts)
+    return MoodleQuestion(name, kind, FIELD.sub('', text), answers, units, files, fields)
 
 
-def _field(found: re.Match[str]) -> MoodleQuestion:
-    kind, answers, rest = found[2].lower(), [], found[3]
-    while each := re.match(rf'~?{ANSWER}', rest, re.DOTALL):
-        rest = rest.removeprefix(each[0])
-        fraction = 1.0 if each[1] == '=' else float((each[2] or '0').replace(',', '.')) / 100.0
-        text, tolerance = unescape(each[3]), 0.0
+def _field(match: re.Match[str]) -> MoodleQuestion:
+    kind = match[2].lower()
+    answers = []
+    unread = match[3]
+    while answer := re.match(rf'~?{ANSWER}', unread, re.DOTALL):
+        unread = unread.removeprefix(answer[0])
+        percent = 100.0 if answer[1] == '=' else float((answer[2] or '0').replace(',', '.'))
+        text = unescape(answer[3])
+        tolerance = 0.0
         if kind == 'numerical':
-            number = re.fullmatch(rf'({NUMBER})(?::({NUMBER}))?', each[3])
+            number = re.fullmatch(rf'({NUMBER})(?::({NUMBER}))?', answer[3])
             if not number:
-                raise ValueError(f'{each[3]} is no number')
-            text, tolerance = number[1], float(number[2] or 0.0)
-        feedback = unescape(each[5] or '').replace('\\}', '}').replace('\\#', '#')
-        answers.append(MoodleAnswer(fraction, text, tolerance, feedback))
-    if rest:
-        raise ValueError(f'{rest} is no answer')
+                raise ValueError(f'{answer[3]} is no number')
+            text = number[1]
+            tolerance = float(number[2] or 0.0)
+        feedback = unescape(answer[5] or '').replace('\\}', '}').replace('\\#', '#')
+        answers.append(MoodleAnswer(percent / 100.0, text, tolerance, feedback))
+    if unread:
+        raise ValueError(f'{unread} is no answer')
     return MoodleQuestion('', kind, '', answers, {}, {}, [])
 
 
 def _check(question: MoodleQuestion) -> None:
     if question.kind not in ('numerical', 'multichoice'):
         raise ValueError(f'{question.name} has no field')
-    if not any(abs(each.fraction - 1.0) < 1e-6 for each in question.answers):
+    if not any(abs(answer.fraction - 1.0) < 1e-6 for answer in question.answers):
         raise ValueError(f'{question.name} has no right answer')
     if question.kind == 'multichoice' and len(question.answers) < 2:
         raise ValueError(f'{question.name} has no choice')
-    for each in question.answers:
-        if min(abs(each.fraction - known) for known in FRACTIONS) > 1e-5:
-            raise ValueError(f'{each.fraction} is no fraction of Moodle')
-        if question.kind == 'numerical' and not re.fullmatch(NUMBER, each.text):
-            raise ValueError(f'{each.text} is no number')
+    for answer in question.answers:
+        if min(abs(answer.fraction - fraction) for fraction in FRACTIONS) > 1e-5:
+            raise ValueError(f'{answer.fraction} is no fraction of Moodle')
+        if question.kind == 'numerical' and not re.fullmatch(NUMBER, answer.text):
+            raise ValueError(f'{answer.text} is no number')

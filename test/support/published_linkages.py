@@ -60,12 +60,12 @@ class Cited:
     @property
     def ours(self) -> Values:
         """Return the same numbers of the shipped linkage."""
-        found: Values = FIND[self.find](self.linkage, **self.arguments)
+        numbers: Values = FIND[self.find](self.linkage, **self.arguments)
         if self.unit == 'rad' and not self.quantity.startswith('beta'):
             # The source counts turns of all angles; ours does of the crank's alone.
-            pairs = zip(found, self.values, strict=True)
-            return tuple(value + math.remainder(own - value, 2 * math.pi) for own, value in pairs)
-        return found
+            turns = np.round((np.array(numbers) - self.values) / math.tau)
+            return tuple((numbers - math.tau * turns).tolist())
+        return numbers
 
     @property
     def deviation(self) -> float:
@@ -76,13 +76,15 @@ class Cited:
 def cited() -> Iterator[Cited]:
     """Yield the published numbers: a group's common fields, then the columns of each row."""
     for group in DATA['numbers']:
-        head = dict(group['head'])
-        columns = head.pop('columns', ())
-        for quantity, values, *rest in group['rows']:
-            fields = {**head, **dict(zip(columns, rest, strict=True))}
-            names = ('linkage', 'unit', 'error', 'source', 'find', 'note')
-            own = {name: fields.pop(name) for name in names if name in fields}
-            yield Cited(quantity=quantity, values=tuple(values), arguments=fields, **own)
+        common = dict(group['head'])
+        columns = common.pop('columns', ())
+        for quantity, numbers, *cells in group['rows']:
+            arguments = {**common, **dict(zip(columns, cells, strict=True))}
+            fields = {}
+            for name in ('linkage', 'unit', 'error', 'source', 'find', 'note'):
+                if name in arguments:
+                    fields[name] = arguments.pop(name)
+            yield Cited(quantity=quantity, values=tuple(numbers), arguments=arguments, **fields)
 
 
 @cache
@@ -127,16 +129,15 @@ def drawing(  # noqa: PLR0917 - the data of a drawing
 ) -> Values:
     """Return a joint's place on a drawing, with the crank towards its pin; a unit is scale m."""
     side = -1 if mirrored else 1
-    x, y = pin[0] - axle[0], pin[1] - axle[1]
-    pose = leg(name).solve(math.atan2(y, side * x))
+    pose = leg(name).solve(math.atan2(pin[1] - axle[1], side * (pin[0] - axle[0])))
     place = points_of(name, pose)[joint] / scale
     return side * place.real + axle[0], place.imag + axle[1]
 
 
 def left_foot(name: str, axis: str) -> Values:
     """Return the left leg's range of x or y in the plan's frame, whose axle is at (10, 10)."""
-    least, greatest = getattr(foot_path(leg(name)), f'{axis}_range')
-    ends = (-greatest, -least) if axis == 'x' else (least, greatest)
+    low, high = getattr(foot_path(leg(name)), f'{axis}_range')
+    ends = (-high, -low) if axis == 'x' else (low, high)
     return tuple(10 + end / 0.01 for end in ends)
 
 
@@ -162,9 +163,9 @@ def six_bar_notebook() -> Mapping[str, float]:
     lengths = {'Q.x': 1.9, 'A-C': 2.3, 'A-D': 4.65, 'Q-C': 2.35, 'A2-E': 4.65, 'D-E': 3.65}
     changes = {name: 0.01 * length for name, length in lengths.items()}
     machine = LinkageLeg(shipped_linkage('watt_six_bar').varied(changes))
-    found = [machine.solve(math.radians(k)) for k in range(361)]
-    feet = np.array([pose.h for pose in found]) / 0.01
-    level = np.array([angles_of(machine, pose)['R5'] for pose in found]) % (2 * math.pi)
+    poses = [machine.solve(math.radians(k)) for k in range(361)]
+    feet = np.array([pose.h for pose in poses]) / 0.01
+    level = np.array([angles_of(machine, pose)['R5'] for pose in poses]) % (2 * math.pi)
     height = 2 * float(np.sum((2.70 - feet[80:301, 1]) ** 2))
     tilt = float(np.sum((math.pi - level) ** 2))
     return {
@@ -194,11 +195,6 @@ def andrews_coordinates(joints: Mapping[str, float], constants: float = 1.0) -> 
         joints['K6'] - joints['K7'] - half,
         joints['K7'] + half,
     )
-
-
-def andrews_pose(name: str, beta: float, index: int) -> Values:
-    """Return an angle at a crank angle beta [rad]."""
-    return (andrews_coordinates(angles_of(leg(name), leg(name).solve(beta)))[index],)
 
 
 @cache
@@ -265,7 +261,9 @@ FIND: Mapping[str, Any] = {
     'flatness': flatness,
     'straight_line': straight_line,
     'six_bar_notebook': lambda _, figure: (six_bar_notebook()[figure],),
-    'andrews_angles': andrews_pose,
+    'andrews_angles': lambda name, beta, index: (
+        andrews_coordinates(angles_of(leg(name), leg(name).solve(beta)))[index],
+    ),
     'andrews_simulated': lambda name, index: (andrews_solution(name)[index],),
     'andrews_rates': andrews_rate,
     'foot': foot,

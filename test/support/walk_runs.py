@@ -7,13 +7,14 @@ from typing import Any
 
 from klann_ros.log.records import Message
 from klann_ros.log.write.writer import RunWriter
-from leg_runs import header, joint_state, make, START, STATE, STORE, topic_of
+from leg_runs import filled, joint_state, stamp_fields, START, STATE, STORE, topic_of
 import numpy as np
 
 ODOMETRY = 'nav_msgs/msg/Odometry'
 JOINTS = ['left_crank', 'right_crank']
-# So fast [m/s], for so many messages of each topic, at 100 Hz.
-SPEED, COUNT = 0.5, 400
+# Speed [m/s], and the messages of each topic at 100 Hz.
+SPEED = 0.5
+COUNT = 400
 WAY = SPEED * (COUNT - 1) / 100
 
 
@@ -26,9 +27,8 @@ class Walking:
     lag: tuple[float, float] = (0.0, 0.0)
     cut: int | None = None
     turning: float = 0.0
-    late: int = 0
-    # The namespace of its topics.
-    space: str = ''
+    late: int = 0  # of the odometry [ns]
+    space: str = ''  # the namespace of its topics
 
     def write(self, folder: Path) -> Path:
         # Small chunks: what is said of a walk goes over their edges.
@@ -43,9 +43,9 @@ class Walking:
             stamp = START + k * 10_000_000
             # The odometry began elsewhere, and looks another way.
             late = t + self.late / 1e9
-            at = 5.0, 1.0 + SPEED * self.scale * late
-            turned = np.pi / 2 + self.turning * late
-            yield self._odometry('/odom', stamp + self.late, k, at, turned)
+            place = 5.0, 1.0 + SPEED * self.scale * late
+            yaw = np.pi / 2 + self.turning * late
+            yield self._odometry('/odom', stamp + self.late, k, place, yaw)
             if self.truth:
                 yield self._odometry('/ground_truth', stamp, k, (SPEED * t, 0.0), self.turning * t)
             cranks = np.array([t, t + np.pi])
@@ -62,29 +62,19 @@ class Walking:
         )
 
     def _odometry(
-        self, name: str, stamp: int, number: int, at: tuple[float, float], yaw: float
+        self, name: str, stamp: int, number: int, place: tuple[float, float], yaw: float
     ) -> Message:
-        point = make('geometry_msgs/msg/Point', x=at[0], y=at[1], z=0.3)
-        turned = make(
-            'geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=np.sin(yaw / 2), w=np.cos(yaw / 2)
-        )
-        zero = make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=0.0)
-        content = make(
+        position = {'x': place[0], 'y': place[1], 'z': 0.3}
+        rotation = {'z': np.sin(yaw / 2), 'w': np.cos(yaw / 2)}
+        content = filled(
             ODOMETRY,
-            header=header(stamp, 'odom'),
-            child_frame_id='base_link',
-            pose=make(
-                'geometry_msgs/msg/PoseWithCovariance',
-                pose=make('geometry_msgs/msg/Pose', position=point, orientation=turned),
-                covariance=np.zeros(36),
-            ),
-            twist=make(
-                'geometry_msgs/msg/TwistWithCovariance',
-                twist=make('geometry_msgs/msg/Twist', linear=zero, angular=zero),
-                covariance=np.zeros(36),
-            ),
+            {
+                'header': {'stamp': stamp_fields(stamp), 'frame_id': 'odom'},
+                'child_frame_id': 'base_link',
+                'pose': {'pose': {'position': position, 'orientation': rotation}},
+            },
         )
         return self._message(name, ODOMETRY, stamp, number, content)
 
-    def _cranks(self, name: str, stamp: int, number: int, turned: Any) -> Message:
-        return self._message(name, STATE, stamp, number, joint_state(stamp, JOINTS, turned))
+    def _cranks(self, name: str, stamp: int, number: int, angles: Any) -> Message:
+        return self._message(name, STATE, stamp, number, joint_state(stamp, JOINTS, angles))
