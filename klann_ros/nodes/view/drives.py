@@ -62,14 +62,14 @@ class _LeasedDrive:
     lease: Lease
     publisher: Any = None
     # The time since which the owner waits for the others to yield [s]; None while it drives.
-    taking: float | None = None
+    waiting_since: float | None = None
     # The time since which no other publisher has sent anything [s].
-    alone: float | None = None
+    alone_since: float | None = None
     # The page that lost it last, and the reason; shown until a page drives.
     previous_owner: int | None = None
     reason: str = ''
     # Stop messages that are still to be sent to a walker.
-    stops: int = 0
+    stops_left: int = 0
     # The number of messages sent from here, and of those received from others on each topic when
     # the drive began.
     sent: int = 0
@@ -81,10 +81,10 @@ class _LeasedDrive:
             return False, f'{self.lease.other} drives {self.offer.topic}'
         active = self._not_yielded()
         if not active or all(_is_silent(rate_of(topic)) for topic in self.offer.topics):
-            self.alone = self.alone or now
-            return now - self.alone >= DELIVERY_TIME, ''
-        self.alone = None
-        if self.taking is None or now - self.taking < TAKE_TIMEOUT:
+            self.alone_since = self.alone_since or now
+            return now - self.alone_since >= DELIVERY_TIME, ''
+        self.alone_since = None
+        if self.waiting_since is None or now - self.waiting_since < TAKE_TIMEOUT:
             return False, ''
         verb = 'does' if len(active) == 1 else 'do'
         return False, f'{", ".join(active)} still publishes and {verb} not yield'
@@ -92,7 +92,7 @@ class _LeasedDrive:
     def start(self, owner: int, angle: float) -> None:
         """Begin to drive, a crank from its present angle [rad]."""
         self.drive.take(owner, self.drive.alive_at, angle)
-        self.taking = None
+        self.waiting_since = None
         self.begin = {}
         self.sent = 0
 
@@ -126,7 +126,7 @@ class _LeasedDrive:
             'kind': offer.kind,
             'topic': offer.topic,
             'owner': owner,
-            'taking': owner is not None and self.taking is not None,
+            'taking': owner is not None and self.waiting_since is not None,
             'previous_owner': self.previous_owner,
             'reason': self.reason,
             'publishers': list(offer.publishers),
@@ -174,7 +174,7 @@ class Drives:
         self._thread.join(1.0)
         with self._lock:
             for leased in self._drives.values():
-                if leased.stops and leased.publisher is not None:
+                if leased.stops_left and leased.publisher is not None:
                     publish_last(leased.publisher, self._twist())
                 leased.lease.release()
 
@@ -246,7 +246,7 @@ class Drives:
             raise DriveError('this page does not drive it: take it over first')
         if command.command == 'release':
             self._release(leased, '')
-        elif leased.taking is not None:
+        elif leased.waiting_since is not None:
             raise DriveError('not yet: the other publishers have not yielded')
         elif isinstance(drive, CrankDrive) and command.command == 'turn':
             drive.turn_to(command.value, now)
@@ -263,15 +263,15 @@ class Drives:
         if previous_owner == page:
             return
         # The others have yielded to this node already, for any of its pages.
-        is_held = previous_owner is not None and leased.taking is None
+        is_held = previous_owner is not None and leased.waiting_since is None
         angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
         drive.take(page, now, angle)
         leased.previous_owner = previous_owner
         leased.reason = 'another page has taken it over' if previous_owner is not None else ''
-        leased.stops = 0
+        leased.stops_left = 0
         if not is_held:
-            leased.taking = now
-            leased.alone = None
+            leased.waiting_since = now
+            leased.alone_since = None
         if leased.publisher is None:
             self._put(lambda: self._create_publisher(leased))
 
@@ -282,11 +282,11 @@ class Drives:
         leased.previous_owner = drive.owner if reason else None
         leased.reason = reason
         drive.owner = None
-        if leased.offer.kind == WALK and leased.taking is None:
-            leased.stops = _STOP_MESSAGES
+        if leased.offer.kind == WALK and leased.waiting_since is None:
+            leased.stops_left = _STOP_MESSAGES
         else:
             self._put(lambda: self._destroy_publisher(leased))
-        leased.taking = None
+        leased.waiting_since = None
 
     def _create_publisher(self, leased: _LeasedDrive) -> None:
         kind = Float64 if leased.offer.kind == CRANK else TwistStamped
@@ -326,34 +326,38 @@ class Drives:
         """Publish due messages; return the time to the next [s], None while nothing drives."""
         drive = leased.drive
         now = monotonic()
-        if drive.owner is None and not leased.stops:
+        if drive.owner is None and not leased.stops_left:
             return None
-        reason = self._obstacle(leased, now)
+        reason = self._update_lease(leased, now)
         if reason and drive.owner is not None:
             self._release(leased, reason)
             self._put(self._on_change)
         if drive.owner is None:
-            if leased.stops:
-                leased.stops -= 1
+            if leased.stops_left:
+                leased.stops_left -= 1
                 self._publish_walk(leased)
-                if not leased.stops:
+                if not leased.stops_left:
                     self._put(lambda: self._destroy_publisher(leased))
-        elif leased.taking is None and isinstance(drive, WalkDrive):
+        elif leased.waiting_since is None and isinstance(drive, WalkDrive):
             self._publish_walk(leased, drive.forward, drive.turn)
-        elif leased.taking is None and isinstance(drive, CrankDrive):
+        elif leased.waiting_since is None and isinstance(drive, CrankDrive):
             self._publish(leased, Float64(data=drive.advance(now)))
             return _TURNING_PERIOD if drive.speed else _COMMAND_PERIOD
         return _COMMAND_PERIOD
 
-    def _obstacle(self, leased: _LeasedDrive, now: float) -> str:
-        """Announce the lease; return the reason why a page must stop driving, '' for none."""
+    def _update_lease(self, leased: _LeasedDrive, now: float) -> str:
+        """
+        Announce the lease, and begin to drive once all others have yielded.
+
+        Returns the reason why a page must stop driving; '' for none.
+        """
         is_uninterrupted = leased.lease.announce()
         owner = leased.drive.owner
         if leased.drive.is_lost(now):
             return 'the page timed out'
         if not is_uninterrupted:
             return 'view_node was stopped for a while'
-        if owner is None or leased.taking is None:
+        if owner is None or leased.waiting_since is None:
             return leased.intruder(self._rate_of) if owner is not None else ''
         is_alone, reason = leased.is_alone(now, self._rate_of)
         if is_alone and leased.publisher is not None:
