@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 import json
-from math import inf
+from math import inf, isnan
 from typing import Any
 
 from klann_ros.cli import (
@@ -146,7 +146,7 @@ def _built_file(
     leg_parameters: Mapping[str, Any],
     sources: tuple[str, str],
 ) -> str:
-    """Return the leg file with the calibrated numbers, which every program takes."""
+    """Return a leg file for all programs: the calibrated numbers, with their errors as comment."""
     parameters = dict(leg_parameters)
     if leg.description:
         content = content_with_numbers(leg.description, calibration.linkage)
@@ -164,8 +164,9 @@ def _built_file(
         '# Standard errors [m, rad]; unobservable combinations are as in the drawing:',
     ]
     for name, error in zip(calibration.model.names, calibration.standard_errors, strict=True):
-        lines.append(f'#   {printable_line(name)}: {error:.2g}')
-    comment = '\n'.join(lines).replace(': nan', ': not observable')
+        text = 'not observable' if isnan(error) else f'{error:.2g}'
+        lines.append(f'#   {printable_line(name)}: {text}')
+    comment = '\n'.join(lines)
     return f'{comment}\n{parameter_file({"/**": parameters})}'
 
 
