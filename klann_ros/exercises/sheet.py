@@ -196,9 +196,12 @@ def _bar_names(variant: Variant) -> dict[tuple[str, str], str]:
     figure = data()['figures'][figure_of(variant.kind.name)]
     names = {}
     for quantities, mark in figure['marks'].items():
-        how, *points = mark.split()
-        is_bar = how == 'line' and not {*points} <= {*figure['pivots'].split()}
+        # Such as 'line A B'; a line between pivots is the frame's.
+        drawn_as, *points = mark.split()
+        if drawn_as != 'line' or {*points} <= {*figure['pivots'].split()}:
+            continue
         for name in quantities.split():
-            if is_bar and name in variant.givens and name[2:].isdigit():
+            is_numbered = name[2:].isdigit()
+            if is_numbered and name in variant.givens:
                 names[points[0], points[1]] = name.replace('_', '').translate(SUBSCRIPTS)
     return names

@@ -137,8 +137,8 @@ class Kind:
             for name in system.unknowns:
                 root = float(position.answers[name]) if position else 0.0
                 givens[f'{name}_1'] = 5.0 * round(root / 5.0) + 5.0 * draw.value(-3.0, 3.0)
-        share = self._content.get('change-points', 0.0)
-        if share and draw.unit() < share:
+        change_point_share = self._content.get('change-points', 0.0)
+        if change_point_share and draw.unit() < change_point_share:
             # Class III: the longest link is p + q - s.
             s, p, q, _ = sorted(givens.values())
             givens[max(givens, key=lambda name: givens[name])] = p + q - s
