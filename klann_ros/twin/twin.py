@@ -435,20 +435,22 @@ class Twin:
         return Imu((x, y, z, w), tuple(rates.tolist()), tuple(force.tolist()))
 
     def truth(self) -> Truth:
-        """Return the true pose and velocity."""
+        """Return the true pose and velocity; zero and upright for a leg that is hung up."""
         if not self.is_free:
             zero = (0.0, 0.0, 0.0)
             return Truth(zero, (0.0, 0.0, 0.0, 1.0), zero, zero)
-        place, speed = self._data.qpos, self._data.qvel
-        w, x, y, z = place[3:7].tolist()
-        axes = np.zeros(9)
-        self._engine.mju_quat2Mat(axes, place[3:7])
-        linear = speed[:3] @ axes.reshape(3, 3)
+        pose = self._data.qpos
+        velocity = self._data.qvel
+        w, x, y, z = pose[3:7].tolist()
+        rotation = np.zeros(9)
+        self._engine.mju_quat2Mat(rotation, pose[3:7])
+        # MuJoCo has the linear velocity in the world, the angular one in the body's frame.
+        linear = velocity[:3] @ rotation.reshape(3, 3)
         return Truth(
-            tuple(place[:3].tolist()),
-            (x, y, z, w),
-            tuple(linear.tolist()),
-            tuple(speed[3:6].tolist()),
+            position=tuple(pose[:3].tolist()),
+            orientation=(x, y, z, w),
+            linear=tuple(linear.tolist()),
+            angular=tuple(velocity[3:6].tolist()),
         )
 
     @property
