@@ -81,10 +81,10 @@ def _chandrupatla(
     Yield arguments, receive the function there, and return the samples that bracket the root.
 
     Inverse quadratic interpolation where the last three samples ensure convergence, else
-    bisection; the root stays bracketed. It is exact relative to `scale`, or else to itself: a
-    root at 0 has no last digit. (T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm
-    for finding the zero of a nonlinear function without using derivatives, Advances in
-    Engineering Software 28 (1997) 145.)
+    bisection; the root stays bracketed. It ends at a bracket of four roundings of `scale`, by
+    default of the larger argument, which a root at 0 makes ever smaller. (T. R. Chandrupatla, A
+    new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without
+    using derivatives, Advances in Engineering Software 28 (1997) 145.)
     """
     # b is the newest, a on the other side of the root, c the one before.
     b, f_b = right

@@ -67,7 +67,7 @@ class Branch:
         self._first = samples[0].alpha
         self._last = samples[-1].alpha
         self._is_turn = _is_closed_turn(linkage, samples)
-        self._check_seam()
+        self._refuse_overlap()
 
     @property
     def arc(self) -> Arc:
@@ -117,7 +117,7 @@ class Branch:
                 length = min(BRANCH_STEP, 2.0 * length)
         return samples
 
-    def _check_seam(self) -> None:
+    def _refuse_overlap(self) -> None:
         """Refuse a branch that overlaps itself after a turn in another assembly mode."""
         if self._is_turn or self._last - self._first < TURN - 2.0 * BRANCH_STEP:
             return

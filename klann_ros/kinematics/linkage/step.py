@@ -257,7 +257,7 @@ class StepSource:
     # Newton-Raphson.
 
     def _newton(self) -> list[str]:
-        """Return the iterations, and the pose that they end at."""
+        """Return the lines of the iterations, and of the pose that they end at."""
         vectors = self._vectors
         foot_alone = vectors.in_foot - vectors.in_loops
         # Distances are as precise as angles, in the linkage's size.
@@ -293,7 +293,7 @@ class StepSource:
         )
 
     def _crank_openings(self) -> list[str]:
-        """Return what the constant and the crank add to each loop."""
+        """Return the lines of what the constant and the crank add to each loop."""
         lines = []
         for k, terms in enumerate(self._loops):
             for axis in 'xy' if 0 in terms else '':
@@ -356,7 +356,7 @@ class StepSource:
         return ' and '.join(conditions)
 
     def _coefficients(self) -> list[str]:
-        """Return the derivatives by the crank angle, by the same substitution."""
+        """Return the lines of the derivatives by the crank angle, by the same substitution."""
         lines: list[str] = []
         rates: dict[int, Term] = {0: (1, '')}
         for b, (_, loops) in enumerate(self._source.blocks):
@@ -387,7 +387,7 @@ class StepSource:
         return _fill(_RETURN_IF, condition=f'not ({" and ".join(conditions)})')
 
     def _wrap(self) -> list[str]:
-        """Return what brings angles into (-pi, pi]."""
+        """Return the lines that bring angles into (-pi, pi]."""
         turning = [j for j in self._others if not self._structure.bodies[j].slides]
         if not turning:
             return []
@@ -420,7 +420,7 @@ class StepSource:
     # Motion.
 
     def _velocity(self) -> list[str]:
-        """Return the rates of all angles, and of the foot."""
+        """Return the lines of `velocity`: the rates of all angles, and of the foot."""
         lines = self._vectors.lines(self._bodies, self._vectors.in_foot)
         rates: dict[int, Term] = {j: (1, f'q{j}') for j in self._bodies}
         foot_rate = self._vectors.first_derivative(self._vectors.foot, rates)
@@ -428,7 +428,7 @@ class StepSource:
         return [*lines, f'return {_tuple("q", self._bodies)}, ({x}, {y})']
 
     def _acceleration(self) -> list[str]:
-        """Return the accelerations of all angles, and of the foot."""
+        """Return the lines of `acceleration`: those of all angles, and of the foot."""
         vectors = self._vectors
         lines = vectors.lines(self._bodies, vectors.in_loops | vectors.in_foot)
         lines += self._source.determinants()
