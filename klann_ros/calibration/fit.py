@@ -358,7 +358,7 @@ def _inflation(residuals: FloatArray, jacobian: FloatArray, triangle: FloatArray
 
 
 def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
-    """Return the calibration, in which so many combinations are held near the drawing."""
+    """Return the calibration by a fit; `held_count` combinations are held near the drawing."""
     model = problem.model
     evidence = _evidence(problem, fit)
     verdict = observability(evidence.root, model, held_count)
@@ -369,6 +369,7 @@ def _result(problem: Problem, fit: Fit, held_count: int = 0) -> Calibration:
     if problem.prior is None:
         errors[verdict.unobservable] = np.nan
     parameters = problem.parameters(fit.y)
+    # The phase follows the dimensions.
     parameters[model.count] = wrap(parameters[model.count])
     has_stated_noise = all(series.noise for series in problem.measured)
     return Calibration(

@@ -255,6 +255,7 @@ class Dynamics:
         return inertia, inertia_1
 
     def _potential(self, moving: BodyMotion) -> '_Potential':
+        """Return V of weight and springs, and dV/dalpha."""
         energy = np.zeros(moving.alphas.size)
         slope = np.zeros(moving.alphas.size)
         for j, body in enumerate(self.masses.bodies):

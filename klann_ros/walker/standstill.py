@@ -30,7 +30,7 @@ class StandstillDetector:
         self.restart()
 
     def restart(self) -> None:
-        """Begin the standstill again."""
+        """Begin a standstill now."""
         self.time = 0.0
         self._last: list[float] = []
         # Mean angles of its first `settling_time`, later of that before, and of the last [rad].
@@ -111,8 +111,9 @@ class GyroCalibration:
         self.restart()
 
     def restart(self) -> None:
-        """Begin the standstill again."""
-        # The measured turn [rad] and its time [s], and those that wait for the cranks to confirm.
+        """Forget the measurement, as a standstill has ended or begins."""
+        # The rotation by the gyro [rad] and its time [s]; and those that count only when the
+        # cranks have confirmed the standstill.
         self._turn = 0.0
         self._time = 0.0
         self._waiting_turn = 0.0

@@ -103,9 +103,9 @@ class Walker:
 
     def set_zero(self, joints: Collection[str] = ()) -> str:
         """
-        Declare the angles of cranks their zeros, of all without joints, while it stands.
+        Declare the present angles of some cranks their zeros, by default of all cranks.
 
-        Returns why it does not, '' if it does.
+        Returns the reason for a refusal, such as a walker that moves; '' if it is done.
         """
         controller = self.controller
         creep = controller.settings.creep_rate

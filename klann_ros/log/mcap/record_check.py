@@ -159,6 +159,7 @@ class RecordCheck:
 
     def successor(self, offset: int) -> Successor:
         """Return what stands at an offset where a record ends."""
+        # One record of a known kind without unknown fields is enough, else a row of them.
         end = offset
         for _ in range(_MIN_ROW):
             if end == self._size:

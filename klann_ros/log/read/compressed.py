@@ -76,8 +76,9 @@ class _Unpacking:
         self._is_log = is_log
 
     def pieces(self) -> Iterator[bytes]:
+        """Yield the content; a NotALogError if it is no log, or too large."""
         size = 0
-        for piece in filter(None, self._unpacked()):
+        for piece in filter(None, self._unpacked_pieces()):
             if not size and not self._is_log(piece):
                 reason = 'it is a zstd file, but its content is neither MCAP nor SQLite'
                 raise NotALogError(self._path, reason)
@@ -92,7 +93,8 @@ class _Unpacking:
             reason = self.damage or 'there is nothing in it'
             raise NotALogError(self._path, f'it is a zstd file, but {reason}')
 
-    def _unpacked(self) -> Iterator[bytes]:
+    def _unpacked_pieces(self) -> Iterator[bytes]:
+        """Yield the content of all zstd frames, and note the damage at which it ends."""
         import zstandard  # noqa: PLC0415 - the Python of a browser lacks it
 
         unpacker = None

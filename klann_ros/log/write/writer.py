@@ -304,8 +304,8 @@ class RunWriter(AbstractContextManager['RunWriter']):
             self._folder.create()
         self.file = self._open(self._folder.next_number(self._number))
         self._content = replace(self._content, current=self.file)
-        for add in self._repeated:
-            add(self.file)
+        for add_to_file in self._repeated:
+            add_to_file(self.file)
 
     def _find_fault(self) -> FileFault | None:
         return self.file.find_fault() if self._can_check else None

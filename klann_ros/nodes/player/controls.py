@@ -124,7 +124,7 @@ class PlayerControls:
             create_trigger(node, name, partial(self._run_action, name))
         self._keys: deque[str] = deque(maxlen=_MAX_KEYS)
         self._pressed = node.create_guard_condition(self._on_keys)
-        on_change(node, parameters, self._apply)
+        on_change(node, parameters, self._apply_parameters)
 
     def on_lease(self, topic: str, driver: str) -> None:
         """Pause while a topic of the log has a driver; resume when the last one leaves."""
@@ -190,7 +190,8 @@ class PlayerControls:
         self._updates_position = False
         return position
 
-    def _apply(self, values: Mapping[str, Any]) -> None:
+    def _apply_parameters(self, values: Mapping[str, Any]) -> None:
+        """Change the rate, and seek to a position that a user has set."""
         if 'rate' in values:
             self._transport.set_rate(float(values['rate']))
         if 'position' in values and not self._updates_position:

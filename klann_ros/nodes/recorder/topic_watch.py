@@ -253,20 +253,21 @@ class TopicWatch:
         self._unsettled[name] = monotonic() + _SETTLING_TIME
 
     def _adapt(self, name: str) -> None:
+        """Adapt the subscription of a recorded topic to its present publishers."""
         topic = self._topics[name]
         try:
             publishers = self._publishers(name)
-            for kind in topic.adapt(publishers):
-                self._refuse(name, kind, f'the topic is recorded as {topic.type}')
+            for other_type in topic.adapt(publishers):
+                self._refuse(name, other_type, f'the topic is recorded as {topic.type}')
         except _TOPIC_ERRORS as error:
             self._warn(f'a publisher of {name} is not recorded: {ros_error(error)}')
             return
         if topic.type == 'sensor_msgs/msg/JointState':
             self._solvers.add(publishers)
 
-    def _refuse(self, name: str, kind: str, reason: str) -> None:
-        self._refused.add((name, kind))
-        self._warn(f'{printable(name)} of type {printable(kind)} is not recorded: {reason}')
+    def _refuse(self, name: str, type_name: str, reason: str) -> None:
+        self._refused.add((name, type_name))
+        self._warn(f'{printable(name)} of type {printable(type_name)} is not recorded: {reason}')
 
     def _warn(self, text: str) -> None:
         if text in self._warnings or len(self._warnings) >= _MAX_WARNINGS:

@@ -159,18 +159,19 @@ def check_answers(review: Review) -> Iterator[Finding]:
     """Yield poses at another angle than their input, and inputs without answer."""
     for leg in review.legs:
         if len(leg.evaluated.poses):
-            yield from _wrong_questions(review, leg)
+            yield from _wrong_crank_angles(review, leg)
             yield from _refused(review, leg)
             yield from _missing_answers(review, leg)
 
 
-def _wrong_questions(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]:
+def _wrong_crank_angles(review: Review, reviewed: ReviewedLeg) -> Iterator[Finding]:
+    """Yield a finding of poses at another crank angle than their input requests, if any."""
     leg = reviewed.evaluated
-    rows, asked = requested_angles(leg)
+    rows, requested_alphas = requested_angles(leg)
     alphas = leg.poses.values[rows, 0]
     # A double comes through unchanged; `check_poses` finds values that are not finite.
     wrong = np.zeros(len(leg.poses), dtype=bool)
-    wrong[rows] = np.isfinite(alphas) & (alphas != asked)
+    wrong[rows] = np.isfinite(alphas) & (alphas != requested_alphas)
     if wrong.any() and reviewed.errors is not None:
         # `check_poses` finds poses of another leg.
         wrong &= ~wrong_poses(reviewed, reviewed.errors, review.limits).any()
