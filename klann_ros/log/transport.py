@@ -64,25 +64,25 @@ class Timeline:
         return self.since + (position - self.position) / self.rate
 
     def started(self, now: float) -> 'Timeline':
-        """Return it running from its position."""
+        """Return the timeline running from its position."""
         return replace(self, position=self._exact(now), since=now)
 
     def stopped(self, now: float) -> 'Timeline':
-        """Return it stopped at its position."""
+        """Return the timeline stopped at its position."""
         return replace(self, position=self._exact(now), since=None)
 
     def at_rate(self, rate: float, now: float) -> 'Timeline':
-        """Return it with another rate from now on."""
+        """Return the timeline with another rate from now on."""
         since = None if self.since is None else now
         return replace(self, position=self._exact(now), rate=rate, since=since)
 
     def moved(self, position: float, now: float) -> 'Timeline':
-        """Return it at another position, also backwards, running if it did."""
+        """Return the timeline at another position, also backwards, running if it did."""
         since = None if self.since is None else now
         return replace(self, position=position, since=since, floor=-inf)
 
     def delayed(self, position: float, now: float) -> 'Timeline':
-        """Return it delayed to a position, without running backwards."""
+        """Return the timeline delayed to a position, without running backwards."""
         return replace(self.moved(position, now), floor=self.at(now))
 
     def _exact(self, now: float) -> float:
@@ -111,7 +111,7 @@ class Lateness:
             self.worst = max(self.worst, late)
 
     def __str__(self) -> str:
-        """Return it in one line; '' if nothing was late."""
+        """Return the delays in one line; '' if nothing was late."""
         clauses = []
         if self.late:
             clauses.append(

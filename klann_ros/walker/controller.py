@@ -358,7 +358,7 @@ class WalkController:
 
     @property
     def figures(self) -> dict[str, str]:
-        """Return its figures by name."""
+        """Return the figures of the control for diagnostics, by name."""
         return {
             'linear': f'{self.motion.linear:.4f}',
             'angular': f'{self.motion.angular:.4f}',

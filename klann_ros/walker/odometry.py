@@ -226,7 +226,7 @@ class Odometry:
         return ''
 
     def figures(self, *, has_imu: bool) -> dict[str, str]:
-        """Return its figures by name."""
+        """Return the figures of the odometry for diagnostics, by name."""
         accelerometer = self.accelerometer_state if has_imu else AccelerometerState.NONE
         return {
             'accelerometer': accelerometer.value,

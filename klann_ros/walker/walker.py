@@ -216,7 +216,7 @@ class Walker:
         return level, text
 
     def values(self, now: float) -> dict[str, str]:
-        """Return its figures by name."""
+        """Return the figures of the walker for diagnostics, by name."""
         efforts = dict[str, str]()
         for joint, load in self._loads.items():
             if isfinite(load.effort):

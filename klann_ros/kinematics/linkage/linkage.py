@@ -201,7 +201,7 @@ class Linkage(LoopEquations):
         return self._varied(changes, start)
 
     def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
-        """Return it with some numbers replaced, and a start for coupled loops."""
+        """Return the linkage with some numbers replaced, and a start for coupled loops."""
         numbers = list(self.numbers)
         places = dimension_places(self.structure.dimensions, changes)
         for name, number in changes.items():
@@ -357,7 +357,7 @@ class NamedGeometry:
         return replace(self, **replaced)
 
     def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - see `varied`
-        """Return it scaled by a factor; raises a GeometryError unless it is positive."""
+        """Return the linkage scaled by a factor; raises a GeometryError unless it is positive."""
         factor = validation.factor(factor)
         lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
         return self.varied({name: factor * getattr(self, name) for name in lengths})

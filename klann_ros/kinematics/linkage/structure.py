@@ -100,7 +100,7 @@ class Dimension(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Return its unit."""
+        """Return the unit of the dimension."""
         return UNITS[self.kind]
 
     @property
@@ -306,7 +306,7 @@ class Structure:
         return tuple(names)
 
     def with_foot(self, foot: str) -> 'Structure':
-        """Return it with another point as foot; raises a GeometryError if it has no such point."""
+        """Return the structure with another foot; raises a GeometryError without such a point."""
         return replace(self, foot=foot)
 
     def with_point(self, name: str, angle: str, start: str) -> 'Structure':
@@ -335,7 +335,7 @@ class Structure:
         return Structure(self.pivots, tuple(bodies), name, points, tuple(dimensions), self.outside)
 
     def mirrored(self) -> 'Structure':
-        """Return it with every brace on the other side of its bar."""
+        """Return the structure with every brace on the other side of its bar."""
         bodies = []
         for body in self.bodies:
             bars = [bar._replace(brace=_opposite_brace(bar.brace)) for bar in body.bars]

@@ -208,7 +208,7 @@ class Storage(Protocol):
     remarks: list[str]
 
     def overview(self) -> Overview:
-        """Return its content."""
+        """Return an overview of the content."""
 
     def sources(self, overview: Overview) -> Iterator[Source]:
         """Yield the parts that can be read separately."""
@@ -244,7 +244,7 @@ class TemporaryFile:
         self._remove = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def close(self) -> None:
-        """Remove it with all files beside it."""
+        """Remove the temporary file with all files beside it."""
         self._remove()
 
     def write(self, pieces: Iterable[bytes], suffix: str = '', size: int = 0) -> None:

@@ -103,7 +103,7 @@ class _RunContext:
         self._pauses.append((monotonic(), pause))
 
     def write(self, run: RecordingSession) -> None:
-        """Write it to a new run."""
+        """Write the context to a new run."""
         for entry in self._entries:
             run.put_entry(entry)
         for changes in self._solvers.values():

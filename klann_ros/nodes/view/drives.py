@@ -49,7 +49,7 @@ class Offer:
 
     @property
     def name(self) -> str:
-        """Return its name on the page."""
+        """Return the name of the drive on the page."""
         return f'{self.kind}:{self.topic}'
 
 

@@ -23,7 +23,7 @@ class Quantity(NamedTuple):
     unit: str = ''
 
     def __str__(self) -> str:
-        """Return it for people."""
+        """Return the number and its unit for people."""
         return f'{self.value:.9g} {self.unit}'.rstrip()
 
 

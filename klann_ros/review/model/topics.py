@@ -74,7 +74,7 @@ class TopicRecording:
 
     @cached_property
     def figures(self) -> 'TopicFigures':
-        """Return its figures."""
+        """Return the figures of the topic."""
         return _figures(self)
 
 
