@@ -42,7 +42,7 @@ BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
 _Population: TypeAlias = FloatArray | None
-# Calls a function of each task in processes; returns the answers, or a Refusal without one.
+# Calls a function of each task in processes; returns the answers, in part CandidateRefusals.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
 
@@ -73,7 +73,7 @@ class Survivor(NamedTuple):
     figures: dict[str, float]
 
 
-class Refusal(NamedTuple):
+class CandidateRefusal(NamedTuple):
     """Why there is no answer; the limit that does not hold, and the leg's figure (SI)."""
 
     reason: str
@@ -225,13 +225,13 @@ def _next_round(
         island_seed = (seed, state.rounds, n)
         tasks.append(Island(own_requirements, state.populations[n], island_seed, share))
     answers = run(evolve, tasks)
-    refusals = [answer for answer in answers if isinstance(answer, Refusal)]
+    refusals = [answer for answer in answers if isinstance(answer, CandidateRefusal)]
     if len(refusals) == len(answers):
         raise EngineError(f'the search failed: {refusals[0].reason}')
     populations = [*state.populations]
     for n, answer in zip(numbers, answers, strict=True):
         # The population of an island whose worker died twice stays as it was.
-        if not isinstance(answer, Refusal):
+        if not isinstance(answer, CandidateRefusal):
             populations[n] = answer
     populations = _migrated(requirements, populations)
     state = state._replace(
@@ -338,11 +338,11 @@ def _proven_legs(requirements: Requirements, state: State, seed: int, run: _Run)
     if requirements.target is not None:
         candidates.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
-    refusals: list[Refusal] = []
+    refusals: list[CandidateRefusal] = []
     for start in range(0, len(candidates), requirements.count):
         batch = candidates[slice(start, start + requirements.count)]
         for answer in run(partial(_proven, requirements), batch):
-            if isinstance(answer, Refusal):
+            if isinstance(answer, CandidateRefusal):
                 refusals.append(answer)
             else:
                 legs.append(answer)
@@ -365,7 +365,7 @@ def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> l
 
 
 def _refusal_reasons(
-    requirements: Requirements, refusals: Sequence[Refusal], counts: Mapping[str, int]
+    requirements: Requirements, refusals: Sequence[CandidateRefusal], counts: Mapping[str, int]
 ) -> list[str]:
     """Return why no leg passed the proof: the nearest figure of each limit, then all reasons."""
     nearest: dict[Limit, float] = {}
@@ -380,14 +380,16 @@ def _refusal_reasons(
 
 
 def _in_order(function: Any, tasks: Sequence[Any], *, jobs: int | None, engine: str) -> list[Any]:
-    """Return the answers in the order of the tasks; a Refusal of a task without one."""
+    """Return the answers in the order of the tasks; a CandidateRefusal of a task without one."""
     if jobs == 1 and engine == 'local':
         return list(map(function, tasks))
     unordered = dict(parallel_map(function, tasks, engine=engine, jobs=jobs))
     answers = []
     for n in range(len(tasks)):
         answer = unordered[n]
-        answers.append(Refusal(answer.reason) if isinstance(answer, TaskError) else answer)
+        answers.append(
+            CandidateRefusal(answer.reason) if isinstance(answer, TaskError) else answer
+        )
     return answers
 
 
@@ -406,7 +408,7 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexA
     return np.asarray(distant[np.argsort(losses[distant, 0], kind='stable')])
 
 
-def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | Refusal:
+def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate | CandidateRefusal:
     """Return a candidate, refined on a path; or why it is no linkage."""
     space = requirements.spaces[survivor.space]
     target = requirements.target
@@ -415,16 +417,16 @@ def _fitted(requirements: Requirements, survivor: Survivor) -> FittedCandidate |
             return FittedCandidate(space, space.variants(survivor.x[None])[0], survivor.figures)
         linkage, distance = refined(target, space, survivor.x)
     except GeometryError as error:
-        return Refusal(str(error))
+        return CandidateRefusal(str(error))
     return FittedCandidate(space, linkage, {**survivor.figures, 'path_error': distance})
 
 
-def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | Refusal:
+def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg | CandidateRefusal:
     """Return a leg with its proof; or why it is none."""
     try:
         return prove(requirements, candidate)
     except ProofError as error:
-        return Refusal(str(error), error.limit, error.value)
+        return CandidateRefusal(str(error), error.limit, error.value)
 
 
 def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:

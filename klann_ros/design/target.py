@@ -24,7 +24,7 @@ MAX_TARGET_POINTS = 10_000
 PIXEL = 0.0254 / 96.0
 
 
-class Fit(NamedTuple):
+class PathFit(NamedTuple):
     """
     Rotation, scale and translation that bring paths nearest to the target, z -> factor z + shift.
 
@@ -63,7 +63,7 @@ class Target:
         """Return the diagonal of its bounding box [m]."""
         return float(np.hypot(np.ptp(self.points.real), np.ptp(self.points.imag)))
 
-    def fit(self, h: FloatArray) -> Fit:
+    def fit(self, h: FloatArray) -> PathFit:
         """Return the best fit of closed paths at equal steps of the crank, shape (n, k, 2)."""
         w = resampled(h[..., 0] + 1j * h[..., 1], by_length=not self.is_timed)
         z = resampled(self.points[None], by_length=not self.is_timed)[0]
@@ -88,7 +88,7 @@ class Target:
             best_factor = np.where(is_better, factor, best_factor)
         rms = np.sqrt(np.maximum(0.0, best_error) / PATH_POINTS)
         shift = np.asarray(z_mean - best_factor * w_mean, dtype=np.complex128)
-        return Fit(rms, best_factor, shift)
+        return PathFit(rms, best_factor, shift)
 
     def _correlation(self, product: ComplexArray) -> ComplexArray:
         """

@@ -178,7 +178,7 @@ class Calculation:
 
     def newton(self, system: Any) -> None:
         """
-        Iterate x_(k+1) = x_k - Phi^-1 f of a `formulas.System` from a guess [deg].
+        Iterate x_(k+1) = x_k - Phi^-1 f of a `formulas.EquationSystem` from a guess [deg].
 
         The answers are f and two entries of Phi at the guess, x_2, the converged x, and the number
         of iterations up to the first one whose corrections are all small.

@@ -14,7 +14,7 @@ from .calculation import Calculation
 Formula = Callable[[Calculation], None]
 
 
-class System(NamedTuple):
+class EquationSystem(NamedTuple):
     """Equations f = 0 of unknown angles, their Jacobian, and the formulas of their root."""
 
     unknowns: tuple[str, ...]
@@ -545,8 +545,8 @@ def _quick_return_design(c: Calculation) -> None:
 
 
 SYSTEMS = {
-    'klann': System(('gamma', 'beta', 'delta', 'theta'), _klann, _klann_f, _klann_phi),
-    'four-bar': System(('theta_3', 'theta_4'), _four_bar, _four_bar_f, _four_bar_phi),
+    'klann': EquationSystem(('gamma', 'beta', 'delta', 'theta'), _klann, _klann_f, _klann_phi),
+    'four-bar': EquationSystem(('theta_3', 'theta_4'), _four_bar, _four_bar_f, _four_bar_phi),
 }
 FORMULAS: dict[str, Formula] = {
     'newton': lambda c: c.newton(SYSTEMS['klann']),

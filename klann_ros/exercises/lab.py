@@ -13,7 +13,7 @@ from klann_ros.web import LAB_FILE, lab_page
 import numpy as np
 
 from .calculation import Calculation, data
-from .formulas import Formula, FORMULAS, System, SYSTEMS
+from .formulas import EquationSystem, Formula, FORMULAS, SYSTEMS
 
 # Ranks of operators, from the loosest to the tightest.
 CHOICE, COMPARISON, SUM, PRODUCT, SIGN, POWER, ATOM = range(7)
@@ -148,7 +148,7 @@ def _rows(formula: Formula) -> list[Any]:
     return trace.rows
 
 
-def _system(system: System) -> dict[str, Any]:
+def _system(system: EquationSystem) -> dict[str, Any]:
     trace = Trace()
     return {
         'unknowns': ' '.join(system.unknowns),

@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     from .clients import PageState, recorded_counts, status_text
     from .drive import (
         crank_at,
-        CrankDrive,
         DriveError,
+        LiveCrankDrive,
         WalkDrive,
     )
     from .guard import Guard, new_token
@@ -30,7 +30,7 @@ else:
         __name__,
         {
             'clients': 'PageState recorded_counts status_text',
-            'drive': 'CrankDrive DriveError WalkDrive crank_at',
+            'drive': 'DriveError LiveCrankDrive WalkDrive crank_at',
             'guard': 'Guard new_token',
             'legs': (
                 'LiveLeg LiveSolver MAX_LEGS assumed_solver joint_positions '

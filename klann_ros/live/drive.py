@@ -36,7 +36,7 @@ class _Drive:
 
 
 @dataclass
-class CrankDrive(_Drive):
+class LiveCrankDrive(_Drive):
     """A crank driven by a page: to an angle by a slider, or at a speed."""
 
     # The published angle [rad], its rate [rad/s] and its time [s].

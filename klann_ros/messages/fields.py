@@ -20,7 +20,7 @@ _IDL_CODES = {
     'unsigned long': 'I', 'long long': 'q', 'unsigned long long': 'Q', 'float': 'f', 'double': 'd',
 }  # fmt: skip
 TEXT = 'string'
-_TEXTS = {TEXT, 'wstring'}
+_TEXT_TYPES = {TEXT, 'wstring'}
 # Fields of a definition that are looked at, more than any known type has, and their depth.
 _MAX_FIELDS = 200
 _MAX_DEPTH = 10
@@ -150,7 +150,7 @@ class _Expansion:
             count = _element_count(size) if bracket else 1
             path = f'{prefix}{name}'
             code = CODES.get(base) or _IDL_CODES.get(base)
-            if code or base in _TEXTS:
+            if code or base in _TEXT_TYPES:
                 yield Field(path, code or TEXT, count)
                 continue
             inner = self._resolve(base, package)

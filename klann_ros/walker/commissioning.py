@@ -12,7 +12,7 @@ from klann_ros.gait import Feet, stance
 from klann_ros.kinematics.angles import DEGREES, TURN, wrap
 from klann_ros.robot import CrankDrive
 
-from .crank_answers import crank_findings, Finding, Turn, Verdict
+from .crank_answers import CommissioningFinding, crank_findings, Turn, Verdict
 
 # The rates of cranks by their joints, 0 for those without one [rad/s].
 Rates = Mapping[str, float]
@@ -77,7 +77,7 @@ class Commissioning:
         self._settings = settings
         self._backwards = backwards
         self.now = 0.0
-        self.findings: list[Finding] = []
+        self.findings: list[CommissioningFinding] = []
         self.drives = dict[str, CrankDrive]()
         self.aborted = ''
         self._zeroed = set[str]()
@@ -105,7 +105,7 @@ class Commissioning:
             if joint not in self._encoders:
                 answering = ', '.join(self._encoders) or 'no joint'
                 text = f'crank_state has {answering}: it is not turned'
-                self.findings.append(Finding(joint, Verdict.MISSING, text))
+                self.findings.append(CommissioningFinding(joint, Verdict.MISSING, text))
                 continue
             noise = pstdev(encoder.position for encoder in self._encoders[joint])
             min_angle = max(MIN_ANGLE, NOISE_GATE * noise)
@@ -122,7 +122,7 @@ class Commissioning:
                     break
             self.findings += findings
             if self.aborted:
-                self.findings.append(Finding(joint, Verdict.ABORTED, self.aborted))
+                self.findings.append(CommissioningFinding(joint, Verdict.ABORTED, self.aborted))
             if drive is not None:
                 self.drives[joint] = drive
 
@@ -147,7 +147,7 @@ class Commissioning:
                 self.aborted = 'crank_state is silent'
             yield {joint: self._settings.rate * drive.motor_ratio}
         if self.aborted:
-            self.findings.append(Finding(joint, Verdict.ABORTED, self.aborted))
+            self.findings.append(CommissioningFinding(joint, Verdict.ABORTED, self.aborted))
         yield {}
 
     def set_zero(self) -> None:
@@ -293,7 +293,7 @@ class Commissioning:
             self._imu_finding(Verdict.AXES, text)
 
     def _imu_finding(self, verdict: Verdict, text: str) -> None:
-        self.findings.append(Finding('imu', verdict, text))
+        self.findings.append(CommissioningFinding('imu', verdict, text))
 
 
 def predicted_tilt(feet: Feet, joint: str, angle: float) -> complex:

@@ -46,7 +46,7 @@ class Verdict(Enum):
     AXES = 'axes of the IMU'
 
 
-class Finding(NamedTuple):
+class CommissioningFinding(NamedTuple):
     """A verdict on a joint, or on 'imu', and a sentence about it."""
 
     subject: str
@@ -70,7 +70,7 @@ class Turn(NamedTuple):
 
 def crank_findings(
     joint: str, turns: tuple[Turn, Turn], min_angle: float, *, is_backwards: bool | None
-) -> tuple[list[Finding], CrankDrive | None]:
+) -> tuple[list[CommissioningFinding], CrankDrive | None]:
     """
     Judge a crank that turned forwards and back.
 
@@ -110,15 +110,15 @@ def crank_findings(
     )
     if abs(ratio - ratio_back) > SLIP * abs(ratio) + 2.0 * min_angle / abs(back.commanded):
         text = f'{ratio:.2f} of the command forwards, {ratio_back:.2f} back: its coupling slips'
-        return [Finding(joint, Verdict.SLIPPING, text)], None
+        return [CommissioningFinding(joint, Verdict.SLIPPING, text)], None
     ratio = (angle_change - back.angle_changes[joint]) / (forwards.commanded - back.commanded)
     of_velocity = _rate_findings(joint, forwards)
     findings = [*of_velocity, *_ratio_findings(joint, ratio)]
     if ratio < 0.0:
-        findings.append(Finding(joint, Verdict.REVERSED, _reversed(is_backwards)))
+        findings.append(CommissioningFinding(joint, Verdict.REVERSED, _reversed(is_backwards)))
     elif is_backwards:
         text = 'motor and encoder are reversed: both count backwards'
-        findings.append(Finding(joint, Verdict.REVERSED, text))
+        findings.append(CommissioningFinding(joint, Verdict.REVERSED, text))
     is_uncertain = not 1.0 - UNIT_RATIO_ERROR <= abs(ratio) <= MAX_CERTAIN_RATIO
     if of_velocity or is_uncertain or (ratio < 0.0 and is_backwards is None):
         return findings, None
@@ -127,49 +127,51 @@ def crank_findings(
     drive = CrankDrive(encoder_sign * _gear_ratio(ratio), motor_sign)
     if not findings:
         text = f'its encoder answers {ratio:.2f} of the command'
-        findings.append(Finding(joint, Verdict.OK, text))
+        findings.append(CommissioningFinding(joint, Verdict.OK, text))
     return findings, drive
 
 
-def _still(joint: str, turn: Turn, answering: str) -> Finding:
+def _still(joint: str, turn: Turn, answering: str) -> CommissioningFinding:
     """Return why the angle of a crank did not change."""
     if turn.is_repeated:
         text = 'crank_state repeats a message: its stamp stands still'
-        return Finding(joint, Verdict.REPEATED, text)
+        return CommissioningFinding(joint, Verdict.REPEATED, text)
     if answering != joint:
         return _swapped(joint, answering)
     if turn.velocity is not None and abs(turn.velocity) > FROZEN_RATE * abs(turn.rate):
         text = f'its angle stays, though its velocity is {turn.velocity:.2f} rad/s'
-        return Finding(joint, Verdict.FROZEN, text)
+        return CommissioningFinding(joint, Verdict.FROZEN, text)
     text = 'neither angle nor velocity change: no power, a broken lead, a blocked leg'
     text += '; if you saw it turn, its encoder is frozen; commands in deg/s hardly move it'
-    return Finding(joint, Verdict.DEAD, text)
+    return CommissioningFinding(joint, Verdict.DEAD, text)
 
 
-def _swapped(joint: str, answering: str) -> Finding:
+def _swapped(joint: str, answering: str) -> CommissioningFinding:
     text = (
         f'{answering} answers: exchange the motors, or the encoders, of the two; if only {joint} '
     )
     text += f'turned, first correct the encoder of {answering} (degrees, a gear)'
-    return Finding(joint, Verdict.SWAPPED, text)
+    return CommissioningFinding(joint, Verdict.SWAPPED, text)
 
 
-def _rate_findings(joint: str, turn: Turn) -> list[Finding]:
+def _rate_findings(joint: str, turn: Turn) -> list[CommissioningFinding]:
     """Return what is wrong with the velocity of an encoder beside its angle."""
     if turn.velocity is None or not turn.slope:
         return []
     factor = turn.velocity / turn.slope
     if abs(factor / RPM - 1.0) < UNIT_ERROR:
         return [
-            Finding(joint, Verdict.RPM, 'its velocity is in rpm: the driver has to convert it')
+            CommissioningFinding(
+                joint, Verdict.RPM, 'its velocity is in rpm: the driver has to convert it'
+            )
         ]
     if factor < 0.5 or factor > 2.0:
         text = f'its velocity is {factor:.3g} of the change of its angle: the driver is wrong'
-        return [Finding(joint, Verdict.RATIO, text)]
+        return [CommissioningFinding(joint, Verdict.RATIO, text)]
     return []
 
 
-def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
+def _ratio_findings(joint: str, ratio: float) -> list[CommissioningFinding]:
     size = abs(ratio)
     if abs(size - 1.0) < UNIT_RATIO_ERROR:
         return []
@@ -181,7 +183,7 @@ def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
     for text, unit in units.items():
         if abs(size / unit - 1.0) < UNIT_ERROR:
             verdict = Verdict.RPM if unit == 1.0 / RPM else Verdict.DEGREES
-            return [Finding(joint, verdict, f'{text} ({size:.3g} of the command)')]
+            return [CommissioningFinding(joint, verdict, f'{text} ({size:.3g} of the command)')]
     if size > 1.0:
         text = f'its encoder turns about {size:.3g} times as far, before a gear'
         remedy = 'check it by the data sheet, and whether the crank itself turned so far'
@@ -189,9 +191,9 @@ def _ratio_findings(joint: str, ratio: float) -> list[Finding]:
             remedy = 'too far to measure its ratio: set encoder_ratio by the data sheet'
         else:
             text += f' of {_gear_ratio(size):g}'
-        return [Finding(joint, Verdict.RATIO, f'{text}: {remedy}')]
+        return [CommissioningFinding(joint, Verdict.RATIO, f'{text}: {remedy}')]
     text = f'it turns {size:.3g} of the command: a gear, a weak motor or a slipping coupling'
-    return [Finding(joint, Verdict.RATIO, text)]
+    return [CommissioningFinding(joint, Verdict.RATIO, text)]
 
 
 def _reversed(is_backwards: bool | None) -> str:

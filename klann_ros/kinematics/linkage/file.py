@@ -395,8 +395,8 @@ def schema_error(content: Any, package: str = __package__) -> str:
     place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
     instance = _shortened(error.instance)
     text = f'{instance} is not allowed by the rule {error.validator}'
-    if error.validator in _TEXTS:
-        text = _TEXTS[error.validator](error, instance)
+    if error.validator in _SCHEMA_ERRORS:
+        text = _SCHEMA_ERRORS[error.validator](error, instance)
     return f'{place.lstrip(".")}: {text}' if place else text
 
 
@@ -442,7 +442,7 @@ def _count(error: Any, instance: str) -> str:
 
 
 # Texts by the rule of the schema: of an error, and of the shortened instance.
-_TEXTS: dict[str, Callable[[Any, str], str]] = {
+_SCHEMA_ERRORS: dict[str, Callable[[Any, str], str]] = {
     'required': _missing,
     'additionalProperties': _unknown,
     'type': _type,

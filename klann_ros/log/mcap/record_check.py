@@ -41,7 +41,7 @@ class Successor(IntEnum):
     SOUND = 2  # a record whose lengths agree, several plausible ones, or the end
 
 
-class Verdict(IntEnum):
+class RecordVerdict(IntEnum):
     """Whether a record ends where its length says."""
 
     REJECT = 0
@@ -49,7 +49,7 @@ class Verdict(IntEnum):
     ACCEPT = 2
 
 
-_REJECT, _ALONE, _ACCEPT = Verdict
+_REJECT, _ALONE, _ACCEPT = RecordVerdict
 # By payload and successor (NONE, POSSIBLE, SOUND): the verdict on a record that follows a sound
 # one, and whether it is sound if it was found by searching behind damage.
 VERDICTS = {

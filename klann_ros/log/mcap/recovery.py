@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 from klann_ros.log.bag_metadata import RECORD_NAME
 from klann_ros.log.errors import DamagedError
-from klann_ros.log.read.storage import Problem
+from klann_ros.log.read.storage import LogProblem
 from klann_ros.sanitize.text import counted
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Metadata
@@ -23,7 +23,7 @@ from mcap.records import ChunkIndex, Metadata
 from . import records
 from .content import chunk_content, Content, message_content, row_of_messages
 from .decompression import DecompressionBudget
-from .record_check import CHECKED_KINDS, Payload, RecordCheck, Successor, Verdict, VERDICTS
+from .record_check import CHECKED_KINDS, Payload, RecordCheck, RecordVerdict, Successor, VERDICTS
 from .records import RecordSpan
 from .summary import Channels, Summary
 
@@ -70,7 +70,7 @@ class ScanReport:
     attachments: list[RecordSpan] = field(default_factory=list)
     # Skipped bytes, faults that lose nothing, and records that only look like faults.
     losses: list[Loss] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[LogProblem] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     # Number of records of unknown kinds outside of chunks and rows of messages.
     unknown: int = 0
@@ -136,7 +136,7 @@ class RecordScan:
                 report.verified = records.check_data(self._file, self._data_end)
             except DamagedError as damage:
                 text = f'{damage.reason}: something in it was changed'
-                report.problems.append(Problem(self._data_end.offset, text))
+                report.problems.append(LogProblem(self._data_end.offset, text))
 
     def _span_at(self, offset: int) -> RecordSpan:
         """Return the place of a record; raise if its end is not reliable."""
@@ -151,7 +151,7 @@ class RecordScan:
         if len(self.report.problems) < _MAX_NOTES:
             name = records.name_of(span.opcode)
             text = f'the length of the {name} is damaged, its content is intact'
-            self.report.problems.append(Problem(offset, text))
+            self.report.problems.append(LogProblem(offset, text))
         return RecordSpan(span.opcode, offset, (end or 0) - span.start)
 
     def _ends_as_declared(self, span: RecordSpan) -> bool:
@@ -160,9 +160,9 @@ class RecordScan:
         is_followed = successor is Successor.SOUND
         payload = Payload.INVALID if is_followed else self._check.payload(span)
         verdict = VERDICTS[payload][0][successor]
-        if verdict is Verdict.ACCEPT:
+        if verdict is RecordVerdict.ACCEPT:
             return not self._covers_records(span)
-        if verdict is Verdict.ALONE and self._is_alone(span, payload):
+        if verdict is RecordVerdict.ALONE and self._is_alone(span, payload):
             return True
         return span.opcode == Opcode.MESSAGE and self._precedes_damage(span)
 

@@ -126,7 +126,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LogProblem:
     """A fault of a file: its offset [bytes], negative for the whole file, and one line."""
 
     offset: int
@@ -142,7 +142,7 @@ class Problem:
         return f' at byte {self.offset}' if self.offset >= 0 else ''
 
 
-class Problems(dict[int, Problem]):
+class Problems(dict[int, LogProblem]):
     """The problems of a file so far, one at each offset: the first loss, or else the first."""
 
     def note(
@@ -150,7 +150,7 @@ class Problems(dict[int, Problem]):
     ) -> None:
         """Add a problem at an offset [bytes]."""
         if offset not in self or (is_loss and not self[offset].is_loss):
-            self[offset] = Problem(offset, printable_line(text), is_loss, is_refusal)
+            self[offset] = LogProblem(offset, printable_line(text), is_loss, is_refusal)
 
     def note_whole(self, text: str, *, is_loss: bool = False, is_refusal: bool = False) -> None:
         """Add a problem of the whole file, once."""

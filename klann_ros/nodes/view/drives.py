@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from klann_ros.live import Answer, Command, CrankDrive, DriveError, TopicRate, WalkDrive
+from klann_ros.live import Answer, Command, DriveError, LiveCrankDrive, TopicRate, WalkDrive
 from klann_ros.nodes.endpoints import OUTPUT, publish_last
 from klann_ros.nodes.lease import DELIVERY_TIME, Lease
 from klann_ros.nodes.process import error_and_place, LOG_PERIOD
@@ -58,7 +58,7 @@ class _LeasedDrive:
     """A drive, its lease, and the page that has it."""
 
     offer: Offer
-    drive: CrankDrive | WalkDrive
+    drive: LiveCrankDrive | WalkDrive
     lease: Lease
     publisher: Any = None
     # The time since which the owner waits for the others to yield [s]; None while it drives.
@@ -185,8 +185,8 @@ class Drives:
             for offer in offers:
                 leased = self._drives.get(offer.name)
                 if leased is None:
-                    drive: CrankDrive | WalkDrive
-                    drive = CrankDrive() if offer.kind == CRANK else WalkDrive()
+                    drive: LiveCrankDrive | WalkDrive
+                    drive = LiveCrankDrive() if offer.kind == CRANK else WalkDrive()
                     # Made before it is needed: discovery takes longer than a handshake.
                     leased = _LeasedDrive(offer, drive, Lease(self._node, offer.topic))
                     self._drives[offer.name] = leased
@@ -248,9 +248,9 @@ class Drives:
             self._release(leased, '')
         elif leased.waiting_since is not None:
             raise DriveError('not yet: the other publishers have not yielded')
-        elif isinstance(drive, CrankDrive) and command.command == 'turn':
+        elif isinstance(drive, LiveCrankDrive) and command.command == 'turn':
             drive.turn_to(command.value, now)
-        elif isinstance(drive, CrankDrive) and command.command == 'spin':
+        elif isinstance(drive, LiveCrankDrive) and command.command == 'spin':
             drive.spin(command.value, now)
         elif isinstance(drive, WalkDrive) and command.command == 'walk':
             drive.walk(command.value, command.turn)
@@ -264,7 +264,7 @@ class Drives:
             return
         # The others have yielded to this node already, for any of its pages.
         is_held = previous_owner is not None and leased.waiting_since is None
-        angle = drive.advance(now) if isinstance(drive, CrankDrive) else 0.0
+        angle = drive.advance(now) if isinstance(drive, LiveCrankDrive) else 0.0
         drive.take(page, now, angle)
         leased.previous_owner = previous_owner
         leased.reason = 'another page has taken it over' if previous_owner is not None else ''
@@ -340,7 +340,7 @@ class Drives:
                     self._put(lambda: self._destroy_publisher(leased))
         elif leased.waiting_since is None and isinstance(drive, WalkDrive):
             self._publish_walk(leased, drive.forward, drive.turn)
-        elif leased.waiting_since is None and isinstance(drive, CrankDrive):
+        elif leased.waiting_since is None and isinstance(drive, LiveCrankDrive):
             self._publish(leased, Float64(data=drive.advance(now)))
             return _TURNING_PERIOD if drive.speed else _COMMAND_PERIOD
         return _COMMAND_PERIOD

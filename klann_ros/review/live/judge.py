@@ -55,7 +55,7 @@ class _Topic(NamedTuple):
     period: float
 
 
-class _SequenceNumbers:
+class _LossCounter:
     """Counts lost messages of a topic, as long as its numbers are those of one publisher."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class LiveJudge:
         # By topic: first message [ns], losses so far, and of answers the topics of their inputs.
         self._topics: dict[str, _Topic] = {}
         self._starts: dict[str, int] = {}
-        self._numbers: defaultdict[str, _SequenceNumbers] = defaultdict(_SequenceNumbers)
+        self._numbers: defaultdict[str, _LossCounter] = defaultdict(_LossCounter)
         self._lost: dict[str, int] = {}
         self._inputs: dict[str, frozenset[str]] = {}
         self._before: set[tuple[str, str]] = set()

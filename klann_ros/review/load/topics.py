@@ -246,7 +246,7 @@ _MAX_STEPS = 10_000
 # Percentile of the latency that is compared as well.
 _LATENCY_PERCENTILE = 90.0
 # Messages that a comparison needs.
-_MIN_MESSAGES = 20
+_MIN_LATENCIES = 20
 
 
 def recorder_clock_steps(
@@ -278,7 +278,7 @@ def _latency_drops(latencies: NDArray[np.float32], rows: IntArray, back: IntArra
     for index, (row, step) in enumerate(steps):
         last_latencies = latencies[:row][-_LATENCY_WINDOW:]
         new_latencies = latencies[row:][:_LATENCY_WINDOW]
-        if min(len(last_latencies), len(new_latencies)) < _MIN_MESSAGES:
+        if min(len(last_latencies), len(new_latencies)) < _MIN_LATENCIES:
             continue
         min_latency = np.fmin.reduce(last_latencies, initial=np.inf)
         # A large clock offset leaves few digits of the float32 latency.

@@ -122,7 +122,7 @@ def _figures(topic: TopicRecording) -> TopicFigures:
 
 
 # Messages that a period needs.
-_MIN_MESSAGES = 10
+_MIN_PERIODIC_MESSAGES = 10
 # Percentile of the intervals of a periodic topic that is within the default limits.
 _REGULAR_PERCENTILE = 90.0
 _DEFAULT_LIMITS = Limits()
@@ -159,7 +159,7 @@ def find_gaps(topic: TopicRecording, limits: Limits, resolution: float = 0.0) ->
 
     `resolution` is the step of the log times [s].
     """
-    if len(topic.times) < _MIN_MESSAGES or not topic.is_periodic:
+    if len(topic.times) < _MIN_PERIODIC_MESSAGES or not topic.is_periodic:
         return
     steps = time_steps(topic.times)
     period = max(median(steps), resolution)

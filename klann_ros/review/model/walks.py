@@ -11,7 +11,7 @@ from .recording import WalkRecording
 from .times import Series
 
 # Smallest number of messages, and shortest distance [m], of a walk.
-_MIN_MESSAGES = 10
+_MIN_WALK_MESSAGES = 10
 _MIN_DISTANCE = 0.05
 
 
@@ -39,12 +39,12 @@ def walk_figures(walk: WalkRecording) -> WalkFigures:
 def _odometry(walk: WalkRecording) -> dict[str, Any]:
     odometry = walk.odometry
     truth = walk.truth
-    if len(truth) < _MIN_MESSAGES or len(odometry) < _MIN_MESSAGES:
-        if len(odometry) < _MIN_MESSAGES:
+    if len(truth) < _MIN_WALK_MESSAGES or len(odometry) < _MIN_WALK_MESSAGES:
+        if len(odometry) < _MIN_WALK_MESSAGES:
             return {}
         return {'distance': _distance_travelled(odometry.values)}
     is_common = (odometry.stamps >= truth.stamps.min()) & (odometry.stamps <= truth.stamps.max())
-    if np.count_nonzero(is_common) < _MIN_MESSAGES:
+    if np.count_nonzero(is_common) < _MIN_WALK_MESSAGES:
         return {'distance': _distance_travelled(truth.values)}
     true_poses = _interpolate(truth, odometry.stamps[is_common])
     errors = _relative_to(odometry.values[is_common]) - _relative_to(true_poses)
@@ -75,7 +75,7 @@ def _cranks(walk: WalkRecording) -> dict[str, Any]:
     crank_lags = []
     for joint, command in walk.commands.items():
         state = walk.states.get(joint)
-        if state is None or len(state) < _MIN_MESSAGES or len(command) < _MIN_MESSAGES:
+        if state is None or len(state) < _MIN_WALK_MESSAGES or len(command) < _MIN_WALK_MESSAGES:
             continue
         is_known = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
         lags = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
@@ -101,7 +101,7 @@ def _cranks(walk: WalkRecording) -> dict[str, Any]:
 def body_paths(walk: WalkRecording) -> dict[str, Series]:
     """Return the paths by 'odometry' and 'ground truth', relative to their common start."""
     paths = {'odometry': walk.odometry, 'ground truth': walk.truth}
-    paths = {name: series for name, series in paths.items() if len(series) >= _MIN_MESSAGES}
+    paths = {name: series for name, series in paths.items() if len(series) >= _MIN_WALK_MESSAGES}
     if not paths:
         return {}
     begin = np.array([max(int(series.stamps.min()) for series in paths.values())])
