@@ -24,20 +24,19 @@ import numpy as np
 import pytest
 
 ROBOT = Robot(count=400, period=0.0125)
-CODE = (
-    'import sys; from klann_ros import executables; print("ready", flush=True); '
-    'sys.exit(executables.calibrate())'
-)
+CODE = 'import sys; from klann_ros.executables import calibrate; print("ready", flush=True); '
+CODE += 'sys.exit(calibrate())'
 POINT = 'geometry_msgs/msg/PointStamped'
 Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope='module')
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def leg_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a run with a measured point of each type, and what a solver computed of it."""
     state, (_, angles) = 'sensor_msgs/msg/JointState', crank_topic(ROBOT)
     joints = dict.fromkeys(['alpha', 'gamma', 'beta', 'delta', 'theta'], 0.5)
     times = ROBOT.times.tolist()
+    thetas = ROBOT.angle('theta')[:, 0]
     topics: dict[str, Any] = {
         '/crank_state': (state, angles),
         '/mocap/foot': points_topic(ROBOT, 'H'),
@@ -46,10 +45,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         '/vicon/c': points_topic(ROBOT, 'C', 'geometry_msgs/msg/TransformStamped'),
         '/tf': points_topic(ROBOT, 'G', 'tf2_msgs/msg/TFMessage'),
         '/tags': points_topic(ROBOT, 'H', 'visualization_msgs/msg/Marker'),
-        '/encoder2': (
-            state,
-            [(t, {'theta': x}) for t, x in zip(times, ROBOT.angle('theta')[:, 0], strict=True)],
-        ),
+        '/encoder2': (state, [*zip(times, [{'theta': x} for x in thetas], strict=True)]),
         '/point_h': points_topic(ROBOT, 'H'),
         '/joint_states': (state, [(t, joints) for t in times]),
         '/mm': (POINT, [(t, 1e3 * np.array(h)) for t, h in points_topic(ROBOT, 'H')[1]]),
@@ -68,22 +64,25 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def _dimensions(file: Path) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads(file.read_text())
-    return content
-
-
-def test_every_program_takes_the_leg_file(run: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_every_program_takes_the_leg_file(leg_run: Path, tmp_path: Path, capsys: Capture) -> None:
     built, page, numbers = (tmp_path / name for name in ('built.yaml', 'c.html', 'c.json'))
-    asked = [str(run), '--leg', 'sem104', '--point', 'H=/mocap/foot', '--point', 'G=/mocap/knee']
+    asked = [
+        str(leg_run),
+        '--leg',
+        'sem104',
+        '--point',
+        'H=/mocap/foot',
+        '--point',
+        'G=/mocap/knee',
+    ]
     assert main([*asked, '-o', str(built), '--html', str(page), '--json', str(numbers)]) == 0
     printed = capsys.readouterr().out
     assert 'Observable: 14 of 14 parameters' in printed
     assert max(map(len, printed.splitlines())) <= 110
-    content = _dimensions(numbers)
+    content = json.loads(numbers.read_text())
     true = ROBOT.linkage.dimensions
-    for name, each in content['dimensions'].items():
-        assert abs(each['value'] - true[name]) < 5.0 * each['standard_error']
+    for name, dimension in content['dimensions'].items():
+        assert abs(dimension['value'] - true[name]) < 5.0 * dimension['standard_error']
     assert content['phase']['value'] == pytest.approx(ROBOT.phase, abs=5e-4)
     assert content['points']['H']['used'] == 400
     assert content['unobservable'] == []
@@ -91,8 +90,8 @@ def test_every_program_takes_the_leg_file(run: Path, tmp_path: Path, capsys: Cap
     leg = robot_of(str(built)).legs[0]
     assert leg.phase == pytest.approx(content['phase']['value'], abs=1e-8)
     assert leg.masses is not None
-    for name, value in leg.linkage.dimensions.items():
-        assert value == pytest.approx(content['dimensions'][name]['value'], abs=1e-8)
+    for name, length in leg.linkage.dimensions.items():
+        assert length == pytest.approx(content['dimensions'][name]['value'], abs=1e-8)
     assert describe([str(built)]) == 0
     assert export([str(built), '--urdf', str(tmp_path / 'leg.urdf')]) == 0
     text = page.read_text()
@@ -105,47 +104,60 @@ def test_every_program_takes_the_leg_file(run: Path, tmp_path: Path, capsys: Cap
     assert 'Ellipses: 95 %' in text
 
 
-@pytest.mark.parametrize(
-    'point',
-    ['F=/vicon/f', 'C=/vicon/c', 'G=/tf:marker', 'H=/tags', 'H=/tags:marker/7', 'H=mocap/foot'],
-)
-def test_every_type_of_measured_point_is_read(run: Path, tmp_path: Path, point: str) -> None:
+POINTS = [
+    'F=/vicon/f',
+    'C=/vicon/c',
+    'G=/tf:marker',
+    'H=/tags',
+    'H=/tags:marker/7',
+    'H=mocap/foot',
+]
+
+
+@pytest.mark.parametrize('point', POINTS)
+def test_every_type_of_measured_point_is_read(leg_run: Path, tmp_path: Path, point: str) -> None:
     numbers = tmp_path / 'c.json'
-    asked = [str(run), '--leg', 'sem104', '--point', point, '--angle', 'theta=/encoder2:theta']
+    asked = [
+        str(leg_run),
+        '--leg',
+        'sem104',
+        '--point',
+        point,
+        '--angle',
+        'theta=/encoder2:theta',
+    ]
     assert main([*asked, '--json', str(numbers)]) in {0, 1}
-    content = _dimensions(numbers)
-    name = point.partition('=')[0]
-    assert content['points'][name]['used'] > 390
-    assert content['points'][name]['rms_built'] == pytest.approx(1e-4, rel=0.15)
+    used_point = json.loads(numbers.read_text())['points'][point.partition('=')[0]]
+    assert used_point['used'] > 390
+    assert used_point['rms_built'] == pytest.approx(1e-4, rel=0.15)
 
 
 def test_a_run_of_the_solver_needs_no_option(tmp_path: Path, capsys: Capture) -> None:
     points = {f'/mocap/{name}': points_topic(ROBOT, name.upper()) for name in 'hg'}
-    run = write_run(
-        tmp_path / 'run', {'/crank_state': crank_topic(ROBOT), **points}, {'l_ab': 0.12}
-    )
+    crank = {'/crank_state': crank_topic(ROBOT)}
+    solver_run = write_run(tmp_path / 'run', crank | points, {'l_ab': 0.12})
     numbers = tmp_path / 'c.json'
-    assert main([str(run), '--json', str(numbers)]) == 0
-    assert set(_dimensions(numbers)['points']) == {'H', 'G'}
-    other = write_run(tmp_path / 'other', {'/crank_state': crank_topic(ROBOT), **points})
-    assert main([str(other)]) == 2
+    assert main([str(solver_run), '--json', str(numbers)]) == 0
+    assert set(json.loads(numbers.read_text())['points']) == {'H', 'G'}
+    run_without_leg = write_run(tmp_path / 'other', crank | points)
+    assert main([str(run_without_leg)]) == 2
     assert 'name its file with --leg' in capsys.readouterr().err
-    none = write_run(tmp_path / 'none', {'/crank_state': crank_topic(ROBOT)})
-    assert main([str(none), '--leg', 'sem104']) == 2
+    run_without_points = write_run(tmp_path / 'none', crank)
+    assert main([str(run_without_points), '--leg', 'sem104']) == 2
     assert 'no topic has the name of a point, as /mocap/h' in capsys.readouterr().err
 
 
-def test_the_covariance_of_a_pose_is_the_stated_noise(run: Path, tmp_path: Path) -> None:
+def test_the_covariance_of_a_pose_is_the_stated_noise(leg_run: Path, tmp_path: Path) -> None:
     numbers = tmp_path / 'c.json'
-    asked = [str(run), '--leg', 'sem104', '--point', 'F=/vicon/f', '--json', str(numbers)]
+    asked = [str(leg_run), '--leg', 'sem104', '--point', 'F=/vicon/f', '--json', str(numbers)]
     assert main(asked) == 1
-    assert _dimensions(numbers)['chi2_dof'] == pytest.approx(1.0, abs=0.15)
+    assert json.loads(numbers.read_text())['chi2_dof'] == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_table_is_read_whole(table: Path, tmp_path: Path) -> None:
     numbers = tmp_path / 'c.json'
     assert main([str(table), '--leg', 'sem104', '--json', str(numbers)]) == 0
-    points = _dimensions(numbers)['points']
+    points = json.loads(numbers.read_text())['points']
     assert (points['H']['used'], points['G']['used'], points['G']['skipped']) == (400, 399, 1)
     (renamed,) = load_csv(str(table), robot_of('sem104').legs[0], [Request('H', 'G')])
     assert renamed.name == 'H'
@@ -157,9 +169,8 @@ def test_a_table_of_a_spreadsheet_has_the_same_numbers(table: Path, tmp_path: Pa
     text = table.read_text().replace(',', ';').replace('.', ',').replace('H,', 'H.')
     german.write_text(text.replace('G,', 'G.'), encoding='utf-16')
     leg = robot_of('sem104').legs[0]
-    one, other = (load_csv(str(file), leg) for file in (table, german))
-    for own, same in zip(one, other, strict=True):
-        np.testing.assert_equal(same.values, own.values)
+    for english, same in zip(load_csv(str(table), leg), load_csv(str(german), leg), strict=True):
+        np.testing.assert_equal(same.values, english.values)
 
 
 def test_a_linkage_file_keeps_its_units(table: Path, tmp_path: Path) -> None:
@@ -186,7 +197,7 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'words'),
+    ('arguments', 'reason'),
     [
         ('--point H=/point_h', 'is no measurement: a solver computed it'),
         ('--angle theta=/joint_states:theta', 'is no measurement: a solver computed it'),
@@ -204,18 +215,20 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
         ('--point H=/mocap/foot --leg-name front', 'name the leg with --leg-name'),
     ],
 )
-def test_unusable_input_is_refused(run: Path, capsys: Capture, arguments: str, words: str) -> None:
+def test_unusable_input_is_refused(
+    leg_run: Path, capsys: Capture, arguments: str, reason: str
+) -> None:
     try:
-        code = main([str(run), '--leg', 'sem104', *arguments.split()])
+        code = main([str(leg_run), '--leg', 'sem104', *arguments.split()])
     except SystemExit as end:
         code = int(end.code or 0)
     assert code == 2
     line = capsys.readouterr().err.strip().splitlines()[-1]
-    assert words in line
+    assert reason in line
 
 
 @pytest.mark.parametrize(
-    ('make', 'words'),
+    ('make', 'reason'),
     [
         (lambda text: text.replace('time,', 'stamp,'), 'has no column time'),
         (lambda text: text + '\n1,2,three,4,5,6', 'is no table of numbers'),
@@ -228,27 +241,27 @@ def test_unusable_input_is_refused(run: Path, capsys: Capture, arguments: str, w
     ],
 )
 def test_unusable_tables_are_refused_in_one_line(
-    table: Path, tmp_path: Path, capsys: Capture, make: Callable[[str], str], words: str
+    table: Path, tmp_path: Path, capsys: Capture, make: Callable[[str], str], reason: str
 ) -> None:
     file = tmp_path / 'bad.csv'
     file.write_text(make(table.read_text()))
     assert main([str(file), '--leg', 'sem104']) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
+    assert reason in line
 
 
 @pytest.mark.parametrize('option', ['-o', '--html', '--json'])
 def test_an_unwritable_output_is_one_line(
-    run: Path, tmp_path: Path, capsys: Capture, option: str
+    leg_run: Path, tmp_path: Path, capsys: Capture, option: str
 ) -> None:
-    kept, link = tmp_path / 'kept', tmp_path / 'link'
+    kept = tmp_path / 'kept'
+    link = tmp_path / 'link'
     kept.write_text('precious')
     link.symlink_to(kept)
-    outputs = {'-o': str(tmp_path / 'built.yaml')}
+    foot = [str(leg_run), '--leg', 'sem104', '--point', 'H=/mocap/foot']
     for place in (link, Path('/dev/full'), tmp_path / 'missing' / 'file'):
-        outputs[option] = str(place)
-        words = [word for both in outputs.items() for word in both]
-        assert main([str(run), '--leg', 'sem104', '--point', 'H=/mocap/foot', *words]) == 3
+        # Of two -o the last counts.
+        assert main([*foot, '-o', str(tmp_path / 'built.yaml'), option, str(place)]) == 3
         (line,) = capsys.readouterr().err.splitlines()
         assert str(place) in line
     assert kept.read_text() == 'precious'
@@ -257,17 +270,17 @@ def test_an_unwritable_output_is_one_line(
 def test_a_full_disk_leaves_the_old_leg_file(table: Path, tmp_path: Path, capsys: Capture) -> None:
     built = tmp_path / 'built.yaml'
     built.write_text('# by hand')
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
     try:
         assert main([str(table), '--leg', 'sem104', '-o', str(built)]) == 3
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     (line,) = capsys.readouterr().err.splitlines()
     assert 'built.yaml cannot be written: File too large' in line
-    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [
-        ('built.yaml', '# by hand')
-    ]
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {
+        'built.yaml': '# by hand'
+    }
 
 
 @pytest.mark.parametrize(
