@@ -78,7 +78,8 @@ def test_a_weak_motor_gives_exit_code_1(
 def test_a_refusal_is_one_line(
     arguments: list[str], reason: str, tmp_path: Path, capsys: Capture
 ) -> None:
-    bare, pipe = tmp_path / 'bare.yaml', tmp_path / 'pipe'
+    bare = tmp_path / 'bare.yaml'
+    pipe = tmp_path / 'pipe'
     os.mkfifo(pipe)
     weightless = [line for line in Path(SEM).read_text().splitlines() if 'bar_density' not in line]
     bare.write_text('\n'.join(weightless))

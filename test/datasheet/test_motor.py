@@ -96,7 +96,8 @@ def test_the_fastest_is_the_first_speed_at_which_something_is_short(
 
 
 def test_the_example_motor_turns_the_sem104_leg() -> None:
-    motor, robot = motor_from_file(str(EXAMPLE)), robot_of('sem104')
+    motor = motor_from_file(str(EXAMPLE))
+    robot = robot_of('sem104')
     judged = data_sheet(robot, motor=motor, samples=90).cranks[0].motor
     for factor, turns in ((0.999, True), (1.001, False)):
         speed = factor * judged.fastest

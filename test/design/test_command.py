@@ -144,7 +144,8 @@ def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> 
     """At the begin of the first round, as the workers of the next start, and in the proof."""
     # With two jobs many rounds follow, so that the signal never comes in the proof.
     more = ['--evaluations', '40000'] if jobs == 2 else []
-    process, state = started(jobs, *more), out / 'search.json'
+    process = started(jobs, *more)
+    state = out / 'search.json'
 
     def holds() -> bool:
         if not evaluations:
@@ -166,12 +167,12 @@ def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> 
 def test_a_full_disk_leaves_a_search_to_resume(
     out: Path, undisturbed: str, capsys: Capture, room: int
 ) -> None:
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
     try:
         assert run() == 3
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     error = capsys.readouterr().err
     assert 'cannot be written: File too large' in error.splitlines()[-1]
     assert run('--resume') == 0

@@ -27,18 +27,16 @@ def brute_force(dyads: int, *, sliders: bool = False) -> set[Named]:
         ends = [(*pair, 'pin') for pair in combinations(range(link), 2)]
         ends += [(*pair, 'slide') for pair in permutations(range(link), 2) if sliders]
         graphs = [
-            [*graph, (link, one, 'pin'), (link + 1, link, 'pin'), (link + 1, other, kind)]
-            for graph, (one, other, kind) in product(graphs, ends)
+            [*graph, (link, base, 'pin'), (link + 1, link, 'pin'), (link + 1, end, kind)]
+            for graph, (base, end, kind) in product(graphs, ends)
         ]
-    found: set[Named] = set()
-    for graph in graphs:
-        for foot in (count, count + 1):
-            renamings = ((GROUND, CRANK, *p) for p in permutations(range(2, count + 2)))
-            if is_wanted(graph, foot) and found.isdisjoint(
-                named(graph, foot, names) for names in renamings
-            ):
-                found.add(named(graph, foot, range(count + 2)))
-    return found
+    structures: set[Named] = set()
+    for graph, foot in product(graphs, (count, count + 1)):
+        renamings = ((GROUND, CRANK, *p) for p in permutations(range(2, count + 2)))
+        renamed = (named(graph, foot, names) for names in renamings)
+        if is_wanted(graph, foot) and structures.isdisjoint(renamed):
+            structures.add(named(graph, foot, range(count + 2)))
+    return structures
 
 
 def named(graph: Joints, foot: int, names: Sequence[int]) -> Named:
@@ -68,8 +66,8 @@ def test_the_six_bars_are_watts_and_stephensons() -> None:
     kinds = set()
     for dyads, _ in shapes(1):
         joints = [(GROUND, CRANK)]
-        for k, (one, other, _) in enumerate(dyads, start=1):
-            joints += [(2 * k, one), (2 * k, 2 * k + 1), (2 * k + 1, other)]
+        for k, (base, end, _) in enumerate(dyads, start=1):
+            joints += [(2 * k, base), (2 * k, 2 * k + 1), (2 * k + 1, end)]
         if len(dyads) == 2:
             ternary = {b for b in range(6) if sum(b in joint for joint in joints) == 3}
             kinds.add(any(ternary == {*joint} for joint in joints))
@@ -90,7 +88,7 @@ def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
         assert reached.any(axis=1).mean() > 0.95
         assert reached.all(axis=1).mean() > 0.05
         # In both modes of each dyad.
-        assert all(len(np.unique(row)) == 2 for row in variants.signs)
+        assert all(len(np.unique(signs)) == 2 for signs in variants.signs)
 
 
 # A figure of eight, 120 by 60 mm.

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+import re
 
 from browser import find
 from browser_page import OpenedPage
@@ -22,7 +23,7 @@ FIGURES = dict.fromkeys(('stride', 'lift', 'transmission_angle', 'duty_factor'),
 
 
 @pytest.fixture(scope='module')
-def found() -> SearchResult:
+def design() -> SearchResult:
     requirements = requirements_from(
         {'linkage': 'klann', 'vary': 10, 'figures': FIGURES, 'count': 6}
     )
@@ -30,22 +31,18 @@ def found() -> SearchResult:
 
 
 @pytest.fixture(scope='module')
-def pages(found: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def pages(design: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp('designs')
     file = folder / 'hostile.yaml'
     file.write_text(LINKAGE)
     hostile = search(
         requirements_from({'linkage': str(file), 'vary': 1, 'count': 2}), evaluations=480
     )
-    results = {
-        'legs': found,
-        'none': replace(found, legs=(), reasons=('stride is 1 m <b>short</b>',)),
-        'hostile': hostile,
-    }
-    made = {name: folder / f'{name}.html' for name in ALL}
-    for name, result in results.items():
-        made[name].write_text(page(result), encoding='utf-8')
-    return made
+    without_legs = replace(design, legs=(), reasons=('stride is 1 m <b>short</b>',))
+    paths = {name: folder / f'{name}.html' for name in ALL}
+    for path, shown in zip(paths.values(), (design, without_legs, hostile), strict=True):
+        path.write_text(page(shown), encoding='utf-8')
+    return paths
 
 
 @pytest.mark.parametrize('name', ALL)
@@ -53,15 +50,12 @@ def test_it_is_self_contained_on_a_phone(visit: Visit, pages: dict[str, Path], n
     opened = visit(name, viewport={'width': 360, 'height': 760})
     assert opened.requests == [pages[name].as_uri()]
     assert opened.complaints == []
-    wide = 'document.documentElement.scrollWidth > document.documentElement.clientWidth'
-    assert not opened.page.evaluate(wide)
+    assert not opened.is_too_wide()
 
 
 @pytest.mark.parametrize('scheme', ['dark', 'light'])
 def test_axe_finds_no_barrier(visit: Visit, scheme: str) -> None:
-    axe = pytest.importorskip('axe_playwright_python.sync_playwright')
-    found = axe.Axe().run(visit('legs', color_scheme=scheme).page).response['violations']
-    assert [(barrier['id'], barrier['nodes'][0]['html']) for barrier in found] == []
+    assert visit('legs', color_scheme=scheme).barriers() == []
 
 
 def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Visit) -> None:
@@ -79,9 +73,10 @@ def test_up_to_four_legs_are_chosen_by_click_and_key(visit: Visit) -> None:
     assert dots.nth(4).get_attribute('aria-pressed') == 'false'
 
 
-def test_the_cards_have_the_units_of_the_wish(visit: Visit, found: SearchResult) -> None:
+def test_the_cards_have_the_units_of_the_wish(visit: Visit, design: SearchResult) -> None:
     opened = visit('legs')
-    rows = opened.page.locator('.chosen table').first.locator('tbody tr')
-    cells = {row.locator('th').text_content(): row for row in rows.all()}
-    reached = cells['stride'].locator('td').last.text_content()
-    assert reached == f'{found.legs[0].reached["stride"]:.4g} m'
+    table = opened.page.locator('.chosen table').first
+    stride = table.locator(
+        'tbody tr', has=opened.page.locator('th', has_text=re.compile('^stride$'))
+    )
+    assert stride.locator('td').last.text_content() == f'{design.legs[0].reached["stride"]:.4g} m'

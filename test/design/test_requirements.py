@@ -89,12 +89,12 @@ def test_tied_dimensions_move_together_and_a_scale_moves_all_lengths() -> None:
     )
     (space,) = requirements.spaces
     variants = space.variants(np.array([[0.5, 1.0], [0.0, 0.0]]))
-    found = dict(zip(space.linkage.dimensions, variants.numbers, strict=True))
-    assert found['D-C'].tolist() == pytest.approx([0.3, 0.05])
-    assert found['E-F'].tolist() == found['D-C'].tolist()
-    assert found['E.x'].tolist() == (-found['D-C']).tolist()
-    assert found['A-B'].tolist() == pytest.approx([0.24, 0.06])
-    assert found['bend of C-G'].tolist() == [space.linkage.dimensions['bend of C-G']] * 2
+    numbers = dict(zip(space.linkage.dimensions, variants.numbers, strict=True))
+    assert numbers['D-C'].tolist() == pytest.approx([0.3, 0.05])
+    assert numbers['E-F'].tolist() == numbers['D-C'].tolist()
+    assert numbers['E.x'].tolist() == (-numbers['D-C']).tolist()
+    assert numbers['A-B'].tolist() == pytest.approx([0.24, 0.06])
+    assert numbers['bend of C-G'].tolist() == [space.linkage.dimensions['bend of C-G']] * 2
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
@@ -115,28 +115,27 @@ def test_a_path_is_read_from_points_csv_and_svg(tmp_path: Path) -> None:
     svg = '<svg><g><path class="p" d="M0 0h3v-1 L 0,-1 z"/></g></svg>'
     (tmp_path / 'c.svg').write_text(svg)
     expected = [complex(*corner) for corner in corners]
-    given = {'points': corners}, {'file': 'a.csv'}, {'file': 'b.csv'}
-    for content in given:
-        found = target_from(content, 1e-3, tmp_path).points
-        assert found.tolist() == pytest.approx([1e-3 * z for z in expected])
+    for content in ({'points': corners}, {'file': 'a.csv'}, {'file': 'b.csv'}):
+        points = target_from(content, 1e-3, tmp_path).points
+        assert points.tolist() == pytest.approx([1e-3 * z for z in expected])
     drawn = target_from({'file': 'c.svg'}, 1e-3, tmp_path).points
     assert drawn.tolist() == pytest.approx([PIXEL * z for z in expected])
 
 
 def test_a_curve_of_an_svg_is_a_bezier_curve(tmp_path: Path) -> None:
     (tmp_path / 'a.svg').write_text('<svg><path d="M0 0 C0 -4 4 -4 4 0 S 8 4 8 0"/></svg>')
-    found = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
-    assert complex(found[12]) == pytest.approx(2 + 3j)
-    assert found[-1] == pytest.approx(8)
-    assert found.imag.min() == pytest.approx(-3)
+    points = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
+    assert complex(points[12]) == pytest.approx(2 + 3j)
+    assert points[-1] == pytest.approx(8)
+    assert points.imag.min() == pytest.approx(-3)
 
 
 def test_an_arc_of_an_svg_is_a_circle(tmp_path: Path) -> None:
     circle = '<svg><path d="M1 0 A1 1 0 0 1 -1 0 A1 1 0 0 1 1 0 z M5 5 L6 6"/></svg>'
     (tmp_path / 'a.svg').write_text(circle)
-    found = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
-    assert abs(found) == pytest.approx(1.0, abs=3e-4)
-    assert len(found) > 60
+    points = target_from({'file': 'a.svg'}, 1.0, tmp_path).points / PIXEL
+    assert abs(points) == pytest.approx(1.0, abs=3e-4)
+    assert len(points) > 60
 
 
 @pytest.mark.parametrize(
@@ -170,12 +169,13 @@ def test_a_path_is_fitted_up_to_the_allowed_transformations(
     change = {'can_move': (1.0, 0.7j), 'can_turn': (np.exp(0.8j), 0.0), 'can_scale': (1.7, 0.0)}
     factor, shift = change[freedom]
     # From another start, backwards.
-    own = np.roll((z - shift) / factor, 200)[::-1]
-    fit = target.fit(np.stack([own.real, own.imag], axis=-1)[None])
+    path = np.roll((z - shift) / factor, 200)[::-1]
+    feet = np.stack([path.real, path.imag], axis=-1)[None]
+    fit = target.fit(feet)
     assert fit.error[0] < 1e-3
     assert complex(fit.factor[0]) == pytest.approx(complex(factor), abs=1e-2)
     fixed = Target(z, **all_off, is_timed=is_timed)
-    assert fixed.fit(np.stack([own.real, own.imag], axis=-1)[None]).error[0] > 0.1
+    assert fixed.fit(feet).error[0] > 0.1
     assert PATH_POINTS == 128
 
 

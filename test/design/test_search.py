@@ -31,14 +31,14 @@ TOY = {
 
 
 @pytest.fixture(scope='module')
-def found() -> SearchResult:
+def design() -> SearchResult:
     return search(requirements_from(TOY), evaluations=960)
 
 
-def test_every_leg_closes_all_round_in_one_assembly_mode(found: SearchResult) -> None:
+def test_every_leg_closes_all_round_in_one_assembly_mode(design: SearchResult) -> None:
     alphas = np.linspace(0.0, 2.0 * np.pi, 20_000)
-    assert len(found.legs) >= 2
-    for leg in found.legs:
+    assert len(design.legs) >= 2
+    for leg in design.legs:
         poses = linkage_poses(leg.linkage, alphas, transmission_angles=True)
         assert not poses.reason.any()
         assert poses.transmission_angles is not None
@@ -50,8 +50,8 @@ def test_every_leg_closes_all_round_in_one_assembly_mode(found: SearchResult) ->
         assert leg.margins
 
 
-def test_the_figures_are_those_of_describe(found: SearchResult, tmp_path: Path) -> None:
-    for leg in found.legs[:3]:
+def test_the_figures_are_those_of_describe(design: SearchResult, tmp_path: Path) -> None:
+    for leg in design.legs[:3]:
         file = tmp_path / 'leg.yaml'
         file.write_text(leg_text(leg.leg))
         robot = robot_from_file(file)
@@ -63,14 +63,14 @@ def test_the_figures_are_those_of_describe(found: SearchResult, tmp_path: Path) 
             assert leg.reached[name] == pytest.approx(value, rel=2e-3)
 
 
-def test_no_leg_dominates_another(found: SearchResult) -> None:
-    table = [(-leg.reached['stride'], leg.reached['deviation']) for leg in found.legs]
+def test_no_leg_dominates_another(design: SearchResult) -> None:
+    table = [(-leg.reached['stride'], leg.reached['deviation']) for leg in design.legs]
     assert table == sorted(table)
     assert len(pareto_front(np.array(table))) == len(table)
 
 
-def test_a_walker_of_a_leg_walks_forward(found: SearchResult, tmp_path: Path) -> None:
-    leg = found.legs[0]
+def test_a_walker_of_a_leg_walks_forward(design: SearchResult, tmp_path: Path) -> None:
+    leg = design.legs[0]
     assert leg.walker is not None
     file = tmp_path / 'walker.yaml'
     file.write_text(parameter_text(leg.walker))
@@ -82,10 +82,11 @@ def test_a_walker_of_a_leg_walks_forward(found: SearchResult, tmp_path: Path) ->
 
 def test_another_seed_gives_other_legs_and_is_not_resumed() -> None:
     requirements = requirements_from({'linkage': 'klann', 'count': 1})
-    one, other = (search(requirements, evaluations=480, seed=seed) for seed in (0, 1))
-    assert one.legs[0].linkage != other.legs[0].linkage
+    first = search(requirements, evaluations=480, seed=0)
+    second = search(requirements, evaluations=480, seed=1)
+    assert first.legs[0].linkage != second.legs[0].linkage
     with pytest.raises(ValueError, match='other requirements or another seed'):
-        search(replace(requirements, text='other'), state=one.state)
+        search(replace(requirements, text='other'), state=first.state)
 
 
 def searched(content: Mapping[str, object]) -> SearchResult:
@@ -95,9 +96,9 @@ def searched(content: Mapping[str, object]) -> SearchResult:
 def test_requirements_that_no_leg_fulfils_name_the_figure_and_by_how_much() -> None:
     figures = {'stride': {'at_least': 900}, 'lift': {'at_least': 100}}
     units = {'length': 'mm'}
-    none = searched({'linkage': 'klann', 'units': units, 'vary': 5, 'figures': figures})
-    assert none.legs == ()
-    (reason,) = none.reasons
+    without_legs = searched({'linkage': 'klann', 'units': units, 'vary': 5, 'figures': figures})
+    assert without_legs.legs == ()
+    (reason,) = without_legs.reasons
     assert reason.startswith('stride is ')
     assert 'where at least 900 mm is wanted' in reason
 
@@ -181,22 +182,20 @@ def test_a_candidate_with_coupled_loops_turns_and_is_read_back(tmp_path: Path) -
 
 def test_the_front_is_that_of_all_pairs() -> None:
     losses = np.random.default_rng(0).uniform(size=(60, 3)).round(1)
-    kept = set(pareto_front(losses).tolist())
-    for i, row in enumerate(losses):
-        dominated = ((losses <= row).all(axis=1) & (losses < row).any(axis=1)).any()
-        equal_kept = any((losses[k] == row).all() for k in kept)
-        assert equal_kept != dominated
-        assert (i in kept) <= (not dominated)
+    front = pareto_front(losses).tolist()
+    for i, loss in enumerate(losses):
+        is_dominated = ((losses <= loss).all(axis=1) & (losses < loss).any(axis=1)).any()
+        has_equal_in_front = (losses[front] == loss).all(axis=1).any()
+        assert has_equal_in_front != is_dominated
+        assert not (i in front and is_dominated)
 
 
-@pytest.mark.parametrize('known', [[], [0.3]])
-def test_a_figure_without_a_value_is_a_reason_in_words(known: list[float]) -> None:
+@pytest.mark.parametrize('lifts', [[], [0.3]])
+def test_a_figure_without_a_value_is_a_reason_in_words(lifts: list[float]) -> None:
     requirements = requirements_from({'linkage': 'klann', 'figures': {'lift': {'at_least': 0.5}}})
-    values = np.array([np.nan, np.nan, *known])
-    violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(known))
-    own_scores = Scores(np.zeros((len(values), 1)), violations, {'lift': values})
-    (reason,) = failing_figures(
-        requirements, [IslandScores(0, np.zeros((len(values), 1)), own_scores)]
-    )
-    alone = '; alone it reaches 0.3 m' if known else ''
+    violations = np.array([[0.0, 10.0]] * 2 + [[0.0, 20.0]] * len(lifts))
+    losses = np.zeros((len(violations), 1))
+    scores = Scores(losses, violations, {'lift': np.array([np.nan, np.nan, *lifts])})
+    (reason,) = failing_figures(requirements, [IslandScores(0, losses, scores)])
+    alone = '; alone it reaches 0.3 m' if lifts else ''
     assert reason == f'lift has no value where at least 0.5 m is wanted{alone}'

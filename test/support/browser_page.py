@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 # Of a picture: its points' names, where they are in it, and how it is scaled.
 PLACES = """(svg, group) => [...svg.querySelectorAll(`.${group} [data-point]`)].map((node) => {
@@ -35,10 +36,24 @@ class OpenedPage:
             self.page.wait_for_timeout(10)
         raise AssertionError(expression)
 
+    def is_too_wide(self) -> bool:
+        """Return whether the page scrolls sideways."""
+        root = 'document.documentElement'
+        return bool(self.page.evaluate(f'{root}.scrollWidth > {root}.clientWidth'))
+
+    def barriers(self, options: Any = None) -> list[tuple[str, list[str]]]:
+        """Return the rules of accessibility that axe finds broken, and by which elements."""
+        axe = pytest.importorskip('axe_playwright_python.sync_playwright')
+        report = axe.Axe().run(self.page, options=options).response
+        assert report['passes']
+        broken = report['violations']
+        return [
+            (rule['id'], [node['html'][:120] for node in rule['nodes'][:3]]) for rule in broken
+        ]
+
     def points(self, within: str = '#picture', group: str = 'leg') -> dict[str, np.ndarray]:
         """Return where the points are drawn, in metres of the leg's plane."""
-        found = self.page.eval_on_selector(within, PLACES, group)
-        return {
-            name: np.array([left + x / scale, top - y / scale])
-            for name, (x, y), left, top, scale in found
-        }
+        points = {}
+        for name, (x, y), left, top, scale in self.page.eval_on_selector(within, PLACES, group):
+            points[name] = np.array([left + x / scale, top - y / scale])
+        return points

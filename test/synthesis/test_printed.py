@@ -13,23 +13,24 @@ import pytest
 PRINTED: dict[str, Any] = parse_file(Path(__file__).with_name('printed.yaml'))
 
 
-@pytest.mark.parametrize('example', PRINTED['positions'], ids=lambda each: each['source'][:30])
+@pytest.mark.parametrize(
+    'example', PRINTED['positions'], ids=lambda four_bar: four_bar['source'][:30]
+)
 def test_positions_are_the_printed_ones(example: dict[str, Any]) -> None:
     ground = example['ground']
     for theta_2, theta_4, theta_3 in example['rows']:
-        modes = (FourBar(*example['lengths'], mode) for mode in (1, -1))
-        poses = [mode.closed_form(math.radians(theta_2 - ground)) for mode in modes]
-        errors = [
-            max(
-                abs(math.remainder(math.degrees(angle) + ground - printed, 360.0))
-                for angle, printed in ((pose.theta3, theta_3), (pose.theta4, theta_4))
-            )
-            for pose in poses
-        ]
+        printed = np.radians([theta_3 - ground, theta_4 - ground])
+        errors = []
+        for assembly in (1, -1):
+            four_bar = FourBar(*example['lengths'], assembly)
+            angles = np.array(four_bar.closed_form(math.radians(theta_2 - ground)).x)
+            errors.append(np.abs(np.angle(np.exp(1j * (angles - printed)), deg=True)).max())
         assert min(errors) <= example['tolerance']
 
 
-@pytest.mark.parametrize('example', PRINTED['rocker-positions'], ids=lambda each: each['source'])
+@pytest.mark.parametrize(
+    'example', PRINTED['rocker-positions'], ids=lambda four_bar: four_bar['source']
+)
 def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]) -> None:
     theta_2, theta_4 = np.radians(example['theta_2']), np.radians(example['theta_4'])
     printed = np.array(example['cosines_of_theta_4'] + example['cosines_of_theta_2'])
@@ -39,9 +40,8 @@ def test_three_rocker_positions_give_the_printed_lengths(example: dict[str, Any]
         theta_2, theta_4, input_start=0.0, output_start=0.0, ground=example['ground']
     )
     assert linkage.is_sound
-    assert linkage.geometry.lengths[1:] == pytest.approx(
-        example['lengths'], rel=example['tolerance']
-    )
+    expected = pytest.approx(example['lengths'], rel=example['tolerance'])
+    assert linkage.geometry.lengths[1:] == expected
     # Freudenstein's equation holds to rounding.
     k_1, k_2, k_3 = freudenstein(theta_2, theta_4)
     left = k_1 * np.cos(theta_4) - k_2 * np.cos(theta_2) + k_3
@@ -79,7 +79,7 @@ start: {crank: 1.0471975511965976, arm: 0.3335, block: 0.397}
 
 
 @pytest.mark.parametrize(
-    'example', PRINTED['quick-returns'], ids=lambda each: each['source'][-40:]
+    'example', PRINTED['quick-returns'], ids=lambda linkage: linkage['source'][-40:]
 )
 def test_quick_returns_move_as_printed(example: dict[str, Any]) -> None:
     leg = LinkageLeg(linkage_from_text(ARM, 'arm'))

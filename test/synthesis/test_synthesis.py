@@ -1,5 +1,6 @@
 """Synthesis finds the linkage that a task was taken from, and its defects are those of a trace."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 import math
 from math import isclose, radians
@@ -9,6 +10,7 @@ from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 from klann_ros.synthesis import (
     burmester_curve,
     burmester_points,
+    BurmesterPair,
     dyad_of_pin,
     dyad_of_pivot,
     dyad_of_rotations,
@@ -39,13 +41,28 @@ def tasks(count: int) -> st.SearchStrategy[Task]:
 
 def poses_of(linkage: PlacedFourBar, thetas: list[float]) -> list[PlanePose]:
     positions = [position_at(linkage, theta) for theta in thetas]
-    return [
-        PlanePose(position.p, float(np.angle(position.b - position.a))) for position in positions
-    ]
+    return [PlanePose(p, float(np.angle(b - a))) for a, b, p in positions]
+
+
+def contain(
+    dyads: Iterable[BurmesterPair], pivot: complex, pin: complex, tolerance: float
+) -> bool:
+    return any(abs(d.pivot - pivot) + abs(d.pin - pin) < tolerance for d in dyads)
+
+
+def check_bars(poses: list[PlanePose], dyads: Iterable[BurmesterPair]) -> None:
+    """Check that each dyad's bar has one length in all poses."""
+    for dyad in dyads:
+        bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
+        assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
 
 
 def rocker_angles(linkage: PlacedFourBar, thetas: list[float]) -> np.ndarray:
     return np.array([np.angle(position_at(linkage, theta).b - linkage.o4) for theta in thetas])
+
+
+def coupler_points(linkage: PlacedFourBar) -> list[complex]:
+    return [position.p for position in linkage.positions]
 
 
 def rotations(linkage: PlacedFourBar) -> np.ndarray:
@@ -63,29 +80,25 @@ def test_five_poses_have_the_dyads_of_the_linkage_they_come_from(task: Task) -> 
     poses = poses_of(linkage, thetas)
     dyads = burmester_points(poses)
     for pivot, pin in zip((linkage.o2, linkage.o4), linkage.positions[0][:2], strict=True):
-        assert any(abs(d.pivot - pivot) + abs(d.pin - pin) < 1e-4 for d in dyads)
-    for dyad in dyads:
-        bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
-        assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
+        assert contain(dyads, pivot, pin, 1e-4)
+    check_bars(poses, dyads)
 
 
 @given(task=tasks(4))
 def test_dyads_of_four_poses_are_bars_of_one_length(task: Task) -> None:
     poses = poses_of(*task)
-    for dyad in burmester_curve(poses, 36):
-        bars = np.abs(np.array(pins(poses, dyad.pin)) - dyad.pivot)
-        assert np.ptp(bars) <= 1e-8 * (1.0 + bars[0])
+    check_bars(poses, burmester_curve(poses, 36))
     linkage, (first, second, *_) = task
     dyads = dyads_of_rotation(poses, second - first)
-    assert any(
-        abs(d.pivot - linkage.o2) + abs(d.pin - linkage.positions[0].a) < 1e-6 for d in dyads
-    )
+    assert contain(dyads, linkage.o2, linkage.positions[0].a, 1e-6)
 
 
 @given(task=tasks(3))
 def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(task: Task) -> None:
     linkage, thetas = task
-    (a, b, _), poses, psi = linkage.positions[0], poses_of(linkage, thetas), rocker_angles(*task)
+    a, b, _ = linkage.positions[0]
+    poses = poses_of(linkage, thetas)
+    psi = rocker_angles(linkage, thetas)
     turns = [np.array(angles[1:]) - angles[0] for angles in (thetas, psi)]
     try:
         by_pivots = [dyad_of_pivot(poses, pivot) for pivot in (linkage.o2, linkage.o4)]
@@ -105,7 +118,8 @@ def test_three_poses_give_the_linkage_back_by_pivots_pins_or_rotations(task: Tas
 def test_function_generators_of_three_to_five_points_contain_their_origin(task: Task) -> None:
     linkage, thetas = task
     ground = linkage.geometry.ground
-    phi, psi = np.array(thetas) - thetas[0], rocker_angles(linkage, thetas)
+    phi = np.array(thetas) - thetas[0]
+    psi = rocker_angles(linkage, thetas)
     three = function_generators(
         phi[:3], psi[:3] - psi[0], input_start=thetas[0], output_start=psi[0], ground=ground
     )
@@ -142,9 +156,7 @@ def test_cognates_share_the_path_of_the_coupler_point(task: Task) -> None:
     positioned = with_positions(linkage, thetas)
     for cognate in positioned.cognates():
         # Its own constructor has checked that all positions fit its bars.
-        assert [position.p for position in cognate.positions] == [
-            position.p for position in positioned.positions
-        ]
+        assert coupler_points(cognate) == coupler_points(positioned)
     first, second = positioned.cognates()
     assert first.o4 == second.o2
     assert np.allclose(rotations(second), rotations(positioned))
@@ -159,15 +171,10 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(task: Ta
     bar = FourBar(*linkage.geometry.lengths, linkage.geometry.assembly)
     motion = bar.velocity(bar.closed_form(theta), 1.0)
     # I24 has one velocity on crank and rocker: w2 |I24 O2| = w4 |I24 O4|.
-    assert isclose(
-        i_24.real, motion.theta4 * (i_24.real - linkage.o4.real), rel_tol=1e-7, abs_tol=1e-9
-    )
-    for name_a, name_b, name_c in (
-        ('I12', 'I23', 'I13'),
-        ('I14', 'I34', 'I13'),
-        ('I23', 'I34', 'I24'),
-    ):
-        a, b, c = centres[name_a], centres[name_b], centres[name_c]
+    rocker_speed = motion.theta4 * (i_24.real - linkage.o4.real)
+    assert isclose(i_24.real, rocker_speed, rel_tol=1e-7, abs_tol=1e-9)
+    for names in (('I12', 'I23', 'I13'), ('I14', 'I34', 'I13'), ('I23', 'I34', 'I24')):
+        a, b, c = map(centres.get, names)
         assert abs(((b - a).conjugate() * (c - a)).imag) <= 1e-9 * abs(b - a) * (1 + abs(c - a))
 
 
