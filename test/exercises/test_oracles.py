@@ -87,7 +87,7 @@ def bisected(f: Callable[[Real], Real], low: Real, high: Real) -> Real:
     return low
 
 
-def meeting(p: Point, r: Real, q: Point, s: Real, left: bool) -> Point:
+def meeting(p: Point, r: Real, q: Point, s: Real, *, left: bool = True) -> Point:
     """Return where the circles (p, r) and (q, s) meet, to the left of p to q or to the right."""
     p_to_q = q - p
     along = (abs(p_to_q) ** 2 + r**2 - s**2) / (2 * abs(p_to_q))
@@ -106,12 +106,10 @@ class Leg:
         """Return B, C, G, F and H."""
         g = self.g
         b = 1j * g['y_A'] + g['L_AB'] * turned(alpha)
-        sides = [meeting(self.d, g['L_DC'], b, g['L_BC'], left) for left in (True, False)]
-        c = next(x for x in sides if cross(x - b, x - self.d) > 0)
+        c = meeting(b, g['L_BC'], self.d, g['L_DC'])
         corner = turned(radians(g['angle_BCG']))
         g_ = c + (c - b) / g['L_BC'] * corner * g['L_CG']
-        sides = [meeting(self.e, g['L_EF'], g_, g['L_FG'], left) for left in (True, False)]
-        f = next(x for x in sides if cross(g_ - x, x - self.e) > 0)
+        f = meeting(self.e, g['L_EF'], g_, g['L_FG'])
         bend = turned(-radians(g['angle_FGH']))
         return b, c, g_, f, g_ + (g_ - f) / g['L_FG'] * bend * g['L_GH']
 
@@ -121,7 +119,8 @@ class Leg:
         return np.array([np.conj(c - b), c - self.d, f - self.e, np.conj(g - f)])
 
     def rates(self, alpha: Real) -> np.ndarray:
-        vectors, derivatives = self.directions(alpha), derivative(self.directions, alpha)
+        vectors = self.directions(alpha)
+        derivatives = derivative(self.directions, alpha)
         return (np.conj(vectors) * derivatives).imag / np.abs(vectors) ** 2
 
     def loops(self, alpha: Real, x: np.ndarray) -> np.ndarray:
@@ -143,8 +142,7 @@ class Bars:
     def pins(self, theta: Real) -> tuple[Point, Point]:
         l_1, l_2, l_3, l_4 = self.lengths
         a = l_2 * turned(theta)
-        sides = [meeting(a, l_3, Point(l_1), l_4, left) for left in (True, False)]
-        return a, next(b for b in sides if cross(b - a, b - l_1) >= 0)
+        return a, meeting(a, l_3, Point(l_1), l_4)
 
     def coupler(self, theta: Real) -> Point:
         a, b = self.pins(theta)
@@ -176,7 +174,8 @@ def newton(loops: Callable[[np.ndarray], np.ndarray], guess: list[float], names:
         units = np.eye(len(x))
         return np.array([derivative(lambda t, u=u: loops(x + t * u), Real(0)) for u in units]).T
 
-    phi, steps = jacobian(x), []
+    phi = jacobian(x)
+    steps = []
     answers = {f'f_{k}': value for k, value in enumerate(loops(x), 1)}
     answers |= {'Phi_12': phi[0, 1], 'Phi_21': phi[1, 0]}
     for _ in range(12):
@@ -194,26 +193,33 @@ ANGLES = ['gamma', 'beta', 'delta', 'theta']
 
 
 def klann_newton(g: Givens) -> Any:
-    leg, alpha = Leg(g), radians(g['alpha'])
+    leg = Leg(g)
+    alpha = radians(g['alpha'])
     return newton(lambda x: leg.loops(alpha, x), [g[f'{name}_1'] for name in ANGLES], ANGLES)
 
 
 def klann_position(g: Givens) -> Any:
-    leg, alpha = Leg(g), radians(g['alpha'])
+    leg = Leg(g)
+    alpha = radians(g['alpha'])
     h = leg.points(alpha)[4]
     angles = map(degrees, leg.directions(alpha))
     return {**dict(zip(ANGLES, angles, strict=True)), 'x_H': h.real, 'y_H': h.imag}
 
 
 def klann_velocity(g: Givens) -> Any:
-    leg, alpha, omega = Leg(g), radians(g['alpha']), g['omega']
+    leg = Leg(g)
+    alpha = radians(g['alpha'])
+    omega = g['omega']
     h = omega * derivative(lambda x: leg.points(x)[4], alpha)
     rates = zip(ANGLES, omega * leg.rates(alpha), strict=True)
     return {**{f'omega_{name}': rate for name, rate in rates}, 'v_Hx': h.real, 'v_Hy': h.imag}
 
 
 def klann_acceleration(g: Givens) -> Any:
-    leg, alpha, omega, epsilon = Leg(g), radians(g['alpha']), g['omega'], g['epsilon']
+    leg = Leg(g)
+    alpha = radians(g['alpha'])
+    omega = g['omega']
+    epsilon = g['epsilon']
 
     def motion(x: Real) -> np.ndarray:
         return np.array([*leg.rates(x), derivative(lambda y: leg.points(y)[4], x)])
@@ -261,7 +267,8 @@ def grashof(g: Givens) -> Any:
 
 
 def position(g: Givens) -> Any:
-    linkage, theta = bars(g), radians(g['theta_2'])
+    linkage = bars(g)
+    theta = radians(g['theta_2'])
     a, b = linkage.pins(theta)
     o_4 = linkage.lengths[0]
     answers = {'theta_3': degrees(b - a), 'theta_4': degrees(b - o_4), 'Z': abs(a - o_4)}
@@ -272,7 +279,9 @@ def position(g: Givens) -> Any:
 
 
 def four_bar_newton(g: Givens) -> Any:
-    linkage, theta, names = bars(g), radians(g['theta_2']), ['theta_3', 'theta_4']
+    linkage = bars(g)
+    theta = radians(g['theta_2'])
+    names = ['theta_3', 'theta_4']
     return newton(lambda x: linkage.loops(theta, x), [g[f'{name}_1'] for name in names], names)
 
 
@@ -313,15 +322,19 @@ def transmission(g: Givens) -> Any:
 
 
 def advantage(g: Givens) -> Any:
-    linkage, theta = bars(g), radians(g['theta_2'])
+    linkage = bars(g)
+    theta = radians(g['theta_2'])
     ratio = 1 / turning(linkage.rocker, theta)
     answers = {name: position(g)[name] for name in ('theta_3', 'theta_4')}
     return {**answers, 'MA': ratio, 'T_4': ratio * g['T_2']}
 
 
 def centres(g: Givens) -> Any:
-    linkage, theta, omega = bars(g), radians(g['theta_2']), g['omega_2']
-    a, speed = linkage.pins(theta)[0], derivative(lambda x: linkage.pins(x)[0], theta)
+    linkage = bars(g)
+    theta = radians(g['theta_2'])
+    omega = g['omega_2']
+    a = linkage.pins(theta)[0]
+    speed = derivative(lambda x: linkage.pins(x)[0], theta)
     i_13 = a + 1j * speed / turning(linkage.coupler, theta)
     rate = turning(linkage.rocker, theta)
     answers = {'x_I13': i_13.real, 'y_I13': i_13.imag, 'omega_4': omega * rate}
@@ -352,7 +365,8 @@ def slider_crank(g: Givens) -> Any:
 
 
 def quick_return(g: Givens) -> Any:
-    arm, theta = Real(g['L_4']), radians(g['theta_2'])
+    arm = Real(g['L_4'])
+    theta = radians(g['theta_2'])
 
     def pin(x: Real) -> Point:
         return 1j * Real(g['d']) + Real(g['L_2']) * turned(x)
@@ -449,7 +463,8 @@ def least_squares(g: Givens, a: Givens) -> list[Real]:
 
 
 def three_poses(g: Givens, a: Givens) -> list[Real]:
-    misfits, all_numbers = [], {**g, **a}
+    misfits = []
+    all_numbers = {**g, **a}
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
         arm, centre = (all_numbers[f'x_{n}'] + 1j * all_numbers[f'y_{n}'] for n in (pin, pivot))
         arm -= g['x_P1'] + 1j * g['y_P1']
@@ -511,7 +526,7 @@ def cognates(g: Givens, a: Givens) -> list[Real]:
             ('b', (third, Point(l_1)), (abs(v) * l_4, l_4)),
         ):
             places = [
-                [meeting(pivot, a[f'{letter}_{bar}'], p, arm, left) for left in (True, False)]
+                [meeting(pivot, a[f'{letter}_{bar}'], p, arm, left=left) for left in (True, False)]
                 for pivot, bar, arm in zip(pivots, (2, 4), arms, strict=True)
             ]
             bar = a[f'{letter}_3']

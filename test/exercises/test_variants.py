@@ -90,7 +90,8 @@ def test_steps_and_key_are_the_printed_ones(
 
 @pytest.mark.parametrize('name', KINDS)
 def test_every_text_exists_in_both_languages(name: str) -> None:
-    variant, words = make_variant(KINDS[name], '1'), texts()
+    variant = make_variant(KINDS[name], '1')
+    words = texts()
     for language in LANGUAGES:
         assert words['kinds'][name][language]['title']
         assert words['kinds'][name][language]['task']
