@@ -155,7 +155,8 @@ def test_random_legs_have_the_same_poses_and_refusals(
 def test_jams_are_reported_as_by_the_python_kinematics(
     random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
 ) -> None:
-    base, reported = shipped_linkage('klann'), 0
+    base = shipped_linkage('klann')
+    reported = 0
     for case, answer in zip(random_legs['klann'], solved['klann'], strict=True):
         linkage = base.varied(dict(zip(base.dimensions, case['numbers'], strict=True)))
         for alpha, pose in zip(case['alphas'], answer, strict=True):
@@ -187,7 +188,8 @@ def test_iterates_are_the_textbooks_wherever_they_lead() -> None:
     rng = np.random.default_rng(7)
     cases = rng.uniform(-3.0, 3.0, (20, 5))
     answers = in_node(ITERATES, {'texts': TEXTS, 'cases': cases.tolist()})
-    leg, converged = LinkageLeg(shipped_linkage('klann')), 0
+    leg = LinkageLeg(shipped_linkage('klann'))
+    converged = 0
     for (alpha, *guess), answer in zip(cases, answers, strict=True):
         try:
             theirs = leg.newton(alpha, guess, tolerance=1e-12)
