@@ -8,7 +8,6 @@ from klann_ros.kinematics import (
     GeometryError,
     KlannGeometry,
     length_margins,
-    Linkage,
     linkage_from_file,
     linkage_from_text,
     linkage_poses,
@@ -73,27 +72,12 @@ def test_an_error_is_reported_in_one_line(name: str, old: str, new: str, reason:
     assert '\n' not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    'value',
-    [
-        '9' * 400,
-        '9' * 5000,
-        '1e308',
-        '1e-200',
-        '1e999',
-        '0x_',
-        '!!int abc',
-        '!!bool abc',
-        '!!timestamp abc',
-        '2001-99-99',
-        '!!map x',
-        '[' * 5000,
-        '{a: ' * 3000,
-        '&a [*a]',
-        "'" + 'x' * 100_000 + "'",
-    ],
-    ids=lambda value: value[:20],
-)
+VALUES = ['9' * 400, '9' * 5000, '[' * 5000, '{a: ' * 3000, '&a [*a]', "'" + 'x' * 100_000 + "'"]
+VALUES += ['1e308', '1e-200', '1e999', '0x_', '2001-99-99']
+VALUES += ['!!int abc', '!!bool abc', '!!timestamp abc', '!!map x']
+
+
+@pytest.mark.parametrize('value', VALUES, ids=lambda value: value[:20])
 def test_no_value_is_more_than_a_line(value: str) -> None:
     for place in ('to: A, length: 100', 'units: {length: mm, angle: deg}', 'O: [0, 0]'):
         text = edited(**{place: f'{place.rpartition(": ")[0]}: {value}'})
@@ -104,11 +88,11 @@ def test_no_value_is_more_than_a_line(value: str) -> None:
 
 
 def test_aliases_do_not_grow() -> None:
-    bomb = '\n'.join(
-        f'm{k + 1}: &m{k + 1} {{<<: [{", ".join([f"*m{k}"] * 9)}]}}' for k in range(9)
-    )
+    bomb = 'm0: &m0 {a: 1}\n'
+    for k in range(9):
+        bomb += f'm{k + 1}: &m{k + 1} {{<<: [{", ".join([f"*m{k}"] * 9)}]}}\n'
     with pytest.raises(LinkageFileError, match='anchors and aliases are not taken'):
-        linkage_from_text(f'm0: &m0 {{a: 1}}\n{bomb}', 'bomb.yaml')
+        linkage_from_text(bomb, 'bomb.yaml')
 
 
 def test_a_number_needs_no_dot() -> None:
@@ -148,10 +132,6 @@ def test_units_are_those_of_the_file() -> None:
 LEG = KlannGeometry.sem104().linkage
 
 
-def four_bar(end: str, angle: str = '') -> Linkage:
-    return linkage_from_text(FOUR_BAR % (angle, end), 'four_bar.yaml')
-
-
 @pytest.mark.parametrize('name', ['angle_bcg', 'angle_fgh'])
 @pytest.mark.parametrize('degrees', [10.0, -40.0, 7, 1e300])
 def test_a_bend_beyond_a_turn_is_refused(name: str, degrees: float) -> None:
@@ -160,9 +140,8 @@ def test_a_bend_beyond_a_turn_is_refused(name: str, degrees: float) -> None:
         with pytest.raises(GeometryError) as caught:
             make()
         assert str(caught.value).startswith(text)
-        assert f'if {degrees:g} deg are meant, give {math.radians(degrees):.6g}' in str(
-            caught.value
-        )
+        radians = f'{math.radians(degrees):.6g}'
+        assert f'if {degrees:g} deg are meant, give {radians}' in str(caught.value)
     variants = Variants(LEG, {name: [0.1, degrees]})
     assert 'deg are meant' in variants.reason(1)
     assert linkage_poses(variants, 1.0).reason.tolist() == [0, Reason.REFUSED]
@@ -170,19 +149,15 @@ def test_a_bend_beyond_a_turn_is_refused(name: str, degrees: float) -> None:
 
 def test_a_bend_of_a_whole_turn_is_none() -> None:
     bent_back = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi)
-    assert LinkageLeg(bent_back.linkage).solve(1.0).h == pytest.approx(
-        LinkageLeg(LEG).solve(1.0).h, abs=1e-14
-    )
+    expected = pytest.approx(LinkageLeg(LEG).solve(1.0).h, abs=1e-14)
+    assert LinkageLeg(bent_back.linkage).solve(1.0).h == expected
     KlannGeometry(angle_fgh=math.radians(360.0))
 
 
 def test_margins_of_a_bend_are_searched_for_a_whole_turn() -> None:
     bent_back = KlannGeometry(angle_bcg=math.radians(10.0) - 2 * math.pi).linkage
-    margin, bent_back_margin = (
-        length_margins(LEG)['angle_bcg'],
-        length_margins(bent_back)['angle_bcg'],
-    )
-    assert bent_back_margin.changes == pytest.approx(margin.changes, abs=1e-9)
+    expected = pytest.approx(length_margins(LEG)['angle_bcg'].changes, abs=1e-9)
+    assert length_margins(bent_back)['angle_bcg'].changes == expected
 
 
 def test_a_tolerance_of_degrees_is_refused() -> None:
@@ -190,19 +165,15 @@ def test_a_tolerance_of_degrees_is_refused() -> None:
         tolerance_study(LEG, {'angle_bcg': 10}, samples=2, crank_angles=4)
 
 
-@pytest.mark.parametrize(
-    'start',
-    [
-        # Newton-Raphson would go from these to either assembly.
-        '{crank: 180, coupler: 60, rocker: 104}',
-        '{crank: 60, coupler: 15, rocker: 80}',
-        '{crank: 60, coupler: -74, rocker: 235}',
-        # In degrees not near either, but no radians all the same.
-        '{crank: 180, coupler: 260, rocker: 90}',
-    ],
-)
-def test_a_start_that_can_only_be_degrees_is_refused(start: str) -> None:
-    text = refusal(f'start: {start}', '')
+def start_of(angles: tuple[float, ...]) -> str:
+    crank, coupler, rocker = angles
+    return f'start: {{crank: {crank}, coupler: {coupler}, rocker: {rocker}}}'
+
+
+# Newton-Raphson would go from three of these to either assembly; the last is near no pose.
+@pytest.mark.parametrize('angles', [(180, 60, 104), (60, 15, 80), (60, -74, 235), (180, 260, 90)])
+def test_a_start_that_can_only_be_degrees_is_refused(angles: tuple[float, ...]) -> None:
+    text = refusal(start_of(angles), '')
     assert 'is in radians near no pose in which it closes' in text
     assert 'for degrees write units: {angle: deg}' in text
     assert 'there are the assemblies [1] (coupler' in text
@@ -219,19 +190,14 @@ def test_small_degrees_are_refused_where_an_assembly_is_near() -> None:
     assert np.abs(pose.x).max() < 0.4
 
 
-@pytest.mark.parametrize(
-    'start',
-    [
-        '{crank: 1.05, coupler: 0.3, rocker: 1.4}',
-        '{crank: 1.0472, coupler: -1.2, rocker: -2.2}',
-        # More than a turn, but near a pose.
-        '{crank: 7.3304, coupler: 0.4, rocker: 7.5}',
-        # A drawing that is 25 degrees off.
-        '{crank: 1.05, coupler: 0.8, rocker: 1.7}',
-    ],
-)
-def test_a_start_in_radians_is_taken(start: str) -> None:
-    assert four_bar(f'start: {start}').assembly in {(1,), (-1,)}
+# One is more than a turn, but near a pose; the last is a drawing 25 degrees off.
+RADIANS = [(1.05, 0.3, 1.4), (1.0472, -1.2, -2.2), (7.3304, 0.4, 7.5), (1.05, 0.8, 1.7)]
+
+
+@pytest.mark.parametrize('angles', RADIANS)
+def test_a_start_in_radians_is_taken(angles: tuple[float, ...]) -> None:
+    linkage = linkage_from_text(FOUR_BAR % ('', start_of(angles)), 'four_bar.yaml')
+    assert linkage.assembly in {(1,), (-1,)}
 
 
 def test_a_bend_in_degrees_is_refused_in_a_file() -> None:
@@ -239,9 +205,8 @@ def test_a_bend_in_degrees_is_refused_in_a_file() -> None:
     start = 'start: {crank: 60, coupler: 15, rocker: 80}'
     with pytest.raises(LinkageFileError) as caught:
         linkage_from_text(bent % ('', start), 'bent.yaml')
-    assert 'bodies.coupler.bars[1].bend: 30 must be within +-2 pi rad; for degrees' in str(
-        caught.value
-    )
+    reason = 'bodies.coupler.bars[1].bend: 30 must be within +-2 pi rad; for degrees'
+    assert reason in str(caught.value)
     assert linkage_from_text(bent % (', angle: deg', start), 'bent.yaml')
     beyond_a_turn = bent.replace('bend: 30', 'bend: 400')
     with pytest.raises(LinkageFileError, match=r'bend: 400 must be within \+-360 deg$'):

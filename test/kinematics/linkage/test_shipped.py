@@ -54,7 +54,8 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
                 bent = cmath.exp(1j * radian * bar.get('bend', 0.0))
                 yield abs(vector - length * bent * u[name])
                 continue
-            base, brace = points[bar['brace']['from']] - points[bar['from']], bar['brace']
+            base = points[bar['brace']['from']] - points[bar['from']]
+            brace = bar['brace']
             yield abs(abs(vector) - length)
             yield abs(abs(vector - base) - metre * brace['length'])
             is_left = (base.conjugate() * vector).imag > 0.0
@@ -63,7 +64,8 @@ def misfits(content: Mapping[str, Any], pose: LinkagePose) -> Iterator[float]:
 
 @pytest.mark.parametrize('name', shipped_linkages())
 def test_each_pose_has_the_numbers_of_the_file_from_its_start_on(name: str) -> None:
-    leg, expected_arcs = LinkageLeg(shipped_linkage(name)), ROCKING.get(name, [(0.0, TURN)])
+    leg = LinkageLeg(shipped_linkage(name))
+    expected_arcs = ROCKING.get(name, [(0.0, TURN)])
     content = yaml.safe_load((SHIPPED / f'{name}.yaml').read_text(encoding='utf-8'))
     arcs = leg.reachable_arcs()
     np.testing.assert_allclose(arcs, expected_arcs, rtol=0, atol=1e-9 if name in ROCKING else 0.0)
@@ -86,7 +88,8 @@ def test_each_pose_has_the_numbers_of_the_file_from_its_start_on(name: str) -> N
 
 
 def test_the_klann_file_is_the_klann_leg() -> None:
-    linkage_leg, klann_leg = LinkageLeg(shipped_linkage('klann')), KlannLeg()
+    linkage_leg = LinkageLeg(shipped_linkage('klann'))
+    klann_leg = KlannLeg()
     assert linkage_leg.linkage.joint_names == klann_leg.joint_names
     assert linkage_leg.linkage.assembly == klann_leg.geometry.assembly
     order = [linkage_leg.linkage.structure.points.index(letter) for letter in 'ABCDEFGH']

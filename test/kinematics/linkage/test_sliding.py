@@ -44,7 +44,8 @@ def test_an_offset_slider_crank_is_the_textbooks() -> None:
     x, first, second = motions(linkage_from_text(text, 'test'))
     assert linkage.dimensions['A-B'] == r
     # x = r cos a + w, w^2 = l^2 - (r sin a - e)^2 and its derivatives.
-    c, s = np.cos(ALPHAS), np.sin(ALPHAS)
+    c = np.cos(ALPHAS)
+    s = np.sin(ALPHAS)
     up = r * s - e
     w = np.sqrt(rod**2 - up**2)
     w_1 = -up * r * c / w
@@ -60,7 +61,8 @@ def test_the_quick_return_is_the_textbooks() -> None:
     linkage = shipped_linkage('quick_return')
     x, first, second = motions(linkage)
     d, r, arm, link, level = 0.2, 0.1, 0.4, 0.15, 0.4
-    c, s = np.cos(ALPHAS), np.sin(ALPHAS)
+    c = np.cos(ALPHAS)
+    s = np.sin(ALPHAS)
     distance = np.sqrt(d**2 + r**2 + 2 * d * r * s)
     phi = np.arctan2(d + r * s, r * c)
     phi_1 = r * (r + d * s) / distance**2
@@ -121,9 +123,8 @@ def test_a_piston_out_of_reach_is_reported_with_its_shortfall() -> None:
 
 def test_a_slot_that_passes_its_pivot_too_far_off_is_reported() -> None:
     leg = LinkageLeg(linkage_from_text(SLOT, 'test'))
-    with pytest.raises(
-        UnreachableError, match=r'B is 0\.05 m nearer to O than the line along arm'
-    ):
+    reason = r'B is 0\.05 m nearer to O than the line along arm'
+    with pytest.raises(UnreachableError, match=reason):
         leg.solve(math.radians(-90.0))
     assert leg.solve(0.0).residual < 1e-15
 
@@ -146,6 +147,5 @@ def test_a_start_has_distances_in_the_units_of_the_file() -> None:
     in_mm = SLIDER + 'units: {length: mm}'
     for metres, millimetres in (('0.05', '50'), ('0.15', '150'), ('0.17', '170')):
         in_mm = in_mm.replace(metres, millimetres)
-    assert linkage_from_text(in_mm, 'test').start == pytest.approx(
-        linkage_from_text(SLIDER, 'test').start, abs=1e-12
-    )
+    expected = pytest.approx(linkage_from_text(SLIDER, 'test').start, abs=1e-12)
+    assert linkage_from_text(in_mm, 'test').start == expected

@@ -79,7 +79,8 @@ def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
     for angle, body in content['bodies'].items():
         if 'slides' not in body:
             first, *further_bars = body['bars']
-            middle, half = f'{first["from"]}_{angle}', first['length'] / 2
+            middle = f'{first["from"]}_{angle}'
+            half = first['length'] / 2
             ends = ((first['from'], middle), (middle, first['to']))
             halves = [{'from': p, 'to': q, 'length': half} for p, q in ends]
             body['bars'] = [*halves, *further_bars]
@@ -94,20 +95,15 @@ def test_points_along_a_bar_change_neither_blocks_nor_arcs(name: str) -> None:
 def described(case: dict) -> dict:
     """Return a file's content."""
     bodies = {}
-    for name, bars in case['bodies'].items():
-        parts = [bar.replace('-', ' ').split() for bar in bars.split(', ')]
-        bodies[name] = {
-            'bars': [{'from': p, 'to': q, 'length': float(length)} for p, q, length in parts]
-        }
-    return {
-        'name': 'test',
-        'units': {'angle': 'deg'},
-        'crank': 'a',
-        'foot': 'B',
-        'pivots': case['pivots'],
-        'bodies': bodies,
-        'start': dict(zip(bodies, case['start'], strict=True)),
-    }
+    for name, texts in case['bodies'].items():
+        bars = []
+        for text in texts.split(', '):
+            start, end, length = text.replace('-', ' ').split()
+            bars.append({'from': start, 'to': end, 'length': float(length)})
+        bodies[name] = {'bars': bars}
+    head = {'name': 'test', 'units': {'angle': 'deg'}, 'crank': 'a', 'foot': 'B'}
+    start_angles = dict(zip(bodies, case['start'], strict=True))
+    return {**head, 'pivots': case['pivots'], 'bodies': bodies, 'start': start_angles}
 
 
 REFUSED = read_table(Path(__file__).with_name('refused_structures.yaml'))
