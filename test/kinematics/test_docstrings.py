@@ -20,8 +20,7 @@ OTHERS = [f'klann_ros.{name}' for name in ('datasheet', 'dynamics', 'export', 'r
 @pytest.mark.parametrize('name', ['klann_ros.kinematics', *MODULES, *OTHERS])
 def test_the_examples_are_true(name: str) -> None:
     options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    result = doctest.testmod(importlib.import_module(name), optionflags=options)
-    assert result.failed == 0
+    assert doctest.testmod(importlib.import_module(name), optionflags=options).failed == 0
 
 
 def test_every_public_name_is_documented_with_examples() -> None:

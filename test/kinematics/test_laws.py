@@ -31,7 +31,8 @@ FOR_EACH = settings(max_examples=3 * len(NAMES))
 @FOR_EACH
 @given(leg=legs(), alpha=alphas, data=st.data())
 def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any) -> None:
-    linkage, step = leg.linkage, 1e-6
+    linkage = leg.linkage
+    step = 1e-6
     n = len(linkage.joint_names) - 1
     x = np.array(data.draw(st.lists(st.floats(-3.0, 3.0), min_size=n, max_size=n)))
     columns = [
@@ -46,7 +47,8 @@ def test_phi_is_the_central_difference_of_f(leg: AnyLeg, alpha: float, data: Any
 @FOR_EACH
 @given(leg=legs(), alpha=alphas)
 def test_a_solved_pose_closes_and_keeps_every_bar(leg: AnyLeg, alpha: float) -> None:
-    pose, linkage = solved(leg, alpha), leg.linkage
+    pose = solved(leg, alpha)
+    linkage = leg.linkage
     assert pose.residual <= 1e-14
     assert np.abs(linkage.f(alpha, pose.x)).max() <= 1e-14
     structure = linkage.structure
@@ -122,7 +124,8 @@ def test_motion_is_differences_of_poses(
         return solved(leg, alpha + rate * time + spin * time**2 / 2, 0.2)
 
     earlier, later = pose_at(-STEP), pose_at(STEP)
-    velocity, acceleration = leg.velocity(pose, rate), leg.acceleration(pose, rate, spin)
+    velocity = leg.velocity(pose, rate)
+    acceleration = leg.acceleration(pose, rate, spin)
     scale = max(1.0, *map(abs, pose.coefficients)) ** 5
     rates_of_points = (later.points - earlier.points) / (2 * STEP)
     np.testing.assert_allclose(velocity.points, rates_of_points, rtol=0, atol=1e-7 * scale)
@@ -141,14 +144,18 @@ def test_motion_is_differences_of_poses(
 def test_bars_keep_their_length_and_pivots_rest(
     leg: AnyLeg, alpha: float, rate: float, change: float
 ) -> None:
-    pose, structure = solved(leg, alpha), leg.linkage.structure
+    pose = solved(leg, alpha)
+    structure = leg.linkage.structure
     acceleration = leg.acceleration(pose, rate, change)
-    velocity, pivots = acceleration.velocity, [*map(structure.points.index, structure.pivots)]
+    velocity = acceleration.velocity
+    pivots = [*map(structure.points.index, structure.pivots)]
     for motion in (velocity, acceleration):
         limit = 1e-13 * (1.0 + np.abs(motion.points).max())
         np.testing.assert_allclose(motion.points[leg.linkage.foot], motion.h, rtol=0, atol=limit)
         assert not motion.points[pivots].any()
-    p, v, a = pose.points, velocity.points, acceleration.points
+    p = pose.points
+    v = velocity.points
+    a = acceleration.points
     scale = 1e-12 * (1.0 + abs(v).max() ** 2 + abs(a).max())
     for number, (_, bar) in enumerate(structure.bars):
         if number not in structure.lines:
@@ -268,7 +275,8 @@ def test_after_jumps_of_any_size_the_pose_is_the_closed_forms(leg: AnyLeg, steps
 
 @pytest.mark.parametrize('name', NAMES)
 def test_whole_turns_close(name: str) -> None:
-    leg, turns = fresh(name), 1000
+    leg = fresh(name)
+    turns = 1000
     (start, end), *_ = leg.reachable_arcs()
     alpha = (start + end) / 2
     first = leg.solve(alpha)
@@ -280,7 +288,8 @@ def test_whole_turns_close(name: str) -> None:
 @settings(max_examples=40)
 @given(leg=legs(0.3))
 def test_it_is_solvable_exactly_on_its_reachable_arcs(leg: AnyLeg) -> None:
-    arcs, turn = leg.reachable_arcs(), 2 * math.pi
+    arcs = leg.reachable_arcs()
+    turn = 2 * math.pi
     edges = [edge for arc in arcs for edge in arc]
     for alpha in np.linspace(0.0, turn, 37).tolist():
         inside = any(a <= alpha <= b or a <= alpha + turn <= b for a, b in arcs)

@@ -28,29 +28,16 @@ class Case(NamedTuple):
     leg: Leg[Any, Any]
     equations: Any
     guess: list[float]
-    refusal: str
-    # At this angle the loops of this leg do not close.
+    # A leg whose loops do not close at an angle.
     stuck: Leg[Any, Any]
     out_of_reach: float
 
 
+STUCK_LEG = KlannLeg(KlannGeometry(l_bc=0.33))
+STUCK_BAR = FourBar(0.3, 0.2, 0.25, 0.15)
 CASES = [
-    Case(
-        KlannLeg(),
-        klann_equations,
-        [0.2, 1.0, 0.7, 1.0],
-        'four finite numbers',
-        KlannLeg(KlannGeometry(l_bc=0.33)),
-        math.radians(170.0),
-    ),
-    Case(
-        FourBar(*COURSE),
-        four_bar_equations,
-        [0.3, 1.2],
-        'theta3, theta4, two finite numbers',
-        FourBar(0.3, 0.2, 0.25, 0.15),
-        math.pi,
-    ),
+    Case(KlannLeg(), klann_equations, [0.2, 1.0, 0.7, 1.0], STUCK_LEG, math.radians(170.0)),
+    Case(FourBar(*COURSE), four_bar_equations, [0.3, 1.2], STUCK_BAR, math.pi),
 ]
 for_both = pytest.mark.parametrize('case', CASES, ids=['klann', 'four-bar'])
 
@@ -79,9 +66,9 @@ def test_it_ends_at_a_root_or_gives_the_reason(case: Case, numbers: tuple[float,
 
 
 def test_the_guess_decides_the_assembly_of_the_end() -> None:
-    ends = [FourBar(*COURSE).newton(1.0, guess)[-1] for guess in ([0.3, 1.2], [-1.2, -2.0])]
-    signs = [math.copysign(1.0, math.sin(theta4 - theta3)) for theta3, theta4 in ends]
-    assert signs == [1.0, -1.0]
+    for guess, sign in (([0.3, 1.2], 1.0), ([-1.2, -2.0], -1.0)):
+        theta3, theta4 = FourBar(*COURSE).newton(1.0, guess)[-1]
+        assert math.copysign(1.0, math.sin(theta4 - theta3)) == sign
 
 
 @for_both
@@ -119,12 +106,11 @@ def test_the_lectures_example_ends_at_its_root() -> None:
     # docs/test_theory.py has the printed iterates.
     root = [10.659455241249857, 67.32948352084568, 34.46397311984116, 45.72293552846574]
     leg, guess = KLANN
-    poses = leg.solve(ALPHA), leg.closed_form(ALPHA)
-    for x in (leg.newton(ALPHA, guess)[-1], *(pose.x for pose in poses)):
-        np.testing.assert_allclose(x, np.radians(root), rtol=0, atol=1e-15)
-    for pose in poses:
-        expected = [0.7960057379415449, -0.3037627502892032]
-        np.testing.assert_allclose(pose.h, expected, rtol=0, atol=1e-15)
+    h = [0.7960057379415449, -0.3037627502892032]
+    np.testing.assert_allclose(leg.newton(ALPHA, guess)[-1], np.radians(root), rtol=0, atol=1e-15)
+    for pose in (leg.solve(ALPHA), leg.closed_form(ALPHA)):
+        np.testing.assert_allclose(pose.x, np.radians(root), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(pose.h, h, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(('leg', 'guess'), [KLANN, BAR], ids=['klann', 'four-bar'])
@@ -144,7 +130,7 @@ def test_a_run_is_its_iterates_f_phi_and_corrections(leg: KlannLeg, guess: np.nd
     lines = str(run).splitlines()
     assert len(lines) == 2 + len(run.x)
     end = 1 + len(guess)
-    assert [float(cell) for cell in lines[2].split()[1:end]] == pytest.approx(np.degrees(guess))
+    assert [*map(float, lines[2].split()[1:end])] == pytest.approx(np.degrees(guess))
 
 
 def test_a_distance_is_shown_as_one() -> None:
@@ -153,7 +139,7 @@ def test_a_distance_is_shown_as_one() -> None:
     assert run.units == ('rad', 'm')
     lines = str(run).splitlines()
     assert lines[0].startswith('rod, piston [deg, m], f, corrections')
-    last = [float(cell) for cell in lines[-1].split()[1:3]]
+    last = [*map(float, lines[-1].split()[1:3])]
     assert last == pytest.approx([math.degrees(run.x[-1, 0]), run.x[-1, 1]], abs=1e-5)
 
 

@@ -41,9 +41,8 @@ def test_a_smooth_function_takes_few_calls() -> None:
         calls.append(t)
         return math.cos(t) - t
 
-    assert root(function, (0.0, 1.0), (1.0, math.cos(1.0) - 1.0)) == pytest.approx(
-        0.7390851332151607, abs=1e-15
-    )
+    crossing = root(function, (0.0, 1.0), (1.0, math.cos(1.0) - 1.0))
+    assert crossing == pytest.approx(0.7390851332151607, abs=1e-15)
     assert len(calls) <= 10
 
 
@@ -100,7 +99,8 @@ def test_minima_of_every_shape_are_found() -> None:
     places = np.array([0.31, -0.77, 0.05, 0.999, 0.5])
 
     def function(indices: np.ndarray, arguments: np.ndarray) -> np.ndarray:
-        x, k = arguments - places[indices, None], indices[:, None]
+        x = arguments - places[indices, None]
+        k = indices[:, None]
         shapes = [x**2, np.abs(x), np.sqrt(np.abs(x)), np.expm1(x) - x, x**4 + np.maximum(x, 0.0)]
         return np.choose(k, shapes)
 
@@ -112,7 +112,6 @@ def test_minima_of_every_shape_are_found() -> None:
 
 
 def test_a_function_without_values_has_no_minimum() -> None:
-    _, minima = minimum_near(
-        lambda _, t: np.full(t.shape, np.nan), np.zeros(2), 1.0, np.full(2, 1e-16)
-    )
+    rounding = np.full(2, 1e-16)
+    _, minima = minimum_near(lambda _, t: np.nan * t, np.zeros(2), 1.0, rounding)
     assert minima.tolist() == [np.inf, np.inf]

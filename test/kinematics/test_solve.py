@@ -23,7 +23,6 @@ STUCK = KlannGeometry(l_bc=0.33)
 KLANN_KITE = KlannGeometry(l_ab=0.35, x_d=0.35, y_a=0.0, l_bc=0.4, l_dc=0.4, l_ef=0.5, l_fg=0.5)
 KITE = (0.35, 0.35, 0.4, 0.4)
 for_both = pytest.mark.parametrize('make', [KlannLeg, BAR], ids=['klann', 'four-bar'])
-SETTINGS = 'tolerance', 'max_crank_step'
 
 
 @pytest.mark.parametrize(
@@ -39,7 +38,8 @@ def test_a_turn_and_back_is_the_closed_form(
     make: Make, limit: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     alphas = [math.radians(k / 2) for k in range(721)]
-    expected, leg = [make().closed_form(alpha) for alpha in alphas], make()
+    expected = [make().closed_form(alpha) for alpha in alphas]
+    leg = make()
     leg.solve(alphas[0])
     monkeypatch.setattr(leg_module, 'initial_guess', None)  # calling it raises TypeError
     for turn in (expected, expected[::-1]):
@@ -52,7 +52,8 @@ def test_a_turn_and_back_is_the_closed_form(
 
 @for_both
 def test_the_iterates_are_those_of_the_full_newton(make: Make) -> None:
-    leg, step = make(), 0.3
+    leg = make()
+    step = 0.3
     last = leg.solve(1.0)
     guess = [x + step * c for x, c in zip(last.x, last.coefficients, strict=True)]
     iterates = leg.newton(1.0 + step, guess)
@@ -98,42 +99,30 @@ def test_a_long_foot_costs_the_angles_no_digit() -> None:
         assert difference(leg.solve(k / 50), short.solve(k / 50)) == 0.0
 
 
-# Where dyads end.
-
-
 B_AT_170 = 0.12 * math.cos(math.radians(170.0)), 0.09 + 0.12 * math.sin(math.radians(170.0))
+
+
+BD_AT_170 = math.dist(B_AT_170, (0.35, 0.0))
+FAR_AT_170 = r'170\.000 deg\) .*dyad 1 does not close, B and D are .* further apart than BC'
+FAR, CLOSE = (
+    'A and O4 are .* further apart than AB',
+    r'A and O4 are .* closer together than \|AB - O4B\|',
+)
 
 
 @pytest.mark.parametrize(
     ('leg', 'degrees', 'names', 'shortfall', 'text'),
     [
-        (
-            KlannLeg(STUCK),
-            170.0,
-            ('B', 'D', 'BC', 'DC'),
-            math.dist(B_AT_170, (0.35, 0.0)) - (0.33 + 0.14),
-            r'170\.000 deg\) .*dyad 1 does not close, B and D are .* further apart than BC',
-        ),
-        (
-            FourBar(0.3, 0.2, 0.25, 0.15),
-            180.0,
-            ('A', 'O4', 'AB', 'O4B'),
-            0.5 - 0.4,
-            'A and O4 are .* further apart than AB',
-        ),
-        (
-            FourBar(0.3, 0.25, 0.4, 0.2),
-            0.0,
-            ('A', 'O4', 'AB', 'O4B'),
-            0.2 - 0.05,
-            r'A and O4 are .* closer together than \|AB - O4B\|',
-        ),
+        (KlannLeg(STUCK), 170.0, ('B', 'D', 'BC', 'DC'), BD_AT_170 - (0.33 + 0.14), FAR_AT_170),
+        (FourBar(0.3, 0.2, 0.25, 0.15), 180.0, ('A', 'O4', 'AB', 'O4B'), 0.5 - 0.4, FAR),
+        (FourBar(0.3, 0.25, 0.4, 0.2), 0.0, ('A', 'O4', 'AB', 'O4B'), 0.2 - 0.05, CLOSE),
     ],
 )
 def test_an_unreachable_angle_has_its_shortfall_and_leaves_the_last_pose(
     leg: AnyLeg, degrees: float, names: tuple[str, ...], shortfall: float, text: str
 ) -> None:
-    last_pose, alpha = leg.solve(1.0), math.radians(degrees)
+    last_pose = leg.solve(1.0)
+    alpha = math.radians(degrees)
     with pytest.raises(UnreachableError, match=text) as caught:
         leg.solve(alpha)
     error = caught.value
@@ -196,9 +185,6 @@ def test_the_very_ends_of_the_reach_are_solved(bar: FourBar) -> None:
         assert math.sin(pose.transmission_angle) < 1e-2
 
 
-# Change points.
-
-
 @pytest.mark.parametrize('assembly', [1, -1])
 def test_a_parallelogram_is_one_on_one_side_and_crossed_on_the_other(assembly: int) -> None:
     bar = FourBar(*PARALLELOGRAM, assembly)
@@ -233,9 +219,6 @@ def test_rounding_does_not_open_a_linkage_folded_back_in_line() -> None:
         pose = FourBar(*(0.1 * size * length for length in (4, 3, 2, 3))).solve(0.0)
         assert abs(pose.theta3) == pytest.approx(math.pi, abs=1e-6)
         assert abs(pose.theta4) == pytest.approx(math.pi, abs=1e-6)
-
-
-# Objects and refusals.
 
 
 @for_both

@@ -48,16 +48,24 @@ def solve(folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
 
 def test_both_kernels_agree_to_the_last_digits_on_the_course_leg() -> None:
     alphas = np.linspace(-20.0, 20.0, 10_001)
-    numpy, numba = (
-        klann_poses(KlannGeometry(), alphas, kernel=kernel).h for kernel in ('numpy', 'numba')
-    )
+    numpy = klann_poses(KlannGeometry(), alphas, kernel='numpy').h
+    numba = klann_poses(KlannGeometry(), alphas, kernel='numba').h
     np.testing.assert_allclose(numpy, numba, rtol=0, atol=4 * np.spacing(1.0))
+
+
+@pytest.mark.parametrize('name', ['klann', 'jansen'])
+def test_both_kernels_have_the_same_gradients(name: str) -> None:
+    alphas = np.linspace(0.1, 6.3, 57)
+    numpy = linkage_poses(shipped_linkage(name), alphas, kernel='numpy', gradients=True)
+    numba = linkage_poses(shipped_linkage(name), alphas, kernel='numba', gradients=True)
+    np.testing.assert_allclose(numba.h_gradient, numpy.h_gradient, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize('kernel', ['numpy', 'numba'])
 @pytest.mark.parametrize('name', ['klann', 'stephenson'])
 def test_h_is_the_same_whatever_else_is_requested(name: str, kernel: str) -> None:
-    linkage, alphas = shipped_linkage(name), np.linspace(0.0, 6.0, 1001)
+    linkage = shipped_linkage(name)
+    alphas = np.linspace(0.0, 6.0, 1001)
     alone = linkage_poses(linkage, alphas, kernel=kernel)
     more = linkage_poses(linkage, alphas, angles=True, points=True, kernel=kernel)
     np.testing.assert_array_equal(alone.h, more.h)

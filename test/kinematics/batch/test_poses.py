@@ -15,7 +15,8 @@ import pytest
 from sample_linkages import KNOWN, legs, NAMES
 
 KERNELS = ['numpy', 'numba']
-SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
+SEM104 = KlannGeometry.sem104()
+PATENT = KlannGeometry.patent()
 # Its crank does not turn fully.
 STUCK = replace(SEM104, l_bc=0.33)
 both_kernels = pytest.mark.parametrize('kernel', KERNELS)
@@ -24,16 +25,9 @@ both_kernels = pytest.mark.parametrize('kernel', KERNELS)
 def test_half_a_turn_is_plus_pi() -> None:
     # At a crank angle of 0 dyad 1 is stretched out along the x axis: B, C, D from left to right.
     for sign in (1, -1):
-        geometry = KlannGeometry(
-            l_ab=0.25,
-            x_d=1.0,
-            y_a=0.0,
-            l_bc=0.5,
-            l_dc=0.25,
-            x_e=0.75,
-            y_e=0.25,
-            assembly=(sign, 1),
-        )
+        lengths = {'l_ab': 0.25, 'l_bc': 0.5, 'l_dc': 0.25}
+        pivots = {'x_d': 1.0, 'y_a': 0.0, 'x_e': 0.75, 'y_e': 0.25}
+        geometry = KlannGeometry(**lengths, **pivots, assembly=(sign, 1))
         poses = klann_poses(geometry, [0.0, -0.0], angles=True)
         assert poses.reason.tolist() == [0, 0]
         np.testing.assert_array_equal(poses.angles[:, :2], [[0.0, math.pi]] * 2)
@@ -99,22 +93,18 @@ def test_where_blocks_end_does_not_matter(count: int, kernel: str) -> None:
 @both_kernels
 def test_progress_is_reported_to_the_end(kernel: str) -> None:
     calls: list[tuple[int, int]] = []
-    klann_poses(
-        [SEM104, STUCK],
-        np.zeros(3 * BLOCK_SIZE),
-        progress=lambda *now: calls.append(now),
-        kernel=kernel,
-    )
-    done = [now[0] for now in calls]
-    assert len(done) > 3
-    assert done == sorted(set(done))
-    assert {now[1] for now in calls} == {6 * BLOCK_SIZE}
+    alphas = np.zeros(3 * BLOCK_SIZE)
+    klann_poses([SEM104, STUCK], alphas, progress=lambda *now: calls.append(now), kernel=kernel)
+    assert len(calls) > 3
+    assert calls == sorted(set(calls))
+    assert {total for _, total in calls} == {6 * BLOCK_SIZE}
     assert calls[-1] == (6 * BLOCK_SIZE, 6 * BLOCK_SIZE)
 
 
 @both_kernels
 def test_memory_does_not_grow_with_the_poses(kernel: str) -> None:
-    alphas, out = np.linspace(0.0, 100.0, 400_000), np.empty((400_000, 2))
+    alphas = np.linspace(0.0, 100.0, 400_000)
+    out = np.empty((400_000, 2))
     klann_poses(STUCK, alphas[:1], kernel=kernel)
 
     def beyond_results(count: int) -> int:
@@ -126,9 +116,6 @@ def test_memory_does_not_grow_with_the_poses(kernel: str) -> None:
 
     assert beyond_results(400_000) < 2_000_000
     assert beyond_results(400_000) < 1.1 * beyond_results(100_000)
-
-
-# Its crank does not turn fully.
 
 
 @pytest.mark.parametrize(
@@ -158,9 +145,8 @@ def test_the_results_are_read_only_and_the_input_is_left_alone() -> None:
     alphas = np.linspace(0.0, 1.0, 5)
     original = alphas.copy()
     poses = klann_poses(SEM104, alphas, angles=True, points=True)
-    assert not any(
-        array.flags.writeable for array in (poses.h, poses.reason, poses.angles, poses.points)
-    )
+    for array in (poses.h, poses.reason, poses.angles, poses.points):
+        assert not array.flags.writeable
     np.testing.assert_array_equal(alphas, original)
     assert alphas.flags.writeable
 
@@ -236,7 +222,8 @@ def test_loops_are_those_of_the_leg(leg: Leg[Any, Any], data: st.DataObject) -> 
 
 @pytest.mark.parametrize('name', NAMES)
 def test_feet_of_solved_poses_are_theirs(name: str) -> None:
-    leg, poses = KNOWN[name], []
+    leg = KNOWN[name]
+    poses = []
     for alpha in np.linspace(-4.0, 4.0, 41):
         try:
             poses.append(leg.closed_form(alpha))

@@ -76,7 +76,8 @@ def judge(geometries: tuple[KlannGeometry, ...], alphas: np.ndarray) -> Judgemen
         g = c + column('l_cg') / column('l_bc') * bend_c * (c - b)
         f, *second = dyad(e, g, column('l_ef'), column('l_fg'), s_2)
         h = g + column('l_gh') / column('l_fg') * bend_g.conj() * (g - f)
-    reason, sure = np.full(b.shape, Reason.SOLVED), np.ones(b.shape, dtype=bool)
+    reason = np.full(b.shape, Reason.SOLVED)
+    sure = np.ones(b.shape, dtype=bool)
     for too_far, too_close, (folded, stretched, _) in (
         (Reason.DYAD_2_TOO_FAR, Reason.DYAD_2_TOO_CLOSE, second),
         (Reason.DYAD_1_TOO_FAR, Reason.DYAD_1_TOO_CLOSE, first),

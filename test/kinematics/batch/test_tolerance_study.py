@@ -64,9 +64,8 @@ def test_without_tolerances_every_leg_is_the_drawn_one() -> None:
 )
 def test_the_foot_errs_by_just_its_own_length(distribution: str, sigma: float, p95: float) -> None:
     width = 0.001
-    study = tolerance_study(
-        SEM104, {'l_gh': width}, samples=20_000, crank_angles=5, distribution=distribution
-    )
+    options: Any = {'samples': 20_000, 'crank_angles': 5, 'distribution': distribution}
+    study = tolerance_study(SEM104, {'l_gh': width}, **options)
     np.testing.assert_allclose(study.rms, width * sigma, rtol=0.02)
     np.testing.assert_allclose(study.p95, width * p95, rtol=0.03)
     assert (study.largest <= width * (1 + 1e-9)).all()
@@ -84,16 +83,18 @@ def test_the_statistics_are_those_of_the_legs() -> None:
     h = klann_poses(drawn, study.alphas).h
     shift = h - study.nominal
     distance = np.sort(np.linalg.norm(shift, axis=2), axis=0)
-    np.testing.assert_allclose(study.mean, shift.mean(axis=0), atol=1e-15)
-    np.testing.assert_allclose(study.rms, np.sqrt((distance**2).mean(axis=0)), atol=1e-15)
-    np.testing.assert_allclose(study.p95, distance[47], atol=1e-15)
-    np.testing.assert_allclose(study.p99, distance[49], atol=1e-15)
-    np.testing.assert_allclose(study.largest, distance[49], atol=1e-15)
-    np.testing.assert_allclose(study.box[:, 0], h.min(axis=0), atol=1e-15)
-    np.testing.assert_allclose(study.box[:, 1], h.max(axis=0), atol=1e-15)
-    extent = h.max(axis=1) - h.min(axis=1)
-    np.testing.assert_allclose(study.stride, extent[:, 0], atol=1e-15)
-    np.testing.assert_allclose(study.lift, extent[:, 1], atol=1e-15)
+    stride, lift = np.ptp(h, axis=1).T
+    for statistic, expected in (
+        (study.mean, shift.mean(axis=0)),
+        (study.rms, np.sqrt((distance**2).mean(axis=0))),
+        (study.p95, distance[47]),
+        (study.p99, distance[49]),
+        (study.largest, distance[49]),
+        (study.box, np.stack([h.min(axis=0), h.max(axis=0)], axis=1)),
+        (study.stride, stride),
+        (study.lift, lift),
+    ):
+        np.testing.assert_allclose(statistic, expected, atol=1e-15)
     gradients = klann_poses(SEM104, study.alphas, gradients=True).h_gradient
     np.testing.assert_array_equal(study.sensitivities, gradients.swapaxes(1, 2))
 
@@ -107,20 +108,19 @@ def test_the_ranking_is_the_effect_of_small_tolerances() -> None:
     for name, width in tolerances.items():
         alone = tolerance_study(SEM104, {name: width}, samples=5000, crank_angles=30)
         # A uniform error's root mean square is a half-width / sqrt(3).
-        assert math.sqrt((alone.rms**2).mean()) * math.sqrt(3) == pytest.approx(
-            dict(study.ranking)[name], rel=0.05
-        )
+        half_width = math.sqrt(3 * (alone.rms**2).mean())
+        assert half_width == pytest.approx(dict(study.ranking)[name], rel=0.05)
 
 
 def test_the_seed_makes_it_repeatable_and_the_results_are_read_only() -> None:
-    study, repeated, reseeded = (
-        tolerance_study(SEM104, 0.01, samples=20, crank_angles=10, seed=seed) for seed in (1, 1, 2)
-    )
+    options: Any = {'samples': 20, 'crank_angles': 10}
+    study = tolerance_study(SEM104, 0.01, seed=1, **options)
+    repeated = tolerance_study(SEM104, 0.01, seed=1, **options)
     for field in fields(study):
-        np.testing.assert_array_equal(getattr(study, field.name), getattr(repeated, field.name))
-    assert not np.array_equal(study.mean, reseeded.mean)
-    arrays = [getattr(study, field.name) for field in fields(study)]
-    assert not any(array.flags.writeable for array in arrays if isinstance(array, np.ndarray))
+        statistic = getattr(study, field.name)
+        np.testing.assert_array_equal(statistic, getattr(repeated, field.name))
+        assert not isinstance(statistic, np.ndarray) or not statistic.flags.writeable
+    assert not np.array_equal(study.mean, tolerance_study(SEM104, 0.01, seed=2, **options).mean)
 
 
 def test_unreachable_angles_have_no_statistics() -> None:

@@ -5,7 +5,8 @@ from klann_ros.kinematics.batch.turns import whole_turns
 import numpy as np
 import pytest
 
-COUNT, KERNELS = 96, ['numpy', 'numba']
+COUNT = 96
+KERNELS = ['numpy', 'numba']
 
 
 @pytest.mark.parametrize('kernel', KERNELS)
@@ -17,9 +18,8 @@ def test_a_turn_has_the_poses_of_the_batch(name: str, kernel: str) -> None:
     assert np.array_equal(turns.missing, (poses.reason != 0).mean(axis=1))
     assert np.count_nonzero(turns.missing == 0.0) > 0
     for of_turns, of_batch in ((turns.h, poses.h), (turns.h_1, poses.h_1)):
-        assert np.allclose(
-            of_turns, np.moveaxis(of_batch, 2, 0), rtol=1e-7, atol=1e-10, equal_nan=True
-        )
+        expected = np.moveaxis(of_batch, 2, 0)
+        assert np.allclose(of_turns, expected, rtol=1e-7, atol=1e-10, equal_nan=True)
     turning = np.flatnonzero(turns.missing == 0.0)
     expected = np.ptp(poses.points[turning], axis=(1, 2)).T
     assert np.allclose(turns.box[:, turning], expected, rtol=1e-9)
@@ -44,7 +44,8 @@ def test_a_singular_pose_has_no_derivative_in_a_turn(kernel: str) -> None:
     changes = {'O4.x': [0.18], 'O2-A': [0.08], 'A-B': [0.18], 'O4-B': [0.08]}
     turns = whole_turns(Variants(shipped_linkage('four_bar'), changes), COUNT, kernel=kernel)
     assert turns.transmission_angle[0] < 1e-6
-    speed, half = np.hypot(*turns.h_1)[0], COUNT // 2
+    speed = np.hypot(*turns.h_1)[0]
+    half = COUNT // 2
     assert np.flatnonzero(np.isnan(speed)).tolist() == [0, half]
     assert speed[1:half] == pytest.approx(0.08, rel=1e-6)
 

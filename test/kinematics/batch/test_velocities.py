@@ -104,7 +104,8 @@ def test_coupled_loops_that_do_not_converge_have_no_pose(monkeypatch: pytest.Mon
 
 
 def test_the_torque_is_that_of_the_leg() -> None:
-    leg, force = KlannLeg(), (3.0, -40.0)
+    leg = KlannLeg()
+    force = (3.0, -40.0)
     poses = klann_poses(leg.geometry, ALPHAS, velocities=True)
     torques = poses.crank_torque(force)
     expected = [leg.crank_torque(leg.closed_form(alpha), force) for alpha in ALPHAS.tolist()]

@@ -39,7 +39,8 @@ def test_the_angles_of_a_foots_coordinate_hold_its_own_and_are_as_many_as_its_cr
     geometry: KlannGeometry, progress: float, axis: int
 ) -> None:
     leg = KlannLeg(geometry)
-    path, pose = foot_path(leg), leg.solve(reachable(leg, progress))
+    path = foot_path(leg)
+    pose = leg.solve(reachable(leg, progress))
     coordinate = pose.h[axis]
     assume(abs(leg.velocity(pose, 1.0).h[axis]) > 1e-3)
     angles = (path.crank_angles_at_x, path.crank_angles_at_height)[axis](coordinate)
@@ -122,7 +123,8 @@ def test_the_nearest_angle_of_a_foot_is_its_own_and_no_sample_is_nearer_to_a_poi
     geometry: KlannGeometry, progress: float, x: float, y: float
 ) -> None:
     leg = KlannLeg(geometry)
-    path, pose = foot_path(leg), leg.solve(reachable(leg, progress))
+    path = foot_path(leg)
+    pose = leg.solve(reachable(leg, progress))
     nearest = path.nearest_crank_angle((x, y))
     assert nearest.distance <= np.hypot(*(path.h - (x, y)).T).min() + 1e-12
     # Near the end of an arc the last digit of the angle counts.

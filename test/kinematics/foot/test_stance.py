@@ -17,7 +17,8 @@ from klann_ros.kinematics.foot.stance import _Contact, _join_adjacent
 import pytest
 from strategies import legs
 
-SEM104, PATENT = KlannGeometry.sem104(), KlannGeometry.patent()
+SEM104 = KlannGeometry.sem104()
+PATENT = KlannGeometry.patent()
 
 
 @pytest.mark.parametrize('holds', [True, False])

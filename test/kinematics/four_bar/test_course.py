@@ -25,7 +25,8 @@ def test_example_2_prints_f_phi_and_the_correction_of_each_estimate(
 ) -> None:
     estimate, f, phi, correction = printed.values()
     x = np.radians(estimate)
-    ours_f, ours_phi = equations.f(EXAMPLE.geometry, THETA2, x), equations.phi(EXAMPLE.geometry, x)
+    ours_f = equations.f(EXAMPLE.geometry, THETA2, x)
+    ours_phi = equations.phi(EXAMPLE.geometry, x)
     places = 3 if abs(f[0]) > 1.0 else 6
     assert ours_f.round(places).tolist() == f
     assert ours_phi.round(3).ravel().tolist() == phi

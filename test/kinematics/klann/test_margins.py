@@ -108,7 +108,8 @@ def test_between_margins_it_turns_fully(geometry: KlannGeometry, name: str, shar
     assume(turns_fully(geometry))
     margins = length_margins(geometry)
     _, min_number, max_number = margins[name]
-    low, high = max(min_number, -4.0), min(max_number, 4.0)
+    low = max(min_number, -4.0)
+    high = min(max_number, 4.0)
     number = low + share * (high - low)
     assume(name not in LENGTHS or number > 0.0)
     assert still_turns(geometry, name, number)
