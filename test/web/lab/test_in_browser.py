@@ -418,8 +418,7 @@ def test_the_portuguese_page_has_the_same_content(visit) -> None:
     opened.page.locator('#number-3').fill('400,5')
     assert opened.text('#refusal').startswith('Recusado: ângulo C-G = 400,5°: um ângulo')
     opened.page.locator('#number-0').fill('120')
-    shown = opened.page.evaluate('document.body.innerText')
-    assert re.findall(r'\d\.\d', shown) == []
+    assert re.findall(r'\d\.\d', opened.page.evaluate('document.body.innerText')) == []
     opened.page.locator('[data-language=en]').click()
     assert opened.text('h1') == 'Linkage lab'
     assert '491.0 mm' in opened.text('#tiles')

@@ -63,9 +63,10 @@ def test_a_student_gets_the_numbers_of_the_sheet() -> None:
         ):
             assert_near(exercise['answers'][question.name], variant.answers[question.name])
             assert tolerance == variant.tolerance(question)
-        for shown, step in zip(exercise['steps'], variant.steps, strict=True):
-            assert (shown['symbol'], shown['unit'], shown['formula']) == (step[0], *step[2:4])
-            assert_near(shown['value'], step.value)
+        for lab_step, step in zip(exercise['steps'], variant.steps, strict=True):
+            texts = (lab_step['symbol'], lab_step['unit'], lab_step['formula'])
+            assert texts == (step[0], *step[2:4])
+            assert_near(lab_step['value'], step.value)
 
 
 def wrong_answers(variant: Variant) -> list[dict[str, str]]:
@@ -94,16 +95,10 @@ def test_slips_and_points_are_those_of_the_marking() -> None:
         cases.append({'kind': variant.kind.name, 'student': '31', 'answers': answers})
     for variant, case, exercise in zip(variants, cases, in_browser(cases), strict=True):
         for answers, marks in zip(case['answers'], exercise['marks'], strict=True):
-            expected = mark(variant, answers)
-            for shown, right in zip(marks, expected, strict=True):
-                mark_in_lab = (
-                    shown['question'],
-                    shown['points'],
-                    shown['slip'],
-                    shown['isCarried'],
-                )
-                mark_here = (right.question, right.points, right.slip, right.carried)
-                assert mark_in_lab == mark_here, (variant.kind.name, answers)
+            for lab_mark, right in zip(marks, mark(variant, answers), strict=True):
+                expected = [right.question, right.points, right.slip, right.carried]
+                keys = ('question', 'points', 'slip', 'isCarried')
+                assert [lab_mark[key] for key in keys] == expected, (variant.kind.name, answers)
 
 
 @needs_node
@@ -112,8 +107,8 @@ def test_an_answer_is_read_as_python_reads_it() -> None:
       return texts.map((text) => readAnswer(data, text, question));
     }"""
     question = KINDS['four-bar-position'].questions[1]
-    given = {'data': lab_data(), 'texts': FILES['answers'], 'question': question._asdict()}
-    readings = in_node(script, given, PRACTICE[:4])
+    case = {'data': lab_data(), 'texts': FILES['answers'], 'question': question._asdict()}
+    readings = in_node(script, case, PRACTICE[:4])
     for text, reading in zip(FILES['answers'], readings, strict=True):
         right = read_answer(text, question)
         assert reading == (None if right is None else pytest.approx(right, rel=1e-15)), text
@@ -173,13 +168,13 @@ def test_it_is_worked_through_by_the_keyboard_alone(visit: Any) -> None:
 
 def test_a_step_is_shown_in_the_drawing(visit: Any) -> None:
     opened = visit('#practice=velocity&seed=5&lang=en')
-    shown = opened.page.locator('.shown-line')
+    line = opened.page.locator('.shown-line')
     opened.page.locator('#practice-omega_beta').focus()
-    assert 'A46 46' in shown.get_attribute('d')
+    assert 'A46 46' in line.get_attribute('d')
     opened.page.get_by_text('Show the solution').click()
     opened.page.locator('.practice-steps button').last.focus()
     # The velocity of H: a ring around the point, and an arrow with two sides.
-    assert shown.get_attribute('d').count('l') == 2
+    assert line.get_attribute('d').count('l') == 2
     assert 'Key: ' in opened.page.locator('.practice-key').first.text_content()
 
 
@@ -202,8 +197,9 @@ def test_a_hostile_link_is_one_clear_line(visit: Any) -> None:
     long = {'newton&seed=' + '9' * 20_000: 'more than 20000'}
     for fragment, reason in {**long, **FILES['practice links']}.items():
         opened.page.evaluate('(link) => { location.hash = link; }', f'practice={fragment}')
-        shown = f"document.getElementById('refusal').textContent.includes({json.dumps(reason)})"
-        opened.until(shown)
+        opened.until(
+            f"document.getElementById('refusal').textContent.includes({json.dumps(reason)})"
+        )
         assert len(opened.page.locator('#refusal').text_content()) < 200
         assert not opened.page.locator('#practice').is_visible()
     assert opened.complaints == []
