@@ -76,9 +76,8 @@ def test_the_six_bars_are_watts_and_stephensons() -> None:
 
 @pytest.mark.parametrize('sliders', [False, True])
 def test_candidates_close_where_they_are_drawn(*, sliders: bool) -> None:
-    requirements = requirements_from(
-        {'grow': {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}}
-    )
+    grown = {'dyads': 1, 'sliders': sliders, 'crank': [0.02, 0.03]}
+    requirements = requirements_from({'grow': grown})
     for space in requirements.spaces:
         x = space.sample(np.random.default_rng(0), 200)
         variants = space.variants(x)
@@ -98,9 +97,8 @@ EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28
 def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refine, 'MAX_STEPS', 20)
     monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
-    requirements = requirements_from(
-        {'grow': {'dyads': 1}, 'units': {'length': 'mm'}, 'path': {'points': EIGHT}, 'count': 1}
-    )
+    path = {'units': {'length': 'mm'}, 'path': {'points': EIGHT}}
+    requirements = requirements_from({'grow': {'dyads': 1}, **path, 'count': 1})
     search_result = search(requirements, evaluations=5000)
     (leg,) = search_result.legs
     assert leg.linkage.name.startswith('Grown six-bar')

@@ -72,7 +72,9 @@ def test_numbers_are_in_the_units_of_the_wish() -> None:
             'figures': {'lift': {'at_least': 60}, 'transmission_angle': {'near': 40}},
         }
     )
-    (space,), (limit,), (aim,) = requirements.spaces, requirements.limits, requirements.aims
+    (space,) = requirements.spaces
+    (limit,) = requirements.limits
+    (aim,) = requirements.aims
     assert space.low.tolist() == pytest.approx([0.1, radians(-5)])
     assert limit.value == pytest.approx(0.06)
     assert aim.value == pytest.approx(radians(40))
