@@ -25,6 +25,8 @@ PIN, FRAME = 'klann_pin', 'klann_frame'
 LINK_COLOURS = {PIN: '0.15 0.15 0.15 1', FRAME: '0.45 0.45 0.48 1'}
 # Width of bars, as a part of the longest; length of sliders in widths; drawn layers of bars.
 BAR_WIDTH, SLIDER_LENGTH, LAYERS = 0.05, 1.6, 4
+# Radius of a joint's pin in widths.
+PIN_RADIUS = 0.6
 
 
 class Place(NamedTuple):
@@ -245,9 +247,10 @@ class _LegWriter:
         SubElement(SubElement(visual, 'geometry'), 'box', size=_numbers(size))
         SubElement(visual, 'material', name=material)
 
-    def _sphere(self, link: Element, centre: complex, layer: int, size: float) -> None:
+    def _sphere(self, link: Element, centre: complex, layer: int, scale: float) -> None:
+        """Draw a pin, whose radius is a multiple of that of a joint."""
         visual = self._visual(link, centre, 0.0, layer)
-        radius = _number(0.6 * size * self._width)
+        radius = _number(PIN_RADIUS * scale * self._width)
         SubElement(SubElement(visual, 'geometry'), 'sphere', radius=radius)
         SubElement(visual, 'material', name=PIN)
 
