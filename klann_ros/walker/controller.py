@@ -196,8 +196,8 @@ class WalkController:
         if gap > self.settings.feedback_timeout:
             self.motion = STANDS
 
-    def measured(self, motion: Twist2D, seconds: float) -> None:
-        """Take the mean motion of the body over a time [s]."""
+    def measure_motion(self, motion: Twist2D, seconds: float) -> None:
+        """Compare the mean motion of the body over a time [s] with the commanded one."""
         rate_scale = self.lock.rate_scale
         commanded = Twist2D(self.motion.linear * rate_scale, self.motion.angular * rate_scale)
         self.motion_feedback.measure(commanded, motion, seconds)

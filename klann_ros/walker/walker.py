@@ -195,7 +195,7 @@ class Walker:
         if self._attitude is not None:
             self.zero_check.update(controller.positions, self._attitude)
         if last is not None and seconds > 0.0:
-            controller.measured(_mean_motion(last, estimate, seconds), seconds)
+            controller.measure_motion(_mean_motion(last, estimate, seconds), seconds)
         self._estimate = estimate
         return estimate
 

@@ -242,7 +242,7 @@ def test_a_command_that_is_old_stops_it(steering: Steering) -> None:
 def test_a_crank_that_falls_silent_stops_all_and_is_named(steering: Steering) -> None:
     bench = Bench(steering, [1.0, 1.0]).run(2.0)
     bench.heard = [True, False]
-    bench.control.measured(STANDS, 0.1)
+    bench.control.measure_motion(STANDS, 0.1)
     assert bench.control.motion_feedback.lag != STANDS
     bench.run(0.5)
     assert bench.rates == [0.0, 0.0]
@@ -583,7 +583,7 @@ def test_set_points_turn_no_faster_than_cranks_may_to_either_side(
     for _ in range(200):
         before = bench.control.lock.targets
         # The body stays behind, so that more than the limit is wanted.
-        bench.control.measured(STANDS, DT)
+        bench.control.measure_motion(STANDS, DT)
         bench.run(DT)
         both = zip(before, bench.control.lock.targets, strict=True)
         moves = [abs(after - was) for was, after in both]
