@@ -207,7 +207,7 @@ def _on_facet(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | N
     x, y, z = nx / length, ny / length, nz / length
     height = -(x * ax + y * ay + z * az)
     centre_height = height + x * centre[0] + y * centre[1] + z * centre[2]
-    # From the first foot to the point below the centre, seen along z.
+    # (px, py) leads from the first foot to the point below the centre, seen along z.
     px = centre[0] - centre_height * x - ax
     py = centre[1] - centre_height * y - ay
     load_b = (px * vy - py * vx) / nz

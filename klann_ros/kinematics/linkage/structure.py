@@ -379,7 +379,7 @@ class Paths(NamedTuple):
     closing: tuple[str, ...]
     # Which loops each group of bodies closes.
     rows: tuple[tuple[int, ...], ...]
-    # From a pivot to each point.
+    # A path from a pivot to each point.
     points: tuple[Path, ...]
 
 

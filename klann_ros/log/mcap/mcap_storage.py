@@ -68,7 +68,7 @@ class _Survey:
     """What a pass over the whole file finds."""
 
     overview: Overview
-    # By channel.
+    # The topic of each channel.
     topics: dict[int, Topic]
     batches: list[_Batch]
 

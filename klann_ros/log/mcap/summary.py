@@ -293,9 +293,9 @@ class ContentCount:
     """Counts the messages of a file, to compare them with its summary."""
 
     def __init__(self) -> None:
-        # By offset of a chunk: the number of its messages, their first and last log time [ns].
+        # Number of messages, first and last log time [ns] of each chunk, by its offset.
         self._chunks: dict[int, tuple[int, int, int]] = {}
-        # By channel.
+        # The number of messages of each channel.
         self.messages: Counter[int] = Counter()
 
     def add(self, offset: int, block: MessageBlock) -> None:

@@ -149,7 +149,7 @@ def _text(cell: object) -> str:
 class BagDescription:
     """The tables of a bag beside its messages; `read` fills it."""
 
-    # By topic id.
+    # The topics by their ids.
     topics: dict[int, Topic] = field(default_factory=dict)
     # YAML of ``metadata.yaml`` without its root key, the last one last.
     metadata: list[str] = field(default_factory=list)

@@ -285,7 +285,7 @@ class McapFile(DurableFile):
             start, self._chunk, compression, (first, last), entries
         )
         self._chunk = bytearray()
-        # Before writing, which may flush.
+        # The ends are updated before the writing, which may flush.
         while len(self._ends) > 1 and self._ends[1][0] <= self.synced_size:
             self._ends.popleft()
         self._ends.append((start + len(chunk), self.received()))

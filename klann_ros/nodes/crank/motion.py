@@ -36,7 +36,7 @@ class CrankMotion:
     start: float = 0.0
     # Size of sine, sweep and step, signed [rad].
     amplitude: float = pi / 6.0
-    # Of sine and step, > 0 [Hz].
+    # Frequency of sine and step, > 0 [Hz].
     frequency: float = 0.5
 
     def __post_init__(self) -> None:

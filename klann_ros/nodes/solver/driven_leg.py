@@ -29,7 +29,7 @@ class SolverStatistics:
         self.inputs = self.iterations = 0
         # The largest residual [m]; NaN without any pose.
         self.residual = nan
-        # For each dyad its pose nearest to a singular one; empty without any pose.
+        # The pose nearest to a singular one of each dyad; empty without any pose.
         self.worst: list[LinkagePose] = []
         self._min_sines: list[float] = []
 

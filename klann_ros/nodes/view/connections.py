@@ -210,7 +210,7 @@ class TopicSubscriptions:
     """Subscribe to the topics of legs while they have publishers."""
 
     def __init__(self, node: Node, on_update: Callable[[], object]) -> None:
-        # By full name. Other threads read it: it is replaced, not changed.
+        # Topics by their full names. Other threads read this: it is replaced, not changed.
         self.topics: dict[str, SubscribedTopic] = {}
         self._node = node
         self._on_update = on_update

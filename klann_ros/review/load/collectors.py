@@ -48,7 +48,7 @@ class WalkCollector:
     """Collects the poses and cranks of walkers, by their namespaces."""
 
     def __init__(self) -> None:
-        # By namespace and last name of the topic; of cranks also by joint.
+        # Columns by namespace and last name of the topic; those of cranks also by joint.
         self._poses: dict[tuple[str, str], SeriesColumns] = defaultdict(partial(SeriesColumns, 3))
         self._cranks: dict[tuple[str, str], dict[str, SeriesColumns]] = defaultdict(dict)
 
@@ -110,7 +110,7 @@ class IterationCollector:
     """Collects solver iterations from diagnostics: the maximum since the last report."""
 
     def __init__(self) -> None:
-        # By name of the leg: the iterations, and the names of its solvers.
+        # The iterations of each leg, and the names of its solvers, by its name.
         self._columns: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 1))
         self._solvers: dict[str, set[str]] = defaultdict(set)
 

@@ -38,7 +38,7 @@ class LegDefinitions:
     def __init__(self, records: Sequence[SolverParameters], reference: Robot | None) -> None:
         self._records = records
         self._reference = reference
-        # By namespace and name of the leg; and by name, those that the run does not define.
+        # Solvers by namespace and name of the leg, and by name where the run defines none.
         self._solvers: dict[str, dict[str, LegSolver]] = {}
         self._undefined: dict[str, LegSolver] = {}
 
@@ -120,11 +120,11 @@ class LegCollector:
     def __init__(self, definitions: LegDefinitions, rate_kind: str = '') -> None:
         self._definitions = definitions
         self._rate_kind = rate_kind
-        # By namespace and name of the leg.
+        # Poses by namespace and name of the leg.
         self._poses: dict[LegKey, _PoseColumns] = {}
-        # By the namespace of the topic.
+        # Feet by the namespace of the topic.
         self._feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
-        # By namespace and joint: inputs, and angles with efforts.
+        # Inputs, and angles with efforts, by namespace and joint.
         self._inputs: dict[LegKey, _InputColumns] = defaultdict(_InputColumns)
         self._efforts: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
 

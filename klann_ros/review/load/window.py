@@ -41,11 +41,11 @@ class Window:
         # The messages since the last move.
         self.new: deque[Message] = deque(maxlen=MAX_MESSAGES)
         self._blocks: deque[MessageBlock] = deque()
-        # By the object, as to compare topics takes long; and the topic stays alive.
+        # Channels by the id of their topic, which stays alive here: comparing topics is slow.
         self._channels: dict[int, tuple[int, Topic]] = {}
         self._topics: dict[int, Topic] = {}
         self.types: dict[str, str] = {}
-        # By node: the last two parameter sets.
+        # The last two parameter sets of each node.
         self._solvers: dict[str, list[SolverParameters]] = {}
 
     def clear(self) -> None:
