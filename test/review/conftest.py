@@ -55,7 +55,7 @@ class Answer:
     header_stamp: int | None = None
     foot_stamp: int | None = None
 
-    def by(self, leg: KlannLeg, alpha: float, asked: float | None = None) -> 'Answer':
+    def solved(self, leg: KlannLeg, alpha: float, asked: float | None = None) -> 'Answer':
         """Return the answer of a leg at an angle, which is that of the crank by default."""
         pose = leg.solve(alpha)
         asked = pose.alpha if asked is None else asked
@@ -110,7 +110,7 @@ class Script:
 
     def move(self, index: int, alpha: float) -> None:
         """Set another crank angle, with its pose and its foot."""
-        self.answers[index] = self.answers[index].by(KlannLeg(self.geometry), alpha)
+        self.answers[index] = self.answers[index].solved(KlannLeg(self.geometry), alpha)
 
     def delay(self, first: int, delay: int, last: int | None = None, every: int = 1) -> None:
         """Send the answers from the first on later [ns]."""
@@ -122,7 +122,7 @@ class Script:
         leg = KlannLeg(replace(self.geometry or KlannGeometry(), **geometry))
         for n in range(index, max(last, index + 1)):
             asked = self.answers[n].alpha
-            self.answers[n] = self.answers[n].by(leg, asked + error, asked)
+            self.answers[n] = self.answers[n].solved(leg, asked + error, asked)
 
     def turn(self, first: int, angle: float, last: int | None = None, every: int = 1) -> None:
         """Turn the crank further at some angles [rad]."""
@@ -248,7 +248,7 @@ class Script:
             # An encoder counts steps of a turn.
             angle = (alpha - phase) / sense
             angle = math.tau / steps * round(angle * steps / math.tau) if steps else angle
-            self.answers[n] = self.answers[n].by(leg, sense * angle + phase, angle)
+            self.answers[n] = self.answers[n].solved(leg, sense * angle + phase, angle)
         if of_poses:
             self.pose_efforts = efforts
         else:
@@ -262,7 +262,7 @@ class Script:
         self.answers = []
         for answer in asked:
             try:
-                self.answers.append(answer.by(leg, answer.alpha))
+                self.answers.append(answer.solved(leg, answer.alpha))
             except KinematicsError:
                 self.unanswered.append((answer.stamp, answer.alpha))
         self.renumber()
@@ -319,7 +319,7 @@ class Script:
             self.add_solver(self.answers[0].stamp + 1_000_000, leg.geometry, node, **parameters)
         self.repeat(
             [
-                answer.by(leg, answer.alpha + phase, answer.alpha)
+                answer.solved(leg, answer.alpha + phase, answer.alpha)
                 for answer in self.answers[first:last]
             ]
         )
@@ -416,7 +416,7 @@ def healthy_answers(geometry: KlannGeometry, turns: float, count: int) -> tuple[
     answers = []
     for n in range(count):
         answer = Answer(START + n * PERIOD, 0.0, [], (0.0, 0.0), n + 1)
-        answers.append(answer.by(leg, 0.3 + turns * math.tau * n / (count - 1)))
+        answers.append(answer.solved(leg, 0.3 + turns * math.tau * n / (count - 1)))
     return tuple(answers)
 
 

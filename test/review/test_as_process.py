@@ -1,5 +1,6 @@
 """The tools as processes: exit codes, signals, terminals and pipes."""
 
+from contextlib import suppress
 import fcntl
 import os
 from pathlib import Path
@@ -100,41 +101,36 @@ def test_interrupts_end_a_tool_without_noise(healthy, make_run, tmp_path, delay:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    kept = {key: value for key, value in os.environ.items() if key != 'NO_COLOR'}
-    return {**kept, 'TERM': 'xterm', **changes}
+    variables = {**os.environ, 'TERM': 'xterm'}
+    variables.pop('NO_COLOR', None)
+    return variables | changes
 
 
 def in_terminal(*arguments: object, code: str = CODE, **variables: str) -> tuple[int, str]:
     """Run a review in a terminal of its own; return the exit code and all that was shown."""
-    here, there = pty.openpty()
-    fcntl.ioctl(there, termios.TIOCSWINSZ, struct.pack('4H', 50, 120, 0, 0))
+    terminal, terminal_of_process = pty.openpty()
+    fcntl.ioctl(terminal_of_process, termios.TIOCSWINSZ, struct.pack('4H', 50, 120, 0, 0))
     process = server().start(
         PYTHON,
         ['-c', code, *map(str, arguments)],
         cwd=Path.cwd(),
         environment=environment(**variables),
-        stdin=there,
-        stdout=there,
-        stderr=there,
+        stdin=terminal_of_process,
+        stdout=terminal_of_process,
+        stderr=terminal_of_process,
     )
-    os.close(there)
-    shown = b''
-    while True:
-        try:
-            piece = os.read(here, 65536)
-        except OSError:
-            # Linux raises this when the other side is closed.
-            break
-        if not piece:
-            break
-        shown += piece
-    os.close(here)
-    return process.wait(60.0), shown.decode()
+    os.close(terminal_of_process)
+    output = b''
+    # Linux raises this when the other side is closed.
+    with suppress(OSError):
+        while piece := os.read(terminal, 65536):
+            output += piece
+    os.close(terminal)
+    return process.wait(60.0), output.decode()
 
 
 def in_pipe(*arguments: object, code: str = CODE, **variables: str) -> tuple[int, str, str]:
-    given = environment(**variables)
-    done = called(PYTHON, '-c', code, *arguments, environment=given)
+    done = called(PYTHON, '-c', code, *arguments, environment=environment(**variables))
     return done.returncode, done.stdout, done.stderr
 
 
@@ -145,18 +141,18 @@ def faulty(healthy, make_run):
 
 
 def test_a_terminal_shows_colours_and_a_pipe_the_same_text_without(faulty) -> None:
-    code, shown = in_terminal(faulty)
+    code, output = in_terminal(faulty)
     assert code == 1
-    assert f'{ESCAPE}1;31mERROR{ESCAPE}0m closure' in shown
+    assert f'{ESCAPE}1;31mERROR{ESCAPE}0m closure' in output
     piped = in_pipe(faulty)
-    assert piped == (1, re.sub(r'\x1b\[[0-9;]*m', '', shown).replace('\r\n', '\n'), '')
+    assert piped == (1, re.sub(r'\x1b\[[0-9;]*m', '', output).replace('\r\n', '\n'), '')
     assert ESCAPE not in piped[1]
 
 
 def test_no_color_is_respected(faulty) -> None:
-    _, shown = in_terminal(faulty, NO_COLOR='1')
-    assert ESCAPE not in shown
-    assert 'ERROR closure' in shown
+    _, output = in_terminal(faulty, NO_COLOR='1')
+    assert ESCAPE not in output
+    assert 'ERROR closure' in output
     # By its convention an empty one has no effect.
     assert ESCAPE in in_terminal(faulty, NO_COLOR='')[1]
 

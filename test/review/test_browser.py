@@ -19,17 +19,16 @@ print(json.dumps([[[t.count for t in r.topics], [f.text for f in r.findings]] fo
 
 
 def test_uncompressed_runs_are_reviewed_and_compressed_chunks_reported(tmp_path: Path) -> None:
-    kinds = ('none', 'lz4', 'zstd')
-    runs = [LegRun().write(tmp_path / kind, kind) for kind in kinds]
+    runs = [LegRun().write(tmp_path / kind, kind) for kind in ('none', 'lz4', 'zstd')]
     done = subprocess.run(
         [sys.executable, '-c', REVIEW, *runs],
         capture_output=True,
         check=True,
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
     )
-    (counts, findings), *others = json.loads(done.stdout)
+    (counts, findings), (_, of_lz4), (_, of_zstd) = json.loads(done.stdout)
     review = review_run(runs[0])
     assert counts == [topic.count for topic in review.topics]
     assert findings == [finding.text for finding in review.findings]
-    for kind, (_, texts) in zip(kinds[1:], others, strict=True):
-        assert any(f"the compression '{kind}' is not known" in text for text in texts)
+    assert "the compression 'lz4' is not known" in ''.join(of_lz4)
+    assert "the compression 'zstd' is not known" in ''.join(of_zstd)

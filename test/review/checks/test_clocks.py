@@ -20,8 +20,8 @@ def latched(make_run, healthy, *sent: tuple[float, float, int]) -> Path:
     qos = qos_to_yaml([Qos(durability='transient_local')])
     topic = Topic('/markers', FLOAT, definition(FLOAT), qos=qos)
     start = healthy.answers[0].stamp
-    for published, heard, number in sent:
-        times = start + round(heard * 1e9), start + round(published * 1e9)
+    for publish_time, log_time, number in sent:
+        times = start + round(log_time * 1e9), start + round(publish_time * 1e9)
         healthy.messages.append(Message(topic, bytes(12), *times, number))
     return make_run(healthy)
 

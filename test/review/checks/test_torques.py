@@ -39,47 +39,43 @@ def test_a_run_opens_no_file_that_it_names(healthy, make_run, tmp_path, monkeypa
 
 
 def test_legs_on_one_joint_are_weighed_together() -> None:
-    names = ('left', 'right')
-    solvers = [
-        LegSolver(leg=KlannLeg(), direction=sense, phase=phase, dynamics=DYNAMICS)
-        for sense, phase in ((1, 0.0), (-1, 2.0))
-    ]
-    legs = [
-        LegRecording('', name, solver, *[frozenset()] * 2, *[no_series(1)] * 2, no_series(2))
-        for name, solver in zip(names, solvers, strict=True)
-    ]
+    legs = []
+    for name, sense, phase in (('left', 1, 0.0), ('right', -1, 2.0)):
+        solver = LegSolver(leg=KlannLeg(), direction=sense, phase=phase, dynamics=DYNAMICS)
+        series = *[no_series(1)] * 2, no_series(2)
+        legs.append(LegRecording('', name, solver, frozenset(), frozenset(), *series))
     both = TORQUE - DYNAMICS.crank_torque(2.0 - SWING, -RATE, -CHANGE)
     times = (TIMES * 1e9).astype(np.int64) + 1
     efforts = Series(times, times.copy(), np.column_stack([SWING, both]))
-    found = torques(Drive('crank', (0, 1), is_input=True, efforts=efforts), legs)
-    assert len(found.times) > 0.9 * COUNT
-    assert np.abs(found.recorded - found.expected).max() < 0.01 * np.abs(both).max()
-    legs[1] = replace(legs[1], solver=replace(solvers[1], direction=1e300, phase=1e308))
+    drive = Drive('crank', (0, 1), is_input=True, efforts=efforts)
+    compared = torques(drive, legs)
+    assert len(compared.times) > 0.9 * COUNT
+    assert np.abs(compared.recorded - compared.expected).max() < 0.01 * np.abs(both).max()
+    legs[1] = replace(legs[1], solver=replace(solver, direction=1e300, phase=1e308))
     with np.errstate(over='ignore', invalid='ignore'):
-        nothing = torques(Drive('crank', (0, 1), is_input=True, efforts=efforts), legs)
-    assert len(nothing.times) == 0
+        assert len(torques(drive, legs).times) == 0
 
 
 def test_rate_and_acceleration_have_honest_errors() -> None:
     random = np.random.default_rng(1)
     noisy = SWING + 1e-4 * random.standard_normal(COUNT)
-    found = crank_motion(TIMES, noisy)
-    assert len(found.rows) > 0.9 * COUNT
-    rate = (found.rate - RATE[found.rows]) / found.rate_error
-    change = (found.acceleration - CHANGE[found.rows]) / found.acceleration_error
+    motion = crank_motion(TIMES, noisy)
+    assert len(motion.rows) > 0.9 * COUNT
+    rate = (motion.rate - RATE[motion.rows]) / motion.rate_error
+    change = (motion.acceleration - CHANGE[motion.rows]) / motion.acceleration_error
     # Of a normal error 0.3 % are beyond three sigma; the estimate is not too large either.
     assert np.mean(np.abs(rate) > 3.5) < 0.03
     assert np.mean(np.abs(change) > 3.5) < 0.03
     assert 0.5 < np.sqrt(np.mean(change**2)) < 2.0
     # The estimate is useful.
-    assert np.median(found.acceleration_error) < 0.1 * np.abs(CHANGE).max()
+    assert np.median(motion.acceleration_error) < 0.1 * np.abs(CHANGE).max()
 
 
 def test_samples_that_jump_back_or_pause_make_no_motion() -> None:
     times = np.concatenate([TIMES, TIMES[:5] - 1.0, TIMES + 10.0])
     angles = np.concatenate([SWING, np.zeros(5), SWING])
-    found = crank_motion(times, angles)
-    assert np.abs(found.rate).max() < 9.0
-    assert not set(range(COUNT, COUNT + 5)) & set(found.rows.tolist())
+    motion = crank_motion(times, angles)
+    assert np.abs(motion.rate).max() < 9.0
+    assert not set(range(COUNT, COUNT + 5)) & set(motion.rows.tolist())
     assert len(crank_motion(TIMES[:5], SWING[:5]).rows) == 0
     assert len(crank_motion(np.zeros(50), SWING[:50]).rows) == 0

@@ -37,7 +37,7 @@ def test_a_heading_across_pi_gives_no_error(review_recording: Any) -> None:
 
 def test_odometry_that_is_far_from_the_truth_is_found(review_recording: Any) -> None:
     review = review_recording(Walking(scale=1.1))
-    (finding,) = (each for each in review.findings if each.check == 'odometry')
+    (finding,) = (finding for finding in review.findings if finding.check == 'odometry')
     assert finding.text.startswith('odometry was up to 0.2 m off the ground truth over 2 m')
     assert finding.time == pytest.approx(3.99, abs=1e-3)
 
@@ -51,24 +51,22 @@ def test_without_ground_truth_no_error_is_reported(review_recording: Any) -> Non
 
 
 @pytest.mark.parametrize(
-    ('lag', 'found'),
+    ('lag', 'expected'),
     [((0.5, 0.5), {'crank_lag'}), ((0.3, 0.0), {'phase'}), ((0.5, 0.0), {'crank_lag', 'phase'})],
 )
 def test_cranks_that_are_not_where_they_should_be_are_found(
-    lag: tuple[float, float], found: set[str], review_recording: Any
+    lag: tuple[float, float], expected: set[str], review_recording: Any
 ) -> None:
     review = review_recording(Walking(lag=lag))
-    assert checks(review) == found
-    times = [each.time for each in review.findings if each.check in found]
-    assert times == pytest.approx([3.0] * len(found), abs=1e-3)
+    assert checks(review) == expected
+    times = [finding.time for finding in review.findings if finding.check in expected]
+    assert times == pytest.approx([3.0] * len(expected), abs=1e-3)
 
 
 def test_invalid_messages_are_counted_and_the_rest_is_checked(review_recording: Any) -> None:
     review = review_recording(Walking(cut=10))
-    assert {(each.topic, each.count) for each in review.recording.undecoded} == {
-        ('/odom', 1),
-        ('/ground_truth', 1),
-    }
+    counts = {undecoded.topic: undecoded.count for undecoded in review.recording.undecoded}
+    assert counts == {'/odom': 1, '/ground_truth': 1}
     assert checks(review) == set()
 
 

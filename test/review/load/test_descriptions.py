@@ -36,15 +36,13 @@ def test_a_walker_is_judged_without_its_phases(tmp_path, write_messages) -> None
     run = LegRun({name: KlannLeg() for name in names}, phases).write(tmp_path / 'run')
     messages = write_messages.read(run)
     # The crank's own angle, which is none of its legs'.
-    asked = topic_of('/crank_angle', FLOAT)
-    cranks = [
-        replace(m, topic=asked, data=bytes([0, 1, 0, 0]) + bytes(8))
-        for m in messages
-        if m.topic.name == '/joint_states'
-    ]
-    first = Message(topic_of('/robot_description', STRING), text(WALKER), START, START, 1)
-    both = sorted([first, *messages, *cranks], key=lambda m: m.log_time)
-    review = review_run(write_messages(run, both))
+    crank = topic_of('/crank_angle', FLOAT)
+    for message in [*messages]:
+        if message.topic.name == '/joint_states':
+            messages.append(replace(message, topic=crank, data=bytes([0, 1, 0, 0]) + bytes(8)))
+    described = Message(topic_of('/robot_description', STRING), text(WALKER), START, START, 1)
+    messages = sorted([described, *messages], key=lambda message: message.log_time)
+    review = review_run(write_messages(run, messages))
     evaluated = {leg.recording.title: len(leg.evaluated.poses) for leg in review.legs}
     assert evaluated == dict.fromkeys(names, 400)
     assert checks(review) == []

@@ -76,25 +76,24 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope='module')
-def wanted(run: Path) -> dict[str, Any]:
+def run_report(run: Path) -> dict[str, Any]:
     return report_of(run)
 
 
 def report_of(log: Path) -> dict[str, Any]:
     report = log.parent / 'report.json'
     assert main([str(log), '--geometry', SEM104, '--json', str(report)]) == 0
-    found: dict[str, Any] = json.loads(report.read_text())
-    return found
+    return json.loads(report.read_text())
 
 
 @pytest.mark.parametrize('kind', KINDS, ids=NAMES)
 def test_a_bag_of_any_kind_has_the_figures_of_the_run(
-    kind: Any, run: Path, wanted: dict[str, Any], tmp_path: Path
+    kind: Any, run: Path, run_report: dict[str, Any], tmp_path: Path
 ) -> None:
-    found = report_of(convert(run, tmp_path / 'bag', *kind))
-    assert found['legs'] == wanted['legs']
-    assert found['findings'] == wanted['findings'] == []
-    for topic, expected in zip(found['topics'], wanted['topics'], strict=True):
+    bag_report = report_of(convert(run, tmp_path / 'bag', *kind))
+    assert bag_report['legs'] == run_report['legs']
+    assert bag_report['findings'] == run_report['findings'] == []
+    for topic, expected in zip(bag_report['topics'], run_report['topics'], strict=True):
         for key in ('name', 'count', 'rate', 'longest_gap'):
             assert topic[key] == expected[key]
         # Neither the source time nor a number of the message is in the bag.

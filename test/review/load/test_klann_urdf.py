@@ -18,14 +18,15 @@ WALKER = (ROOT / 'urdf' / 'walker6.urdf').read_text(encoding='utf-8')
 
 
 def numbers(geometry: KlannGeometry) -> dict[str, Any]:
-    return {name: value for name, value in geometry.as_dict().items() if name != 'assembly'}
+    parameters = geometry.as_dict()
+    del parameters['assembly']
+    return parameters
 
 
-@pytest.mark.parametrize('name', ['klann', 'walker4', 'walker6'])
-def test_the_shipped_urdfs_are_of_the_shipped_legs(name: str) -> None:
-    found = klann_legs_in_urdf((ROOT / 'urdf' / f'{name}.urdf').read_text(encoding='utf-8'))
-    assert len(found) == {'klann': 1, 'walker4': 4, 'walker6': 6}[name]
-    assert list(found.values()) == [numbers(SEM104)] * len(found)
+@pytest.mark.parametrize(('name', 'count'), [('klann', 1), ('walker4', 4), ('walker6', 6)])
+def test_the_shipped_urdfs_are_of_the_shipped_legs(name: str, count: int) -> None:
+    urdf_legs = klann_legs_in_urdf((ROOT / 'urdf' / f'{name}.urdf').read_text(encoding='utf-8'))
+    assert list(urdf_legs.values()) == [numbers(SEM104)] * count
 
 
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -64,9 +65,9 @@ CHANGES = yaml.safe_load(Path(__file__).with_name('urdf_changes.yaml').read_text
 
 @pytest.mark.parametrize('change', CHANGES.values(), ids=CHANGES)
 def test_other_urdfs_are_not_a_klann_leg(change: tuple[str, str]) -> None:
-    before, after = change
-    assert before in URDF
-    changed = URDF.replace(before, after)
+    original, replacement = change
+    assert original in URDF
+    changed = URDF.replace(original, replacement)
     # A text has no encoding, whatever its declaration.
     expected = {'': numbers(SEM104)} if 'encoding="x"' in changed else {}
     assert klann_legs_in_urdf(changed) == expected
@@ -85,14 +86,13 @@ def test_invalid_urdfs_have_no_legs(text: str) -> None:
     st.integers(0, 60),
     st.text(st.sampled_from('<>/"=!&; 0.-einfa\0\udc80\u202e'), max_size=12),
 )
-def test_no_text_is_an_error(begin: int, size: int, put: str) -> None:
+def test_no_text_is_an_error(begin: int, size: int, text: str) -> None:
     end = begin + size
-    found = klann_legs_in_urdf(URDF[:begin] + put + URDF[end:])
-    assert set(found) <= {''}
+    assert set(klann_legs_in_urdf(URDF[:begin] + text + URDF[end:])) <= {''}
 
 
 @given(st.integers(0, 5))
-def test_one_broken_leg_hides_no_other(which: int) -> None:
+def test_one_broken_leg_hides_no_other(index: int) -> None:
     names = list(klann_legs_in_urdf(WALKER))
-    broken = re.sub(f'name="{names[which]}/gamma"', 'name="gone"', WALKER)
-    assert list(klann_legs_in_urdf(broken)) == [name for name in names if name != names[which]]
+    broken = re.sub(f'name="{names.pop(index)}/gamma"', 'name="gone"', WALKER)
+    assert list(klann_legs_in_urdf(broken)) == names

@@ -5,12 +5,12 @@ import struct
 
 from hypothesis import example, given, settings, strategies as st
 from klann_ros.log.records import Message, Topic
-from klann_ros.log.run_parameters import LOSS_RECORD, loss_record, TopicCount
+from klann_ros.log.run_parameters import TopicCount
 from klann_ros.review.load.topics import recorder_clock_steps
 from klann_ros.review.reviewing import review_run
 import numpy as np
 import pytest
-from review_findings import checks, found
+from review_findings import checks, found as findings_of
 
 MS = 1_000_000
 S = 1000 * MS
@@ -26,23 +26,22 @@ def recorded_times(
     sent after it comes after it. The clock of the second is `behind` [ns].
     """
     random = np.random.default_rng(seed)
-    rows = []
+    messages = []
     for publisher in range(publishers):
         sent = np.arange(count) * 2 * MS + random.integers(0, MS, count)
         latency = 50_000 + random.integers(0, 200_000, count)
         latency += (random.random(count) < 0.02) * random.integers(0, late, count)
         received = np.maximum.accumulate(sent + latency)
-        rows.append(np.column_stack([sent - behind * (publisher == 1), received]))
-    found = np.concatenate(rows)
+        messages.append(np.column_stack([sent - behind * (publisher == 1), received]))
+    sources, received = np.concatenate(messages).T
     # What was received by the same wake-up is in the queue together.
-    order = np.lexsort([found[:, 0], found[:, 1] // batch])
-    return found[order, 0], found[order, 1]
+    order = np.lexsort([sources, received // batch])
+    return sources[order], received[order]
 
 
 def steps(sources: np.ndarray, received: np.ndarray) -> np.ndarray:
     rows = np.flatnonzero(np.diff(received) < 0)
-    by = received[rows] - received[rows + 1], sources[rows] - sources[rows + 1]
-    return np.column_stack([rows + 1, *by])
+    return np.column_stack([rows + 1, -np.diff(received)[rows], -np.diff(sources)[rows]])
 
 
 def clocks(sources: np.ndarray, received: np.ndarray, *, alone: bool) -> np.ndarray:
@@ -75,25 +74,25 @@ def test_such_publishers_do_go_back_in_the_log() -> None:
 @given(
     seed=st.integers(0, 2**32),
     publishers=st.integers(1, 3),
-    at=st.integers(500, 2500),
-    by=st.sampled_from([30 * MS, 200 * MS, 5 * S, 3600 * S]),
+    index=st.integers(500, 2500),
+    offset=st.sampled_from([30 * MS, 200 * MS, 5 * S, 3600 * S]),
 )
 def test_a_clock_that_is_set_back_is_found_where_that_was(
-    seed: int, publishers: int, at: int, by: int
+    seed: int, publishers: int, index: int, offset: int
 ) -> None:
     sources, received = recorded_times(
         seed, publishers=publishers, behind=0, batch=20 * MS, late=MS
     )
-    at *= publishers
-    received[at:] -= by
-    assert clocks(sources, received, alone=publishers == 1).tolist() == [at]
+    index *= publishers
+    received[index:] -= offset
+    assert clocks(sources, received, alone=publishers == 1).tolist() == [index]
 
 
-@pytest.mark.parametrize('by', [30 * MS, 200 * MS, 5 * S])
-def test_a_machine_whose_clock_is_set_back_is_found(by: int) -> None:
+@pytest.mark.parametrize('offset', [30 * MS, 200 * MS, 5 * S])
+def test_a_machine_whose_clock_is_set_back_is_found(offset: int) -> None:
     sources, received = recorded_times(2, publishers=1, behind=0, batch=20 * MS)
-    sources[700:] -= by
-    received[700:] -= by
+    sources[700:] -= offset
+    received[700:] -= offset
     assert clocks(sources, received, alone=True).tolist() == [700]
 
 
@@ -111,52 +110,49 @@ def test_log_times_that_go_back_are_one_finding_of_all_topics(healthy, make_run,
         for m in write_messages.read(run)
     ]
     text = 'order: the log times go back once, by 0.015 s or more, on '
-    assert found(write_messages(run, back)) == [f'{text}/crank_angle, /joint_states, /point_h']
+    assert findings_of(write_messages(run, back)) == [
+        f'{text}/crank_angle, /joint_states, /point_h'
+    ]
 
 
 def test_two_interleaved_publishers_give_no_finding(healthy, make_run, write_messages) -> None:
     run = make_run(healthy)
-    second = [
-        replace(m, publish_time=m.publish_time + MS, log_time=m.log_time + 2 * MS)
-        for m in write_messages.read(run)
-        if m.topic.name == '/crank_angle'
-    ]
-    late = [replace(m, log_time=m.log_time + 5 * MS) for m in write_messages.read(run)]
-
-    def by_source(message: Message) -> tuple[int, int]:
-        return message.publish_time, message.log_time
-
-    both = sorted([*late, *second], key=by_source)
-    review = review_run(write_messages(run, both))
-    (topic,) = [each for each in review.recording.topics if each.name == '/crank_angle']
+    messages = []
+    for message in write_messages.read(run):
+        messages.append(replace(message, log_time=message.log_time + 5 * MS))
+        if message.topic.name == '/crank_angle':
+            times = {'publish_time': message.publish_time + MS}
+            messages.append(replace(message, log_time=message.log_time + 2 * MS, **times))
+    messages.sort(key=lambda message: (message.publish_time, message.log_time))
+    review = review_run(write_messages(run, messages))
+    (topic,) = [topic for topic in review.recording.topics if topic.name == '/crank_angle']
     assert topic.reordered == 399 + 1
     assert 'order' not in checks(review)
 
 
 def test_times_beyond_every_array_do_no_harm(healthy, make_run) -> None:
-    time, largest = healthy.answers[100].stamp, 2**64 - 1
+    time = healthy.answers[100].stamp
+    largest = 2**64 - 1
     alpha = struct.pack('<4sd', b'\0\1\0\0', healthy.answers[100].alpha)
     other = replace(healthy.crank, name='/other')
     healthy.messages += [
         Message(healthy.crank, alpha, time + 200_000, largest, 0),
         Message(other, alpha, largest, 0, 0),
     ]
-    assert found(make_run(healthy)) == []
+    assert findings_of(make_run(healthy)) == []
 
 
 @pytest.mark.parametrize('unheard', [0, None], ids=['one publisher', 'several'])
 def test_the_recorder_stores_the_publisher_count(
     healthy, make_run, write_messages, unheard: int | None
 ) -> None:
-    healthy.metadata.append(
-        (LOSS_RECORD, loss_record({'/other': TopicCount(3, 3, missed=unheard)}))
-    )
-    run, start = make_run(healthy), healthy.answers[0].stamp
-    other = Topic('/other', 'std_msgs/msg/String', 'string data')
+    healthy.add_counts({'/other': TopicCount(3, 3, missed=unheard)})
+    run = make_run(healthy)
+    topic = Topic('/other', 'std_msgs/msg/String', 'string data')
     # The second one's only message is heard between two of the first, whose numbers are as low.
-    sent = [(500, 1), (540, 2), (507, 1)]
-    others = [
-        Message(other, b'', start + at * MS, start + at * MS - 1000, number) for at, number in sent
-    ]
-    review = review_run(write_messages(run, [*write_messages.read(run), *others]))
+    messages = write_messages.read(run)
+    for delay, number in ((500, 1), (540, 2), (507, 1)):
+        time = healthy.answers[0].stamp + delay * MS
+        messages.append(Message(topic, b'', time, time - 1000, number))
+    review = review_run(write_messages(run, messages))
     assert checks(review) == ([] if unheard is None else ['order'])

@@ -33,8 +33,8 @@ def parameters_of(path: Path) -> dict[str, Any]:
     text = {LINKAGE_PARAMETER: robot_of(str(path)).legs[0].description}
     if path.parent.name == 'linkages':
         return text
-    given = solver_section(yaml.safe_load(path.read_text()))
-    return given | text if 'linkage' in given else KlannGeometry().as_dict() | given | text
+    parameters = solver_section(yaml.safe_load(path.read_text())) | text
+    return parameters if 'linkage' in parameters else KlannGeometry().as_dict() | parameters
 
 
 def run_of(path: Path, recorded: dict[str, Any], **options: Any) -> LegRun:
@@ -72,8 +72,8 @@ def test_shipped_configurations_give_a_healthy_run(tmp_path, path, namespace) ->
     assert {leg.recording.title for leg in review.legs} == titles
     for leg in review.legs:
         assert leg.errors is not None
-        judged = leg.evaluated
-        assert len(judged.poses) == len(judged.feet) == len(judged.cranks) == COUNT
+        evaluated = leg.evaluated
+        assert len(evaluated.poses) == len(evaluated.feet) == len(evaluated.cranks) == COUNT
         assert leg.figures.worst_foot_error < 1e-12
         assert abs(leg.figures.turns) == pytest.approx(run.turns)
 

@@ -25,27 +25,28 @@ JANSEN = ROOT / 'klann_ros' / 'linkages' / 'jansen.yaml'
 def compared(situation_of: Any, make_run: Any) -> Callable[..., Comparison]:
     """Return what writes two situations and compares them by limits."""
 
-    def of(one: dict[str, Any], other: dict[str, Any], **limits: float) -> Comparison:
-        made = zip(('one', 'other'), map(situation_of, (one, other)), strict=True)
-        runs = [make_run(each, f'{name} {limits}') for name, each in made]
-        return compare(*(review_run(run, limits=Limits(**limits)) for run in runs))
+    def compare_situations(*situations: dict[str, Any], **limits: float) -> Comparison:
+        reviews = []
+        for index, situation in enumerate(situations):
+            run = make_run(situation_of(situation), f'{index} {limits}')
+            reviews.append(review_run(run, limits=Limits(**limits)))
+        return compare(*reviews)
 
-    return of
+    return compare_situations
 
 
 @pytest.mark.parametrize('pair', COMPARISONS.values(), ids=COMPARISONS)
 def test_two_runs_have_their_differences(compared: Any, pair: dict[str, Any]) -> None:
     both = pair.get('one', {}), pair.get('other', {})
-    found = compared(*both)
-    lines = [
-        f'{each.what} {each.size:.12g} {each.unit}'.rstrip() + f': {located(each.leg, each.text)}'
-        for each in found.differences
-    ]
+    comparison = compared(*both)
+    lines = []
+    for difference in comparison.differences:
+        quantity = f'{difference.what} {difference.size:.12g} {difference.unit}'.rstrip()
+        lines.append(f'{quantity}: {located(difference.leg, difference.text)}')
     assert are_alike(lines, pair['finds']), lines
-    assert found.remarks == tuple(pair.get('remarks', ()))
+    assert comparison.remarks == tuple(pair.get('remarks', ()))
     for limits in pair.get('passes_with', ()):
-        left = [each.what for each in compared(*both, **limits).differences]
-        assert len(left) == len(lines) - 1
+        assert len(compared(*both, **limits).differences) == len(lines) - 1
 
 
 def test_a_run_and_itself_do_not_differ(healthy, make_run, capsys) -> None:
@@ -56,18 +57,18 @@ def test_a_run_and_itself_do_not_differ(healthy, make_run, capsys) -> None:
 
 @pytest.mark.parametrize('name', [*LENGTHS, *(name for name in COORDINATES if name != 'x_d')])
 def test_a_length_that_is_one_percent_longer_is_named(compared, name) -> None:
-    before = getattr(KlannGeometry(), name)
-    longer = {'run': {'geometry': {name: 1.01 * before}, 'count': 100}}
-    found = compared({'run': {'count': 100}}, longer).differences
-    length, *motion = found
+    nominal = getattr(KlannGeometry(), name)
+    longer = {'run': {'geometry': {name: 1.01 * nominal}, 'count': 100}}
+    length, *motion = compared({'run': {'count': 100}}, longer).differences
     assert (length.what, length.unit) == (name, 'm')
-    assert length.size == pytest.approx(0.01 * before)
-    both = f'{before:.9g} m in the first run, {1.01 * before:.9g} m in the second'
-    assert length.text == f'{name} is {both}, +1.000%'
+    assert length.size == pytest.approx(0.01 * nominal)
+    lengths = f'{nominal:.9g} m in the first run, {1.01 * nominal:.9g} m in the second'
+    assert length.text == f'{name} is {lengths}, +1.000%'
     # GH moves the foot, and no angle.
-    assert [each.what for each in motion] == (['path'] if name == 'l_gh' else ['angles', 'path'])
-    for each in motion:
-        assert 1e-4 < each.size < 0.1
+    quantities = ['path'] if name == 'l_gh' else ['angles', 'path']
+    assert [difference.what for difference in motion] == quantities
+    for difference in motion:
+        assert 1e-4 < difference.size < 0.1
     if name == 'l_gh':
         assert motion[0].size == pytest.approx(0.0043, abs=1e-12)
         assert motion[0].text == 'the feet are up to 0.0043 m apart at the same crank angle'
@@ -86,26 +87,24 @@ def test_runs_without_any_geometry_are_not_compared(healthy, make_run, capsys) -
 
 
 def test_a_run_that_differs_is_exit_code_1(make_script, make_run, capsys) -> None:
-    one = str(make_run(make_script()))
-    other = str(make_run(make_script(KlannGeometry(l_ab=0.1212)), 'other'))
-    assert main([one, other]) == 1
+    first = str(make_run(make_script()))
+    second = str(make_run(make_script(KlannGeometry(l_ab=0.1212)), 'second'))
+    assert main([first, second]) == 1
     output = capsys.readouterr().out
     assert output.count('nothing found: every pose is the right one') == 2
-    assert (
-        '\nDIFFERS l_ab: l_ab is 0.12 m in the first run, 0.1212 m in the second, +1.000%\n'
-        in output
-    )
-    assert main([one, 'nothing.mcap']) == 2
+    lengths = 'l_ab is 0.12 m in the first run, 0.1212 m in the second, +1.000%'
+    assert f'\nDIFFERS l_ab: {lengths}\n' in output
+    assert main([first, 'nothing.mcap']) == 2
     capsys.readouterr()
 
 
 def test_the_bars_of_a_linkage_have_names(tmp_path) -> None:
     longer = tmp_path / 'jansen.yaml'
     longer.write_text(JANSEN.read_text().replace('length: 50.0', 'length: 50.5'))
-    before, after = (
+    dimensions, longer_dimensions = (
         leg_dimensions(LegSolver(leg=LinkageLeg(linkage_from_file(path))))
         for path in (JANSEN, longer)
     )
-    changed = [name for name in before if before[name] != after[name]]
-    assert changed == ['X-W']
-    assert after['X-W'].value == pytest.approx(0.505)
+    assert longer_dimensions['X-W'].value == pytest.approx(0.505)
+    dimensions['X-W'] = longer_dimensions['X-W']
+    assert dimensions == longer_dimensions

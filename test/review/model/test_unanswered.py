@@ -55,8 +55,9 @@ class Fates:
 
 @st.composite
 def fates(draw: Any) -> Fates:
-    def stretch(least: int) -> range:
-        begin, size = draw(INSIDE), draw(st.one_of(st.just(0), st.integers(least, 60)))
+    def stretch(min_size: int) -> range:
+        begin = draw(INSIDE)
+        size = draw(st.one_of(st.just(0), st.integers(min_size, 60)))
         return range(begin, min(begin + size, COUNT - 1))
 
     singles = st.sets(INSIDE, max_size=12)
@@ -68,23 +69,25 @@ Messages = list[Message]
 
 def changed(messages: Messages, fate: Fates) -> Messages:
     """Return the messages of a run in which the questions have these fates."""
-    answered = list(accumulate(fate.is_answered(n) for n in range(COUNT)))
-    kept = []
+    answered = list(accumulate(map(fate.is_answered, range(COUNT))))
+    recorded = []
     for message in messages:
         n = message.sequence - 1
         if message.topic.name in ('/crank_angle', '/crank_state'):
             if fate.has_question(n):
-                kept.append(message)
+                recorded.append(message)
         elif fate.has_answer(n):
-            kept.append(replace(message, sequence=answered[n]))
-    return kept
+            recorded.append(replace(message, sequence=answered[n]))
+    return recorded
 
 
 class Runs:
     """Writes runs in which the questions of a healthy one have some fates."""
 
     def __init__(self, folder: Path, messages: Messages) -> None:
-        self._folder, self._count, self.healthy = folder, 0, messages
+        self._folder = folder
+        self._count = 0
+        self.healthy = messages
 
     def write(self, fate: Fates, changed_: Callable[[Message], Message] = lambda m: m) -> Path:
         self._count += 1
@@ -136,11 +139,9 @@ def test_the_number_of_unanswered_crank_angles_is_true(runs: Runs, fate: Fates) 
     for finding in review.findings:
         if finding.check == 'answers':
             whole, _, parts = finding.text.partition(' not answered')
-            numbers = [
-                int(n) for n in re.findall(r'[0-9]+(?= (?:in|at|whose|unexplained))', parts)
-            ]
+            numbers = re.findall(r'[0-9]+(?= (?:in|at|whose|unexplained))', parts)
             assert int(whole.split()[0]) == len(truth)
-            assert sum(numbers) == (len(truth) if parts else 0)
+            assert sum(map(int, numbers)) == (len(truth) if parts else 0)
 
 
 def test_questions_within_0_2_s_of_a_pause_are_at_holes(runs: Runs) -> None:
@@ -168,10 +169,7 @@ def test_of_questions_with_one_stamp_as_many_are_missing_as_answers_are(
 
 
 def test_the_report_for_machines_has_all_parts(healthy, make_run) -> None:
-    healthy.answers[200:250], silent = [], healthy.answers[200:250]
-    for answer in silent:
-        healthy.unanswered.append((answer.stamp, answer.alpha))
-    healthy.renumber()
+    healthy.silence(200, 250)
     for index, later in ((30, 1000), (31, 1000), (0, -1000)):
         healthy.ask(index, later)
     file = BytesIO()
