@@ -25,7 +25,7 @@ PRINTED = {
 def cells(path: Path, kind: str) -> list[str]:
     content: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
     assert (content['nbformat'], content['nbformat_minor']) == (4, 5)
-    return [''.join(each['source']) for each in content['cells'] if each['cell_type'] == kind]
+    return [''.join(cell['source']) for cell in content['cells'] if cell['cell_type'] == kind]
 
 
 @pytest.mark.parametrize('path', NOTEBOOKS, ids=lambda path: path.stem)
@@ -37,14 +37,15 @@ def test_a_notebook_runs_and_prints_the_slides_numbers(path: Path) -> None:
     first, *code = cells(path, 'code')
     assert first.startswith('%pip install')
     mpl.use('Agg')
-    printed, names = StringIO(), dict[str, Any]()
+    printed = StringIO()
+    names: dict[str, Any] = {}
     # A few frames of a movement are enough [MB].
     with redirect_stdout(printed), mpl.rc_context({'animation.embed_limit': 0.1}):
         for source in code:
             exec(compile(source, path.name, 'exec'), names)  # noqa: S102 - our own
         assert '<script' in names['movement'].to_jshtml()
     plt.close('all')
-    assert all(each in printed.getvalue() for each in PRINTED[path.stem])
+    assert [text for text in PRINTED[path.stem] if text not in printed.getvalue()] == []
 
 
 @pytest.mark.parametrize('path', NOTEBOOKS, ids=lambda path: path.stem)

@@ -33,14 +33,14 @@ def _replace(fill):
 
 
 def _insert(data, chance):
-    at = chance.randrange(len(data))
-    data[at:at] = chance.randbytes(chance.randrange(1, 300))
+    position = chance.randrange(len(data))
+    data[position:position] = chance.randbytes(chance.randrange(1, 300))
 
 
 def _duplicate(data, chance):
     start, end = _region(data, chance)
-    at = chance.randrange(len(data))
-    data[at:at] = data[start:end]
+    position = chance.randrange(len(data))
+    data[position:position] = data[start:end]
 
 
 def _swap(data, chance):
@@ -49,8 +49,9 @@ def _swap(data, chance):
         return
     first = chance.randrange(8, len(data) - 2 * size)
     second = chance.randrange(first + size, len(data) - size + 1)
-    one, other = slice(first, first + size), slice(second, second + size)
-    data[one], data[other] = data[other], data[one]
+    span_a = slice(first, first + size)
+    span_b = slice(second, second + size)
+    data[span_a], data[span_b] = data[span_b], data[span_a]
 
 
 def _in_record(change):
@@ -75,8 +76,8 @@ def _wrong_opcode(data, start, chance):
 
 def _wrong_head(data, start, chance):
     # The record's inner lengths are there.
-    at = min(start + chance.randrange(70), len(data) - 1)
-    data[at] = chance.randrange(256)
+    position = min(start + chance.randrange(70), len(data) - 1)
+    data[position] = chance.randrange(256)
 
 
 def _overwrite_page(data, chance):
@@ -97,8 +98,8 @@ def _wrong_in_page(data, chance):
     """Overwrite bytes in the head of a page of SQLite: its type, cell count and pointers."""
     start = _page(data, chance)
     for _ in range(chance.randrange(1, 6)):
-        at = min(start + chance.randrange(120), len(data) - 1)
-        data[at] = chance.choice([0, 1, 2, 5, 10, 13, 127, 128, 255])
+        position = min(start + chance.randrange(120), len(data) - 1)
+        data[position] = chance.choice([0, 1, 2, 5, 10, 13, 127, 128, 255])
 
 
 def _page(data, chance):

@@ -18,7 +18,7 @@ import yaml
 
 FORGED = 'ERROR forged'
 BREAKS = '\n', '\r', '\r\n', '\v', '\f', '\x1c', '\x1e', '\x85', '\u2028', '\u2029'
-EVIL = ''.join(f'{each}{FORGED}' for each in BREAKS) + (
+EVIL = ''.join(f'{line_break}{FORGED}' for line_break in BREAKS) + (
     '\x1b[2J\x1b]0;title\x07\x9b31m\x9d0;t\x9c\b\x7f\u202e\u2066\u200f\u200b\ufeff\U000e0041\0'
 )
 JOINTS = 'alpha', 'gamma', 'beta', 'delta', 'theta'
@@ -67,8 +67,8 @@ def _messages():
     crank, state = 'std_msgs/msg/Float64', 'sensor_msgs/msg/JointState'
     foot, report = 'geometry_msgs/msg/PointStamped', 'diagnostic_msgs/msg/DiagnosticArray'
     topics = [
-        Topic(f'/{EVIL}{last}', kind, definition(kind), f'- {{history: "{FORGED}\\u202e"}}')
-        for last, kind in (
+        Topic(f'/{EVIL}{suffix}', kind, definition(kind), f'- {{history: "{FORGED}\\u202e"}}')
+        for suffix, kind in (
             ('/crank_angle', crank),
             ('/joint_states', state),
             ('/point_h', foot),
@@ -82,21 +82,15 @@ def _messages():
         replace(topics[0], name=f'/json{EVIL}', message_encoding=EVIL, schema_encoding=EVIL),
         Topic('/long' + 'x' * 5000 + EVIL, crank, definition(crank)),
     ]
+    # A leg whose name is as bad as all others.
+    pose = JointStateTemplate([f'{EVIL[:-1]}/{joint}' for joint in JOINTS])
     for number in range(COUNT):
-        for topic in topics:
-            time = START + (number * len(topics) + topics.index(topic)) * 1_000_000
-            data = _pose(number) if topic.type == state else _number(number)
+        for position, topic in enumerate(topics):
+            time = START + (number * len(topics) + position) * 1_000_000
+            data = b'\0\1\0\0' + struct.pack('<d', 0.1 * number)
+            if topic.type == state:
+                data = pose.fill(1, number, [0.1 * number] * 5)
             yield Message(topic, data, time, time - 1000, number + 1 + number // 10)
-
-
-def _number(number):
-    return b'\0\1\0\0' + struct.pack('<d', 0.1 * number)
-
-
-def _pose(number):
-    """Return a JointState of a leg whose name is as bad as all others."""
-    names = [f'{EVIL[:-1]}/{joint}' for joint in JOINTS]
-    return JointStateTemplate(names).fill(1, number, [0.1 * number] * 5)
 
 
 def _records():

@@ -69,22 +69,24 @@ def _check_recovery(log, sample, case, *, traceless):
     output = log.with_name('again')
     code, text = run(recover_command.main, [str(log), '-o', str(output)])
     hold(text, case)
-    sound = [chunk for path in log.glob('*.mcap') for chunk in sound_chunks(path.read_bytes())]
-    wanted = Counter(message for chunk in sound for message in chunk.messages)
+    sound_messages = Counter()
+    for path in log.glob('*.mcap'):
+        for chunk in sound_chunks(path.read_bytes()):
+            sound_messages.update(chunk.messages)
     if code == recover_command.NOTHING_READ:
         assert not output.exists(), case
         assert text.count('\n') == 1, f'{case}: {text}'
         # Chunks without a description of their topics, or behind a foreign start.
-        assert not wanted or 'description' in text or _is_no_start(log), f'{case}: {text}'
+        assert not sound_messages or 'description' in text or _is_no_start(log), f'{case}: {text}'
         return
     assert code in (0, 3), f'{case}: {text}'
     assert (code == 3) == ('lost: ' in text), f'{case}: {text}'
-    with open_log(output) as found:
-        assert found.complete, f'{case}: {found.problem}'
-        messages = [content(message) for message in found.messages()]
+    with open_log(output) as recovered_log:
+        assert recovered_log.complete, f'{case}: {recovered_log.problem}'
+        messages = [*map(content, recovered_log.messages())]
     assert f'kept: {counted(len(messages), "message")} in all' in text, case
     if 'is not a readable log' not in text and 'is missing' not in text:
-        missing = wanted - Counter(messages)
+        missing = sound_messages - Counter(messages)
         undescribed = sum(map(int, re.findall(r'(\d+) messages? of topics whose', text)))
         assert missing.total() <= undescribed, f'{case}: {missing.total()} lost\n{text}'
     if UNVERIFIED not in text:
@@ -105,13 +107,13 @@ def _is_no_start(log):
 
 def _check_reading(log, case):
     try:
-        with open_log(log) as found:
-            list(found.messages())
-            list(found.messages(['/point_h'], start=found.start_time + 10**8))
-            list(found.latest({'/point_h': 2}, found.end_time))
-            assert isinstance(found.attachments, tuple), case
-            hold('\n'.join(found.problems), case)
-            assert all('\n' not in problem for problem in found.problems), case
+        with open_log(log) as damaged_log:
+            list(damaged_log.messages())
+            list(damaged_log.messages(['/point_h'], start=damaged_log.start_time + 10**8))
+            list(damaged_log.latest({'/point_h': 2}, damaged_log.end_time))
+            assert isinstance(damaged_log.attachments, tuple), case
+            hold('\n'.join(damaged_log.problems), case)
+            assert all('\n' not in problem for problem in damaged_log.problems), case
     except NotALogError as error:
         assert str(error).isprintable(), case
 
@@ -148,13 +150,13 @@ def check_legal(_, seed, place):
     log, case = place / 'legal_0.mcap', f'legal file, seed {seed}'
     place.mkdir()
     log.write_bytes(legal_file(messages, chance))
-    wanted = Counter(map(content, messages))
-    with open_log(log) as found:
-        assert Counter(map(content, found.messages())) == wanted, case
-        assert sum(map(len, found.blocks())) == len(messages), case
-        assert not found.problems, f'{case}: {found.problem}'
-        others = [item.name for item in found.attachments], [*found.metadata]
-        assert others == (['geometry.yaml'], ['solver']), case
+    with open_log(log) as legal_log:
+        contents = Counter(map(content, legal_log.messages()))
+        assert contents == Counter(map(content, messages)), case
+        assert sum(map(len, legal_log.blocks())) == len(messages), case
+        assert not legal_log.problems, f'{case}: {legal_log.problem}'
+        assert [attachment.name for attachment in legal_log.attachments] == ['geometry.yaml'], case
+        assert [*legal_log.metadata] == ['solver'], case
     code, text = run(recover_command.main, [str(log), '-o', str(place / 'again')])
     assert code == 0, f'{case}: {text}'
     assert f'kept: {counted(len(messages), "message")} in all, 1 attachment' in text, case
@@ -175,8 +177,8 @@ def check_cost(_, seed, place):
     path = place / 'x.mcap'
     path.write_bytes(HEADER + data)
     with Work() as done:
-        found = _read(path)
-    allowed = EACH * len(data) + UNPACKED * unpacked + MESSAGE * found + ONCE
+        message_count = _read(path)
+    allowed = EACH * len(data) + UNPACKED * unpacked + MESSAGE * message_count + ONCE
     path.unlink()
     place.rmdir()
     assert done.calls <= allowed, f'seed {seed}: {done.calls} calls, {allowed} are allowed'

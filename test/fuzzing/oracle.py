@@ -15,7 +15,7 @@ _ROW = 4
 
 
 @dataclass(frozen=True)
-class Found:
+class SoundChunk:
     """A chunk whose CRC holds: where it is, and what must not change in its messages."""
 
     start: int
@@ -29,14 +29,14 @@ def sound_chunks(data):
 
     One that is longer than its fields is one if records follow it: else its length is damaged.
     """
-    found = []
+    chunks = []
     offset = data.find(CHUNK)
     while offset >= 0:
         chunk = _chunk(data, offset)
         if chunk is not None:
-            found.append(chunk)
+            chunks.append(chunk)
         offset = data.find(CHUNK, chunk.end if chunk else offset + 1)
-    return found
+    return chunks
 
 
 def _chunk(data, offset):
@@ -60,7 +60,7 @@ def _chunk(data, offset):
         return None
     if zlib.crc32(unpacked) != crc:
         return None
-    return Found(offset, end, tuple(_messages(unpacked)))
+    return SoundChunk(offset, end, tuple(_messages(unpacked)))
 
 
 def _records_from(data, offset):

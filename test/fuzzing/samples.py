@@ -36,25 +36,23 @@ class Sample:
 def make_samples(place):
     """Write all kinds of runs into a folder; return them."""
     messages = make_messages()
-    kinds = [
-        *(_ours(place, compression, messages) for compression in ('zstd', 'lz4', 'none')),
+    folders = [_write(place / f'ours_{c}', messages, c).parent for c in ('zstd', 'lz4', 'none')]
+    folders += [
         _killed(place, messages),
         _split(place, messages),
         _others(place, 'without_crc', messages, enable_crcs=False),
         _others(place, 'unchunked', messages, use_chunking=False),
         _others(place, 'without_index', messages, **NO_INDEX),
         _others(place, 'plain', messages, compression=CompressionType.NONE, enable_crcs=False),
-    ]
-    kinds += [
         _extended(place / 'extended', messages, FLAGS),
         _extended(place / 'extended_without_index', messages, [CHUNKED]),
     ]
-    kinds.append(_packed(place / 'packed', place / 'ours_zstd' / 'ours_zstd_0.mcap'))
-    found = frozenset(content(message) for message in messages)
-    hostile, others = hostile_run(place, messages)
+    folders.append(_packed(place / 'packed', place / 'ours_zstd' / 'ours_zstd_0.mcap'))
+    contents = frozenset(map(content, messages))
+    hostile, hostile_messages = hostile_run(place, messages)
     return [
-        *(Sample(folder.name, folder, found) for folder in kinds),
-        Sample(hostile.name, hostile, frozenset(map(content, others))),
+        *(Sample(folder.name, folder, contents) for folder in folders),
+        Sample(hostile.name, hostile, frozenset(map(content, hostile_messages))),
         *_rosbag2(place, messages),
     ]
 
@@ -85,28 +83,24 @@ def content(message):
 def make_messages():
     """Return the messages of all samples."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    topics = [
-        Topic(name, kind, definition(kind), qos_to_yaml([Qos(depth=depth)]), 'RIHS01_' + 'a' * 64)
-        for depth, (name, kind) in enumerate(
-            [
-                ('/crank_angle', 'std_msgs/msg/Float64'),
-                ('/point_h', 'geometry_msgs/msg/PointStamped'),
-            ]
-        )
-    ]
+    kinds = {'/crank_angle': 'std_msgs/msg/Float64', '/point_h': 'geometry_msgs/msg/PointStamped'}
+    topics = []
+    for depth, (name, kind) in enumerate(kinds.items()):
+        qos = qos_to_yaml([Qos(depth=depth)])
+        topics.append(Topic(name, kind, definition(kind), qos, 'RIHS01_' + 'a' * 64))
     header = store.types['std_msgs/msg/Header']
     time = store.types['builtin_interfaces/msg/Time'](1, 2)
     point = store.types['geometry_msgs/msg/Point']
-    found = []
+    messages = []
     for n in range(CHUNKS * MESSAGES):
         topic = topics[n % 2 if n > MESSAGES else 0]
         if topic is topics[0]:
             data = b'\0\1\0\0' + struct.pack('<d', 0.01 * n)
         else:
-            made = store.types[topic.type](header(time, 'leg_plane'), point(0.1 * n, 0.2, 0.0))
-            data = bytes(store.serialize_cdr(made, topic.type))
-        found.append(Message(topic, data, START + n * 10**6, START + n * 10**6 - 1000, n + 1))
-    return found
+            place = store.types[topic.type](header(time, 'leg_plane'), point(0.1 * n, 0.2, 0.0))
+            data = bytes(store.serialize_cdr(place, topic.type))
+        messages.append(Message(topic, data, START + n * 10**6, START + n * 10**6 - 1000, n + 1))
+    return messages
 
 
 def _chunks(messages):
@@ -135,11 +129,6 @@ def _extended(folder, messages, flags):
     data = legal_file(messages, chance, flags={*flags}, **options)
     (folder / f'{folder.name}_0.mcap').write_bytes(data)
     return folder
-
-
-def _ours(place, compression, messages):
-    _write(place / f'ours_{compression}', messages, compression)
-    return place / f'ours_{compression}'
 
 
 def _killed(place, messages):

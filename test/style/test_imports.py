@@ -198,23 +198,18 @@ def make_package(folder: Path, part: str, line: str) -> Path:
 
 def modules(package: Path) -> dict[str, Path]:
     """Return the files of a package by the full names of their modules."""
-    return {
-        '.'.join(path.relative_to(package.parent).with_suffix('').parts): path
-        for path in sorted(package.rglob('*.py'))
-    }
+    files = {}
+    for path in sorted(package.rglob('*.py')):
+        files['.'.join(path.relative_to(package.parent).with_suffix('').parts)] = path
+    return files
 
 
 def needing_ros(package: Path) -> list[str]:
     """Return the errors of all modules but the nodes, imported without ROS."""
     names = [name.removesuffix('.__init__') for name in modules(package) if '.nodes.' not in name]
-    result = subprocess.run(
-        [sys.executable, '-c', WITHOUT_ROS, *names],
-        env=os.environ | {'PYTHONPATH': str(package.parent)},
-        capture_output=True,
-        check=True,
-        text=True,
-    )
-    return result.stdout.splitlines()
+    environment = os.environ | {'PYTHONPATH': str(package.parent)}
+    command = [sys.executable, '-c', WITHOUT_ROS, *names]
+    return subprocess.check_output(command, env=environment, text=True).splitlines()
 
 
 def upward_imports(package: Path) -> Iterator[str]:
@@ -226,10 +221,12 @@ def upward_imports(package: Path) -> Iterator[str]:
         if part not in ALLOWED:
             yield f'{relative} belongs to no known part'
             continue
-        split = [name.split('.') for name in imported_names(package, path)]
-        own = {name[1] for name in split if name[0] == package.name and len(name) > 1}
-        for other in sorted((own & parts) - ALLOWED[part] - {part}):
-            yield f'{relative} imports {other}'
+        imported_parts = set()
+        for name in imported_names(package, path):
+            if name.startswith(f'{package.name}.'):
+                imported_parts.add(name.split('.')[1])
+        for imported_part in sorted((imported_parts & parts) - ALLOWED[part] - {part}):
+            yield f'{relative} imports {imported_part}'
 
 
 def imports_past_a_face(package: Path) -> Iterator[str]:
@@ -237,51 +234,42 @@ def imports_past_a_face(package: Path) -> Iterator[str]:
     parts = {path.relative_to(package).parts[0] for path in package.glob('*/__init__.py')}
     for path in modules(package).values():
         relative = path.relative_to(package)
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
-            for module in imported_modules(package, path, node):
-                names = module.split('.')[1:]
-                is_deep = len(names) > 1 and names[-1] not in PUBLIC_MODULES
-                if is_deep and names[0] in parts - {relative.parts[0], 'sanitize'}:
-                    yield f'{relative} imports {module}'
+        for module, _ in imports(package, path):
+            root, *names = module.split('.')
+            is_deep = root == package.name and len(names) > 1 and names[-1] not in PUBLIC_MODULES
+            if is_deep and names[0] in parts - {relative.parts[0], 'sanitize'}:
+                yield f'{relative} imports {module}'
 
 
-def imported_modules(package: Path, path: Path, node: ast.AST) -> list[str]:
-    """Return the full names of the modules that a statement imports, or imports from."""
-    if isinstance(node, ast.Import):
-        return [alias.name for alias in node.names if alias.name.startswith(f'{package.name}.')]
-    if isinstance(node, ast.ImportFrom):
-        here = [package.name, *path.relative_to(package).parts[:-1]]
-        base = here[: len(here) + 1 - node.level] if node.level else []
-        module = '.'.join([*base, *filter(None, [node.module])])
-        return [module] if module.startswith(f'{package.name}.') else []
-    return []
-
-
-def imported_names(package: Path, path: Path) -> Iterator[str]:
-    """Yield the full names of the imports anywhere in a module: modules, or names in one."""
-    here = [package.name, *path.relative_to(package).parts[:-1]]
+def imports(package: Path, path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the imports anywhere in a module: a module's full name, and a name in it or ''."""
+    folder = [package.name, *path.relative_to(package).parts[:-1]]
     for node in ast.walk(ast.parse(path.read_text('utf-8'))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            for alias in node.names:
+                yield alias.name, ''
         elif isinstance(node, ast.ImportFrom):
-            base = here[: len(here) + 1 - node.level] if node.level else []
-            base = base + (node.module.split('.') if node.module else [])
-            yield from ('.'.join([*base, alias.name]) for alias in node.names)
+            base = folder[: len(folder) + 1 - node.level] if node.level else []
+            for alias in node.names:
+                yield '.'.join([*base, *filter(None, [node.module])]), alias.name
+
+
+def imported_names(package: Path, path: Path) -> list[str]:
+    """Return the full names of what a module imports: modules, or names in one."""
+    return ['.'.join(filter(None, names)) for names in imports(package, path)]
 
 
 def circle(package: Path) -> list[str]:
     """Return modules that import each other in a circle, for types too; [] without one."""
-    known = modules(package)
-
-    def module_of(name: str) -> str:
-        around = name.rpartition('.')[0]
-        names = (name, f'{name}.__init__', around, f'{around}.__init__')
-        return next((each for each in names if each in known), '')
-
-    graph = {
-        name: {*map(module_of, imported_names(package, path))} - {'', name}
-        for name, path in known.items()
-    }
+    files = modules(package)
+    graph = {}
+    for name, path in files.items():
+        predecessors = set()
+        for imported_name in imported_names(package, path):
+            parent = imported_name.rpartition('.')[0]
+            candidates = (imported_name, f'{imported_name}.__init__', parent, f'{parent}.__init__')
+            predecessors.add(next((module for module in candidates if module in files), name))
+        graph[name] = predecessors - {name}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
