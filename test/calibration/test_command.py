@@ -215,9 +215,7 @@ def test_a_prior_makes_every_number_known(table: Path, tmp_path: Path, capsys: C
         ('--point H=/mocap/foot --leg-name front', 'name the leg with --leg-name'),
     ],
 )
-def test_unusable_input_is_refused(
-    leg_run: Path, capsys: Capture, arguments: str, reason: str
-) -> None:
+def test_bad_input_is_refused(leg_run: Path, capsys: Capture, arguments: str, reason: str) -> None:
     try:
         code = main([str(leg_run), '--leg', 'sem104', *arguments.split()])
     except SystemExit as end:

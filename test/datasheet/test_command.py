@@ -46,9 +46,7 @@ def test_a_new_user_gets_text_page_and_numbers(tmp_path: Path, capsys: Capture) 
         (['chebyshev', '--bar-density', '1'], 'the crank does not turn fully'),
     ],
 )
-def test_a_weak_motor_gives_exit_code_1(
-    arguments: list[str], reason: str, capsys: Capture
-) -> None:
+def test_a_weak_motor_has_exit_code_1(arguments: list[str], reason: str, capsys: Capture) -> None:
     assert main([*arguments, '--motor', MOTOR]) == 1
     report = capsys.readouterr().out
     assert 'The motor cannot turn it' in report

@@ -77,9 +77,7 @@ numbers = st.floats(-15.0, 15.0)
 
 
 @given(st.lists(st.tuples(numbers, st.floats(-0.5, 0.5)), min_size=1, max_size=8))
-def test_the_fastest_is_the_first_speed_at_which_something_is_short(
-    needs: list[tuple[float, float]],
-) -> None:
+def test_the_fastest_is_the_first_speed_too_high(needs: list[tuple[float, float]]) -> None:
     motor = Motor(**(GOOD | {'stall_torque': 1.0, 'efficiency': 0.8}))
     fastest = verdict(motor, load(*map(list, zip(*needs, strict=True))), 1.0).fastest
     speeds = np.linspace(0.0, motor.output_no_load_speed, 2001)

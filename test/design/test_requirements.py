@@ -161,9 +161,7 @@ def test_a_damaged_path_is_refused(name: str, content: str, message: str, tmp_pa
 
 @pytest.mark.parametrize('is_timed', [False, True])
 @pytest.mark.parametrize('freedom', ['can_move', 'can_turn', 'can_scale'])
-def test_a_path_is_fitted_up_to_the_allowed_transformations(
-    freedom: str, *, is_timed: bool
-) -> None:
+def test_a_path_is_fitted_by_the_allowed_transformations(freedom: str, *, is_timed: bool) -> None:
     t = 2.0 * pi * np.arange(400) / 400
     z = np.exp(1j * t) + 0.3 * np.exp(-2j * t) + 0.1 * np.exp(3j * t)
     all_off = {'can_move': False, 'can_turn': False, 'can_scale': False}

@@ -120,9 +120,7 @@ def served(tmp_path: Path, variants: list[Variant]) -> dict[str, Callable[[Any],
     return runpy.run_path(str(tmp_path / 'grashof/server.py'))
 
 
-def test_prairielearn_generates_and_grades_by_this_package(
-    served: dict[str, Callable[[Any], None]],
-) -> None:
+def test_prairielearn_generates_and_grades(served: dict[str, Callable[[Any], None]]) -> None:
     data: dict[str, Any] = {'variant_seed': 8, 'params': {}, 'correct_answers': {}}
     served['generate'](data)
     assert '<svg' in data['params']['problem']

@@ -107,7 +107,7 @@ def test_lengths_that_never_close_are_refused(change: dict[str, float]) -> None:
         ({'l_ef': 0.3, 'l_fg': 0.850028}, (0.00104, 0.00916)),
     ],
 )
-def test_an_extremum_beside_zero_is_found(
+def test_an_extremum_near_zero_is_found(
     change: dict[str, float], arc: tuple[float, float]
 ) -> None:
     # The leg of SEM 104, turned so that |EG| has an extremum just beside a crank angle of 0.

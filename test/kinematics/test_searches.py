@@ -17,9 +17,7 @@ ENDS = np.array([0.3, 1e-7, 0.999999, 0.5, 0.7])
     right=st.floats(0.01, 5.0),
     odd=st.integers(0, 4),
 )
-def test_a_root_of_any_odd_order_is_found(
-    zero: float, left: float, right: float, odd: int
-) -> None:
+def test_a_root_of_odd_order_is_found(zero: float, left: float, right: float, odd: int) -> None:
     calls = []
 
     def function(t: float) -> float:

@@ -132,9 +132,7 @@ def test_function_generators_of_three_to_five_points_contain_their_origin(task: 
 
 
 @given(task=tasks(4), flip=st.sampled_from([None, 1, 2, 3]))
-def test_it_is_sound_where_a_trace_meets_the_positions_in_order(
-    task: Task, flip: int | None
-) -> None:
+def test_it_is_sound_where_a_trace_meets_all_in_order(task: Task, flip: int | None) -> None:
     positioned = with_positions(*task, flip)
     assert positioned.defects.branch == (flip is not None)
     assert positioned.is_sound == is_traced(positioned)
@@ -181,9 +179,7 @@ def test_instant_centres_are_on_kennedys_lines_and_give_the_speed_ratio(task: Ta
 # Four hundred cranks are tried for each.
 @settings(max_examples=8)
 @given(ratio=st.floats(1.02, 2.5), swing=st.floats(0.2, 2.4), rocker=st.floats(0.1, 10.0))
-def test_quick_returns_have_time_ratio_and_swing(
-    ratio: float, swing: float, rocker: float
-) -> None:
+def test_quick_returns_have_ratio_and_swing(ratio: float, swing: float, rocker: float) -> None:
     for geometry in quick_returns(ratio, swing, rocker):
         limits = FourBar(*geometry.lengths).rocker_limits
         assert limits.time_ratio == pytest.approx(ratio, rel=1e-9)

@@ -56,7 +56,7 @@ def test_ends_that_coincide_are_too_close(kernel: str) -> None:
 @both_kernels
 @pytest.mark.parametrize('shape', [(), (0,), (1,), (7,), (2, 3), (3, 0, 2), (2, 3, 4)])
 @pytest.mark.parametrize('count', [None, 0, 1, 2, 50])
-def test_the_shape_is_of_legs_and_angles(
+def test_shapes_are_of_legs_and_angles(
     count: int | None, shape: tuple[int, ...], kernel: str
 ) -> None:
     alphas = np.linspace(0.0, 7.0, math.prod(shape)).reshape(shape)

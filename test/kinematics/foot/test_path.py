@@ -244,9 +244,7 @@ def test_every_point_that_moves_has_its_path(name: str) -> None:
         ('four_bar', 'theta3', 'AB', (-0.1, 0.0)),
     ],
 )
-def test_a_body_point_is_placed_by_its_bar(
-    name: str, body: str, ends: str, place: tuple[float, float]
-) -> None:
+def test_a_body_point_is_placed_by_its_bar(name: str, body: str, ends: str, place: Any) -> None:
     leg, (u, v) = LinkageLeg(shipped_linkage(name)), place
     places = [leg.linkage.structure.points.index(end) for end in ends]
     path = foot_path(leg, point=(body, u, v), samples=64)

@@ -98,9 +98,7 @@ def test_both_known_legs_are_on_the_ground_for_about_half_a_turn(geometry: Klann
 
 
 @pytest.mark.parametrize('geometry', [SEM104, PATENT])
-def test_on_the_ground_the_foot_is_in_the_band_and_moves_backwards(
-    geometry: KlannGeometry,
-) -> None:
+def test_on_the_ground_the_foot_moves_backwards_in_the_band(geometry: KlannGeometry) -> None:
     leg = KlannLeg(geometry)
     path = foot_path(leg)
     for ground in (0.005, 0.02, 0.05, 0.2):

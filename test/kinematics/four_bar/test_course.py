@@ -17,12 +17,11 @@ EXAMPLE = FourBar(180.0, 80.0, 200.0, 150.0)
 THETA2 = math.radians(60.0)
 ITERATIONS = read_table(Path(__file__).with_name('iterations.yaml'))
 angles = st.floats(-math.pi, math.pi)
+State = tuple[float, float]
 
 
 @pytest.mark.parametrize('printed', ITERATIONS)
-def test_example_2_prints_f_phi_and_the_correction_of_each_estimate(
-    printed: dict[str, list[float]],
-) -> None:
+def test_example_2_prints_f_phi_and_corrections(printed: dict[str, list[float]]) -> None:
     estimate, f, phi, correction = printed.values()
     x = np.radians(estimate)
     ours_f = equations.f(EXAMPLE.geometry, THETA2, x)
@@ -41,9 +40,7 @@ def test_example_2_prints_f_phi_and_the_correction_of_each_estimate(
 
 @untimed
 @given(bar=four_bars(), theta2=crank_angles, x=st.tuples(angles, angles))
-def test_the_equations_are_the_courses_negated(
-    bar: FourBar, theta2: float, x: tuple[float, float]
-) -> None:
+def test_equations_are_the_courses_negated(bar: FourBar, theta2: float, x: State) -> None:
     linkage, geometry = bar.linkage, bar.geometry
     for computed, expected in (
         (linkage.f(theta2, x), -equations.f(geometry, theta2, x)),
@@ -197,9 +194,7 @@ def test_an_unreachable_angle_has_no_transmission_angle() -> None:
 
 @untimed
 @given(bar=four_bars(), theta2=crank_angles, rate=st.floats(0.1, 10.0), torque=st.floats(0.1, 9.0))
-def test_input_power_equals_output_power(
-    bar: FourBar, theta2: float, rate: float, torque: float
-) -> None:
+def test_power_is_kept(bar: FourBar, theta2: float, rate: float, torque: float) -> None:
     pose = solved(bar, theta2)
     assume(abs(pose.coefficients[1]) > 1e-6)
     velocity = bar.velocity(pose, rate)

@@ -14,7 +14,7 @@ states = st.tuples(*[st.floats(-math.pi, math.pi)] * 4)
 
 
 @given(geometry=legs(), alpha=crank_angles, x=states)
-def test_it_has_the_textbooks_equations(
+def test_it_has_textbook_equations(
     geometry: KlannGeometry, alpha: float, x: tuple[float, ...]
 ) -> None:
     linkage = geometry.linkage

@@ -19,6 +19,9 @@ from lab_solver import in_node, NODE, poses_in_node, TEXTS, varied_numbers
 import numpy as np
 import pytest
 
+Answers = dict[str, list[Any]]
+Cases = dict[str, list[dict[str, Any]]]
+
 if NODE is None:
     pytest.skip('no node: apt-get install nodejs', allow_module_level=True)
 
@@ -108,7 +111,7 @@ def test_the_assemblies_are_the_same(described: dict[str, Any], name: str) -> No
 
 
 @pytest.fixture(scope='module')
-def random_legs() -> dict[str, list[dict[str, Any]]]:
+def random_legs() -> Cases:
     rng = np.random.default_rng(20_260_722)
     cases = {}
     for name in shipped_linkages():
@@ -123,14 +126,12 @@ def random_legs() -> dict[str, list[dict[str, Any]]]:
 
 
 @pytest.fixture(scope='module')
-def solved(random_legs: dict[str, list[dict[str, Any]]]) -> dict[str, list[Any]]:
+def solved(random_legs: Cases) -> Answers:
     return poses_in_node(random_legs)
 
 
 @pytest.mark.parametrize('name', shipped_linkages())
-def test_random_legs_have_the_same_poses_and_refusals(
-    random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]], name: str
-) -> None:
+def test_random_legs_have_the_same_poses(random_legs: Cases, solved: Answers, name: str) -> None:
     base = shipped_linkage(name)
     closed = 0
     for case, answer in zip(random_legs[name], solved[name], strict=True):
@@ -152,9 +153,7 @@ def test_random_legs_have_the_same_poses_and_refusals(
     assert closed > 10
 
 
-def test_jams_are_reported_as_by_the_python_kinematics(
-    random_legs: dict[str, list[dict[str, Any]]], solved: dict[str, list[Any]]
-) -> None:
+def test_jams_are_those_of_python(random_legs: Cases, solved: Answers) -> None:
     base = shipped_linkage('klann')
     reported = 0
     for case, answer in zip(random_legs['klann'], solved['klann'], strict=True):
@@ -170,7 +169,7 @@ def test_jams_are_reported_as_by_the_python_kinematics(
 
 
 def test_invalid_dimensions_are_refused_by_both() -> None:
-    cases: dict[str, list[dict[str, Any]]] = {'klann': [], 'jansen': [], 'slider_crank': []}
+    cases: Cases = {'klann': [], 'jansen': [], 'slider_crank': []}
     for name, invalid_legs in cases.items():
         linkage = shipped_linkage(name)
         lengths = [n for n, d in enumerate(linkage.structure.dimensions) if d.is_length]
