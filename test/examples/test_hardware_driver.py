@@ -31,8 +31,8 @@ SECOND = 0.1 / 0.149 * 1.5 * 1.4
 
 @pytest.fixture
 def ros(tmp_path: Path) -> Iterator[Domain]:
-    with own_domain() as domain, open_domain(domain, tmp_path) as made:
-        yield made
+    with own_domain() as domain, open_domain(domain, tmp_path) as ros:
+        yield ros
 
 
 def start_driver(ros: Domain, **parameters: object) -> Process:
@@ -74,7 +74,9 @@ class Walk:
 
 
 def largest_step(start: Sequence[float], end: Sequence[float]) -> float:
-    return max(abs(after - before) for before, after in zip(start, end, strict=True))
+    return max(
+        abs(end_angle - start_angle) for start_angle, end_angle in zip(start, end, strict=True)
+    )
 
 
 @pytest.mark.parametrize('number', [SIGKILL, SIGSTOP])
@@ -134,9 +136,9 @@ class Board:
     def turned_since(self, start_time: float) -> float:
         """Return the largest motion of a shaft since a time [rad]."""
         turns = [0.0, 0.0]
-        for before, row in pairwise(row for row in self.rows() if row[0] >= start_time):
-            for index, rate in enumerate(before[1:3]):
-                turns[index] += abs(rate) * (row[0] - before[0])
+        for last_row, row in pairwise(row for row in self.rows() if row[0] >= start_time):
+            for index, rate in enumerate(last_row[1:3]):
+                turns[index] += abs(rate) * (row[0] - last_row[0])
         return max(turns)
 
 
@@ -144,9 +146,9 @@ class Board:
 def board(request: pytest.FixtureRequest, tmp_path: Path, library: Path) -> Iterator[Board]:
     """Start a board; its timeout [s] may be a parameter."""
     pytest.importorskip('serial')
-    made = Board(tmp_path, library, getattr(request, 'param', TIMEOUT))
-    yield made
-    made.close()
+    board = Board(tmp_path, library, getattr(request, 'param', TIMEOUT))
+    yield board
+    board.close()
 
 
 @pytest.mark.parametrize('number', [SIGKILL, SIGSTOP])
@@ -170,9 +172,9 @@ def test_a_board_turns_as_commanded(ros: Domain, board: Board) -> None:
     ros.probe.node.create_timer(0.05, lambda: commands.publish(command))
     ros.probe.until(lambda: states and states[-1].position[0] > 1.0)
     first, last = states[len(states) // 2], states[-1]
-    moved = [b - a for a, b in zip(first.position, last.position, strict=True)]
+    turns = [b - a for a, b in zip(first.position, last.position, strict=True)]
     seconds = stamp(last) - stamp(first)
-    assert moved == pytest.approx([0.5 * seconds, -0.5 * seconds], abs=0.03)
+    assert turns == pytest.approx([0.5 * seconds, -0.5 * seconds], abs=0.03)
     # A port that is gone is one line, and the end: crank_state ends with it.
     board.close()
     assert driver.wait() == 1
@@ -256,7 +258,7 @@ def test_a_measurement_is_published_once_with_its_own_time(ros: Domain) -> None:
         ros.probe.until(lambda count=index: len(states) > count)
         ros.probe.spin(0.3)
     assert [state.position[0] for state in states] == [0.0, 1.0, 2.0, 3.0]
-    steps = [stamp(after) - stamp(before) for before, after in pairwise(states)]
+    steps = [stamp(state) - stamp(last_state) for last_state, state in pairwise(states)]
     # A busy machine may pause the driver between its two clocks.
     assert steps == pytest.approx([0.01] * 3, abs=0.1)
     # What is no line of this protocol is no measurement.

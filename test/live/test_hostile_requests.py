@@ -27,26 +27,30 @@ Session, Socket = aiohttp.ClientSession, aiohttp.ClientWebSocketResponse
 
 def attacking(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     """Run a test with a session in an event loop of its own, up to a timeout."""
-    own = signature(test)
-    fixtures = [each for name, each in own.parameters.items() if name != 'session']
+    test_signature = signature(test)
+    fixtures = [
+        parameter for name, parameter in test_signature.parameters.items() if name != 'session'
+    ]
 
-    def run(**given: Any) -> None:
+    def run(**fixture_values: Any) -> None:
         async def alone() -> None:
             async with aiohttp.ClientSession() as session:
-                own_session = {'session': session} if len(fixtures) < len(own.parameters) else {}
-                await asyncio.wait_for(test(**given, **own_session), PATIENCE)
+                own_session = (
+                    {'session': session} if len(fixtures) < len(test_signature.parameters) else {}
+                )
+                await asyncio.wait_for(test(**fixture_values, **own_session), PATIENCE)
 
         run_alone(alone())
 
     run.__name__ = test.__name__
-    run.__signature__ = own.replace(parameters=fixtures)  # type: ignore[attr-defined]
+    run.__signature__ = test_signature.replace(parameters=fixtures)  # type: ignore[attr-defined]
     return run
 
 
-def headers(served: Served, **other: str | None) -> dict[str, str]:
+def headers(served: Served, **changes: str | None) -> dict[str, str]:
     """Return what the page's own browser sends, but for some of it."""
     own = {'Origin': f'http://{served.place}', 'Host': served.place}
-    changed = {key.replace('_', '-'): value for key, value in other.items()}
+    changed = {key.replace('_', '-'): value for key, value in changes.items()}
     return {key: value for key, value in {**own, **changed}.items() if value is not None}
 
 
@@ -55,9 +59,9 @@ async def opened(
     session: Session, served: Served, token: str | None = None
 ) -> AsyncIterator[Socket]:
     """Open the socket as the page does, the right token by default."""
-    given = served.guard.token if token is None else token
+    sent_token = served.guard.token if token is None else token
     async with session.ws_connect(
-        f'http://{served.place}/socket?token={given}', headers=headers(served), max_msg_size=0
+        f'http://{served.place}/socket?token={sent_token}', headers=headers(served), max_msg_size=0
     ) as socket:
         yield socket
 
@@ -81,21 +85,21 @@ async def answer_to(socket: Socket, command: dict[str, Any]) -> dict[str, Any]:
 async def is_served(session: Session, served: Served) -> None:
     """Find that the honest page still can do all that it could."""
     async with opened(session, served) as socket:
-        before = len(served.state.commands)
+        command_count = len(served.state.commands)
         assert (await answer_to(socket, TAKE))['done']
-        assert len(served.state.commands) == before + 1
+        assert len(served.state.commands) == command_count + 1
 
 
 @pytest.mark.parametrize('name', REQUESTS['handshakes'])
 @attacking
 async def test_a_hostile_handshake_is_refused(served: Served, name: str, session: Session) -> None:
     port = str(served.guard.port)
-    given = {k: v and v.replace('PORT', port) for k, v in REQUESTS['handshakes'][name].items()}
+    changes = {k: v and v.replace('PORT', port) for k, v in REQUESTS['handshakes'][name].items()}
 
     with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
         await session.ws_connect(
             f'http://{served.place}/socket?token={served.guard.token}',
-            headers=headers(served, **given),
+            headers=headers(served, **changes),
         )
     assert caught.value.status == 403
 
@@ -107,11 +111,11 @@ async def test_a_hostile_handshake_is_refused(served: Served, name: str, session
 async def test_duplicate_headers_are_refused(
     served: Served, twice: tuple[str, str], session: Session
 ) -> None:
-    own = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
-    own.add(*twice)
+    doubled = CIMultiDict({**headers(served), 'Sec-Fetch-Site': 'same-origin'})
+    doubled.add(*twice)
     url = f'http://{served.place}/socket?token={served.guard.token}'
     with pytest.raises(aiohttp.WSServerHandshakeError) as caught:
-        await session.ws_connect(url, headers=own)
+        await session.ws_connect(url, headers=doubled)
     assert caught.value.status == 403
 
 
@@ -137,14 +141,14 @@ async def test_without_the_session_token_a_page_is_read_only(
     served: Served, token: str, session: Session
 ) -> None:
     async with opened(session, served, token) as socket:
-        before = list(served.state.commands)
+        commands = list(served.state.commands)
         you = (await frame(socket))['client']
         assert not you['may_drive']
         assert not you['runs']
         for number, do in enumerate(('take', 'release'), start=1):
             answer = await answer_to(socket, {**TAKE, 'id': number, 'command': do})
             assert answer == {'id': number, 'done': False, 'message': 'this page may only view'}
-        assert served.state.commands == before
+        assert served.state.commands == commands
 
 
 MESSAGES = {
@@ -163,13 +167,13 @@ async def test_an_invalid_message_closes_only_its_socket(
 ) -> None:
     async with opened(session, served) as honest, opened(session, served) as socket:
         await frame(honest)
-        before = list(served.state.commands)
+        commands = list(served.state.commands)
         message = MESSAGES[name]
         await (socket.send_bytes if name == 'bytes' else socket.send_str)(message)
         while (await socket.receive(PATIENCE)).type == aiohttp.WSMsgType.TEXT:
             pass
         assert socket.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
-        assert served.state.commands == before
+        assert served.state.commands == commands
         assert (await answer_to(honest, TAKE))['done']
 
 

@@ -51,8 +51,8 @@ def test_only_the_whole_token_is_the_token() -> None:
     guard = Guard('127.0.0.1', 8321, token)
     assert guard.check_token(token)
     for k in range(len(token)):
-        other = 'A' if token[k] == 'B' else 'B'
-        assert not guard.check_token(token[:k] + other + token[slice(k + 1, None)])
+        wrong_letter = 'A' if token[k] == 'B' else 'B'
+        assert not guard.check_token(token[:k] + wrong_letter + token[slice(k + 1, None)])
         assert not guard.check_token(token[:k])
     assert not guard.check_token(token + 'A')
     assert not guard.check_token(None)

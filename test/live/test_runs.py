@@ -97,18 +97,18 @@ def test_a_failed_review_shows_the_reason(tmp_path: Path) -> None:
 def answers_of(folder: Path, address: str) -> list[tuple[aiohttp.ClientResponse, str]]:
     """Return all answers of a real server until the page is made, with their texts."""
     server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), str(folder))
-    found: list[tuple[aiohttp.ClientResponse, str]] = []
+    answers: list[tuple[aiohttp.ClientResponse, str]] = []
 
     async def look() -> None:
         url = f'http://127.0.0.1:{server.guard.port}/runs/{address}?token=secret'
         async with aiohttp.ClientSession() as session:
-            while not found or 'Refresh' in found[-1][0].headers:
+            while not answers or 'Refresh' in answers[-1][0].headers:
                 async with session.get(url) as answer:
-                    found.append((answer, await answer.text()))
+                    answers.append((answer, await answer.text()))
 
     run_alone(asyncio.wait_for(look(), 120.0))
     server.close()
-    return found
+    return answers
 
 
 def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_run_without_a_leg_is_not_calibrated(tmp_path: Path) -> None:
     answer, text = answers[-1]
     assert answer.status == 500
     assert 'the run does not contain the leg as drawn' in text
-    assert all('<h1>Calibration</h1>' in each for _, each in answers)
+    assert all('<h1>Calibration</h1>' in page for _, page in answers)
 
 
 def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:

@@ -23,15 +23,15 @@ KINDS: dict[str, Callable[..., Any]] = {
 
 @pytest.fixture
 def ros(tmp_path: Path) -> Iterator[Domain]:
-    with own_domain() as domain, open_domain(domain, tmp_path) as made:
-        yield made
+    with own_domain() as domain, open_domain(domain, tmp_path) as ros:
+        yield ros
 
 
 @pytest.fixture(scope='module')
 def module_ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Domain]:
     """Open a domain for all tests of a module."""
-    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('module')) as made:
-        yield made
+    with own_domain() as domain, open_domain(domain, tmp_path_factory.mktemp('module')) as ros:
+        yield ros
 
 
 @pytest.fixture(scope='module')

@@ -63,14 +63,14 @@ def test_a_solver_answers_cranks_between_bad_clocks(ros: Domain) -> None:
         clock.publish(Clock(clock=Time(sec=-5)))
         crank.publish(Float64(data=0.1 * number))
         ros.probe.until(lambda: len(feet) == number)  # noqa: B023 - called at once
-    good = Time(sec=42)
+    valid = Time(sec=42)
 
     def is_stamped() -> bool:
         # A clock is best effort.
-        clock.publish(Clock(clock=good))
+        clock.publish(Clock(clock=valid))
         crank.publish(Float64(data=1.0))
         ros.probe.spin(0.1)
-        return bool(feet[-1].header.stamp == good)
+        return bool(feet[-1].header.stamp == valid)
 
     ros.probe.until(is_stamped)
 

@@ -38,19 +38,20 @@ def test_keys_are_the_same_in_whatever_pieces_they_come(
 ) -> None:
     sent = ''.join(typed).encode()
     cuts = sorted(data.draw(strategies.lists(strategies.integers(0, len(sent)))))
-    found, rest = [], b''
+    typed_keys: list[str] = []
+    rest = b''
     for begin, end in pairwise([0, *cuts, len(sent)]):
         keys, rest = split_keys(rest + sent[begin:end])
-        found += keys
-    assert (found, rest) == ([SENT[key] for key in typed if key in SENT], b'')
+        typed_keys += keys
+    assert (typed_keys, rest) == ([SENT[key] for key in typed if key in SENT], b'')
 
 
 @given(strategies.binary(max_size=200))
 def test_after_any_bytes_without_their_rest_a_key_is_a_key(noise: bytes) -> None:
-    before, rest = split_keys(noise)
+    keys_before, rest = split_keys(noise)
     assert len(rest) < MAX_SEQUENCE_LENGTH
     keys = split_keys(noise.removesuffix(rest) + b' \x1b[A')
-    assert keys == ([*before, 'space', 'up'], b'')
+    assert keys == ([*keys_before, 'space', 'up'], b'')
 
 
 @pytest.mark.parametrize(
@@ -157,14 +158,14 @@ def bag(tmp_path: Path) -> Path:
 @pytest.fixture
 def job(ros: Domain) -> Iterator[Callable[..., Terminal]]:
     """Return what starts something on a terminal of its own."""
-    made: list[Terminal] = []
+    terminals: list[Terminal] = []
 
     def start(command: Callable[..., Process | Popen[str]], place: str = 'fg') -> Terminal:
-        made.append(Terminal(ros, command, place))
-        return made[-1]
+        terminals.append(Terminal(ros, command, place))
+        return terminals[-1]
 
     yield start
-    for terminal in made:
+    for terminal in terminals:
         terminal.close()
 
 
@@ -313,19 +314,19 @@ def test_the_terminal_is_left_alone_when_asked_to(ros: Domain, terminal: Open) -
 @pytest.mark.parametrize('kind', ['pipe', 'closed'])
 def test_keys_are_read_from_a_terminal_only(ros: Domain, bag: Path, kind: str) -> None:
     numbers = ros.probe.listen(Float64, 'number')
-    behind, before = os.pipe()
-    os.write(before, b'  \n')
+    read_end, write_end = os.pipe()
+    os.write(write_end, b'  \n')
     arguments = [str(bag), '--delay', '0', '--start-paused', '--rate', '9']
     if kind == 'closed':
         shell = ['sh', '-c', 'exec "$@" <&-', 'sh']
         process = ros.start_by(shell, 'player_node', *arguments)
     else:
-        process = ros.start_by([], 'player_node', *arguments, stdin=behind)
+        process = ros.start_by([], 'player_node', *arguments, stdin=read_end)
     ros.probe.await_publishers('number')
     assert ros.probe.call(Trigger, 'player_node/resume', Trigger.Request()).success
     assert process.wait() == 0
     ros.probe.until(lambda: len(numbers) == COUNT)
-    assert os.read(behind, 10) == b'  \n'
+    assert os.read(read_end, 10) == b'  \n'
     assert 'keys: ' not in process.errors
-    for descriptor in (behind, before):
+    for descriptor in (read_end, write_end):
         os.close(descriptor)

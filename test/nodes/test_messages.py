@@ -124,8 +124,8 @@ def test_joints_are_read_as_rclpy_reads_them(messages: list[JointState], data: A
             decoded = deserialize_message(wire, JointState)
             assert same(decoded, message)
             if messages[0].name[index] in message.name:
-                at = list(message.name).index(messages[0].name[index])
-                assert same(reader.read(wire), expected(decoded, at))
+                index_in_message = list(message.name).index(messages[0].name[index])
+                assert same(reader.read(wire), expected(decoded, index_in_message))
             else:
                 with pytest.raises(ValueError, match='there is no joint'):
                     reader.read(wire)
@@ -141,12 +141,12 @@ def test_a_layout_that_changes_is_noticed(first: JointState, second: JointState)
 @given(joint_states(st.just(['a', 'crank'])), st.data())
 def test_a_message_that_is_cut_off_is_refused(message: JointState, data: Any) -> None:
     reader = Reader('crank')
-    whole = big_endian(message)
-    reader.read(whole)
-    end = data.draw(st.integers(0, len(whole) - 1))
+    encoded = big_endian(message)
+    reader.read(encoded)
+    end = data.draw(st.integers(0, len(encoded) - 1))
     with pytest.raises(ValueError, match='are no sensor_msgs/msg/JointState'):
-        reader.read(whole[:end])
-    assert same(reader.read(whole), expected(message, 1))
+        reader.read(encoded[:end])
+    assert same(reader.read(encoded), expected(message, 1))
 
 
 def test_names_and_positions_must_be_as_many() -> None:
@@ -160,16 +160,16 @@ def test_a_few_wrong_bytes_are_read_as_rclpy_reads_them_or_refused(
     message: JointState, data: Any
 ) -> None:
     reader = Reader('crank')
-    whole = bytearray(big_endian(message))
-    reader.read(bytes(whole))
+    encoded = bytearray(big_endian(message))
+    reader.read(bytes(encoded))
     for _ in range(data.draw(st.integers(1, 3))):
-        at = data.draw(st.integers(0, len(whole) - 1))
-        whole[at] = data.draw(st.integers(0, 255))
+        position = data.draw(st.integers(0, len(encoded) - 1))
+        encoded[position] = data.draw(st.integers(0, 255))
     try:
-        joint = reader.read(bytes(whole))
+        joint = reader.read(bytes(encoded))
     except ValueError:
         return
-    decoded = deserialize_message(bytes(whole), JointState)
+    decoded = deserialize_message(bytes(encoded), JointState)
     assert same(joint, expected(decoded, list(decoded.name).index('crank')))
 
 

@@ -47,18 +47,18 @@ def klann(l_gh: float) -> Linkage:
 def node() -> Callable[..., Node]:
     with own_domain() as domain:
         context = Context()
-        made: list[Node] = []
+        nodes: list[Node] = []
 
         def make(file: Path, name: str, namespace: str = '') -> Node:
             if not context.ok():
                 context.init(domain_id=domain)
-            given = ['--ros-args', '--params-file', str(file)]
-            made.append(Node(name, context=context, namespace=namespace, cli_args=given))
-            return made[-1]
+            words = ['--ros-args', '--params-file', str(file)]
+            nodes.append(Node(name, context=context, namespace=namespace, cli_args=words))
+            return nodes[-1]
 
         yield make
-        for each in made:
-            each.destroy_node()
+        for node in nodes:
+            node.destroy_node()
         context.try_shutdown()
 
 
@@ -107,8 +107,8 @@ def test_all_programs_read_the_same_legs(
     assert export([str(file), '--urdf', str(tmp_path / 'leg.urdf')]) == 0
     run = LegRun(count=20).write(tmp_path / 'run')
     (reviewed,) = review_run(run, robot=robot_of(str(file))).legs
-    own = expected.get('')
-    assert (reviewed.recording.solver.leg and reviewed.recording.solver.leg.linkage) == own
+    unnamed_leg = expected.get('')
+    assert (reviewed.recording.solver.leg and reviewed.recording.solver.leg.linkage) == unnamed_leg
 
 
 SECTIONS = ('/**', '/*', 'solver_node', '/solver_node', '/**/solver_node', '/*/solver_node')
@@ -123,19 +123,20 @@ def test_sections_apply_as_ros_applies_them(
     for pair in list(permutations(names, 2))[::3]:
         # A name with dots is a nested one.
         numbers = {'leg': {'l_gh': 0.4, 'l_cg': 0.3}}, {'leg.l_gh': 0.5}
-        given = zip(pair, numbers, strict=True)
-        sections = {name: {'ros__parameters': number} for name, number in given}
+        sections = {}
+        for name, number in zip(pair, numbers, strict=True):
+            sections[name] = {'ros__parameters': number}
         content = sections | {f'{namespace}/solver_node': {'ros__parameters': {'l_ab': 0.1}}}
         file.write_text(json.dumps(content))
         solver = node(file, 'solver_node', namespace)
-        given = {name: p.value for name, p in solver._parameter_overrides.items()}
-        assert solver_section(content) == given, pair
+        overrides = {name: p.value for name, p in solver._parameter_overrides.items()}
+        assert solver_section(content) == overrides, pair
 
 
 def test_several_robots_in_one_file_are_refused_by_their_nodes(tmp_path: Path) -> None:
     file = tmp_path / 'two.yaml'
-    one = '{solver_node: {ros__parameters: {l_gh: 0.4%d}}}'
-    file.write_text(f'left: {one % 1}\nright: {one % 2}\n')
+    template = '{solver_node: {ros__parameters: {l_gh: 0.4%d}}}'
+    file.write_text(f'left: {template % 1}\nright: {template % 2}\n')
     with pytest.raises(RobotFileError, match='several robots, /left/solver_node, /right/solver'):
         robot_of(str(file))
 
@@ -159,9 +160,9 @@ def test_doubtful_units_are_reported_once_in_one_line(
     file = tmp_path / 'leg.yaml'
     four_bar = (SHIPPED / 'four_bar.yaml').read_text(encoding='utf-8')
     file.write_text(text or four_bar.replace('length: mm, ', ''))
-    with pytest.warns(UnitWarning) as found:
+    with pytest.warns(UnitWarning) as warned:
         robot_of(str(file))
-    (message,) = {str(each.message) for each in found}
+    (message,) = {str(record.message) for record in warned}
     assert warning in message
 
 

@@ -32,10 +32,10 @@ def dump(ros: Domain, node: str, file: Path) -> None:
     content: dict[str, object] = {}
     for name, value in zip(names, values, strict=True):
         *folders, last = name.split('.')
-        at = content
+        branch = content
         for folder in folders:
-            at = at.setdefault(folder, {})  # type: ignore[assignment]
-        at[last] = parameter_value_to_python(value)
+            branch = branch.setdefault(folder, {})  # type: ignore[assignment]
+        branch[last] = parameter_value_to_python(value)
     file.write_text(yaml.dump({f'/{node}': {'ros__parameters': content}}))
 
 

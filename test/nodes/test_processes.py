@@ -100,10 +100,10 @@ def test_a_folder_for_logs_that_cannot_be_made_names_the_remedy(fresh: Domain) -
 def test_one_or_two_stop_signals_end_a_node_orderly(
     ros: Domain, name: str, number: signal.Signals
 ) -> None:
-    given = [['-r', f'__node:=node_{k}'] for k in range(2)]
+    arguments = [['-r', f'__node:=node_{k}'] for k in range(2)]
     if name == 'recorder_node':
-        given = [[*words, '-p', f'output:=run_{k}'] for k, words in enumerate(given)]
-    nodes = [ros.start(name, '--ros-args', *words) for words in given]
+        arguments = [[*words, '-p', f'output:=run_{k}'] for k, words in enumerate(arguments)]
+    nodes = [ros.start(name, '--ros-args', *words) for words in arguments]
     ros.probe.until(lambda: {'node_0', 'node_1'} <= {*ros.probe.node.get_node_names()})
     nodes[1].popen.send_signal(number)
     for node in nodes:
@@ -128,11 +128,11 @@ def test_an_interrupt_during_the_start_leaves_no_traceback(
 
 
 def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         node = fresh.start('solver_node')
     finally:
-        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, handler)
     fresh.probe.until(lambda: 'solver_node' in fresh.probe.node.get_node_names())
     node.popen.send_signal(signal.SIGHUP)
     fresh.probe.spin(0.5)
@@ -169,6 +169,6 @@ def test_a_package_that_is_absent_is_one_line_with_its_remedy(
 
 def test_a_command_line_is_split_between_us_and_ros() -> None:
     argv = ['x', 'a', '--ros-args', '-p', 'k:=1', '--', 'b:=c', '--ros-args', '-r', 'd:=e']
-    own, ros = split(argv)
-    assert own == ['x', 'a', 'b:=c']
+    program_words, ros = split(argv)
+    assert program_words == ['x', 'a', 'b:=c']
     assert ros == ['--ros-args', '-p', 'k:=1', '--', '--ros-args', '-r', 'd:=e']

@@ -180,11 +180,11 @@ def test_a_burst_is_taken_in_order_with_message_info(ros: Domain) -> None:
     ros.probe.node.create_subscription(Float64, 'back', back.append, 2000, raw=True)
     with Running(ros) as run:
         ros.probe.await_publishers('back')
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         numbers = [float(k) for k in range(700)]
-        before = time.time_ns()
+        start_time = time.time_ns()
         for number in numbers:
-            there.publish(Float64(data=number))
+            publisher.publish(Float64(data=number))
         ros.probe.until(lambda: len(back) == len(numbers))
         assert run.echo.numbers() == numbers
         assert [data for data, _ in run.echo.taken] == back
@@ -192,7 +192,7 @@ def test_a_burst_is_taken_in_order_with_message_info(ros: Domain) -> None:
         sequences = [info['publication_sequence_number'] for info in infos]
         assert sequences == list(range(1, len(numbers) + 1))
         for info in infos:
-            assert before <= info['source_timestamp'] <= info['received_timestamp']
+            assert start_time <= info['source_timestamp'] <= info['received_timestamp']
         assert len(back[0]) == 12
 
 
@@ -270,10 +270,10 @@ def calm(ros: Domain, run: Running, waits: list[str]) -> None:
 
 def test_threads_wake_up_only_for_messages(ros: Domain, waits: list[str]) -> None:
     with Running(ros) as run:
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         calm(ros, run, waits)
         for k in range(100):
-            there.publish(Float64(data=float(k)))
+            publisher.publish(Float64(data=float(k)))
             ros.probe.spin(0.01)
         ros.probe.until(lambda: len(run.echo.taken) == 100)
         # One for each message; the executor's thread sleeps.
@@ -286,16 +286,16 @@ def test_messages_that_wake_no_loop_come_first_with_those_that_do(
 ) -> None:
     with Running(ros) as run:
         quiet = ros.probe.publisher(Float64, 'quiet')
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         calm(ros, run, waits)
         for k in range(100):
             quiet.publish(Float64(data=float(k)))
         time.sleep(0.5)
         assert (waits, run.echo.taken) == ([], [])
-        there.publish(Float64(data=100.0))
+        publisher.publish(Float64(data=100.0))
         ros.probe.until(lambda: run.echo.numbers()[-1:] == [100.0])
         # A burst is limited, and what is left has the next turn.
-        there.publish(Float64(data=101.0))
+        publisher.publish(Float64(data=101.0))
         ros.probe.until(lambda: len(run.echo.taken) == 102)
         numbers = run.echo.numbers()
         assert numbers[:65] == [*map(float, range(64)), 100.0]
@@ -308,8 +308,8 @@ def test_on_the_plain_path_all_messages_wake_the_executor(ros: Domain) -> None:
         ros.probe.until(lambda: run.echo.numbers() == [1.0])
 
 
-@pytest.mark.parametrize('where', ['outside', 'executor', 'loop'])
-def test_a_late_subscription_is_served(ros: Domain, where: str) -> None:
+@pytest.mark.parametrize('caller', ['outside', 'executor', 'loop'])
+def test_a_late_subscription_is_served(ros: Domain, caller: str) -> None:
     late = ros.probe.publisher(Float64, 'late', subscribers=0)
     timers: list[Any] = []
     with Running(ros) as run:
@@ -319,10 +319,10 @@ def test_a_late_subscription_is_served(ros: Domain, where: str) -> None:
             for timer in timers:
                 timer.cancel()
 
-        if where == 'outside':
+        if caller == 'outside':
             listen()
         else:
-            group = run.echo.group if where == 'loop' else None
+            group = run.echo.group if caller == 'loop' else None
             timers.append(run.echo.create_timer(0.05, listen, group, STEADY))
         ros.probe.await_subscribers(late)
         late.publish(Float64(data=2.0))
@@ -331,9 +331,9 @@ def test_a_late_subscription_is_served(ros: Domain, where: str) -> None:
 
 def test_a_lean_timer_can_be_cancelled_reset_and_destroyed(ros: Domain) -> None:
     def ticks_within(seconds: float) -> int:
-        before = run.echo.ticks['lean steady']
+        first_ticks = run.echo.ticks['lean steady']
         ros.probe.spin(seconds)
-        return run.echo.ticks['lean steady'] - before
+        return run.echo.ticks['lean steady'] - first_ticks
 
     with Running(ros) as run:
         ros.probe.until(lambda: run.echo.ticks['lean steady'] > 0)
@@ -353,12 +353,12 @@ def test_a_lean_timer_can_be_cancelled_reset_and_destroyed(ros: Domain) -> None:
 
 def test_a_loop_whose_future_is_done_ends_and_the_next_takes_what_came_before(ros: Domain) -> None:
     with Running(ros) as run:
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         run.done.set_result(0)
         run.ends()
         run.start()
         run.ends()
-        there.publish(Float64(data=1.0))
+        publisher.publish(Float64(data=1.0))
         ros.probe.spin(0.3)
         run.done = Future()
         run.start()
@@ -373,10 +373,10 @@ def test_events_of_a_subscription_are_reported(ros: Domain) -> None:
         ros.probe.node.destroy_publisher(second)
         ros.probe.until(lambda: run.echo.matches == 3)
         # A subscription that goes leaves the others.
-        other = run.echo.listen('other')
+        subscription = run.echo.listen('other')
         ros.probe.publisher(Float64, 'other')
         ros.probe.call(Trigger, 'echo/call', Trigger.Request())
-        run.echo.destroy_subscription(other)
+        run.echo.destroy_subscription(subscription)
         ros.probe.until(lambda: ros.probe.node.count_subscribers('other') == 0)
         count = len(run.echo.taken)
         ros.probe.until(lambda: len(run.echo.taken) > count + 50)
@@ -396,12 +396,12 @@ def test_a_batching_delay_is_not_one_for_each_message_of_the_executor(ros: Domai
 def test_a_flood_does_not_starve_a_service(ros: Domain, topic: str) -> None:
     with Running(ros) as run:
         run.echo.pause = 0.005
-        there = ros.probe.publisher(Float64, topic)
+        publisher = ros.probe.publisher(Float64, topic)
         client = ros.probe.node.create_client(Trigger, 'echo/call')
         ros.probe.until(client.service_is_ready)
         ros.probe.await_discovery('echo')
         for number in range(1500):
-            there.publish(Float64(data=float(number)))
+            publisher.publish(Float64(data=float(number)))
         answer = client.call_async(Trigger.Request())
         ros.probe.until(answer.done)
         # It was served although messages waited all the time.
@@ -410,7 +410,7 @@ def test_a_flood_does_not_starve_a_service(ros: Domain, topic: str) -> None:
 
 def test_a_busy_executor_does_not_starve_messages(ros: Domain) -> None:
     with Running(ros) as run:
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
 
         def work() -> None:
             run.echo.ticks['busy'] += 1
@@ -419,14 +419,14 @@ def test_a_busy_executor_does_not_starve_messages(ros: Domain) -> None:
         run.echo.create_timer(0.0, work, clock=STEADY)
         ros.probe.until(lambda: run.echo.ticks['busy'] > 3)
         for k in range(20):
-            there.publish(Float64(data=float(k)))
+            publisher.publish(Float64(data=float(k)))
         ros.probe.until(lambda: len(run.echo.taken) == 20)
 
 
 @LOOPS
 @pytest.mark.parametrize('end', ['future', 'executor', 'context'])
 def test_it_ends_under_load_with_its_threads(ros: Domain, plain: bool, end: str) -> None:
-    before = threading.active_count()
+    thread_count = threading.active_count()
     with Running(ros, plain=plain, spin=spin_through_errors) as run, load(ros):
         ros.probe.until(lambda: run.echo.taken)
         if end == 'future':
@@ -441,21 +441,21 @@ def test_it_ends_under_load_with_its_threads(ros: Domain, plain: bool, end: str)
         # rclpy's loop may see the end first, and raise nothing.
         elif not plain:
             assert isinstance(run.error, ExternalShutdownException)
-        assert threading.active_count() <= before + 3
+        assert threading.active_count() <= thread_count + 3
     assert not [thread for thread in threading.enumerate() if thread.name == 'watch']
 
 
 @LOOPS
 def test_errors_of_callbacks_are_raised(ros: Domain, plain: bool) -> None:
     with Running(ros, plain=plain) as run:
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         run.echo.trouble = ZeroDivisionError
-        there.publish(Float64())
+        publisher.publish(Float64())
         run.ends()
         assert isinstance(run.error, ZeroDivisionError)
         # Afterwards the executor serves the group.
         run.echo.trouble = None
-        there.publish(Float64(data=2.0))
+        publisher.publish(Float64(data=2.0))
         ros.probe.spin(0.2)
         end = time.monotonic() + PATIENCE
         while not run.echo.taken and time.monotonic() < end:
@@ -475,14 +475,14 @@ def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
     ros: Domain, plain: bool
 ) -> None:
     with Running(ros, plain=plain, spin=spin_through_errors) as run:
-        there = ros.probe.publisher(Float64, 'there')
+        publisher = ros.probe.publisher(Float64, 'there')
         client = ros.probe.node.create_client(Trigger, 'echo/call')
         ros.probe.until(client.service_is_ready)
         ros.probe.await_discovery('echo')
         # Meanwhile the request waits for its turn.
         run.echo.pause, run.echo.trouble = 0.02, ValueError
         for _ in range(20):
-            there.publish(Float64())
+            publisher.publish(Float64())
             answer = client.call_async(Trigger.Request())
             ros.probe.until(answer.done)
         ros.probe.until(lambda: run.echo.failures == 20)

@@ -175,12 +175,12 @@ def test_a_non_log_file_is_exit_code_2_and_one_line(ros: Domain, tmp_path: Path)
 def test_only_the_selected_topics_are_recorded(ros: Domain, tmp_path: Path) -> None:
     folder = tmp_path / 'run'
     crank = ros.probe.node.create_publisher(Float64, 'crank_angle', 10)
-    other = ros.probe.node.create_publisher(Float64, 'my/number', 10)
+    publisher = ros.probe.node.create_publisher(Float64, 'my/number', 10)
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=folder, topics='["my/*"]', compression='lz4')
-    ros.probe.await_subscribers(other)
+    ros.probe.await_subscribers(publisher)
     for number in range(10):
-        other.publish(Float64(data=float(number)))
+        publisher.publish(Float64(data=float(number)))
         crank.publish(Float64(data=0.0))
     reports.until_received({'/my/number': 10})
     assert recorder.stop(signal.SIGTERM) == 0
@@ -233,8 +233,8 @@ def test_a_lost_answer_of_a_solver_is_requested_again(ros: Domain, tmp_path: Pat
     executor = SingleThreadedExecutor(context=ros.probe.context)
     (service,) = [s for s in solver.services if s.srv_name.endswith('/list_parameters')]
     # This request is taken and never answered; the node takes those that come after it.
-    taken = service.srv_type.Request
-    ros.probe.until(lambda: service.handle.service_take_request(taken)[0] is not None)
+    request_type = service.srv_type.Request
+    ros.probe.until(lambda: service.handle.service_take_request(request_type)[0] is not None)
     executor.add_node(solver)
     ros.probe.until(lambda: executor.spin_once(timeout_sec=0.0) or solver_lengths(folder))
     assert recorder.stop() == 0
@@ -290,12 +290,12 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: Domain, tmp_pat
     statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
     # No file of this process may grow beyond 200 kB, nor of what it starts itself.
     ros.fresh = True
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
     try:
         recorder = ros.start('recorder_node', output=folder, compression='none')
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         ros.fresh = False
     ros.probe.await_publishers('/diagnostics')
     ros.start('crank_node', rate=1000.0)

@@ -56,9 +56,9 @@ def test_a_value_of_any_length_is_refused_on_a_short_line(
 ) -> None:
     file = tmp_path / 'crank.yaml'
     file.write_text(f'/**:\n  ros__parameters:\n    mode: {"x" * 10**6}\n', encoding='utf-8')
-    with pytest.raises(StartError, match='must be one of constant, sine, sweep') as found:
+    with pytest.raises(StartError, match='must be one of constant, sine, sweep') as refused:
         create('crank_node', '--params-file', str(file))
-    assert len(str(found.value)) < 300
+    assert len(str(refused.value)) < 300
 
 
 @pytest.mark.parametrize('content', LINKAGES)

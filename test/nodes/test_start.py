@@ -35,7 +35,7 @@ def test_a_node_logs_its_task_in_one_line(
     line: str,
 ) -> None:
     for word, text in WORDS.items():
-        *arguments, line = (each.replace(word, text) for each in [*arguments, line])
+        *arguments, line = (argument.replace(word, text) for argument in [*arguments, line])
     create(name, *arguments)
     lines = [text.partition(']: ')[2] for text in capfd.readouterr().err.splitlines()]
     assert lines == [f'ready: {line}']
@@ -50,8 +50,8 @@ def test_a_player_logs_its_task_in_one_line(ros: Domain, tmp_path: Path) -> None
 
 
 def test_a_number_takes_the_type_of_its_default(create: Callable[..., Any]) -> None:
-    given = ('phase:=3', 'direction:=-1.0', 'assembly:=[1.0, 1.0]')
-    solver = create('solver_node', *(word for value in given for word in ('-p', value)))
+    parameters = ('phase:=3', 'direction:=-1.0', 'assembly:=[1.0, 1.0]')
+    solver = create('solver_node', *(word for value in parameters for word in ('-p', value)))
     values = [solver.get_parameter(name).value for name in ('phase', 'direction')]
     assert (values, [type(value) for value in values]) == ([3.0, -1], [float, int])
     assert list(solver.get_parameter('assembly').value) == [1, 1]
@@ -65,8 +65,8 @@ def test_a_number_takes_the_type_of_its_default(create: Callable[..., Any]) -> N
 
 
 def test_masses_are_declared_where_they_are_given(create: Callable[..., Any]) -> None:
-    given = ('legs:=[one]', 'bar_density:=1', 'one.foot_mass:=0.2')
-    solver = create('solver_node', *(word for value in given for word in ('-p', value)))
+    parameters = ('legs:=[one]', 'bar_density:=1', 'one.foot_mass:=0.2')
+    solver = create('solver_node', *(word for value in parameters for word in ('-p', value)))
     names = ['bar_density', 'foot_mass', 'one.foot_mass']
     assert [solver.has_parameter(name) for name in names] == [True, False, True]
     assert [solver.get_parameter(name).value for name in names[::2]] == [1, 0.2]

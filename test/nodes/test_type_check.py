@@ -89,8 +89,8 @@ def warned(module_ros: Domain, reports: list[DiagnosticArray]) -> list[Warned]:
         driver.create_publisher(kind, f'{space}/{topic}', 1)
         name, *words = command.replace('WALKER', f'--ros-args --params-file {WALKER}').split()
         words += ['-p', 'diagnostics_period:=0.1', '-r', f'__ns:={space}']
-        published, taken, remedy = types.split(', ')
-        text = f'/probe publishes {published}, this node takes {taken}: set {remedy}'
+        published, expected, remedy = types.split(', ')
+        text = f'/probe publishes {published}, this node takes {expected}: set {remedy}'
         warned.append(Warned(module_ros.start(name, *words), f'{space}/{topic}: {text}'))
     module_ros.probe.until(lambda: all(text in node.errors for node, text in warned))
     reports.clear()
@@ -113,8 +113,8 @@ def test_both_types_and_the_remedy_are_said_once(
 
 def test_a_live_page_says_so_too(ros: Domain) -> None:
     publisher = ros.probe.node.create_publisher(TwistStamped, 'cmd_vel', 1)
-    other = ros.other_node()
-    other.create_publisher(Twist, 'cmd_vel', 1)
+    other_node = ros.other_node()
+    other_node.create_publisher(Twist, 'cmd_vel', 1)
     view = ros.start('view_node', '--port', '0')
     text = f'publishes {TWIST}, this node takes {STAMPED}'
     ros.probe.until(lambda: text in view.errors)

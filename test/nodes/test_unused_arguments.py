@@ -19,11 +19,11 @@ def warnings(create: Callable[..., Any], tmp_path: Path) -> Callable[..., list[s
     """Return a function that creates a node, and returns its warnings."""
 
     def warn(name: str, arguments: list[str], content: str = '') -> list[str]:
-        given, file = [*arguments], tmp_path / 'parameters.yaml'
+        words, file = [*arguments], tmp_path / 'parameters.yaml'
         if content:
             file.write_text(content, encoding='utf-8')
-            given += ['--params-file', str(file)]
-        lines = unused_arguments(create(name, *given), name, given)
+            words += ['--params-file', str(file)]
+        lines = unused_arguments(create(name, *words), name, words)
         return [line.replace(str(file), 'FILE') for line in lines]
 
     return warn
@@ -33,9 +33,9 @@ def warnings(create: Callable[..., Any], tmp_path: Path) -> Callable[..., list[s
 def test_an_argument_without_effect_is_reported(
     warnings: Callable[..., list[str]], case: str
 ) -> None:
-    given = {'arguments': [], 'file': '', 'lines': [], **CASES[case]}
-    arguments = [word.replace('CONFIG', CONFIG) for word in given['arguments']]
-    assert warnings(given['node'], arguments, given['file']) == given['lines']
+    row = {'arguments': [], 'file': '', 'lines': [], **CASES[case]}
+    arguments = [word.replace('CONFIG', CONFIG) for word in row['arguments']]
+    assert warnings(row['node'], arguments, row['file']) == row['lines']
 
 
 def test_a_file_of_nonsense_is_reported_in_a_few_short_lines(

@@ -20,7 +20,7 @@ DOCUMENTS = [
     *FILES.values(),
     *(ROOT / 'config').glob('*.yaml'),
 ]
-COMMANDS = sorted({found for path in DOCUMENTS for found in COMMAND.findall(path.read_text())})
+COMMANDS = sorted({command for path in DOCUMENTS for command in COMMAND.findall(path.read_text())})
 
 
 def others_programs(name: str) -> set[tuple[object, object]]:
@@ -107,7 +107,7 @@ def test_every_node_and_import_is_of_a_package_that_is_depended_on(name: str) ->
 
 def known(name: str) -> set[object]:
     """Return the arguments of a launch file and of those that it includes."""
-    return set(declared(name)).union(*(known(other) for other in included(name)))
+    return set(declared(name)).union(*(known(included_name) for included_name in included(name)))
 
 
 @pytest.mark.parametrize(('name', 'arguments'), COMMANDS)
@@ -130,7 +130,7 @@ def test_boolean_arguments_take_only_true_or_false(name: str) -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_every_argument_is_declared_and_described(name: str) -> None:
     used = calls(name, 'LaunchConfiguration', 'value')
-    assert {each for call in used for each in constants(call.args)} <= set(declared(name))
+    assert {argument for call in used for argument in constants(call.args)} <= set(declared(name))
     # The checks look at the arguments of those that include them.
     assert bool(declared(name)) == (name != 'checks.py')
     for argument, description in declared(name).items():
@@ -141,10 +141,10 @@ def test_every_argument_is_declared_and_described(name: str) -> None:
 @pytest.mark.parametrize('name', FILES)
 def test_the_same_argument_means_the_same_everywhere(name: str) -> None:
     for argument, description in declared(name).items():
-        others = {declared(other).get(argument, description) for other in FILES}
+        descriptions = {declared(file).get(argument, description) for file in FILES}
         # The walker's file and the replay's time and topics are another matter.
         allowed = {'params_file': 2, 'use_sim_time': 2, 'namespace': 2}.get(argument, 1)
-        assert len(others) <= allowed, argument
+        assert len(descriptions) <= allowed, argument
 
 
 def test_the_end_of_the_watchdog_ends_its_launch() -> None:

@@ -74,18 +74,22 @@ def generate_launch_description():
 """
 
 
+MakePrefix = Callable[..., Prefix]
+
+
 @pytest.fixture
-def prefix(tmp_path: Path) -> Iterator[Callable[..., Prefix]]:
-    made: list[Prefix] = []
+def make_prefix(tmp_path: Path) -> Iterator[MakePrefix]:
+    prefixes: list[Prefix] = []
     with own_domain() as domain:
 
         def make(**options: object) -> Prefix:
-            made.append(Prefix(tmp_path / f'prefix {len(made)}', domain, **options))
-            return made[-1]
+            folder = tmp_path / f'prefix {len(prefixes)}'
+            prefixes.append(Prefix(folder, domain, **options))
+            return prefixes[-1]
 
         yield make
-        for each in made:
-            each.close()
+        for prefix in prefixes:
+            prefix.close()
 
 
 @pytest.mark.parametrize(
@@ -98,45 +102,45 @@ def prefix(tmp_path: Path) -> Iterator[Callable[..., Prefix]]:
     ],
 )
 def test_missing_packages_are_named_before_any_start(
-    package: str, arguments: list[str], prefix: Callable[..., Prefix]
+    package: str, arguments: list[str], make_prefix: MakePrefix
 ) -> None:
-    made = prefix(without=(package,))
-    launch = made.launch('walk' if 'fuse:=ekf' in arguments else 'demo', arguments)
+    prefix = make_prefix(without=(package,))
+    launch = prefix.launch('walk' if 'fuse:=ekf' in arguments else 'demo', arguments)
     output = launch.communicate(timeout=PATIENCE)[0]
-    wanted = f'needs {package}: sudo apt install ros-jazzy-{package.replace("_", "-")}\n'
-    assert output.count(wanted) == 1, output
-    assert list(made.started()) == [(set(), 1)]
+    remedy = f'needs {package}: sudo apt install ros-jazzy-{package.replace("_", "-")}\n'
+    assert output.count(remedy) == 1, output
+    assert list(prefix.started()) == [(set(), 1)]
 
 
 @pytest.mark.parametrize(('name', 'arguments', 'words'), LAUNCHES['refused'])
 def test_misspelt_arguments_are_refused_before_any_start(
-    name: str, arguments: list[str], words: str, prefix: Callable[..., Prefix]
+    name: str, arguments: list[str], words: str, make_prefix: MakePrefix
 ) -> None:
-    made = prefix()
-    (made.folder / 'list.yaml').write_text('- 1\n')
-    (made.folder / 'open.yaml').write_text('a: [1\n')
-    (made.folder / 'short.yaml').write_text('/**: {ros__parameters: {l_ab: -1.0}}\n')
-    os.mkfifo(made.folder / 'pipe')
-    output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
+    prefix = make_prefix()
+    (prefix.folder / 'list.yaml').write_text('- 1\n')
+    (prefix.folder / 'open.yaml').write_text('a: [1\n')
+    (prefix.folder / 'short.yaml').write_text('/**: {ros__parameters: {l_ab: -1.0}}\n')
+    os.mkfifo(prefix.folder / 'pipe')
+    output = prefix.launch(name, arguments).communicate(timeout=PATIENCE)[0]
     assert words in output
     assert 'Traceback' not in output
-    assert list(made.started()) == [(set(), 1)]
+    assert list(prefix.started()) == [(set(), 1)]
 
 
 @pytest.mark.parametrize(('name', 'arguments', 'failed'), LAUNCHES['failing'])
 def test_a_node_that_fails_ends_the_launch_with_an_error(
-    name: str, arguments: list[str], failed: str, prefix: Callable[..., Prefix]
+    name: str, arguments: list[str], failed: str, make_prefix: MakePrefix
 ) -> None:
-    made = prefix()
-    (made.folder / 'wrong.yaml').write_text('/**: {ros__parameters: {max_crank_step: -1.0}}\n')
-    (made.folder / 'there').mkdir()
-    write_bag(made.folder / 'bag.mcap')
-    output = made.launch(name, arguments).communicate(timeout=PATIENCE)[0]
+    prefix = make_prefix()
+    (prefix.folder / 'wrong.yaml').write_text('/**: {ros__parameters: {max_crank_step: -1.0}}\n')
+    (prefix.folder / 'there').mkdir()
+    write_bag(prefix.folder / 'bag.mcap')
+    output = prefix.launch(name, arguments).communicate(timeout=PATIENCE)[0]
     assert output.count(f'{failed} has failed, exit code ') == 1, output
-    ((started, code),) = made.started()
+    ((started, code),) = prefix.started()
     assert code == 1
     assert failed in started
-    assert made.left() == []
+    assert prefix.left() == []
 
 
 @pytest.mark.parametrize(
@@ -147,12 +151,12 @@ def test_a_node_that_fails_ends_the_launch_with_an_error(
     ],
 )
 def test_a_late_failure_leaves_no_process(
-    second: str, words: str, prefix: Callable[..., Prefix]
+    second: str, words: str, make_prefix: MakePrefix
 ) -> None:
-    made = prefix()
-    file = made.folder / 'users.launch.py'
+    prefix = make_prefix()
+    file = prefix.folder / 'users.launch.py'
     file.write_text(USERS.replace('{second}', second))
-    launch = made.launch(file, [])
+    launch = prefix.launch(file, [])
     output = launch.communicate(timeout=PATIENCE)[0]
     assert words in output
     assert launch.returncode == 1
@@ -162,72 +166,68 @@ def test_a_late_failure_leaves_no_process(
 
 
 @pytest.mark.parametrize('rviz', ['', 'exit 134'])
-def test_ctrl_c_ends_everything_without_an_error(rviz: str, prefix: Callable[..., Prefix]) -> None:
-    made = prefix()
+def test_ctrl_c_ends_everything_without_an_error(rviz: str, make_prefix: MakePrefix) -> None:
+    prefix = make_prefix()
     if rviz:
         # The programs of others may fail: a recording goes on when RViz crashes.
-        (made.folder / 'lib' / 'rviz2' / 'rviz2').write_text(f'#!/bin/sh\n{rviz}\n')
-    launch = made.launch('demo', ['record:=true', 'output:=a run', 'rviz:=true'])
-    made.wait_for_a_recording('a run')
+        (prefix.folder / 'lib' / 'rviz2' / 'rviz2').write_text(f'#!/bin/sh\n{rviz}\n')
+    launch = prefix.launch('demo', ['record:=true', 'output:=a run', 'rviz:=true'])
+    prefix.wait_for_a_recording('a run')
     launch.send_signal(signal.SIGINT)
     output = launch.communicate(timeout=PATIENCE)[0]
     assert ('exit code 134' in output) == bool(rviz)
     assert launch.returncode == 0, output
-    assert made.left() == []
+    assert prefix.left() == []
 
 
-def test_a_recorder_that_cannot_finish_its_run_is_an_error(prefix: Callable[..., Prefix]) -> None:
-    made = prefix()
+def test_a_recorder_that_cannot_finish_its_run_is_an_error(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix()
     # It records, and fails at its end.
     script = 'mkdir run; trap "exit 1" INT; sleep 1; printf %20001d 0 > run/0.mcap'
     script += '; while :; do sleep 0.1; done'
-    (made.folder / 'lib' / 'klann_ros' / 'recorder_node').write_text(f'#!/bin/sh\n{script}\n')
-    (made.folder / 'bin' / 'mkdir').symlink_to('/bin/mkdir')
-    launch = made.launch('demo', ['record:=true', 'output:=run'])
-    made.wait_for_a_recording('run')
+    (prefix.folder / 'lib' / 'klann_ros' / 'recorder_node').write_text(f'#!/bin/sh\n{script}\n')
+    (prefix.folder / 'bin' / 'mkdir').symlink_to('/bin/mkdir')
+    launch = prefix.launch('demo', ['record:=true', 'output:=run'])
+    prefix.wait_for_a_recording('run')
     launch.send_signal(signal.SIGINT)
     output = launch.communicate(timeout=PATIENCE)[0]
     assert 'recorder_node has failed, exit code 1' in output
     assert launch.returncode == 1
-    assert made.left() == []
+    assert prefix.left() == []
 
 
-def test_a_replay_ends_with_its_run(prefix: Callable[..., Prefix]) -> None:
-    made = prefix()
-    log = write_bag(made.folder / 'a bag.mcap')
-    output = made.launch('replay', [f'log:={log}']).communicate(timeout=PATIENCE)[0]
-    assert list(made.started()) == [({'robot_state_publisher', 'player_node'}, 0)], output
-    assert made.left() == []
+def test_a_replay_ends_with_its_run(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix()
+    log = write_bag(prefix.folder / 'a bag.mcap')
+    output = prefix.launch('replay', [f'log:={log}']).communicate(timeout=PATIENCE)[0]
+    assert list(prefix.started()) == [({'robot_state_publisher', 'player_node'}, 0)], output
+    assert prefix.left() == []
 
 
-def test_a_replay_that_is_looked_at_stays(prefix: Callable[..., Prefix]) -> None:
-    made = prefix()
-    log = write_bag(made.folder / 'bag.mcap')
-    launch = made.launch('replay', [f'log:={log}', 'rviz:=true'])
+def test_a_replay_that_is_looked_at_stays(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix()
+    log = write_bag(prefix.folder / 'bag.mcap')
+    launch = prefix.launch('replay', [f'log:={log}', 'rviz:=true'])
     assert any('player_node' in line and 'finished cleanly' in line for line in launch.stdout)
     with pytest.raises(subprocess.TimeoutExpired):
         launch.wait(1.0)
-    assert sorted(made.left()) == ['robot_state_publisher', 'rviz2']
+    assert sorted(prefix.left()) == ['robot_state_publisher', 'rviz2']
     launch.send_signal(signal.SIGINT)
     launch.communicate(timeout=PATIENCE)
     assert launch.returncode == 0
-    assert made.left() == []
+    assert prefix.left() == []
 
 
 @pytest.mark.parametrize('name', ARGUMENTS)
-def test_the_arguments_of_included_files_are_shown(
-    name: str, prefix: Callable[..., Prefix]
-) -> None:
-    shown = prefix().arguments(name)
-    assert len(shown) == len(set(shown))
-    assert set(shown) == ARGUMENTS[name]
+def test_the_arguments_of_included_files_are_shown(name: str, make_prefix: MakePrefix) -> None:
+    arguments = make_prefix().arguments(name)
+    assert len(arguments) == len(set(arguments))
+    assert set(arguments) == ARGUMENTS[name]
 
 
 @pytest.mark.parametrize('name', ALWAYS)
-def test_every_combination_of_flags_starts_its_nodes(
-    name: str, prefix: Callable[..., Prefix]
-) -> None:
-    made = prefix(brief=True)
+def test_every_combination_of_flags_starts_its_nodes(name: str, make_prefix: MakePrefix) -> None:
+    prefix = make_prefix(brief=True)
     flags = sorted(ARGUMENTS[name] & set(FLAGS))
     runs, expected = [], []
     for values in product(('true', 'false'), repeat=len(flags) + 1):
@@ -237,43 +237,43 @@ def test_every_combination_of_flags_starts_its_nodes(
         runs[-1] += [f'log:={ROOT}'] * (name == 'replay') + [f'linkage:={JANSEN}'] * has_linkage
         always = ALWAYS[name] | {'robot_state_publisher'}
         expected.append(always.union(*(FLAGS[flag] for flag in asked)))
-    launch = made.launch(name, *runs)
+    launch = prefix.launch(name, *runs)
     output = launch.communicate(timeout=5 * PATIENCE)[0]
-    assert [names for names, _ in made.started()] == expected, output
-    assert {code for _, code in made.started()} == {0}, output
+    assert [names for names, _ in prefix.started()] == expected, output
+    assert {code for _, code in prefix.started()} == {0}, output
 
 
 @pytest.mark.parametrize('walker', ['4', '6'])
-def test_a_walker_is_solved_with_its_own_file(walker: str, prefix: Callable[..., Prefix]) -> None:
-    made = prefix(brief=True)
-    made.launch('walker', [f'walker:={walker}']).communicate(timeout=PATIENCE)
-    assert str(made.folder / f'share/klann_ros/config/walker{walker}.yaml') in made.given(
+def test_a_walker_is_solved_with_its_own_file(walker: str, make_prefix: MakePrefix) -> None:
+    prefix = make_prefix(brief=True)
+    prefix.launch('walker', [f'walker:={walker}']).communicate(timeout=PATIENCE)
+    assert str(prefix.folder / f'share/klann_ros/config/walker{walker}.yaml') in prefix.given(
         'solver_node'
     )
 
 
 def test_the_linkage_of_a_params_file_is_solved_and_drawn(
-    prefix: Callable[..., Prefix],
+    make_prefix: MakePrefix,
 ) -> None:
-    made = prefix(brief=True)
-    made.launch('walk', [f'params_file:={ROOT}/config/walker_jansen.yaml']).communicate(
+    prefix = make_prefix(brief=True)
+    prefix.launch('walk', [f'params_file:={ROOT}/config/walker_jansen.yaml']).communicate(
         timeout=PATIENCE
     )
-    files = [Path(word) for word in made.given('solver_node') if word.startswith('/')]
+    files = [Path(word) for word in prefix.given('solver_node') if word.startswith('/')]
     assert not any("linkage: ''" in file.read_text() for file in files)
-    assert 'front_left_inner/' in made.parameters('robot_state_publisher')['robot_description']
+    assert 'front_left_inner/' in prefix.parameters('robot_state_publisher')['robot_description']
 
 
 def test_a_launch_file_of_a_users_package_starts_the_users_walker(
-    prefix: Callable[..., Prefix],
+    make_prefix: MakePrefix,
 ) -> None:
-    made = prefix(brief=True)
-    made.add_share(ROOT / 'examples' / 'my_walker')
-    launch = made.launch(ROOT / 'examples' / 'my_walker' / 'launch' / 'walk.launch.py', [])
+    prefix = make_prefix(brief=True)
+    prefix.add_share(ROOT / 'examples' / 'my_walker')
+    launch = prefix.launch(ROOT / 'examples' / 'my_walker' / 'launch' / 'walk.launch.py', [])
     output = launch.communicate(timeout=PATIENCE)[0]
-    ((started, code),) = made.started()
+    ((started, code),) = prefix.started()
     assert (started, code) == (ALWAYS['walk'] | {'robot_state_publisher'}, 0), output
-    assert any('config/desk_walker.yaml' in word for word in made.given('sim_node'))
+    assert any('config/desk_walker.yaml' in word for word in prefix.given('sim_node'))
 
 
 @pytest.mark.parametrize(
@@ -286,84 +286,84 @@ def test_a_launch_file_of_a_users_package_starts_the_users_walker(
     ],
 )
 def test_an_exported_walker_is_launched_under_ros2_control(
-    arguments: list[str], package: str, adds: set[str], prefix: Callable[..., Prefix]
+    arguments: list[str], package: str, adds: set[str], make_prefix: MakePrefix
 ) -> None:
-    made = prefix(brief=True)
-    folder = made.folder / 'the <b> & "its" $(walker)'
+    prefix = make_prefix(brief=True)
+    folder = prefix.folder / 'the <b> & "its" $(walker)'
     assert main([f'{ROOT}/config/walker8_two_motors.yaml', '--ros2-control', str(folder)]) == 0
-    launch = made.launch(folder / 'ros2_control.launch.py', arguments)
+    launch = prefix.launch(folder / 'ros2_control.launch.py', arguments)
     output = launch.communicate(timeout=PATIENCE)[0]
     always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
     always |= {'watchdog_node'}
-    assert list(made.started()) == [(always | {'walker_node'} | adds, 0)], output
-    assert f'/lib/{package}/' in made.given('ros2_control_node')[0]
+    assert list(prefix.started()) == [(always | {'walker_node'} | adds, 0)], output
+    assert f'/lib/{package}/' in prefix.given('ros2_control_node')[0]
     is_real = package == 'controller_manager'
-    (cranks,) = (text for text in made.descriptions() if '<ros2_control' in text)
+    (cranks,) = (text for text in prefix.descriptions() if '<ros2_control' in text)
     hardware = {
-        each.get('name'): each.text
-        for each in ET.fromstring(cranks).iter('param')  # noqa: S314 - our own
+        element.get('name'): element.text
+        for element in ET.fromstring(cranks).iter('param')  # noqa: S314 - our own
     }
     if not is_real:
         assert hardware['mujoco_model'] == str(folder / 'robot.xml')
         assert hardware['headless'] == ('false' if arguments else 'true')
     for name in ('walker_node', 'solver_node'):
-        assert str(folder / 'walker.yaml') in made.given(name)
-        assert made.parameters(name) == {'use_sim_time': not is_real}
-    assert ('imu:=imu_sensor_broadcaster/imu' in made.given('walker_node')) != is_real
-    assert ('imu_sensor_broadcaster' in made.given('spawner')) != is_real
+        assert str(folder / 'walker.yaml') in prefix.given(name)
+        assert prefix.parameters(name) == {'use_sim_time': not is_real}
+    assert ('imu:=imu_sensor_broadcaster/imu' in prefix.given('walker_node')) != is_real
+    assert ('imu_sensor_broadcaster' in prefix.given('spawner')) != is_real
 
 
-def test_any_walker_is_launched_under_ros2_control(prefix: Callable[..., Prefix]) -> None:
-    made = prefix(brief=True)
-    launch = made.launch(
+def test_any_walker_is_launched_under_ros2_control(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix(brief=True)
+    launch = prefix.launch(
         'ros2_control',
         [],
         ['sim:=false', f'params_file:={ROOT}/config/walker_jansen.yaml'],
         ['params_file:=sem104.yaml'],
         ['folder:=config'],
     )
-    shutil.copy(ROOT / 'config' / 'sem104.yaml', made.folder)
+    shutil.copy(ROOT / 'config' / 'sem104.yaml', prefix.folder)
     output = launch.communicate(timeout=PATIENCE)[0]
     always = {'robot_state_publisher', 'ros2_control_node', 'spawner', 'solver_node'}
     always |= {'watchdog_node'}
     always |= {'walker_node'}
-    assert list(made.started()) == [
+    assert list(prefix.started()) == [
         (always | {'sim_node'}, 0),
         (always, 0),
         (set(), 1),
         (set(), 1),
     ]
     assert 'sem104.yaml is refused: --ros2-control needs a walker' in output
-    assert f'folder:={made.folder}/config: export --ros2-control has not written it' in output
+    assert f'folder:={prefix.folder}/config: export --ros2-control has not written it' in output
     assert 'Traceback' not in output
-    assert list(made.folder.glob('klann_ros-*')) == []
+    assert list(prefix.folder.glob('klann_ros-*')) == []
 
 
-def test_a_watchdog_that_ends_in_order_ends_its_launch(prefix: Callable[..., Prefix]) -> None:
-    made = prefix()
-    launch = made.launch('ros2_control', [])
+def test_a_watchdog_that_ends_in_order_ends_its_launch(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix()
+    launch = prefix.launch('ros2_control', [])
     assert launch.stdout is not None
     # It handles signals then.
     assert any('[watchdog_node]: ready' in line for line in launch.stdout)
-    (pid,) = (pid for name, pid in made.processes() if name == 'watchdog_node')
+    (pid,) = (pid for name, pid in prefix.processes() if name == 'watchdog_node')
     os.kill(pid, signal.SIGINT)
     output = launch.communicate(timeout=PATIENCE)[0]
     assert launch.returncode == 0, output
-    assert made.left() == []
+    assert prefix.left() == []
 
 
-def test_paths_may_hold_any_character(prefix: Callable[..., Prefix]) -> None:
-    made = prefix(brief=True)
-    folder = made.folder / 'it\'s a "folder" of $(mine)'
+def test_paths_may_hold_any_character(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix(brief=True)
+    folder = prefix.folder / 'it\'s a "folder" of $(mine)'
     folder.mkdir()
     shutil.copy(ROOT / 'config' / 'patent.yaml', folder)
     path = f'{folder.name}/patent.yaml'
     arguments = [f'params_file:={path}', 'frame_prefix:=left/', 'namespace:=left']
-    launch = made.launch('demo', arguments)
+    launch = prefix.launch('demo', arguments)
     assert launch.communicate(timeout=PATIENCE)[0]
     assert launch.returncode == 0
-    assert str(made.folder / path) in made.given('solver_node')
-    parameters = made.parameters('robot_state_publisher')
+    assert str(prefix.folder / path) in prefix.given('solver_node')
+    parameters = prefix.parameters('robot_state_publisher')
     assert 'left/leg_plane' in parameters['robot_description']
     # A publisher of frames that is held up for a second loses no joint state.
     assert parameters['qos_overrides./left/joint_states.subscription.depth'] >= 100

@@ -67,29 +67,29 @@ def test_its_joints_and_frames_are_those_of_the_export(
         for model in (ours, theirs):
             model.update_cfg(published(robot, crank))
         for link in theirs.robot.links:
-            found, expected = (model.get_transform(link.name) for model in (ours, theirs))
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+            position, expected = (model.get_transform(link.name) for model in (ours, theirs))
+            np.testing.assert_allclose(position, expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize('plain', PLAIN)
 def test_a_plain_urdf_is_up_to_date(plain: str) -> None:
-    found = (ROOT / 'urdf' / f'{plain}.urdf').read_text()
-    fresh = urdf_of(CONFIG / f'{PLAIN[plain]}.yaml')
-    found, fresh = (ET.fromstring(text) for text in (found, fresh))  # noqa: S314  # our own
-    pairs = list(zip(found.iter(), fresh.iter(), strict=True))
-    assert [one.tag for one, _ in pairs] == [other.tag for _, other in pairs]
-    for one, other in pairs:
-        assert one.keys() == other.keys()
-        for key in one.keys():  # noqa: SIM118  # an element's iteration is over its children
-            assert same(one.get(key), other.get(key)), f'{key} of {one.tag}: {one.attrib}'
+    shipped = ET.parse(ROOT / 'urdf' / f'{plain}.urdf')  # noqa: S314  # our own
+    fresh = ET.fromstring(urdf_of(CONFIG / f'{PLAIN[plain]}.yaml'))  # noqa: S314  # our own
+    for element, fresh_element in zip(shipped.iter(), fresh.iter(), strict=True):
+        assert element.tag == fresh_element.tag
+        assert element.keys() == fresh_element.keys()
+        for key in element.keys():  # noqa: SIM118  # an element's iteration is over its children
+            assert same(element.get(key), fresh_element.get(key)), (
+                f'{key} of {element.tag}: {element.attrib}'
+            )
 
 
-def same(one: str, other: str) -> bool:
+def same(text: str, other_text: str) -> bool:
     """Return whether two attributes are alike, numbers but for the last digits of a libm."""
     try:
-        numbers = [[float(word) for word in text.split()] for text in (one, other)]
+        numbers = [[float(word) for word in text.split()] for text in (text, other_text)]
     except ValueError:
-        return one == other
+        return text == other_text
     return all(isclose(a, b, abs_tol=1e-9) for a, b in zip(*numbers, strict=True))
 
 

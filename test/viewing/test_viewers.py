@@ -66,15 +66,15 @@ def test_foxglove_shows_existing_fields(name: str) -> None:
     for path in paths:
         type_at(path, '.')
     of_leg = {'/joint_states', '/point_h', '/review/joint_states', '/review/point_h'}
-    shown = {path.split('.')[0] for path in paths}
-    assert (of_leg <= shown) is (name == 'klann')
-    assert {'/markers', '/diagnostics', '/review/findings', '/robot_description'} <= shown
+    topics = {path.split('.')[0] for path in paths}
+    assert (of_leg <= topics) is (name == 'klann')
+    assert {'/markers', '/diagnostics', '/review/findings', '/robot_description'} <= topics
 
 
 @pytest.mark.parametrize('name', LAYOUTS)
 def test_foxglove_panels_are_configured_as_they_can_be(name: str) -> None:
     for panel, config in LAYOUTS[name]['configById'].items():
-        keys = {kind: {*own} for kind, own in KNOWN['panels'][panel.partition('!')[0]].items()}
+        keys = {kind: {*names} for kind, names in KNOWN['panels'][panel.partition('!')[0]].items()}
         assert keys['required'] <= config.keys() <= keys['required'] | keys['optional']
         for path in [*config.get('paths', ()), *filter(None, [config.get('xAxisPath')])]:
             assert path.keys() <= {*KNOWN['path']}

@@ -33,5 +33,5 @@ def on_ground(leg: dict) -> np.ndarray:
 )
 def test_feet_on_the_ground_by_fraction_of_a_turn(number: int, shares: dict[int, float]) -> None:
     feet = sum(on_ground(leg).astype(int) for leg in legs(number).values())
-    found = {count: np.mean(feet == count) for count in np.unique(feet)}
-    assert found == pytest.approx(shares, abs=0.003)
+    measured = {count: np.mean(feet == count) for count in np.unique(feet)}
+    assert measured == pytest.approx(shares, abs=0.003)

@@ -142,10 +142,10 @@ def test_a_lost_message_is_a_warning_and_in_the_run(ros: Domain) -> None:
     assert recording.process.stop() == 0
     with open_log(recording.folder) as log:
         count = topic_counts(log.metadata['klann_ros.loss'][0])[TOPIC]
-    found = numbers(recording.folder)
-    assert found == sorted(set(found))
-    assert count.written == len(found)
-    assert count.lost == recording.next - len(found) > 0
+    recorded = numbers(recording.folder)
+    assert recorded == sorted(set(recorded))
+    assert count.written == len(recorded)
+    assert count.lost == recording.next - len(recorded) > 0
 
 
 def test_losses_of_departed_publishers_are_not_excluded(ros: Domain) -> None:
@@ -199,9 +199,9 @@ def test_a_killed_recorder_leaves_all_but_its_last_second(ros: Domain) -> None:
             for topic in topics:
                 messages = list(log.messages([topic]))
                 assert end - messages[-1].log_time < 10**9
-                found = [message.sequence for message in messages]
+                sequences = [message.sequence for message in messages]
                 # In order, each once; what the middleware loses is not the kill's doing.
-                assert found == sorted(set(found))
+                assert sequences == sorted(set(sequences))
 
 
 def topics_in(folder: Path) -> set[str]:

@@ -24,9 +24,9 @@ class Faulty(Recording):
     def fill(self, file: str) -> None:
         """Publish, and wait until that is in a file."""
         path = self.folder / file
-        before = len(numbers(path))
+        first_count = len(numbers(path))
         self.publish()
-        self.ros.probe.until(lambda: len(numbers(path)) == before + 100)
+        self.ros.probe.until(lambda: len(numbers(path)) == first_count + 100)
 
     def remove(self, folder: Path) -> None:
         """Remove a folder while the recorder, which would create files in it, is stopped."""
@@ -134,12 +134,12 @@ def test_the_recording_ends_where_no_new_file_can_be_created(ros: Domain) -> Non
 
 
 def test_of_two_recorders_of_one_run_one_records(ros: Domain) -> None:
-    both: list[Process] = [
+    recorders: list[Process] = [
         ros.start('recorder_node', output=ros.folder / 'parents' / 'run') for _ in range(2)
     ]
-    ros.probe.until(lambda: any(process.popen.poll() is not None for process in both))
-    (loser,) = (process for process in both if process.popen.poll() is not None)
-    (winner,) = (process for process in both if process is not loser)
+    ros.probe.until(lambda: any(process.popen.poll() is not None for process in recorders))
+    (loser,) = (process for process in recorders if process.popen.poll() is not None)
+    (winner,) = (process for process in recorders if process is not loser)
     assert loser.wait() == 1
     folder = ros.folder / 'parents' / 'run'
     assert loser.errors == (

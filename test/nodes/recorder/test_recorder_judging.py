@@ -60,9 +60,11 @@ class Stage:
     def judged(self) -> DiagnosticStatus | None:
         return self.status('judge')
 
-    def status(self, what: str) -> DiagnosticStatus | None:
-        found = [s for a in self.statuses for s in a.status if s.name == f'recorder_node: {what}']
-        return found[-1] if found else None
+    def status(self, name: str) -> DiagnosticStatus | None:
+        statuses = [
+            s for a in self.statuses for s in a.status if s.name == f'recorder_node: {name}'
+        ]
+        return statuses[-1] if statuses else None
 
     def is_reported(self, check: str) -> bool:
         """Return whether a finding of a kind was ever reported."""
@@ -97,14 +99,14 @@ class Stage:
         """Ask for an event where none is under way; return those before, and the answer."""
         while True:
             self.await_idle()
-            before = self.events()
+            earlier_runs = self.events()
             # What it holds for `pre_trigger` begins again behind an event.
             self.ros.probe.spin(PRE_TRIGGER + 0.6)
             answer, events = self.call('trigger'), self.events()
             self.await_idle()
             # A machine that stalled may have begun one.
-            if events == [*before, Path(answer.message)]:
-                return before, answer
+            if events == [*earlier_runs, Path(answer.message)]:
+                return earlier_runs, answer
 
     def call(self, name: str) -> Trigger.Response:
         return self.ros.probe.call(Trigger, f'recorder_node/{name}', Trigger.Request())
@@ -121,8 +123,8 @@ def seen(module_ros: Domain) -> dict[str, Any]:
     """Let one fault come after another; return what was reported and written of each."""
     stage = Stage(module_ros)
     seen: dict[str, Any] = {'folder': stage.folder}
-    before, seen['answer'] = stage.trigger()
-    seen['triggered'] = [run for run in stage.events() if run not in before]
+    earlier_runs, seen['answer'] = stage.trigger()
+    seen['triggered'] = [run for run in stage.events() if run not in earlier_runs]
     for check, fault in (('geometry', longer), ('gap', stall), ('rejected', no_number)):
         count = len(stage.events())
         fault(stage)
@@ -152,8 +154,8 @@ def no_number(stage: Stage) -> None:
 
 def test_each_fault_is_reported_and_has_an_event_run(seen: dict[str, Any]) -> None:
     for check in ('geometry', 'gap', 'rejected'):
-        found = [recorded_finding(record).check for run in seen[check] for record in records(run)]
-        assert check in found, seen['errors']
+        checks = [recorded_finding(record).check for run in seen[check] for record in records(run)]
+        assert check in checks, seen['errors']
 
 
 def records(run: Path) -> list[dict[str, str]]:

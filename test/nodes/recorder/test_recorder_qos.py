@@ -51,7 +51,7 @@ def recorded(module_ros: Domain) -> tuple[Path, str]:
         publish(publisher, 1.0, 2.0)
     reports.until_received(dict.fromkeys([*PAIRS, '/demanding', '/typed'], 2))
     # One process cannot have both types.
-    other = module_ros.other_node().create_publisher(String, 'typed', 10)
+    text_publisher = module_ros.other_node().create_publisher(String, 'typed', 10)
     second = {topic: create(Float64, topic, pair[1]) for topic, pair in PAIRS.items()}
     # A latched message may be older than its subscription.
     publish(second['/latched_last'], 3.0)
@@ -61,7 +61,7 @@ def recorded(module_ros: Domain) -> tuple[Path, str]:
         publish(publisher, 4.0)
     reports.until_received(dict.fromkeys(PAIRS, 4) | {'/latched_last': 5})
     probe.until(lambda: 'is not recorded: the topic is recorded as' in recorder.errors)
-    other.publish(String(data='x'))
+    text_publisher.publish(String(data='x'))
     publish(typed, 3.0)
     reports.until_received({'/robot_description': 1, '/typed': 3})
     reports.until_reports()

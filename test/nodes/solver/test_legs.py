@@ -60,8 +60,8 @@ def test_the_legs_are_described_as_a_file_that_every_program_takes(
 
 
 def test_legs_with_cranks_of_their_own_follow_them(ros: Domain) -> None:
-    given = {'right.crank_joint': 'other', 'right.direction': -1}
-    talk = Conversation(ros, 'crank_state', legs=LEGS, **given)
+    parameters = {'right.crank_joint': 'other', 'right.direction': -1}
+    talk = Conversation(ros, 'crank_state', legs=LEGS, **parameters)
     poses, velocities = talk.poses, talk.velocities_of['right']
     talk.state(name=['other'], position=[2.0], velocity=[3.0])
     ros.probe.until(lambda: poses and velocities)
@@ -189,5 +189,5 @@ def test_24_legs_at_200_hz_have_their_feet_where_the_closed_form_has_them(ros: D
         expected = [
             leg.closed_form(2 * math.pi * n / 200 + phases[f'{name}.phase']).h for n in range(201)
         ]
-        found = [(foot.point.x, foot.point.y) for foot in feet[name]]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+        positions = [(foot.point.x, foot.point.y) for foot in feet[name]]
+        np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-12)

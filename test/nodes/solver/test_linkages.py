@@ -51,7 +51,7 @@ def test_its_diagnostics_have_an_angle_for_each_dyad(ros: Domain) -> None:
 
     def solved() -> list[dict[str, str]]:
         values = [{v.key: v.value for v in r.status[0].values} for r in talk.reports]
-        return [each for each in values if each['iterations'] != '0']
+        return [figures for figures in values if figures['iterations'] != '0']
 
     ros.probe.until(solved)
     values = solved()[0]
@@ -99,9 +99,9 @@ def test_its_run_explains_itself_and_is_reviewed(
     assert (code, 'nothing found' in output) == (0, True), output
 
     # Held against a linkage of other lengths, every pose is wrong.
-    other = tmp_path / 'other.yaml'
-    other.write_text(text.replace('length: 150', 'length: 151'), encoding='utf-8')
-    code, output = reviewed(capsys, [*patient, '--geometry', other])
+    longer = tmp_path / 'other.yaml'
+    longer.write_text(text.replace('length: 150', 'length: 151'), encoding='utf-8')
+    code, output = reviewed(capsys, [*patient, '--geometry', longer])
     assert code == 1
     assert 'do not close the loops (by up to 0.001 m)' in output
 

@@ -33,7 +33,7 @@ def assert_right(poses: Sequence[JointState], geometry: KlannGeometry | None = N
 
 def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: Domain) -> None:
     talk = Conversation(ros)
-    before = time.time()
+    start_time = time.time()
     talk.turn(math.radians(60))
     (pose,) = talk.answers(1)
     assert list(pose.name) == ['alpha', 'gamma', 'beta', 'delta', 'theta']
@@ -42,7 +42,7 @@ def test_60_degrees_published_once_gives_the_root_and_the_foot(ros: Domain) -> N
     talk.assert_feet({'': H_60})
     assert list(pose.velocity) == list(pose.effort) == []
     stamp = pose.header.stamp.sec + pose.header.stamp.nanosec * 1e-9
-    assert before - 1 <= stamp <= time.time() + 1
+    assert start_time - 1 <= stamp <= time.time() + 1
     assert talk.velocities == []
 
 
@@ -182,7 +182,7 @@ def test_losses_in_a_flood_are_counted_exactly(ros: Domain) -> None:
 
     # A gap shows between two messages, so one comes before the flood and one behind it.
     ros.probe.until(one_more_is_answered)
-    before = len(sent)
+    count_before = len(sent)
     # Far more than any queue between the two processes holds.
     alphas = [0.001 * k for k in range(6000)]
     talk.turn(*alphas)
@@ -191,7 +191,7 @@ def test_losses_in_a_flood_are_counted_exactly(ros: Domain) -> None:
     counts = talk.counts()
     # It cannot know of losses before the first message that it received.
     unheard = sent.index(talk.poses[0].position[0])
-    assert unheard < before
+    assert unheard < count_before
     assert int(counts['solved']) + int(counts['lost']) == len(sent) + len(alphas) - unheard
     answered = [pose.position[0] for pose in talk.poses if pose.position[0] >= 0]
     assert answered == sorted(answered)

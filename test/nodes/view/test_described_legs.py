@@ -23,19 +23,21 @@ def test_the_description_beside_joint_states_is_the_leg(
     ros: Domain, text: str | None, length: float
 ) -> None:
     parameters = {**LONG.as_dict(), 'assembly': [1, 1]}
-    own = leg_description(SolverParameters('/solver_node', 0, parameters))
+    description = leg_description(SolverParameters('/solver_node', 0, parameters))
     state = LiveState(ros.probe.add_node('page'), read_only=True)
     player = ros.probe.add_node('foreign_player')
     described = player.create_publisher(String, '/again/leg_description', LATCHED)
     poses = player.create_publisher(JointState, '/again/joint_states', 10)
-    described.publish(String(data=own if text is None else text))
+    described.publish(String(data=description if text is None else text))
     leg = KlannLeg(LONG)
     message = JointState(name=[*leg.joint_names], position=[*leg.solve(1.0).joints])
 
     def legs() -> Any:
         poses.publish(message)
-        found = [solver['legs'] for solver in json.loads(state.parts.get('legs', (0, '[]'))[1])]
-        return found and found[0] and found[0][0]['shape'] == shape
+        legs_of_solvers = [
+            solver['legs'] for solver in json.loads(state.parts.get('legs', (0, '[]'))[1])
+        ]
+        return legs_of_solvers and legs_of_solvers[0] and legs_of_solvers[0][0]['shape'] == shape
 
     expected = KlannLeg(KlannGeometry(l_gh=length)).linkage
     shape = json.loads(json.dumps(drawn_shape(expected)))

@@ -99,11 +99,11 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
     ros.probe.until(lambda: angles)
 
     async def take(tab: Tab) -> None:
-        before = await tab.until(lambda drive: drive['publishers'] and not drive['foreign'])
-        assert (before['publishers'], before['owner']) == (['/crank_node'], None)
+        idle_drive = await tab.until(lambda drive: drive['publishers'] and not drive['foreign'])
+        assert (idle_drive['publishers'], idle_drive['owner']) == (['/crank_node'], None)
         await tab.command('take')
-        taken = await tab.until(lambda drive: drive['owner'] and not drive['taking'])
-        assert taken['yielded'] == ['/crank_node']
+        taken_drive = await tab.until(lambda drive: drive['owner'] and not drive['taking'])
+        assert taken_drive['yielded'] == ['/crank_node']
 
     async def turn(tab: Tab) -> None:
         await take(tab)
@@ -111,11 +111,11 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
         await tab.until(lambda _: len(angles) > begin + 5)
         # Another speed than the crank's own, slow enough for a late message to be a small step.
         await tab.command('spin', value=0.01)
-        here = angles[-1].data
-        await tab.until(lambda _: angles[-1].data > here + 0.005)
+        angle = angles[-1].data
+        await tab.until(lambda _: angles[-1].data > angle + 0.005)
         await tab.command('release')
-        here = angles[-1].data
-        await tab.until(lambda _: angles[-1].data > here + 50 * STEP)
+        angle = angles[-1].data
+        await tab.until(lambda _: angles[-1].data > angle + 50 * STEP)
 
     drive(ros, url, turn)
     assert 'yields to /view_node' in crank.errors
@@ -127,8 +127,8 @@ def test_a_crank_yields_to_a_page_and_resumes_where_it_is_also_after_kill_9(ros:
         view.kill()
 
     drive(ros, url, stand)
-    here = angles[-1].data
-    ros.probe.until(lambda: angles[-1].data > here + 20 * STEP)
+    angle = angles[-1].data
+    ros.probe.until(lambda: angles[-1].data > angle + 20 * STEP)
     assert_continuous(angles)
 
 
@@ -183,8 +183,8 @@ def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) 
     }
     ros.probe.node.create_publisher(JointState, 'crank_command', 10)
     ros.start('player_node', str(run), '--loop')
-    given = {'use_clock': True, 'real_time_factor': 4.0, 'linear': 0.1}
-    ros.start('sim_node', '--ros-args', '--params-file', WALKER, **given)
+    parameters = {'use_clock': True, 'real_time_factor': 4.0, 'linear': 0.1}
+    ros.start('sim_node', '--ros-args', '--params-file', WALKER, **parameters)
     for topic, messages in received.items():
         yields(ros, topic, messages)
 

@@ -43,9 +43,9 @@ def turn(module_ros: Domain, url: str) -> Iterator[Callable[[float], None]]:
 
 @pytest.fixture
 def live(module_ros: Domain, url: str, browser: Any) -> Iterator[Live]:
-    made = Live(module_ros, url, browser)
-    yield made
-    made.page.close()
+    live = Live(module_ros, url, browser)
+    yield live
+    live.page.close()
 
 
 @pytest.fixture
@@ -180,10 +180,10 @@ def test_lengths_are_set_or_refused_with_the_reason(moving: Live) -> None:
     moving.until("document.getElementById('lengths-state').textContent.startsWith('Refused')")
     assert 'no crank angle' in moving.text('#lengths-state')
     assert field.input_value() == '0.12'
-    other = moving.page.get_by_label('l_gh [m]')
+    foot_field = moving.page.get_by_label('l_gh [m]')
     for length in ('0.45', '0.43'):
-        other.fill(length)
-        other.blur()
+        foot_field.fill(length)
+        foot_field.blur()
         moving.until(f"document.getElementById('lengths-state').textContent.includes('{length}')")
     response = moving.ros.probe.call(
         GetParameters, '/solver_node/get_parameters', GetParameters.Request(names=['l_ab', 'l_gh'])
@@ -206,8 +206,8 @@ def test_foreign_texts_are_never_markup(moving: Live) -> None:
     def is_shown() -> bool:
         diagnostics.publish(DiagnosticArray(status=[status]))
         states.publish(state)
-        shown = moving.text('main')
-        return shown.count('<img') >= 3
+        text = moving.text('main')
+        return text.count('<img') >= 3
 
     probe.until(is_shown)
     assert moving.page.locator('img').count() == 0
@@ -267,15 +267,18 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
         player.declare_parameter(name, value)
     moving.until("document.querySelectorAll('#machines .card').length === 2")
     cards = moving.page.locator('#machines .card')
-    of = {'recorder': cards.filter(has_text='Recorder'), 'player': cards.filter(has_text='Player')}
-    of['recorder'].get_by_role('button', name='Pause').click()
+    card_of = {
+        'recorder': cards.filter(has_text='Recorder'),
+        'player': cards.filter(has_text='Player'),
+    }
+    card_of['recorder'].get_by_role('button', name='Pause').click()
     moving.ros.probe.until(lambda: 'made_up_recorder pause' in called)
-    of['recorder'].get_by_role('button', name='New file').click()
-    moving.ros.probe.until(lambda: 'Refused: said by split' in of['recorder'].text_content())
-    of['player'].get_by_role('button', name='One message on').click()
+    card_of['recorder'].get_by_role('button', name='New file').click()
+    moving.ros.probe.until(lambda: 'Refused: said by split' in card_of['recorder'].text_content())
+    card_of['player'].get_by_role('button', name='One message on').click()
     moving.ros.probe.until(lambda: 'made_up_player step' in called)
-    moving.ros.probe.until(lambda: '1.50 s' in of['player'].text_content())
-    of['player'].locator('input').evaluate(
+    moving.ros.probe.until(lambda: '1.50 s' in card_of['player'].text_content())
+    card_of['player'].locator('input').evaluate(
         "(node) => { node.value = 4; node.dispatchEvent(new Event('change')); }"
     )
     moving.ros.probe.until(lambda: player.get_parameter('position').value == 4.0)
@@ -313,10 +316,10 @@ def test_a_walker_is_seen_from_the_side_and_from_above(moving: Live) -> None:
         return f'x {x:.2f} m' in moving.text('#odometry')
 
     probe.until(lambda: is_at(0.0))
-    before = moving.page.evaluate(grounds)
+    first_grounds = moving.page.evaluate(grounds)
     probe.until(lambda: is_at(0.03))
     # Seen from both sides the ground has moved back under the body.
-    assert all(a != b for a, b in zip(before, moving.page.evaluate(grounds), strict=True))
+    assert all(a != b for a, b in zip(first_grounds, moving.page.evaluate(grounds), strict=True))
     box = moving.page.locator('#above').bounding_box()
     assert box['y'] + box['height'] <= 900
     probe.node.destroy_publisher(odometry)
@@ -339,8 +342,8 @@ def test_axe_finds_no_barrier(moving: Live, scheme: str, width: int) -> None:
     axe = pytest.importorskip('axe_playwright_python.sync_playwright')
     moving.page.emulate_media(color_scheme=scheme)
     moving.page.set_viewport_size({'width': width, 'height': 800})
-    found = axe.Axe().run(moving.page).response['violations']
-    assert [violation['id'] for violation in found] == []
+    violations = axe.Axe().run(moving.page).response['violations']
+    assert [violation['id'] for violation in violations] == []
     assert moving.page.evaluate('document.documentElement.scrollWidth <= innerWidth')
 
 
@@ -368,10 +371,10 @@ def test_read_only_drives_nothing_and_ends_orderly_with_open_pages(
 
 
 def test_a_refused_start_is_one_line(module_ros: Domain) -> None:
-    with socket.socket() as taken:
-        taken.bind(('127.0.0.1', 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+    with socket.socket() as listener:
+        listener.bind(('127.0.0.1', 0))
+        listener.listen()
+        port = listener.getsockname()[1]
         refusals = {
             ('--port', str(port)): (1, f'port {port}'),
             ('--runs', '/nowhere', '--port', '0'): (1, '--runs /nowhere is no folder'),
