@@ -11,6 +11,7 @@ import sys
 from time import monotonic
 import tty
 
+from crank_motors import JOINTS, TWO_MOTORS
 from domain import own_domain
 from driver_modules import DRIVER
 from geometry_msgs.msg import TwistStamped
@@ -20,8 +21,6 @@ from rclpy.duration import Duration
 from ros_domain import Domain, open_domain, Process
 from sensor_msgs.msg import JointState
 
-JOINTS = ['left_crank', 'right_crank']
-WALKER = str(ROOT / 'config' / 'walker6_two_motors.yaml')
 # Slower shafts stand [rad/s].
 STANDSTILL = 0.02
 # Motion in a second at 0.1 m/s [rad]: 1 rad for 0.149 m, at most 1.5 by the feedback of the motion
@@ -46,7 +45,7 @@ class Walk:
         self.probe = ros.probe
         self.states: list[JointState] = ros.probe.listen(JointState, 'crank_state')
         self.driver = start_driver(ros, **parameters)
-        self.walker = ros.start('walker_node', '--ros-args', '--params-file', WALKER)
+        self.walker = ros.start('walker_node', '--ros-args', '--params-file', TWO_MOTORS)
         self.cmd_vel = ros.probe.publisher(TwistStamped, 'cmd_vel')
         ros.probe.node.create_timer(0.05, self._drive)
 

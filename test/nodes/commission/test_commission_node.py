@@ -7,14 +7,14 @@ import signal
 import termios
 from typing import Any
 
+from crank_motors import TWO_MOTORS
 from klann_ros.robot import CrankDrive, robot_from_parameters, solver_section
 import pytest
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 import yaml
 
-WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
-FILE = ('--ros-args', '--params-file', WALKER)
+FILE = ('--ros-args', '--params-file', TWO_MOTORS)
 
 
 class Commands:
@@ -51,7 +51,7 @@ def test_wrong_wiring_is_named_and_written(
     assert 'right_crank: wrong sign: its encoder counts backwards\n' in process.output
     assert 'right_crank: gear ratio: its encoder turns ' in process.output
     text = (tmp_path / 'cranks.yaml').read_text()
-    parameters = {**solver_section(yaml.safe_load(Path(WALKER).read_text()))}
+    parameters = {**solver_section(yaml.safe_load(Path(TWO_MOTORS).read_text()))}
     written = yaml.safe_load(text)['/**']['ros__parameters']
     drives = robot_from_parameters({**parameters, **written}).drives
     left, right = drives.values()
@@ -133,7 +133,7 @@ def test_an_unknown_joint_is_refused(ros: Domain) -> None:
     [
         ('there/is/none.yaml', 'there is no folder '),
         ('.', 'it is a folder'),
-        (WALKER, f'it is {WALKER}, which is only read'),
+        (TWO_MOTORS, f'it is {TWO_MOTORS}, which is only read'),
     ],
 )
 def test_a_file_that_cannot_be_written_turns_nothing(

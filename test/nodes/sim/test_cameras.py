@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from crank_motors import CONFIG
 from geometry_msgs.msg import PointStamped
 from klann_ros.calibration.command import main
 from klann_ros.robot import robot_of
@@ -10,7 +11,6 @@ import pytest
 from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 
-CONFIG = Path(__file__).resolve().parents[3] / 'config'
 BUILT = CONFIG / 'sem104_built.yaml'
 SEM104 = ['--ros-args', '--params-file', str(CONFIG / 'sem104.yaml')]
 

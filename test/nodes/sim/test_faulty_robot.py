@@ -1,14 +1,12 @@
 """`sim_node` with faults: they act between its topics and the robot."""
 
-from pathlib import Path
 from typing import Any
 
+from crank_motors import TWO_MOTORS
 from nav_msgs.msg import Odometry
 from ros_domain import Domain
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Bool
-
-FILE = Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml'
 
 
 def test_commands_and_readings_pass_the_faults(ros: Domain) -> None:
@@ -52,4 +50,4 @@ def test_only_the_message_of_a_tilted_imu_is_tilted(ros: Domain) -> None:
 
 
 def start(ros: Domain, **parameters: object) -> Any:
-    return ros.start('sim_node', '--ros-args', '--params-file', str(FILE), **parameters)
+    return ros.start('sim_node', '--ros-args', '--params-file', TWO_MOTORS, **parameters)

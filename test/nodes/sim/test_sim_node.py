@@ -2,9 +2,9 @@
 
 from itertools import pairwise
 import math
-from pathlib import Path
 from typing import Any
 
+from crank_motors import JOINTS, TWO_MOTORS
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from klann_ros.nodes.endpoints import LAST_MESSAGES
@@ -14,10 +14,6 @@ from ros_domain import Domain
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
-
-ROOT = Path(__file__).resolve().parents[3]
-CONFIG = ROOT / 'config'
-BOTH = ['left_crank', 'right_crank']
 
 
 class Robot:
@@ -32,7 +28,7 @@ class Robot:
         self._reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
         self.process = ros.start(
             'sim_node',
-            *('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml')),
+            *('--ros-args', '--params-file', TWO_MOTORS),
             use_clock=True,
             motor_speed_factor=[1.0, 0.9],
             diagnostics_period=0.2,
@@ -51,7 +47,7 @@ class Robot:
         """Command again and again until something holds."""
 
         def holds() -> bool:
-            self.command(BOTH, [*velocities])
+            self.command(JOINTS, [*velocities])
             return bool(until())
 
         self.probe.until(holds)
@@ -73,7 +69,7 @@ def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
     start = robot.truths[-1].pose.pose.position.x
     robot.driven(lambda: robot.truths[-1].pose.pose.position.x - start > 0.05, 2.0, 2.0)
     state, truth, imu = robot.cranks[-1], robot.truths[-1], robot.imus[-1]
-    assert list(state.name) == BOTH
+    assert list(state.name) == JOINTS
     assert list(state.effort) == []
     # The right motor has its speed factor.
     assert state.velocity[1] / state.velocity[0] == pytest.approx(0.9, abs=0.05)
@@ -106,12 +102,12 @@ def test_without_commands_its_cranks_are_held(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ('names', 'velocities'),
     [
-        (BOTH, [math.nan, 1.0]),
-        (BOTH, [1.0, math.inf]),
-        (BOTH, []),
+        (JOINTS, [math.nan, 1.0]),
+        (JOINTS, [1.0, math.inf]),
+        (JOINTS, []),
         (['wheel'], [1.0]),
         ([], []),
-        (BOTH, [1.0]),
+        (JOINTS, [1.0]),
     ],
 )
 def test_invalid_commands_move_nothing_and_are_counted(
@@ -145,7 +141,7 @@ def test_ctrl_c_ends_it_silently(robot: Robot) -> None:
 
 
 def test_its_own_drive_ends_with_a_command_to_stand(ros: Domain) -> None:
-    words = ('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml'))
+    words = ('--ros-args', '--params-file', TWO_MOTORS)
     sim = ros.start('sim_node', *words, linear=0.1)
     # It drives what has a publisher of crank_command.
     ros.probe.node.create_publisher(JointState, 'crank_command', 1)

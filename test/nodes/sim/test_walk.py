@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from crank_motors import TWO_MOTORS
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import TwistStamped
 from klann_ros.log.reader import open_log
@@ -10,8 +11,6 @@ import pytest
 from ros_domain import Domain, RecorderReports
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-
-WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 
 
 def stamp_of(odometry: Odometry) -> tuple[int, int]:
@@ -26,7 +25,7 @@ def test_a_walk_by_cmd_vel_agrees_with_its_odometry_and_is_played_back(
     reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
     recorded = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=str(tmp_path / 'run'))
-    file = ('--ros-args', '--params-file', WALKER)
+    file = ('--ros-args', '--params-file', TWO_MOTORS)
     sim = ros.start('sim_node', *file, use_clock=True, linear=0.15)
     # Simulated time: however slow the machine is, they see the same.
     walker = ros.start('walker_node', *file, use_sim_time=True, use_imu=True)

@@ -5,11 +5,11 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 import json
-from pathlib import Path
 import signal
 from typing import Any
 
 import aiohttp
+from crank_motors import TWO_MOTORS
 from crank_runs import make_messages, write_run
 from geometry_msgs.msg import TwistStamped
 from klann_ros.live.protocol import Command
@@ -23,7 +23,6 @@ from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-WALKER = str(Path(__file__).resolve().parents[3] / 'config' / 'walker6_two_motors.yaml')
 CRANK = 'crank:/crank_angle'
 WALK = 'walk:/cmd_vel'
 # Of crank_node between two messages [rad].
@@ -184,7 +183,7 @@ def test_a_player_and_the_walk_of_the_simulation_yield_to_a_driver(ros: Domain) 
     ros.probe.node.create_publisher(JointState, 'crank_command', 10)
     ros.start('player_node', str(run), '--loop')
     parameters = {'use_clock': True, 'real_time_factor': 4.0, 'linear': 0.1}
-    ros.start('sim_node', '--ros-args', '--params-file', WALKER, **parameters)
+    ros.start('sim_node', '--ros-args', '--params-file', TWO_MOTORS, **parameters)
     for topic, messages in received.items():
         yields(ros, topic, messages)
 

@@ -3,6 +3,7 @@
 from math import pi
 from pathlib import Path
 
+from crank_motors import TWO_MOTORS
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 import pytest
@@ -10,7 +11,6 @@ from ros_domain import Domain
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-CONFIG = Path(__file__).resolve().parents[3] / 'config'
 CRANKS = '{left_crank: {encoder_ratio: -4.0, motor_ratio: -2.0, zero: 0.3}}'
 
 
@@ -18,7 +18,7 @@ def test_a_robot_with_a_gear_and_wrong_signs_walks_by_its_file(
     ros: Domain, tmp_path: Path
 ) -> None:
     file = tmp_path / 'robot.yaml'
-    text = (CONFIG / 'walker6_two_motors.yaml').read_text()
+    text = Path(TWO_MOTORS).read_text()
     file.write_text(f'{text}    cranks: {CRANKS}\n')
     cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
     legs: list[JointState] = ros.probe.listen(JointState, 'joint_states')

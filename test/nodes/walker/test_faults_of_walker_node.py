@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import cos, pi, radians, sin
-from pathlib import Path
 from random import Random
 
 from builtin_interfaces.msg import Time
+from crank_motors import CONFIG, JOINTS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 import pytest
@@ -14,7 +14,6 @@ from ros_domain import Domain, Process
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
-CONFIG = Path(__file__).resolve().parents[3] / 'config'
 LEGS = [f'{end}_{side}' for end in ('front', 'middle', 'rear') for side in ('left', 'right')]
 SPEED = 0.15
 DT = 0.01
@@ -201,7 +200,7 @@ def start(module_ros: Domain) -> Callable[..., Plant]:
 
 @pytest.fixture(scope='module')
 def two_motors(start: Callable[..., Plant]) -> Iterator[Plant]:
-    plant = start('/two', 'walker6_two_motors.yaml', ['left_crank', 'right_crank'])
+    plant = start('/two', 'walker6_two_motors.yaml', JOINTS)
     yield plant
     plant.timer.cancel()
 
@@ -256,9 +255,7 @@ def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
 def test_with_auto_reset_a_new_command_after_one_of_0_starts_it_again(
     start: Callable[..., Plant],
 ) -> None:
-    plant = start(
-        '/auto', 'walker6_two_motors.yaml', ['left_crank', 'right_crank'], auto_reset=True
-    )
+    plant = start('/auto', 'walker6_two_motors.yaml', JOINTS, auto_reset=True)
     plant.until_walking()
     plant.cranks.wirings['left_crank'] = Wiring(motor=0.0)
     plant.probe.until(lambda: plant.reports and 'a cmd_vel of 0' in plant.status.message)

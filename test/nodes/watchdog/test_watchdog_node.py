@@ -3,6 +3,7 @@
 from pathlib import Path
 from signal import SIGCONT, SIGSTOP, SIGTERM
 
+from crank_motors import CONFIG, TWO_MOTORS
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 import pytest
@@ -10,7 +11,6 @@ from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-CONFIG = Path(__file__).resolve().parents[3] / 'config'
 CONTROLLERS = Path(__file__).with_name('velocity_controllers.py')
 COMMANDS = 'crank_velocity_controller/commands'
 REMAPPED = ('-r', f'crank_command:={COMMANDS}')
@@ -33,7 +33,7 @@ class Chain:
         self.probe = ros.probe
         self.cranks: list[JointState] = ros.probe.listen(JointState, 'crank_state')
         self.reports: list[DiagnosticArray] = ros.probe.listen(DiagnosticArray, '/diagnostics')
-        walker = ('--ros-args', '--params-file', str(CONFIG / 'walker6_two_motors.yaml'))
+        walker = ('--ros-args', '--params-file', TWO_MOTORS)
         states = ('-r', 'crank_state:=joint_state_broadcaster/joint_states')
         ros.start('sim_node', *walker)
         ros.start('python', str(CONTROLLERS))
