@@ -60,7 +60,7 @@ def by_topic(log: Log) -> dict[str, list[bytes]]:
 
 
 @pytest.fixture(scope='module')
-def run(module_ros: Domain) -> Path:
+def recorded_run(module_ros: Domain) -> Path:
     """Return a run that the three nodes made; the tests only read it."""
     folder = module_ros.folder / 'run'
     recorder = record(module_ros, folder)
@@ -68,9 +68,9 @@ def run(module_ros: Domain) -> Path:
     return folder
 
 
-def test_a_run_opens_in_rosbags_with_all_messages(run: Path) -> None:
+def test_a_run_opens_in_rosbags_with_all_messages(recorded_run: Path) -> None:
     leg = KlannLeg()
-    with AnyReader([run]) as reader:
+    with AnyReader([recorded_run]) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
         assert {topic: counts[topic] for topic in TOPICS} == dict.fromkeys(TOPICS, COUNT)
         for connection, _, data in reader.messages():
@@ -81,8 +81,8 @@ def test_a_run_opens_in_rosbags_with_all_messages(run: Path) -> None:
                 assert len(pose.velocity) == 5
 
 
-def test_a_run_opens_in_mcap_ros2_support_with_all_messages(run: Path) -> None:
-    (path,) = run.glob('*.mcap')
+def test_a_run_opens_in_mcap_ros2_support_with_all_messages(recorded_run: Path) -> None:
+    (path,) = recorded_run.glob('*.mcap')
     assert path.name == 'run_0.mcap'
     with path.open('rb') as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -98,8 +98,8 @@ def test_a_run_opens_in_mcap_ros2_support_with_all_messages(run: Path) -> None:
         assert 0 < message.publish_time <= message.log_time
 
 
-def test_a_run_explains_itself(run: Path) -> None:
-    with open_log(run) as log:
+def test_a_run_explains_itself(recorded_run: Path) -> None:
+    with open_log(recorded_run) as log:
         (record_,) = log.metadata['klann_ros.solver']
         (attachment,) = log.attachments
         assert log.complete
@@ -120,12 +120,14 @@ def test_a_run_explains_itself(run: Path) -> None:
 
 
 def test_a_run_is_played_and_recorded_again_byte_for_byte(
-    ros: Domain, run: Path, tmp_path: Path
+    ros: Domain, recorded_run: Path, tmp_path: Path
 ) -> None:
     again = tmp_path / 'again'
     reports = RecorderReports(ros.probe)
     recorder = ros.start('recorder_node', output=again)
-    player = ros.start('player_node', str(run), '--rate', '2', '--delay', '0', '--start-paused')
+    player = ros.start(
+        'player_node', str(recorded_run), '--rate', '2', '--delay', '0', '--start-paused'
+    )
     # It hears them as soon as they are there; they have to know of it, too.
     ros.probe.until(lambda: all(ros.probe.node.count_subscribers(topic) >= 1 for topic in TOPICS))
     ros.probe.spin(2.0)
@@ -133,20 +135,20 @@ def test_a_run_is_played_and_recorded_again_byte_for_byte(
     assert player.wait() == 0
     reports.until_received(dict.fromkeys(TOPICS, COUNT))
     assert recorder.stop() == 0
-    with open_log(run) as first, open_log(again) as second:
+    with open_log(recorded_run) as first, open_log(again) as second:
         assert by_topic(first) == by_topic(second)
 
 
-def test_a_part_of_a_run_is_played_under_other_names(ros: Domain, run: Path) -> None:
+def test_a_part_of_a_run_is_played_under_other_names(ros: Domain, recorded_run: Path) -> None:
     plain = ros.probe.listen(JointState, '/joint_states')
     renamed = ros.probe.listen(JointState, '/replay/legs')
-    with open_log(run) as log:
+    with open_log(recorded_run) as log:
         poses = list(log.messages(['/joint_states']))
         offset = (poses[100].log_time - log.start_time) / 1e9
         expected = [m for m in poses if 0 <= m.log_time - poses[100].log_time <= 10**9]
     player = ros.start(
         'player_node',
-        str(run),
+        str(recorded_run),
         *('--topics', 'joint_states', '--remap', 'joint_states:=legs'),
         *('--start-offset', f'{offset:.9f}', '--duration', '1', '--delay', '0'),
         '--start-paused',
@@ -319,9 +321,9 @@ def test_a_full_disk_ends_the_recording_with_a_readable_run(ros: Domain, tmp_pat
     ],
 )
 def test_a_player_without_messages_reports_the_reason(
-    ros: Domain, run: Path, arguments: list[str], warning: str
+    ros: Domain, recorded_run: Path, arguments: list[str], warning: str
 ) -> None:
-    player = ros.start('player_node', str(run), *arguments, '--delay', '0')
+    player = ros.start('player_node', str(recorded_run), *arguments, '--delay', '0')
     assert player.wait() == 0
     assert warning in player.errors
 

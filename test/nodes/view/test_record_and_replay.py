@@ -54,10 +54,10 @@ def live(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Liv
 
 
 @pytest.fixture(scope='module')
-def run(live: Live) -> Path:
+def recorded_run(live: Live) -> Path:
     """Return a run of two legs, made by the page's buttons."""
     ros = live.ros
-    run = ros.folder / 'run'
+    path = ros.folder / 'run'
     linkage = ros.folder / 'jansen.yaml'
     linkage.write_text((SHIPPED / 'jansen.yaml').read_text())
     solvers = [
@@ -65,7 +65,7 @@ def run(live: Live) -> Path:
         ros.start('solver_node', '--ros-args', '-r', '__ns:=/other', '-p', f'linkage:={linkage}'),
     ]
     topics = '[joint_states, other/joint_states, crank_angle]'
-    recorder = ros.start('recorder_node', output=run, topics=topics)
+    recorder = ros.start('recorder_node', output=path, topics=topics)
     cranks = [
         ros.probe.publisher(Float64, name, subscribers=count)
         for name, count in (('crank_angle', 3), ('other/crank_angle', 2))
@@ -95,7 +95,7 @@ def run(live: Live) -> Path:
         assert process.stop() == 0
     for crank in cranks:
         ros.probe.node.destroy_publisher(crank)
-    return run
+    return path
 
 
 def written(card: Machine) -> int:
@@ -104,18 +104,21 @@ def written(card: Machine) -> int:
     return int(words.rpartition(' ')[2].replace(',', ''))
 
 
-def test_the_buttons_of_a_recorder_make_a_run(live: Live, run: Path) -> None:
-    assert sorted(path.name for path in run.glob('*.mcap')) == ['run_0.mcap', 'run_1.mcap']
-    with open_log(run) as log:
+def test_the_buttons_of_a_recorder_make_a_run(live: Live, recorded_run: Path) -> None:
+    names = {path.name for path in recorded_run.glob('*.mcap')}
+    assert names == {'run_0.mcap', 'run_1.mcap'}
+    with open_log(recorded_run) as log:
         assert {topic.name for topic in log.topics} >= set(LEGS)
     assert live.errors == []
 
 
 def test_a_replay_is_played_by_its_buttons_and_drawn_with_its_own_lengths(
-    live: Live, run: Path
+    live: Live, recorded_run: Path
 ) -> None:
     ros, page = live.ros, live.page
-    player = ros.start('player_node', str(run), '--start-paused', '--loop', '--delay', '0')
+    player = ros.start(
+        'player_node', str(recorded_run), '--start-paused', '--loop', '--delay', '0'
+    )
     card = Machine(live, 'Player /player_node')
     # The recorder has ended, and offers nothing any more.
     ros.probe.until(lambda: page.locator('#machines .card').count() == 1)

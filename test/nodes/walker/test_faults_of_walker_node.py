@@ -183,7 +183,7 @@ def has_motion(commands: list[JointState]) -> bool:
 
 
 @pytest.fixture(scope='module')
-def start(module_ros: Domain) -> Callable[..., Plant]:
+def start_plant(module_ros: Domain) -> Callable[..., Plant]:
     """Return a function that starts a walker_node in a namespace, and its motors."""
 
     def make(space: str, file: str, joints: list[str], **parameters: object) -> Plant:
@@ -199,8 +199,8 @@ def start(module_ros: Domain) -> Callable[..., Plant]:
 
 
 @pytest.fixture(scope='module')
-def two_motors(start: Callable[..., Plant]) -> Iterator[Plant]:
-    plant = start('/two', 'walker6_two_motors.yaml', JOINTS)
+def two_motors(start_plant: Callable[..., Plant]) -> Iterator[Plant]:
+    plant = start_plant('/two', 'walker6_two_motors.yaml', JOINTS)
     yield plant
     plant.timer.cancel()
 
@@ -239,10 +239,10 @@ def test_a_body_that_falls_is_not_driven(two_motors: Plant) -> None:
 
 
 def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
-    start: Callable[..., Plant],
+    start_plant: Callable[..., Plant],
 ) -> None:
     joints = {f'{leg}.crank_joint': f'{leg}_crank' for leg in LEGS}
-    plant = start('/six', 'walker6.yaml', list(joints.values()), **joints)
+    plant = start_plant('/six', 'walker6.yaml', list(joints.values()), **joints)
     plant.body.pitch = pi
     plant.break_down('TILTED', 'check its axes')
     assert max(map(abs, plant.cranks.angles.values())) == 0.0
@@ -253,9 +253,9 @@ def test_an_imu_on_its_head_and_six_motors_of_which_one_is_reversed(
 
 
 def test_with_auto_reset_a_new_command_after_one_of_0_starts_it_again(
-    start: Callable[..., Plant],
+    start_plant: Callable[..., Plant],
 ) -> None:
-    plant = start('/auto', 'walker6_two_motors.yaml', JOINTS, auto_reset=True)
+    plant = start_plant('/auto', 'walker6_two_motors.yaml', JOINTS, auto_reset=True)
     plant.until_walking()
     plant.cranks.wirings['left_crank'] = Wiring(motor=0.0)
     plant.probe.until(lambda: plant.reports and 'a cmd_vel of 0' in plant.status.message)
