@@ -29,7 +29,8 @@ ANY = Guard('0.0.0.0', 8321, 'secret')  # noqa: S104 - bound to nowhere here
 @pytest.mark.parametrize('address', RULES['hosts'])
 def test_the_host_header_must_name_this_server(address: str) -> None:
     name, port = address.rsplit(':', 1)
-    guard, hosts = Guard(name, int(port), ''), RULES['hosts'][address]
+    guard = Guard(name, int(port), '')
+    hosts = RULES['hosts'][address]
     for host in hosts['own']:
         guard.check_host(host)
     for host in (*hosts['foreign'], '', None):

@@ -31,7 +31,8 @@ def message(count: int) -> bytes:
 def test_angles_are_read_to_half_a_tick_less_whole_turns(
     first: float, steps: list[float], counts_per_turn: float
 ) -> None:
-    reader, angle = TicksReader(counts_per_turn), first
+    reader = TicksReader(counts_per_turn)
+    angle = first
     half = pi / counts_per_turn
     start = reader.read(message(encoder_count(first, counts_per_turn)))
     assert abs(start) <= pi + half
@@ -47,7 +48,8 @@ def test_angles_are_read_to_half_a_tick_less_whole_turns(
 @example(-(2**31), [-1, 5])
 @given(INT32, st.lists(st.integers(-(2**30), 2**30), min_size=1, max_size=20))
 def test_an_overflow_is_no_jump(first: int, steps: list[int]) -> None:
-    reader, count = TicksReader(4096.0), first
+    reader = TicksReader(4096.0)
+    count = first
     last = reader.read(message(first))
     for step in steps:
         count += step

@@ -97,7 +97,8 @@ def test_every_type_that_is_installed_is_one() -> None:
 def test_a_package_of_no_interfaces_is_imported_only_from_the_ament_index(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, is_indexed: bool, reason: str
 ) -> None:
-    marker, name = tmp_path / 'marker', f'half_msgs_{tmp_path.name}'
+    marker = tmp_path / 'marker'
+    name = f'half_msgs_{tmp_path.name}'
     folder = tmp_path / 'lib' / name / 'msg'
     folder.mkdir(parents=True)
     code = f'import pathlib\npathlib.Path({str(marker)!r}).touch()\n{text}\n'

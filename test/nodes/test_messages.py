@@ -71,7 +71,8 @@ class Reader:
     """A reader of one joint."""
 
     def __init__(self, joint: str) -> None:
-        self._joint, self._reader = joint, JointsReader([joint])
+        self._joint = joint
+        self._reader = JointsReader([joint])
 
     def read(self, data: bytes) -> JointReading:
         return self._reader.read(data)[self._joint]
@@ -83,7 +84,9 @@ def same(a: object, b: object) -> bool:
 
 
 def expected(message: JointState, index: int) -> JointReading:
-    names, velocities, stamp = message.name, message.velocity, message.header.stamp
+    names = message.name
+    velocities = message.velocity
+    stamp = message.header.stamp
     index = list(names).index(names[index])
     velocity = velocities[index] if len(velocities) == len(names) else None
     effort = message.effort[index] if len(message.effort) == len(names) else None
@@ -97,10 +100,8 @@ def test_a_number_is_read_as_rclpy_reads_it(double: float, single: float, count:
         (Float32(data=single), 'f'),
         (Int32(data=count), 'i'),
     ):
-        reader, data = (
-            NumberReader(type_name(type(message))),
-            serialize_message(message),
-        )
+        reader = NumberReader(type_name(type(message)))
+        data = serialize_message(message)
         number = float(deserialize_message(data, type(message)).data)
         assert same(reader.read(data), number)
         assert same(reader.read(b'\0\0\0\0' + struct.pack(f'>{code}', message.data)), number)

@@ -480,7 +480,8 @@ def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
         ros.probe.until(client.service_is_ready)
         ros.probe.await_discovery('echo')
         # Meanwhile the request waits for its turn.
-        run.echo.pause, run.echo.trouble = 0.02, ValueError
+        run.echo.pause = 0.02
+        run.echo.trouble = ValueError
         for _ in range(20):
             publisher.publish(Float64())
             answer = client.call_async(Trigger.Request())

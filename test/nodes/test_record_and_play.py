@@ -25,7 +25,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 import yaml
 
-TURNS, RATE = 2, 200.0
+TURNS = 2
+RATE = 200.0
 COUNT = round(TURNS * RATE) + 1
 TOPICS = ['/crank_state', '/joint_states', '/point_h', '/velocity_h']
 
@@ -211,7 +212,9 @@ def test_queued_messages_are_recorded_at_the_end(ros: Domain, tmp_path: Path) ->
 
 
 def test_changes_of_a_leg_and_a_new_solver_are_in_the_run(ros: Domain, tmp_path: Path) -> None:
-    folder, right, left = tmp_path / 'run', 'right.l_gh', 'left.l_gh'
+    folder = tmp_path / 'run'
+    right = 'right.l_gh'
+    left = 'left.l_gh'
     recorder = ros.start('recorder_node', output=folder)
     solver = ros.start('solver_node', legs='[left, right]')
     ros.probe.until(lambda: len(solver_lengths(folder, right)) == 1)

@@ -21,7 +21,8 @@ from yaml_tables import read_table
 
 GOOD = 'std_msgs/msg/Float64'
 NAMES = read_table(Path(__file__).with_name('hostile_names.yaml'))
-TYPES, TOPICS = NAMES['sent types'], [*NAMES['topics'], '/' + 'x' * 10_000]
+TYPES = NAMES['sent types']
+TOPICS = [*NAMES['topics'], '/' + 'x' * 10_000]
 COUNT = 40
 
 

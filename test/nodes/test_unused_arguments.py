@@ -19,7 +19,8 @@ def warnings(create: Callable[..., Any], tmp_path: Path) -> Callable[..., list[s
     """Return a function that creates a node, and returns its warnings."""
 
     def warn(name: str, arguments: list[str], content: str = '') -> list[str]:
-        words, file = [*arguments], tmp_path / 'parameters.yaml'
+        words = [*arguments]
+        file = tmp_path / 'parameters.yaml'
         if content:
             file.write_text(content, encoding='utf-8')
             words += ['--params-file', str(file)]

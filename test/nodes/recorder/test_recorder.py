@@ -92,7 +92,8 @@ def test_a_pause_is_in_the_run_with_its_skipped_messages(seen: dict[str, Any]) -
         (record,) = log.metadata['klann_ros.pause']
         (losses,) = log.metadata['klann_ros.loss']
         times = [message.log_time for message in log.messages([TOPIC])]
-    pause, count = recorded_pause(record), topic_counts(losses)[TOPIC]
+    pause = recorded_pause(record)
+    count = topic_counts(losses)[TOPIC]
     assert pause.skipped[TOPIC] == 70
     assert not [time for time in times if pause.begin <= time < pause.end]
     assert times[199] < pause.begin < pause.end <= times[200]

@@ -25,7 +25,8 @@ from std_srvs.srv import Trigger
 
 RATE = 100.0
 # Recorded before and after an event [s].
-PRE_TRIGGER, POST_TRIGGER = 1.0, 0.5
+PRE_TRIGGER = 1.0
+POST_TRIGGER = 0.5
 # Longer than a busy machine holds messages up: only what is stopped here is a gap.
 LIMITS = 'gap_time: 1.5\nlatency: 3.0\n'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -35,7 +36,8 @@ class Stage:
     """A crank, a solver, a recorder that waits, and all diagnostics."""
 
     def __init__(self, ros: Domain) -> None:
-        self.ros, self.folder = ros, ros.folder / 'runs'
+        self.ros = ros
+        self.folder = ros.folder / 'runs'
         self.statuses = ros.probe.listen(DiagnosticArray, '/diagnostics')
         model = ros.probe.node.create_publisher(String, 'robot_description', LATCHED)
         model.publish(String(data='<robot name="leg"/>'))
@@ -102,7 +104,8 @@ class Stage:
             earlier_runs = self.events()
             # What it holds for `pre_trigger` begins again behind an event.
             self.ros.probe.spin(PRE_TRIGGER + 0.6)
-            answer, events = self.call('trigger'), self.events()
+            answer = self.call('trigger')
+            events = self.events()
             self.await_idle()
             # A machine that stalled may have begun one.
             if events == [*earlier_runs, Path(answer.message)]:
@@ -179,7 +182,8 @@ def test_a_triggered_run_is_complete_before_and_after(seen: dict[str, Any]) -> N
             times = [message.log_time for message in messages]
             assert times[0] <= trigger.time - PRE_TRIGGER * 1e9
             assert times[-1] >= trigger.time + POST_TRIGGER * 1e9 - 1e9 / RATE * 10
-            count, sequences = counts[topic], [message.sequence for message in messages]
+            count = counts[topic]
+            sequences = [message.sequence for message in messages]
             assert count.received == count.written == len(messages)
             missing = sequences[-1] - sequences[0] + 1 - len(sequences)
             assert missing <= (count.lost or 0)

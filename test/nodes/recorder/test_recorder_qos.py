@@ -40,8 +40,10 @@ def publish(publisher: Any, *values: float) -> None:
 @pytest.fixture(scope='module')
 def recorded(module_ros: Domain) -> tuple[Path, str]:
     """Return a run of all topics, and what its recorder has logged."""
-    probe, folder = module_ros.probe, module_ros.folder / 'run'
-    create, reports = probe.node.create_publisher, RecorderReports(probe)
+    probe = module_ros.probe
+    folder = module_ros.folder / 'run'
+    create = probe.node.create_publisher
+    reports = RecorderReports(probe)
     create(String, 'robot_description', LATCHED).publish(String(data='<robot/>'))
     recorder = module_ros.start('recorder_node', output=folder, all_topics='true')
     first = {topic: create(Float64, topic, pair[0]) for topic, pair in PAIRS.items()}

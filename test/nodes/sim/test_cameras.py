@@ -21,7 +21,8 @@ def test_the_leg_as_built_is_found_in_a_run_of_its_cameras(ros: Domain, tmp_path
     feet: list[PointStamped] = probe.listen(PointStamped, 'camera/h')
     parameters = {'built': BUILT, 'cameras': True, 'camera_outliers': 0.02, 'seed': 5}
     ros.start('sim_node', *SEM104, **parameters, rate=200.0)
-    run, reports = tmp_path / 'run', RecorderReports(probe)
+    run = tmp_path / 'run'
+    reports = RecorderReports(probe)
     recorder = ros.start('recorder_node', output=run, all_topics=True)
     # A late discovery would leave a part of the turn only.
     reports.until_received(dict.fromkeys(('/crank_state', '/camera/g', '/camera/h'), 1))

@@ -47,7 +47,8 @@ def test_the_description_beside_joint_states_is_the_leg(
 
 def test_a_simulation_publishing_only_its_crank_is_not_a_solver(ros: Domain) -> None:
     state = LiveState(ros.probe.add_node('page'), read_only=True)
-    leg, publishers = KlannLeg(LONG), {}
+    leg = KlannLeg(LONG)
+    publishers = {}
     for name, topic in (('sim', '/crank_state'), ('solver', '/joint_states')):
         node = ros.probe.add_node(name)
         for parameter, value in LONG.as_dict().items():

@@ -33,7 +33,8 @@ class Tab:
     """A page without a browser: it sends keep-alives, draws frames, and keeps the drive."""
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse, target: str) -> None:
-        self._socket, self._target = socket, target
+        self._socket = socket
+        self._target = target
         self._number = 0
         self.drive: dict[str, Any] = {}
 

@@ -222,7 +222,8 @@ def test_foreign_texts_are_never_markup(moving: Live) -> None:
 def test_a_walker_is_steered_by_keys_and_stops_when_the_page_closes(moving: Live) -> None:
     commands: list[TwistStamped] = moving.ros.probe.listen(TwistStamped, 'cmd_vel')
     moving.until("!document.getElementById('walk-card').hidden")
-    page, keys = moving.page, ('ArrowUp', 'a')
+    page = moving.page
+    keys = ('ArrowUp', 'a')
     moving.drive(lambda: None, lambda: commands, 'walk')
     assert commands[-1].twist.linear.x == 0.0
 
@@ -254,7 +255,8 @@ def test_a_recorder_and_a_player_have_buttons(moving: Live) -> None:
     def offer(node: Any, name: str, *, is_done: bool = True) -> None:
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             called.append(f'{node.get_name()} {name}')
-            response.success, response.message = is_done, f'said by {name} {EVIL}'
+            response.success = is_done
+            response.message = f'said by {name} {EVIL}'
             return response
 
         node.create_service(Trigger, f'~/{name}', answer)

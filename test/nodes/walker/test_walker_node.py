@@ -128,7 +128,8 @@ def test_a_walk(ros: Domain, walker: Process, motors: Motors) -> None:
 def test_a_resumed_process_starts_at_the_measured_crank_angles(
     walker: Process, motors: Motors, seconds: float, twist: tuple[float, float], ends: bool
 ) -> None:
-    probe, linear = motors.probe, twist[0]
+    probe = motors.probe
+    linear = twist[0]
     motors.twist = twist
     if any(twist):
         motors.until_walking()
