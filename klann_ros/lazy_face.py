@@ -1,12 +1,23 @@
-"""Public names of a package that are imported on first use, so that they cost no start time."""
+"""
+Public names of a package that are imported on first use, so that they cost no start time.
 
-from collections.abc import Callable, Mapping
+A package states them once, as imports for the type checker; they are read from its source, which
+takes some 100 us::
+
+    if TYPE_CHECKING:
+        from .arguments import ArgumentParser, path
+    else:
+        __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
+"""
+
+from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 
 def lazy_face(
-    package: str, names_of_modules: Mapping[str, str]
+    package: str, file: str
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """
     Return `__getattr__`, `__dir__` and `__all__` of a package (PEP 562).
@@ -15,13 +26,11 @@ def lazy_face(
     ----------
     package : str
         Name of the package.
-    names_of_modules : mapping of str to str
-        Public names, separated by blanks, of each module of the package.
+    file : str
+        Its source, whose block `if TYPE_CHECKING` has nothing but imports from its modules.
 
     """
-    modules = {
-        name: module for module, names in names_of_modules.items() for name in names.split()
-    }
+    modules = _modules_of_names(Path(file).read_text(encoding='utf-8'))
 
     def get_public_name(name: str) -> Any:
         if name not in modules:
@@ -32,3 +41,15 @@ def lazy_face(
         return sorted(modules)
 
     return get_public_name, list_public_names, sorted(modules)
+
+
+def _modules_of_names(source: str) -> dict[str, str]:
+    _, _, block = source.partition('\nif TYPE_CHECKING:\n')
+    block, _, _ = block.partition('\nelse:\n')
+    modules = {}
+    for statement in block.split('    from .')[1:]:
+        module, _, names = statement.partition(' import ')
+        for name in names.strip(' ()\n').split(','):
+            if name.strip():
+                modules[name.strip()] = module
+    return modules

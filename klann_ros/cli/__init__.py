@@ -30,17 +30,4 @@ if TYPE_CHECKING:
     )
     from .tables import harmless, read_table, TableRow, TextTable, write_table
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'arguments': (
-                'ArgumentParser COUNT NOT_READ NOT_WRITTEN OutputError '
-                'SECONDS UsageError command_words number_type path print_error'
-            ),
-            'outputs': (
-                'Output check_new_folder new_folder output_errors '
-                'output_files save_all save_folder save_text'
-            ),
-            'tables': 'TableRow TextTable harmless read_table write_table',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

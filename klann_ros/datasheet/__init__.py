@@ -34,16 +34,4 @@ if TYPE_CHECKING:
         Transmission,
     )
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'chart': 'Chart ChartLine grid',
-            'computing': 'data_sheet peak_efforts',
-            'motor': 'Motor MotorFileError MotorVerdict motor_from motor_from_file',
-            'page': 'PAGE_PARTS',
-            'sheet': (
-                'BarFigures CrankSheet DataSheet JointForce LegForces LegSheet SheetError '
-                'Transmission'
-            ),
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

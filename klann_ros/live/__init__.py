@@ -26,18 +26,4 @@ if TYPE_CHECKING:
     from .rates import TopicRate
     from .server import LiveServer, ServerError
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'clients': 'PageState recorded_counts status_text',
-            'drive': 'DriveError LiveCrankDrive WalkDrive crank_at',
-            'guard': 'Guard new_token',
-            'legs': (
-                'LiveLeg LiveSolver MAX_LEGS assumed_solver joint_positions '
-                'replayed_solver solver_of'
-            ),
-            'protocol': 'Answer Command',
-            'rates': 'TopicRate',
-            'server': 'LiveServer ServerError',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

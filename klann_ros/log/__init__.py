@@ -96,39 +96,4 @@ if TYPE_CHECKING:
     from .write.run_folder import unfinished_runs
     from .write.writer import RunWriter
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'bag_metadata': 'FILE_NAME',
-            'definitions': 'definition is_installed split_type',
-            'errors': (
-                'LogError MalformedQosError NotALogError RunClosedError RunExistsError '
-                'RunIncompleteError UnknownTypeError UnwritableError'
-            ),
-            'extension': 'TopicMessages extend',
-            'loss': 'LossCounter',
-            'mcap.growing': 'GrowingFile NamedRecord',
-            'playback': 'Playback Selection length',
-            'transport': 'PlaybackError RATES Transport',
-            'qos': 'Qos QosTexts latched_count qos_to_yaml',
-            'read.storage': 'HEAD MessageBlock block_of_messages',
-            'read.run_files': 'LOG_HELP is_log_name natural run_files run_name',
-            'reader': 'Log open_log',
-            'records': 'ANNOTATION Attachment Message Topic',
-            'recovery': 'Recovery recover',
-            'run_parameters': (
-                'DESCRIPTION_TOPIC FAULT_RECORD FINDING_RECORD LINKAGE_PARAMETER LOSS_RECORD '
-                'PAUSE_RECORD Pause RECORDER_RECORD REPLAYED_PARAMETER RecordedFinding '
-                'STRING_TYPE SolverParameters TopicCount described_solver leg_description '
-                'recorded_finding recorded_pause replayed_solvers replayed_solvers_json '
-                'topic_counts'
-            ),
-            'write.background_writer': 'BackgroundWriter QUEUE_CAPACITY SplitLimits',
-            'write.durable_file': 'RunFaults check_free_space is_being_written',
-            'write.event_session': 'EventSession EventSettings Recording',
-            'write.mcap_file': 'COMPRESSIONS',
-            'write.recording': 'RecordingSession RecordingState',
-            'write.run_folder': 'unfinished_runs',
-            'write.writer': 'RunWriter',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

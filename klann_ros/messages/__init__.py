@@ -45,19 +45,4 @@ if TYPE_CHECKING:
     )
     from .message_type import Layout, MessageType, Template
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'cdr': 'HEADER_SIZE STAMP_SIZE',
-            'columns': 'ColumnReader MAX_MESSAGE_SIZE MessageColumns',
-            'joints': (
-                'JointReading JointStateTemplate JointsReader NumberReader point_template '
-                'twist_template'
-            ),
-            'known_types': (
-                'CLOCK DIAGNOSTICS FLOAT64 IMU INT32 JOINT_STATE MARKER ODOMETRY POINT POSE '
-                'POSE_WITH_COVARIANCE STRING TRANSFORM TRANSFORMS TWIST TWIST_STAMPED'
-            ),
-            'message_type': 'Layout MessageType Template',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

@@ -66,18 +66,4 @@ if TYPE_CHECKING:
     )
     from .reviewing import review_run
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'live.judge': 'LiveFinding LiveJudge STEP',
-            'load.geometry': 'leg_solvers parent published_legs',
-            'load.window': 'MAX_MESSAGES',
-            'model.compare': 'Comparison Difference compare',
-            'model.limits': 'Limits LimitsFileError limits_from_file',
-            'model.recording': 'LegSolver',
-            'model.review': 'Finding Review ReviewedLeg Severity',
-            'model.topics': 'TopicFigures',
-            'report.data': 'NoPandasError pose_arrays pose_frame',
-            'reviewing': 'review_run',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)

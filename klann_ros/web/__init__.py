@@ -24,13 +24,4 @@ if TYPE_CHECKING:
     )
     from .shape import leg_shape
 else:
-    __getattr__, __dir__, __all__ = lazy_face(
-        __name__,
-        {
-            'browser': 'PrintError open_browser print_page',
-            'lab.build': 'LAB_FILE lab_page',
-            'markup': 'Markup element joined number scrolling_table table_row',
-            'parts': 'FRAME Parts SHARED html_page text',
-            'shape': 'leg_shape',
-        },
-    )
+    __getattr__, __dir__, __all__ = lazy_face(__name__, __file__)
