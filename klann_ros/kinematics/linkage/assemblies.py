@@ -23,7 +23,9 @@ from .pose import closed_form_vectors, closed_pose, LinkagePose
 from .reach import closes_somewhere, reachable_arcs
 
 # Starting points of the search for coupled loops, and what of them counts as converged [rad, m].
-START_COUNT, TOLERANCE, ITERATIONS = 400, 1e-10, 30
+START_COUNT = 400
+TOLERANCE = 1e-10
+ITERATIONS = 30
 # Poses nearer than this are the same.
 SAME_POSE_TOLERANCE = 1e-6
 # Assemblies that a line of text names.
@@ -102,8 +104,9 @@ def assembly_poses(linkage: Any, alpha: float) -> list[LinkagePose]:
 
 def possible_assemblies(linkage: Linkage) -> Iterator[tuple[int, ...]]:
     """Yield `assemblies` one by one: ten dyads have a thousand."""
-    modes = product(*_block_signs(linkage))
-    return (signs for signs in modes if closes_somewhere(linkage.in_assembly(signs)))
+    for signs in product(*_block_signs(linkage)):
+        if closes_somewhere(linkage.in_assembly(signs)):
+            yield signs
 
 
 def _block_signs(linkage: Linkage) -> list[tuple[int, ...]]:

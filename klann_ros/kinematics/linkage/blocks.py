@@ -92,7 +92,8 @@ class Block:
             return self._dyad.scale
         lengths = np.zeros((len(self.rows), len(self.unknowns)))
         for k, (terms, _) in enumerate(self.rows):
-            lengths[k] = [abs(terms.get(j, 0.0)) for j in self.unknowns]
+            for n, j in enumerate(self.unknowns):
+                lengths[k, n] = abs(terms.get(j, 0.0))
         # Rows first: a small loop would make all of it look singular.
         longest = lengths.max(axis=1)
         columns = np.linalg.norm(lengths / longest[:, None], axis=0)
@@ -105,7 +106,8 @@ class Block:
             return self.rounding / self._dyad.min_length
         longest = 0.0
         for terms, _ in self.rows:
-            longest = max(longest, *(abs(terms[j]) for j in self.unknowns if j in terms))
+            for j in terms.keys() & self.unknowns:
+                longest = max(longest, abs(terms[j]))
         return self.rounding / longest
 
     @property
@@ -127,8 +129,10 @@ class Block:
     @cached_property
     def _placed_terms(self) -> Terms:
         """Return the coefficients of a dyad's loop but for its own two bodies [m]."""
-        terms, _ = self.rows[0]
-        return {j: w for j, w in terms.items() if j not in self.unknowns}
+        placed_terms = dict(self.rows[0][0])
+        for j in self.unknowns:
+            placed_terms.pop(j, None)
+        return placed_terms
 
     def place(self, u: Vectors, alpha: float, sign: int) -> tuple[complex, complex]:
         """

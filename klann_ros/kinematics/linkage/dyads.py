@@ -316,6 +316,8 @@ def max_vector_length(
     lengths = []
     for terms, constant in rows:
         lengths.append(abs(constant))
-        lengths += [abs(w) for j, w in terms.items() if not structure.bodies[j].slides]
+        for j, w in terms.items():
+            if not structure.bodies[j].slides:
+                lengths.append(abs(w))
     # Many linkages have arrays of lengths.
     return reduce(np.maximum, lengths) if structure.slides else max(lengths)

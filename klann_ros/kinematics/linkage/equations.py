@@ -38,10 +38,9 @@ def link_vectors(
     signed: dict[tuple[str, int], Any] = {}
     for d, number in zip(structure.dimensions, numbers, strict=True):
         signed[d.kind, d.place] = number if d.sense > 0 else -number
-    pivots = [
-        signed.get(('x', place), 0.0) + 1j * signed.get(('y', place), 0.0)
-        for place in range(len(structure.pivots))
-    ]
+    pivots = []
+    for place in range(len(structure.pivots)):
+        pivots.append(signed.get(('x', place), 0.0) + 1j * signed.get(('y', place), 0.0))
     bars: list[Vector] = []
     places: dict[tuple[int, str], Vector] = {}
     for number, (body, bar) in enumerate(structure.bars):
@@ -103,8 +102,10 @@ def path_terms(
     for number, times in path.bars:
         body = structure.carriers[number]
         bodies[body] = bodies.get(body, 0.0) + times * bars[number]
-    fixed = bodies.pop(FIXED, 0.0)
-    return bodies, sum((times * pivots[place] for place, times in path.pivots), fixed)
+    constant = bodies.pop(FIXED, 0.0)
+    for place, times in path.pivots:
+        constant = constant + times * pivots[place]
+    return bodies, constant
 
 
 def term_matrix(

@@ -38,8 +38,12 @@ class LinkageFileError(GeometryError):
 
 def shipped_linkages() -> list[str]:
     """Return the names of the linkages that come with the package."""
-    files = [file.name for file in SHIPPED.iterdir()]
-    return sorted(name.removesuffix('.yaml') for name in files if name.endswith('.yaml'))
+    names = []
+    for file in SHIPPED.iterdir():
+        stem, _, suffix = file.name.rpartition('.')
+        if suffix == 'yaml':
+            names.append(stem)
+    return sorted(names)
 
 
 def shipped_linkage(name: str) -> Linkage:
@@ -83,7 +87,8 @@ def linkage_text(path: str | Path) -> str:
     try:
         return read_regular(path, MAX_FILE_SIZE)
     except (OSError, ValueError) as error:
-        hint, names = '', shipped_linkages()
+        hint = ''
+        names = shipped_linkages()
         # A folder of that name, such as a run, hides no shipped linkage.
         if str(path) in names and not is_regular_file(path):
             return (SHIPPED / f'{path}.yaml').read_text(encoding='utf-8')
@@ -158,7 +163,9 @@ def _linkage(content: Any) -> Linkage:
     units = content.get('units', {})
     metre = LENGTH_UNITS[units.get('length', 'm')]
     turn = radians if units.get('angle', 'rad') == 'deg' else float
-    crank, bodies, start = content['crank'], content['bodies'], content.get('start')
+    crank = content['crank']
+    bodies = content['bodies']
+    start = content.get('start')
     if crank not in bodies:
         hint = did_you_mean(crank, bodies)
         raise GeometryError(f'the crank {crank} is none of the bodies: {", ".join(bodies)}{hint}')
@@ -214,13 +221,13 @@ def _warn_of_lengths(
 
 def _order(content: Mapping[str, Any]) -> list[str]:
     """Return the names of the bodies, the crank's first."""
-    return [content['crank'], *(name for name in content['bodies'] if name != content['crank'])]
+    return list(dict.fromkeys([content['crank'], *content['bodies']]))
 
 
 def structure_of(content: Mapping[str, Any]) -> Structure:
     """Return the structure of a file's content, which may lack numbers; or a GeometryError."""
-    bodies = tuple(_body(name, content['bodies'][name]) for name in _order(content))
-    return Structure(tuple(content['pivots']), bodies, content['foot'])
+    bodies = [_body(name, content['bodies'][name]) for name in _order(content)]
+    return Structure(tuple(content['pivots']), tuple(bodies), content['foot'])
 
 
 def _body(name: str, content: Mapping[str, Any]) -> Body:
@@ -234,7 +241,9 @@ def _body(name: str, content: Mapping[str, Any]) -> Body:
 
 def _check_bends(content: Mapping[str, Any], turn: Callable[[float], float]) -> None:
     for name, body in content['bodies'].items():
-        angles = {f'bars[{n}].bend': bar.get('bend') for n, bar in enumerate(body.get('bars', ()))}
+        angles = {}
+        for n, bar in enumerate(body.get('bars', ())):
+            angles[f'bars[{n}].bend'] = bar.get('bend')
         angles['slides.direction'] = body.get('slides', {}).get('direction')
         for place, angle in angles.items():
             if angle is not None and abs(turn(angle)) > TURN:
@@ -281,13 +290,18 @@ def _describe_misspelling(content: Mapping[str, Any]) -> str:
 
 
 def _points(body: Mapping[str, Any]) -> list[str]:
-    ends = [(bar['from'], bar['to']) for bar in _body_bars(body)]
-    return list(dict.fromkeys(chain(*ends)))
+    points = []
+    for bar in _body_bars(body):
+        points += [bar['from'], bar['to']]
+    return list(dict.fromkeys(points))
 
 
 def _all_bars(content: Mapping[str, Any], names: Sequence[str]) -> list[Mapping[str, Any]]:
     """Return the bars of bodies in a file, by their names."""
-    return [*chain(*(_body_bars(content['bodies'][name]) for name in names))]
+    bars = []
+    for name in names:
+        bars += _body_bars(content['bodies'][name])
+    return bars
 
 
 def _body_bars(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -330,14 +344,16 @@ def _check_assembly(linkage: Linkage, signs: Sequence[int]) -> None:
     count = len(linkage.structure.groups)
     if len(signs) == count and closes_somewhere(linkage):
         return
-    some_modes = islice(possible_assemblies(linkage), MAX_NAMED)
-    possible = ', '.join(str(list(mode)) for mode in some_modes)
+    modes = [list(mode) for mode in islice(possible_assemblies(linkage), MAX_NAMED)]
+    possible = ', '.join(map(str, modes))
     if not possible:
         raise GeometryError('it closes at no crank angle, in whatever assembly: check its lengths')
     msg = f'assembly {signs} is refused: possible are {possible}'
     if len(signs) != count:
         names = linkage.structure.angles
-        groups = [', '.join(names[j] for j in group) for group in linkage.structure.groups]
+        groups = []
+        for group in linkage.structure.groups:
+            groups.append(', '.join(names[j] for j in group))
         blocks = '; '.join(groups)
         msg += f', a sign for each of the loops that are solved one after the other ({blocks})'
     raise GeometryError(msg)
@@ -345,14 +361,15 @@ def _check_assembly(linkage: Linkage, signs: Sequence[int]) -> None:
 
 def _check_degrees(linkage: Linkage, start: tuple[float, ...]) -> None:
     """Refuse a start [rad] that can only be degrees."""
-    turning = [j for j, body in enumerate(linkage.structure.bodies) if not body.slides]
-    is_large = any(abs(start[j]) > TURN for j in turning)
+    from_degrees = [*start]
+    is_large = False
+    for j, body in enumerate(linkage.structure.bodies):
+        if not body.slides:
+            from_degrees[j] = radians(start[j])
+            is_large |= abs(start[j]) > TURN
     closes = distance_to_assembly(linkage, start) <= MAX_START_ERROR
     if closes and not is_large:
         return
-    from_degrees = [*start]
-    for j in turning:
-        from_degrees[j] = radians(start[j])
     closes_in_degrees = distance_to_assembly(linkage, tuple(from_degrees)) <= MAX_START_ERROR
     if closes_in_degrees or (is_large and not closes):
         names = linkage.joint_names
@@ -392,7 +409,9 @@ def schema_error(content: Any, package: str = __package__) -> str:
     error = best_match(Draft202012Validator(schema).iter_errors(content))
     if error is None:
         return ''
-    place = ''.join(f'[{k}]' if isinstance(k, int) else f'.{k}' for k in error.absolute_path)
+    place = ''
+    for key in error.absolute_path:
+        place += f'[{key}]' if isinstance(key, int) else f'.{key}'
     instance = _shortened(error.instance)
     text = f'{instance} is not allowed by the rule {error.validator}'
     if error.validator in _SCHEMA_ERRORS:
@@ -430,8 +449,9 @@ def _type(error: Any, instance: str) -> str:
     if 'propertyNames' in error.absolute_schema_path:
         return f'the name {instance} is no text: write it in quotation marks'
     kinds = error.validator_value
-    names = [TYPES[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds)]
-    return f'{instance} must be {" or ".join(names)}'
+    if isinstance(kinds, str):
+        kinds = [kinds]
+    return f'{instance} must be {" or ".join(TYPES[kind] for kind in kinds)}'
 
 
 def _count(error: Any, instance: str) -> str:

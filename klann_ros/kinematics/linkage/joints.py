@@ -164,12 +164,12 @@ def solve_rates(
     dx[0] = zero + crank
     du[0] = du[0] + vector_velocity(structure, u, dx, 0)
     for number, (bodies, closing) in enumerate(blocks):
-        bent_of = {j: du[j] for j in bodies}
+        bent_du = [*du]
         for j in bodies:
-            du[j] = bent_of[j] + known_velocity(structure, u, dx, j, bodies)
+            du[j] = bent_du[j] + known_velocity(structure, u, dx, j, bodies)
         changes = closing(du, opened[number] if opened else ())
         for j, change in zip(bodies, changes, strict=True):
             dx[j] = change
         for j in bodies:
-            du[j] = bent_of[j] + vector_velocity(structure, u, dx, j)
+            du[j] = bent_du[j] + vector_velocity(structure, u, dx, j)
     return dx, du

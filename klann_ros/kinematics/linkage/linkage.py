@@ -192,13 +192,14 @@ class Linkage(LoopEquations):
 
         """
         factor = validation.factor(factor)
-        dimensions = self.structure.dimensions
-        lengths = [d.name for d in dimensions if d.unit == 'm']
-        changes = {name: factor * self.dimensions[name] for name in lengths}
+        numbers = list(self.numbers)
+        for n, dimension in enumerate(self.structure.dimensions):
+            if dimension.unit == 'm':
+                numbers[n] *= factor
         start = [] if self.is_dyadic else [*self.start]
         for j in self.structure.line_of if start else ():
             start[j] *= factor
-        return self._varied(changes, start)
+        return self._with(numbers=numbers, **self._mode(start, self.assembly))
 
     def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
         """Return the linkage with some numbers replaced, and a start for coupled loops."""
@@ -295,9 +296,12 @@ class Linkage(LoopEquations):
     @cached_property
     def branch(self) -> Branch:
         """Return the branch of its coupled loops; it takes some 10 ms to be followed."""
-        number = max(block.number for block in self.blocks if not block.is_dyad)
-        head = self._prefix(number)
-        return Branch(head, head.start, number)
+        count = 0
+        for block in self.blocks:
+            if not block.is_dyad:
+                count = block.number
+        head = self._prefix(count)
+        return Branch(head, head.start, count)
 
     def _prefix(self, count: int) -> 'Linkage':
         """Return the subchain of the first blocks as a linkage."""
@@ -359,8 +363,11 @@ class NamedGeometry:
     def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - see `varied`
         """Return the linkage scaled by a factor; raises a GeometryError unless it is positive."""
         factor = validation.factor(factor)
-        lengths = [d.name for d in self.structure.dimensions if d.unit == 'm']
-        return self.varied({name: factor * getattr(self, name) for name in lengths})
+        changes = {}
+        for dimension in self.structure.dimensions:
+            if dimension.unit == 'm':
+                changes[dimension.name] = factor * getattr(self, dimension.name)
+        return self.varied(changes)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the linkage: it is made on first use."""

@@ -37,7 +37,7 @@ def _branch_vectors(linkage: Linkage, alpha: float) -> list[complex]:
         linkage.prefix_bodies, (alpha, *linkage.branch.x(alpha)), strict=True
     ):
         x[j] = coordinate
-    return [complex(vector) for vector in joints.body_vectors(linkage.structure, x)]
+    return list(map(complex, joints.body_vectors(linkage.structure, x)))
 
 
 def initial_guess(linkage: Linkage, alpha: float) -> tuple[float, ...]:
@@ -207,11 +207,18 @@ def closed_pose(linkage: Linkage, u: Sequence[complex], alpha: float) -> Linkage
     x = _other_coordinates(structure, u)
     terms, constant = linkage.point_rows[linkage.foot]
     foot = joints.vector_sum(terms, u, constant)
-    sines = tuple(float(abs(block.sine(u))) for block in linkage.blocks)
-    residual = float(np.hypot.reduce([block.closure_error(u) for block in linkage.blocks]))
+    sines = []
+    residual = 0.0
+    is_singular = False
+    for block in linkage.blocks:
+        sine = float(abs(block.sine(u)))
+        sines.append(sine)
+        residual = float(np.hypot(residual, block.closure_error(u)))
+        is_singular |= not sine > block.singular_sine
     rates = (nan,) * len(x)
-    if all(sines[b] > block.singular_sine for b, block in enumerate(linkage.blocks)):
+    if not is_singular:
         # Phi dx/dalpha = -df/dalpha
         x_1 = np.linalg.solve(linkage.phi(alpha, x), -linkage.f_alpha(alpha, x))
         rates = tuple(x_1.tolist())
-    return LinkagePose(alpha, x, (foot.real, foot.imag), 0, residual, rates, sines, linkage)
+    h = (foot.real, foot.imag)
+    return LinkagePose(alpha, x, h, 0, residual, rates, tuple(sines), linkage)

@@ -2,7 +2,8 @@
 
 from cmath import phase
 from collections.abc import Callable
-from itertools import chain, pairwise
+from contextlib import suppress
+from itertools import pairwise
 from math import cos, inf, pi
 from sys import float_info
 from typing import Any
@@ -56,7 +57,7 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
         arcs = driven_arcs(blocks[0])
         blocks = blocks[1:]
     if not blocks:
-        return normalize_arcs([_trim_ends(arc) for arc in arcs] if linkage.is_dyadic else arcs)
+        return normalize_arcs(list(map(_trim_ends, arcs)) if linkage.is_dyadic else arcs)
 
     def clearance(alpha: float) -> float:
         """Return the clearance of the dyad that fails [m], else the smallest of all."""
@@ -69,15 +70,20 @@ def reachable_arcs(linkage: Any) -> list[Arc]:
             return -float_info.min
         return float(max(0.0, min(block.clearance(u) for block in blocks)))
 
-    return normalize_arcs([*chain(*(arcs_inside(clearance, arc) for arc in arcs))])
+    closed_arcs = []
+    for arc in arcs:
+        closed_arcs += arcs_inside(clearance, arc)
+    return normalize_arcs(closed_arcs)
 
 
 def closes_somewhere(linkage: Linkage) -> bool:
     """Return whether every loop closes at any crank angle."""
     # Nearly every linkage closes at one of a few angles; only the others are searched.
-    return any(_closes_at(linkage, k * TURN / 8.0) for k in range(8)) or bool(
-        reachable_arcs(linkage)
-    )
+    for k in range(8):
+        with suppress(UnreachableError, LoopsOpenError):
+            closed_form_vectors(linkage, k * TURN / 8.0)
+            return True
+    return bool(reachable_arcs(linkage))
 
 
 def is_driven(block: Block) -> bool:
@@ -135,14 +141,6 @@ def crank_limits(lengths: Lengths) -> tuple[float, float]:
 def length_rounding(lengths: Lengths) -> float:
     """Return the rounding of a difference of two sums of two lengths [m]."""
     return 4.0 * float_info.epsilon * max(lengths)
-
-
-def _closes_at(linkage: Linkage, alpha: float) -> bool:
-    try:
-        closed_form_vectors(linkage, alpha)
-    except (UnreachableError, LoopsOpenError):
-        return False
-    return True
 
 
 def _trim_ends(arc: Arc) -> Arc:
@@ -209,8 +207,10 @@ def _with_extrema(clearance: Callable[[float], float], arc: Arc) -> list[tuple[f
     if is_turn:
         # A whole turn goes on before its first sample.
         angles.insert(0, angles[-2] - TURN)
-    clearances = [clearance(alpha) for alpha in angles]
-    samples = [(alpha, c >= 0.0) for alpha, c in zip(angles, clearances, strict=True)][is_turn:]
+    clearances = list(map(clearance, angles))
+    samples = []
+    for n in range(int(is_turn), len(angles)):
+        samples.append((angles[n], clearances[n] >= 0.0))
     for n in range(1, len(angles) - 1):
         left, middle, right = clearances[slice(n - 1, n + 2)]
         if middle < 0.0 and left <= middle >= right:

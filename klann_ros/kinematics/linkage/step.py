@@ -307,9 +307,11 @@ class StepSource:
         for k, terms in enumerate(self._loops):
             start = f'k{k}' if 0 in terms else f'c{k}'
             for axis in 'xy':
-                products = [(sign, f'v{v}{axis}') for j, (sign, v) in terms.items() if j]
-                opening = format_sum([(1, f'{start}{axis}'), *products])
-                lines.append(f'f{k}{axis} = {opening}')
+                addends = [(1, f'{start}{axis}')]
+                for j, (sign, v) in terms.items():
+                    if j:
+                        addends.append((sign, f'v{v}{axis}'))
+                lines.append(f'f{k}{axis} = {format_sum(addends)}')
         return lines
 
     def _closed(self) -> str:

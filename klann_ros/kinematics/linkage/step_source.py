@@ -32,8 +32,10 @@ class LoopVectors:
         paths = structure.paths
         self.loops = [self._terms(path.bars) for path in paths.loops]
         self.foot = self._terms(paths.points[structure.points.index(structure.foot)].bars)
-        self.in_loops = {v for terms in self.loops for _, v in terms.values()}
         self.in_foot = {v for _, v in self.foot.values()}
+        self.in_loops: set[int] = set()
+        for terms in self.loops:
+            self.in_loops.update(v for _, v in terms.values())
 
     def constants(self, all_bars: Sequence[complex]) -> dict[str, float]:
         """Return the constants that the text names, by the bars of a linkage."""
@@ -248,9 +250,13 @@ class BlockSource:
         entries = []
         for k in loops:
             loop = self._vectors.loops[k]
-            columns = [self._vectors.first_derivative(loop, {j: (1, '')}) for j in group]
-            entries += [format_sum(x) for x, _ in columns]
-            entries += [format_sum(y) for _, y in columns]
+            row_x = []
+            row_y = []
+            for j in group:
+                x, y = self._vectors.first_derivative(loop, {j: (1, '')})
+                row_x.append(format_sum(x))
+                row_y.append(format_sum(y))
+            entries += row_x + row_y
         return entries
 
 
@@ -261,16 +267,24 @@ def repeat(text: str, numbers: Iterable[int]) -> list[str]:
 
 def format_sum(terms: Sequence[Term]) -> str:
     """Return a sum of signed products; 0.0 for none."""
-    ordered = sorted(terms, key=lambda term: -term[0])
-    text = ''.join(f' {"+" if sign > 0 else "-"} {product}' for sign, product in ordered)
-    return {' + ': '', ' - ': '-'}[text[:3]] + text[3:] if text else '0.0'
+    text = ''
+    for sign, product in sorted(terms, key=lambda term: -term[0]):
+        if text:
+            text += f' + {product}' if sign > 0 else f' - {product}'
+        else:
+            text = product if sign > 0 else f'-{product}'
+    return text or '0.0'
 
 
 def elimination_source(n: int) -> list[str]:
     """Return a function that solves n equations by Gauss's elimination with row pivots."""
-    rows = [[f'm{i}_{j}' for j in range(n)] + [f'b{i}'] for i in range(n)]
-    entries = [', '.join(row[:-1]) for row in rows]
+    rows = []
+    entries = []
     right = repeat('b{}', range(n))
+    for i in range(n):
+        coefficients = repeat(f'm{i}_{{}}', range(n))
+        entries += coefficients
+        rows.append([*coefficients, right[i]])
     lines = [f'def solve{n}({", ".join([*entries, *right])}):', '    det = 1.0']
     failed = ', '.join(['0.0'] * (n + 1))
     for k in range(n):
@@ -289,6 +303,8 @@ def elimination_source(n: int) -> list[str]:
             for j in range(k + 1, n + 1):
                 lines += [f'    {rows[i][j]} -= t * {rows[k][j]}']
     for k in reversed(range(n)):
-        solved = ''.join(f' - {rows[k][j]} * {rows[j][n]}' for j in range(k + 1, n))
-        lines += [f'    b{k} = (b{k}{solved}) / {rows[k][k]}']
+        right_side = f'b{k}'
+        for j in range(k + 1, n):
+            right_side += f' - {rows[k][j]} * b{j}'
+        lines += [f'    b{k} = ({right_side}) / {rows[k][k]}']
     return [*lines, f'    return det, {", ".join(right)}']

@@ -137,13 +137,14 @@ class Structure:
 
     def __post_init__(self) -> None:
         _require(bool(self.bodies), 'there are no bodies: the first is the crank')
+        points = dict.fromkeys(self.pivots)
         for body in self.bodies:
             _check_body(body)
+            points |= dict.fromkeys(body.points)
         names = self.angles
         for name in names:
             _require(names.count(name) == 1, f'there are two bodies called {name}')
         self._check_slides()
-        points = tuple(dict.fromkeys(chain(self.pivots, *(body.points for body in self.bodies))))
         crank = self.crank
         _require(not crank.slides, f'the crank {crank.angle} slides: a driven link must turn')
         start = crank.points[0]
@@ -155,7 +156,7 @@ class Structure:
         )
         there_are = f'{", ".join(points)}{did_you_mean(self.foot, points)}'
         _require(self.foot in points, f'the foot {self.foot} is none of the points: {there_are}')
-        object.__setattr__(self, 'points', self.points or points)
+        object.__setattr__(self, 'points', self.points or tuple(points))
         object.__setattr__(self, 'dimensions', self.dimensions or tuple(_dimensions(self)))
         object.__setattr__(self, '_hash', hash((self.pivots, self.bodies, self.foot)))
 
@@ -208,7 +209,7 @@ class Structure:
     @cached_property
     def frames(self) -> tuple[int, ...]:
         """Return the body each one rotates with: itself, the one it slides along, or FIXED."""
-        return tuple(self._frame(j) for j in range(len(self.bodies)))
+        return tuple(map(self._frame, range(len(self.bodies))))
 
     @cached_property
     def slides(self) -> bool:
@@ -218,20 +219,26 @@ class Structure:
     @cached_property
     def bars(self) -> tuple[tuple[int, Bar], ...]:
         """Return all bars, each with its body."""
-        return tuple((j, bar) for j, body in enumerate(self.bodies) for bar in body.bars)
+        bars = []
+        for j, body in enumerate(self.bodies):
+            for bar in body.bars:
+                bars.append((j, bar))
+        return tuple(bars)
 
     @cached_property
     def owners(self) -> dict[str, tuple[int, ...]]:
         """Return the bodies that have each point; FIXED first for a pivot."""
-        owners = {}
-        for point in self.points:
-            bodies = [j for j, body in enumerate(self.bodies) if point in body.points]
-            owners[point] = (FIXED, *bodies) if point in self.pivots else tuple(bodies)
+        owners: dict[str, tuple[int, ...]] = dict.fromkeys(self.points, ())
+        owners |= dict.fromkeys(self.pivots, (FIXED,))
+        for j, body in enumerate(self.bodies):
+            for point in body.points:
+                owners[point] += (j,)
         return owners
 
     def first_owner(self, point: str) -> int:
         """Return the first of the bodies that have a point."""
-        return next(j for j in self.owners[point] if j != FIXED)
+        owners = self.owners[point]
+        return owners[1] if owners[0] == FIXED else owners[0]
 
     @cached_property
     def line_of(self) -> dict[int, int]:
@@ -246,20 +253,23 @@ class Structure:
     @cached_property
     def straight(self) -> frozenset[int]:
         """Return the bars that lie along their bodies' angles: the first of each that turns."""
-        return frozenset(n for j, n in self._first_bars.items() if not self.bodies[j].slides)
+        return frozenset(self._first_bars.values()) - self.lines
 
     @cached_property
     def carriers(self) -> tuple[int, ...]:
         """Return the body whose vector each bar multiplies, FIXED for none: see `joints`."""
-        return tuple(
-            body if number in self.lines else self.frames[body]
-            for number, (body, _) in enumerate(self.bars)
-        )
+        carriers = []
+        for number, (body, _) in enumerate(self.bars):
+            carriers.append(body if number in self.lines else self.frames[body])
+        return tuple(carriers)
 
     @cached_property
     def _first_bars(self) -> dict[int, int]:
         """Return the first bar of each body."""
-        return {body: number for number, (body, _) in reversed([*enumerate(self.bars)])}
+        first_bars: dict[int, int] = {}
+        for number, (body, _) in enumerate(self.bars):
+            first_bars.setdefault(body, number)
+        return first_bars
 
     def _frame(self, j: int) -> int:
         along = self.along[j] if j >= 0 else None
@@ -268,11 +278,8 @@ class Structure:
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Return the bodies that are placed together, in the order in which they are placed."""
-        return tuple(
-            assembly_order(
-                self.pivots, [body.points for body in self.bodies], self.angles, self.along
-            )
-        )
+        points = [body.points for body in self.bodies]
+        return tuple(assembly_order(self.pivots, points, self.angles, self.along))
 
     @cached_property
     def paths(self) -> 'Paths':
@@ -284,8 +291,9 @@ class Structure:
         rows = []
         for group in group_loops[1:]:
             rows.append(tuple(range(len(loops), len(loops) + len(group))))
-            closing += [name for name, _ in group]
-            loops += [path for _, path in group]
+            for point, loop in group:
+                closing.append(point)
+                loops.append(loop)
         ends = tuple(points[name] for name in self.points)
         return Paths(tuple(loops), tuple(closing), tuple(rows), ends)
 
@@ -344,8 +352,8 @@ class Structure:
 
     def prefix(self, blocks: int) -> 'Structure':
         """Return the subchain of the first blocks."""
-        placed = {0, *chain(*self.groups[:blocks])}
-        bodies = tuple(body for j, body in enumerate(self.bodies) if j in placed)
+        placed = sorted({0, *chain(*self.groups[:blocks])})
+        bodies = tuple(self.bodies[j] for j in placed)
         return Structure(self.pivots, bodies, bodies[0].points[-1])
 
     def _check_slides(self) -> None:
@@ -430,7 +438,10 @@ def _names_of_slide(
 
 def _first_of(points: Iterable[str], choices: AbstractSet[str], default: str) -> str:
     """Return the first of the points that is among some choices."""
-    return next((point for point in points if point in choices), default)
+    for point in points:
+        if point in choices:
+            return point
+    return default
 
 
 def _opposite_brace(brace: Brace | None) -> Brace | None:

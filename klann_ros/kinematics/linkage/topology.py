@@ -85,7 +85,10 @@ def _next_group(graph: _Graph, placed: Group, waiting: Group) -> Group:
             if equations == size:
                 return group
     total = _count_loops(graph, placed + waiting)
-    loose = [j for j in waiting if _count_loops(graph, {*placed, *waiting} - {j}) == total]
+    loose = []
+    for j in waiting:
+        if _count_loops(graph, {*placed, *waiting} - {j}) == total:
+            loose.append(j)
     names = ', '.join(graph.names[j] for j in loose or waiting)
     if loose:
         msg = f'{names}: turns freely, since no loop closes over it'
@@ -133,9 +136,10 @@ def _check_connected(graph: _Graph) -> None:
     reached: set[str | int] = {-1, *graph.pivots}
     unreached = list(range(len(graph.bodies)))
     while unreached:
-        on_reached_carrier = [j for j in unreached if graph.along[j] in reached]
-        joined = [j for j in unreached if not reached.isdisjoint(graph.bodies[j])]
-        joined += [j for j in on_reached_carrier if j not in joined]
+        joined = []
+        for j in unreached:
+            if graph.along[j] in reached or not reached.isdisjoint(graph.bodies[j]):
+                joined.append(j)
         if not joined:
             j = unreached[0]
             raise GeometryError(
@@ -170,7 +174,8 @@ def loop_paths(
     closes a loop: the path over this bar less the point's own.
     """
     paths = {name: Path(((place, 1),), ()) for place, name in enumerate(pivots)}
-    return [_grow(bars, group, paths) for group in groups], paths
+    loops = [_grow(bars, group, paths) for group in groups]
+    return loops, paths
 
 
 def _grow(
@@ -186,12 +191,13 @@ def _grow(
         waiting.remove(number)
         _, start, end = bars[number]
         sign = 1 if start in paths else -1
-        near, point = (start, end) if start in paths else (end, start)
-        path = paths[near].plus(Path((), ((number, sign),)))
-        if point in paths:
-            loops.append((point, path.plus(paths[point], -1)))
+        if start not in paths:
+            start, end = end, start
+        path = paths[start].plus(Path((), ((number, sign),)))
+        if end in paths:
+            loops.append((end, path.plus(paths[end], -1)))
         else:
-            paths[point] = path
+            paths[end] = path
     return loops
 
 
