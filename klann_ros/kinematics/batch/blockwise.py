@@ -45,9 +45,8 @@ class Blockwise:
             self._pivots = [np.broadcast_to(pivot, len(variants))[rows, None] for pivot in pivots]
             self._bars = [np.broadcast_to(bar, len(variants))[rows, None] for bar in bars]
             loops = structure.paths.loops
-            self.blocks = blocks_of(
-                structure, [path_terms(structure, path, *self._vectors) for path in loops]
-            )
+            rows_of_loops = [path_terms(structure, path, *self._vectors) for path in loops]
+            self.blocks = blocks_of(structure, rows_of_loops)
         else:
             linkage = variants[rows.start] if len(variants) > 1 else variants.base
             self._linkage = linkage
@@ -152,7 +151,9 @@ class Blockwise:
         u, x_1, u_1 = poses
         structure = self.structure
         # All arrays have the dimensions along their first axis.
-        arrays = {name: np.moveaxis(array, -1, 0) for name, array in results.arrays().items()}
+        arrays = results.arrays()
+        for name, array in arrays.items():
+            arrays[name] = np.moveaxis(array, -1, 0)
         vector_changes = vector_derivatives(structure, self._bars, structure.dimensions)
         bent: Sequence[Any] = ()
         # First the derivatives of the pose, then those of its velocity.
@@ -160,8 +161,9 @@ class Blockwise:
             if arrays.keys().isdisjoint(names):
                 continue
             direct = partial(self._end, vector_changes, vectors, fixed)
-            loop_changes = [direct(loop) for loop in structure.paths.loops]
-            opened = [[loop_changes[k] for k in loops] for loops in structure.paths.rows]
+            opened = []
+            for loops in structure.paths.rows:
+                opened.append([direct(structure.paths.loops[k]) for k in loops])
             dx, du = joints.solve_rates(structure, u, closings, 0.0, opened=opened, bent=bent)
             for name in arrays.keys() & {*names}:
                 indirect = partial(self._end, self._vectors, du, 0.0)

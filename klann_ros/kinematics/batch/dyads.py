@@ -32,10 +32,13 @@ class PinnedDyads:
         self._crank = kernel.crank
         self._structure = variants.base.structure
         requested = results.arrays().keys() - {'h'}
-        with_gradient = [name for name in requested if name.endswith('_gradient')]
+        with_gradient = set()
+        for name in requested:
+            if name.endswith('_gradient'):
+                with_gradient.add(name.split('_')[0])
         kind: dict[str, Any] = {
             'links': bool(requested),
-            'gradients': frozenset(name.split('_')[0] for name in with_gradient),
+            'gradients': frozenset(with_gradient),
             'rates': results.h_1 is not None,
         }
         self._program = program = compile_program(self._structure, **kind)
@@ -140,12 +143,13 @@ class PinnedDyads:
     def _singular(self, determinants: Sequence[FloatArray], rows: slice) -> BoolArray | None:
         """Return the poses with a singular dyad, to rounding; None for none."""
         thresholds = self._singular_determinants[:, rows, None]
-        pairs = [*zip(determinants, thresholds, strict=True)]
-        # At regular poses the extremes decide, as D keeps its sign.
-        if all(max(d.min(), -d.max()) > threshold.max() for d, threshold in pairs):
-            return None
-        singular_dyads = [np.abs(d) <= threshold for d, threshold in pairs]
-        return np.asarray(np.logical_or.reduce(singular_dyads))
+        singular: BoolArray | None = None
+        for d, threshold in zip(determinants, thresholds, strict=True):
+            # At regular poses the extremes decide, as D keeps its sign.
+            if not max(d.min(), -d.max()) > threshold.max():
+                is_singular = np.abs(d) <= threshold
+                singular = is_singular if singular is None else singular | is_singular
+        return singular
 
 
 def _pairs(numbers: Sequence[FloatArray]) -> Planes:
@@ -170,7 +174,9 @@ def _names(program: Program, requested: AbstractSet[str]) -> dict[str, Sequence[
         quantity = name.split('_')[0]
         is_gradient = name.endswith('_gradient')
         numbers = program.gradients[quantity] if is_gradient else plain[quantity]
-        names[name] = [program.rates[number] for number in numbers] if '_1' in name else numbers
+        if '_1' in name:
+            numbers = [program.rates[number] for number in numbers]
+        names[name] = numbers
     return names
 
 

@@ -130,9 +130,10 @@ class NumpyKernel:
                 function(slots[left], out=slots[out])
             else:
                 function(slots[left], slots[right], out=slots[out])
-        outputs = [slots[slot] for slot in self._schedule.output_slots]
+        outputs = []
+        for slot in self._schedule.output_slots:
+            outputs.append(slots[slot].T if is_transposed else slots[slot])
         is_incomplete = bool(np.isnan(outputs[0]).any())
-        outputs = [output.T for output in outputs] if is_transposed else outputs
         count = len(outputs) - len(self._planes)
         for plane, output in zip(self._planes, outputs[count:], strict=True):
             plane[legs, slice(first, first + angle_count)] = output
@@ -143,7 +144,8 @@ class NumpyKernel:
 def _schedule(program: Program, outputs: tuple[str, ...]) -> _Schedule:
     """Assign a buffer to every number; one that is not read any more is reused."""
     slots = {'cos': 0, 'sin': 1}
-    slots |= {f'k{k}': 2 + k for k in range(len(program.constants))}
+    for k in range(len(program.constants)):
+        slots[f'k{k}'] = 2 + k
     first = len(slots)
     operations = _needed(program, outputs)
     last_use = {}
@@ -158,8 +160,9 @@ def _schedule(program: Program, outputs: tuple[str, ...]) -> _Schedule:
         left = slots[operation.left]
         right = slots[operation.right] if operation.right else -1
         # An operand in its last use may be overwritten at once.
-        last_used = [name for name in dict.fromkeys(operation[2:]) if last_use[name] == n]
-        free += [slots[name] for name in last_used if name and slots[name] >= first]
+        for name in dict.fromkeys(operation[2:]):
+            if name and last_use[name] == n and slots[name] >= first:
+                free.append(slots[name])
         if not free:
             free.append(first + count)
             count += 1
@@ -186,11 +189,14 @@ class NumbaKernel:
     def __init__(
         self, program: Program, outputs: Sequence[str], size: int, tables: Tables = ()
     ) -> None:
-        groups = [outputs, *(names for names, _ in tables)]
+        groups = [outputs]
+        self._tables: list[FloatArray] = []
+        for names, table in tables:
+            groups.append(names)
+            self._tables.append(table)
         self._place = _compiled_program(_source(program, groups), len(tables))
         self._memory = np.empty(len(outputs) * size)
         self._count = len(outputs)
-        self._tables = [table for _, table in tables]
 
     @staticmethod
     def crank(alphas: FloatArray) -> Crank:
@@ -248,9 +254,11 @@ def _source(program: Program, groups: Sequence[Sequence[str]]) -> str:
     lines.append(f'            crank_cosines = cosines{angles}')
     lines.append(f'            crank_sines = sines{angles}')
     lines.append('            for j in range(crank_cosines.shape[0]):')
-    lines += [f'                {statement}' for statement in statements]
+    for statement in statements:
+        lines.append(f'                {statement}')
     if in_strips:
-        lines += [f'            {line}' for line in _strip_source(groups)]
+        for line in _strip_source(groups):
+            lines.append(f'            {line}')
     return '\n'.join([*lines, '    return missing']) + '\n'
 
 

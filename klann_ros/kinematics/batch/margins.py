@@ -19,9 +19,11 @@ import numpy as np
 from .turn_clearance import turn_clearances
 
 # A clearance beyond doubt, and a length without practical limit, relative to the linkage's size.
-SAFE_CLEARANCE, MAX_LENGTH = 1e-6, 1e3
+SAFE_CLEARANCE = 1e-6
+MAX_LENGTH = 1e3
 # Values between a dimension and its farthest value, and how many are tried at once, outward.
-CANDIDATES, CANDIDATES_AT_ONCE = 64, 13
+CANDIDATES = 64
+CANDIDATES_AT_ONCE = 13
 
 
 @dataclass(eq=False, repr=False)
@@ -69,15 +71,11 @@ class LengthMargins(dict[str, Margin]):
     """The margins of a linkage by the names of its dimensions; a table in a notebook."""
 
     def _repr_html_(self) -> str:
-        cells = ''.join(
-            f'<tr><th>{escape(name)}</th>'
-            + ''.join(f'<td>{number:.6g}</td>' for number in margin)
-            + '</tr>'
-            for name, margin in self.items()
-        )
-        heads = ('dimension [m, rad]', 'value', 'least', 'greatest')
-        head = ''.join(f'<th>{text}</th>' for text in heads)
-        return f'<table><tr>{head}</tr>{cells}</table>'
+        rows = '<tr><th>dimension [m, rad]</th><th>value</th><th>least</th><th>greatest</th></tr>'
+        for name, margin in self.items():
+            cells = ''.join(f'<td>{number:.6g}</td>' for number in margin)
+            rows += f'<tr><th>{escape(name)}</th>{cells}</tr>'
+        return f'<table>{rows}</table>'
 
 
 def turns_fully(linkage: Any) -> bool:
@@ -121,12 +119,14 @@ def length_margins(linkage: Any) -> LengthMargins:
     if arcs is not None:
         raise PartialTurnError(arcs)
     margins = LengthMargins()
+    names = []
+    farthest = []
     for d in linkage.structure.dimensions:
         margins[d.name] = Margin(linkage.dimensions[d.name], 0.0 if d.is_length else -inf, inf)
-    bound = [d for d in linkage.structure.dimensions if _loops_of(linkage.structure, d)]
-    farthest = np.array([_farthest(linkage, dimension) for dimension in bound])
-    names = [dimension.name for dimension in bound]
-    losses = TurnLosses(linkage, [*names, *names], farthest.T.ravel())
+        if _loops_of(linkage.structure, d):
+            names.append(d.name)
+            farthest.append(_farthest(linkage, d))
+    losses = TurnLosses(linkage, [*names, *names], np.array(farthest).T.ravel())
     ends = losses.first().reshape(2, -1).T.tolist()
     for name, (low, high) in zip(names, ends, strict=True):
         margins[name] = Margin(linkage.dimensions[name], low, high)
@@ -146,15 +146,19 @@ def _partial_arcs(linkage: Linkage) -> list[Arc] | None:
 
 def _loops_of(structure: Structure, dimension: Dimension) -> list[int]:
     """Return the loops of a dimension; a braced bar depends on all dimensions of its body."""
-    loops = structure.paths.loops
-    if dimension.kind in ('x', 'y'):
-        return [k for k, path in enumerate(loops) if dimension.place in dict(path.pivots)]
-    body, _ = structure.bars[dimension.place]
+    is_pivot = dimension.kind in ('x', 'y')
     touched = {dimension.place}
-    for number, (bar_body, bar) in enumerate(structure.bars):
-        if bar_body == body and bar.brace is not None:
-            touched.add(number)
-    return [k for k, path in enumerate(loops) if touched & dict(path.bars).keys()]
+    if not is_pivot:
+        body, _ = structure.bars[dimension.place]
+        for number, (bar_body, bar) in enumerate(structure.bars):
+            if bar_body == body and bar.brace is not None:
+                touched.add(number)
+    loops = []
+    for k, path in enumerate(structure.paths.loops):
+        terms = dict(path.pivots if is_pivot else path.bars)
+        if touched & terms.keys():
+            loops.append(k)
+    return loops
 
 
 def _farthest(linkage: Linkage, dimension: Dimension) -> tuple[float, float]:
@@ -187,11 +191,12 @@ def _max_length(linkage: Linkage, dimension: Dimension, loops: list[int]) -> flo
     """Return a length at or beyond which one of its loops is no polygon [m]."""
     length = linkage.dimensions[dimension.name]
     perimeters = []
+    is_mere_brace = dimension.kind == 'brace'
     for k in loops:
         terms, constant = linkage.rows[k]
         perimeters.append(sum(map(abs, terms.values())) + abs(constant))
-    paths = linkage.structure.paths.loops
-    if dimension.kind == 'length' and all(dimension.place in dict(paths[k].bars) for k in loops):
+        is_mere_brace |= dimension.place not in dict(linkage.structure.paths.loops[k].bars)
+    if not is_mere_brace:
         return min(perimeters) - length
     # A mere brace is bounded by its triangle, and that by its loops.
     return sum(perimeters) + 2.0 * length

@@ -138,11 +138,15 @@ def _derivative_axes(
     axes: Mapping[str, tuple[int, ...]], count: int, *, velocities: bool, gradients: bool
 ) -> dict[str, tuple[int, ...]]:
     """Return the last axes of the derivatives by the crank angle, and by `count` dimensions."""
-    rates = {f'{name}_1': name_axes for name, name_axes in axes.items() if velocities}
-    if not gradients:
-        return rates
-    differentiated = {**axes, 'h_1': (2,)} if velocities else axes
-    return rates | {f'{name}_gradient': (*differentiated[name], count) for name in differentiated}
+    derivatives: dict[str, tuple[int, ...]] = {}
+    for name, name_axes in axes.items():
+        if velocities:
+            derivatives[f'{name}_1'] = name_axes
+        if gradients:
+            derivatives[f'{name}_gradient'] = (*name_axes, count)
+    if velocities and gradients:
+        derivatives['h_1_gradient'] = (2, count)
+    return derivatives
 
 
 def klann_poses(geometries: Any, alphas: ArrayLike, **options: Any) -> LinkagePoses:

@@ -106,7 +106,9 @@ class Program:
     def __str__(self) -> str:
         """Return the program as text: the roles of the constants, the operations, the foot."""
         roles = [f'k{k} = {constant.role}' for k, constant in enumerate(self.constants)]
-        lines = ['; '.join(roles[slice(k, k + 6)]) for k in range(0, len(roles), 6)]
+        lines = []
+        for k in range(0, len(roles), 6):
+            lines.append('; '.join(roles[slice(k, k + 6)]))
         return '\n'.join([*lines, *map(str, self.operations), f'foot = ({", ".join(self.foot)})'])
 
 
@@ -220,7 +222,9 @@ class _Compiler:
         # u_0 of the crank, W_j u_j of each body of a dyad.
         self._vectors = {0: Vector(Number(self._recorder, 'cos'), sin)}
         self._dyads: list[_PlacedDyad] = []
-        self._dyad_of = {j: k for k, group in enumerate(structure.groups) for j in group}
+        self._dyad_of: dict[int, int] = {}
+        for k, group in enumerate(structure.groups):
+            self._dyad_of |= dict.fromkeys(group, k)
 
     def program(self, links: bool, gradients: Sequence[str], *, rates: bool) -> Program:
         for k, group in enumerate(self._structure.groups):
@@ -230,18 +234,27 @@ class _Compiler:
             if links:
                 self._place_links(k)
         foot = self._end(self._shortest(self._paths.points[self._foot]), ())
-        points = [self._point(n, foot) for n in range(len(self._paths.points))] if links else []
+        points: list[Vector] = []
+        link_vectors: list[Vector] = []
+        if links:
+            points = [self._point(n, foot) for n in range(len(self._paths.points))]
+            link_vectors = [self._vectors[j] for j in self._dyad_of]
         derivatives = {name: list(self._gradient(name)) for name in gradients}
-        determinants = [self._determinant(k) for k in range(len(self._dyads))] if links else []
+        determinants = []
+        if links:
+            determinants = list(map(self._determinant, range(len(self._dyads))))
         output = self._recorder.output
+        gradient_names: dict[str, tuple[str, ...]] = {}
         outputs: dict[str, Any] = {
             'foot': self._outputs(foot),
             'distances': tuple(output(dyad.distance) for dyad in self._dyads),
-            'links': tuple(self._outputs(self._vectors[j]) for j in self._dyad_of if links),
+            'links': tuple(map(self._outputs, link_vectors)),
             'points': tuple(map(self._outputs, points)),
             'determinants': tuple(map(output, determinants)),
-            'gradients': {name: tuple(map(output, derivatives[name])) for name in derivatives},
+            'gradients': gradient_names,
         }
+        for name, numbers in derivatives.items():
+            gradient_names[name] = tuple(map(output, numbers))
         rate_names: dict[str, str] = {}
         if rates:
             rates_of = self._rates()
@@ -257,13 +270,11 @@ class _Compiler:
     def _rates(self) -> dict[str, Number]:
         """Record the derivatives by the crank angle of all numbers that change with it."""
         recorder = self._recorder
-        sin, cos = Number(recorder, 'sin'), Number(recorder, 'cos')
-        rates: dict[str, Number] = {'sin': cos, 'cos': -sin}
+        rates = {'sin': Number(recorder, 'cos'), 'cos': -Number(recorder, 'sin')}
         for operation in recorder.operations[:]:
-            computed, left, right = (
-                Number(recorder, name)
-                for name in (operation.name, operation.left, operation.right)
-            )
+            computed = Number(recorder, operation.name)
+            left = Number(recorder, operation.left)
+            right = Number(recorder, operation.right)
             left_rate = rates.get(left.name, recorder.zero)
             right_rate = rates.get(right.name, recorder.zero)
             if operation.operator == '+':
@@ -333,8 +344,10 @@ class _Compiler:
 
     def _is_straight(self, path: Path, bodies: Sequence[int]) -> bool:
         """Return whether a path follows the first bars of some bodies alone."""
-        bars = {bar for j in bodies for bar, _ in self._bars(path, j)}
-        return bars <= self._structure.straight
+        for bar, _ in path.bars:
+            if self._structure.bars[bar][0] in bodies and bar not in self._structure.straight:
+                return False
+        return True
 
     def _body_part(self, path: Path, j: int) -> Vector:
         """Return what a body adds to a path."""
@@ -408,7 +421,8 @@ class _Compiler:
         zero = self._recorder.zero
         for k in reversed(range(len(self._dyads))):
             a, b = self._structure.groups[k]
-            g_a, g_b = rates.pop(a, zero), rates.pop(b, zero)
+            g_a = rates.pop(a, zero)
+            g_b = rates.pop(b, zero)
             if g_a.is_zero and g_b.is_zero:
                 continue
             inverse = self._recorder.one / self._determinant(k)

@@ -126,13 +126,14 @@ class LinkagePoses:
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the existing arrays by name, without the reasons."""
-        arrays = {name: array for name, array in vars(self).items() if name != 'reason'}
+        arrays = vars(self).copy()
+        del arrays['reason']
         return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
 
 def part_of(results: LinkagePoses, rows: slice, columns: slice) -> LinkagePoses:
     """Return the part of the results in a block."""
-    views: dict[str, Any] = {
-        name: array[rows, columns] for name, array in results.arrays().items()
-    }
+    views: dict[str, Any] = results.arrays()
+    for name, array in views.items():
+        views[name] = array[rows, columns]
     return LinkagePoses(reason=results.reason[rows, columns], **views)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil, inf
+from math import inf
 from numbers import Real
 from typing import Any
 
@@ -171,12 +171,13 @@ def tolerance_study(
     arrays = {
         'alphas': alphas,
         'nominal': nominal.h,
-        **{name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
         'stride': extent[:, 0].copy(),
         'lift': extent[:, 1].copy(),
         'tolerances': widths,
         'sensitivities': nominal.h_gradient.swapaxes(1, 2),
     }
+    for name in parts[0]:
+        arrays[name] = np.concatenate([part[name] for part in parts])
     for array in arrays.values():
         array.setflags(write=False)
     fraction = float((~turns).mean())
@@ -186,8 +187,13 @@ def tolerance_study(
 def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> FloatArray:
     """Return the half-width of every dimension [m, rad]."""
     numbers = linkage.dimensions
-    lengths = {d.name: numbers[d.name] for d in linkage.structure.dimensions if d.is_length}
-    bends = {d.name: TURN for d in linkage.structure.dimensions if d.unit == 'rad'}
+    lengths = {}
+    limits = {}
+    for d in linkage.structure.dimensions:
+        if d.is_length:
+            lengths[d.name] = numbers[d.name]
+        elif d.unit == 'rad':
+            limits[d.name] = TURN
     if not isinstance(tolerances, Mapping):
         if not (isinstance(tolerances, Real) and -inf < tolerances < inf):
             raise ValueError(
@@ -201,9 +207,9 @@ def _half_widths(linkage: Linkage, tolerances: Mapping[str, float] | float) -> F
         raise ValueError(msg)
     for name, width in tolerances.items():
         # NaN fails every comparison.
-        largest = lengths.get(name, bends.get(name, inf))
+        largest = lengths.get(name, limits.get(name, inf))
         if not (isinstance(width, Real) and 0.0 <= width < largest):
-            limit = '2 pi rad (degrees?)' if name in bends else 'the length'
+            limit = '2 pi rad (degrees?)' if name in limits else 'the length'
             raise ValueError(
                 f'tolerance of {name} = {width!r} is refused: '
                 f'it must be finite, not negative, and smaller than {limit}'
@@ -256,6 +262,6 @@ def _total(of_legs: FloatArray) -> FloatArray:
 
 def _percentile(distance: FloatArray, count: IntArray, fraction: float) -> FloatArray:
     """Return the nearest-rank percentile of sorted distances, by a fraction of the legs."""
-    rank = np.maximum(0, [ceil(fraction * n) - 1 for n in count.tolist()])
+    rank = np.maximum(0, np.ceil(fraction * count).astype(int) - 1)
     percentile: FloatArray = distance[rank, np.arange(distance.shape[1])]
     return percentile

@@ -40,7 +40,8 @@ def turn_clearances(variants: Variants) -> FloatArray:
     close over the whole turn, else -1.
     """
     if not variants.base.is_dyadic:
-        return np.array([[_signed_turn(variants, i)] for i in range(len(variants))])
+        signs = [_signed_turn(variants, i) for i in range(len(variants))]
+        return np.array(signs)[:, None]
     slides = variants.base.structure.slides
     search = _SlidingClearances(variants) if slides else _PinnedClearances(variants)
     clearances = np.full((len(variants), len(variants.base.blocks)), np.nan)
@@ -114,9 +115,9 @@ class _PinnedClearances:
         with np.errstate(invalid='ignore', divide='ignore'):
             ground = -np.asarray(self._terms.fixed(path) / self._terms.body(path, 0))
         start = self._structure.senses[0] * np.angle(ground)[indices, None]
-        r_a, r_b = (length[indices, None] for length in self._terms.link_lengths(k))
-        folded = abs(r_a - r_b)
-        stretched = r_a + r_b
+        r_a, r_b = self._terms.link_lengths(k)
+        folded = abs(r_a - r_b)[indices, None]
+        stretched = (r_a + r_b)[indices, None]
         linkage_constants = self._constants[:, indices]
 
         def clearance(rows: Any, cos: FloatArray, sin: FloatArray) -> FloatArray:

@@ -119,7 +119,12 @@ class Linkage(LoopEquations):
 
         """
         numbers = {**(changes or {}), **named}
-        return self._varied(numbers, () if self.is_dyadic else self.start)
+        replaced = list(self.numbers)
+        places = dimension_places(self.structure.dimensions, numbers)
+        for name, number in numbers.items():
+            replaced[places[name]] = number
+        start = () if self.is_dyadic else self.start
+        return self._with(numbers=replaced, **self._mode(start, self.assembly))
 
     def in_assembly(self, assembly: Sequence[int]) -> 'Linkage':
         """
@@ -199,14 +204,6 @@ class Linkage(LoopEquations):
         start = [] if self.is_dyadic else [*self.start]
         for j in self.structure.line_of if start else ():
             start[j] *= factor
-        return self._with(numbers=numbers, **self._mode(start, self.assembly))
-
-    def _varied(self, changes: Mapping[str, float], start: Sequence[float]) -> 'Linkage':
-        """Return the linkage with some numbers replaced, and a start for coupled loops."""
-        numbers = list(self.numbers)
-        places = dimension_places(self.structure.dimensions, changes)
-        for name, number in changes.items():
-            numbers[places[name]] = number
         return self._with(numbers=numbers, **self._mode(start, self.assembly))
 
     def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:
