@@ -52,9 +52,13 @@ def pins(stack: Layers, thickness: float, washer: float) -> Iterator[Pin]:
         diameter = MM * shaft.diameter
         gaps = high - low
         grip = MM * ((gaps + 1) * thickness + gaps * washer)
-        stubs = [stub for stub in stack.stubs if stub.shaft.name == shaft.name]
-        ends = [f'a stub: {_names(stack, stub.crossing)} passes' for stub in stubs]
-        ends += [f'{end.side.value} flush' for end in stack.flush if end.shaft.name == shaft.name]
+        ends = []
+        for stub in stack.stubs:
+            if stub.shaft.name == shaft.name:
+                ends.append(f'a stub: {_names(stack, stub.crossing)} passes')
+        for end in stack.flush:
+            if end.shaft.name == shaft.name:
+                ends.append(f'{end.side.value} flush')
         screw = _screw(grip + NUT * diameter)
         text = '; '.join(ends) or 'head and nut'
         yield Pin(shaft.name, diameter, low, high, stack.spacers(shaft), gaps, grip, screw, text)
@@ -66,8 +70,10 @@ def _names(stack: Layers, plates: Sequence[int]) -> str:
 
 def _screw(min_length: float) -> int:
     """Return the shortest standard length of a screw [mm]."""
-    lengths = (length for length in SCREWS if length >= min_length)
-    return next(lengths, 10 * ceil(min_length / 10.0))
+    for length in SCREWS:
+        if length >= min_length:
+            return length
+    return 10 * ceil(min_length / 10.0)
 
 
 def spacers(stack: Layers) -> Iterator[Plate]:
@@ -178,10 +184,11 @@ class _LayerView:
         motion = stack.motion
         points = []
         for plate in stack.plates:
-            ends = chain.from_iterable(plate.links)
-            points += [motion.place(plate, end)[motion.shown] for end in ends]
+            for end in chain.from_iterable(plate.links):
+                points.append(motion.place(plate, end)[motion.shown])
         shown_points = np.array(points)
-        edge = max(plate.width for plate in stack.plates) / 2.0 * (1 + 1j)
+        max_width = max(plate.width for plate in stack.plates)
+        edge = max_width / 2.0 * (1 + 1j)
         self._low = complex(shown_points.real.min(), shown_points.imag.min()) - edge
         high = complex(shown_points.real.max(), shown_points.imag.max()) + edge
         size = high - self._low
@@ -206,11 +213,13 @@ class _LayerView:
         for p in stack.plates_in(layer):
             plate = stack.plates[p]
             start, end = max(self._links(plate), key=lambda link: abs(link[1] - link[0]))
-            holes = [self._mm(plate, hole.at) for hole in plate.holes]
-            places = [start + share * (end - start) for share in (0.5, 0.4, 0.6, 0.3, 0.7)]
-            places.sort(key=lambda place: -min((abs(place - hole) for hole in holes), default=0.0))
+            holes = np.array([self._mm(plate, hole.at) for hole in plate.holes])
+            places = start + np.array([0.5, 0.4, 0.6, 0.3, 0.7]) * (end - start)
+            if len(holes):
+                hole_distances = np.abs(places[:, None] - holes).min(axis=1)
+                places = places[np.argsort(-hole_distances, kind='stable')]
             around = places[0], self._length(plate.width / 2.0)
-            _label(panel, plate.name, places if start != end else [], around, labels)
+            _label(panel, plate.name, places.tolist() if start != end else [], around, labels)
 
     def _plate(self, panel: Element, p: int, *, is_new: bool) -> None:
         plate = self._stack.plates[p]
@@ -219,8 +228,9 @@ class _LayerView:
         cuts: list[Outline] = [*outlines(self._links(plate), self._length(plate.width / 2.0))]
         round_cuts: list[Slot | Hole] = [*plate.slots, *plate.holes]
         for round_cut in round_cuts:
-            start, end = (self._mm(plate, centre) for centre in round_cut.line)
-            cuts += outlines([(start, end)], self._length(round_cut.diameter / 2.0))
+            start, end = round_cut.line
+            line = self._mm(plate, start), self._mm(plate, end)
+            cuts += outlines([line], self._length(round_cut.diameter / 2.0))
         curves = ' '.join(path_data(cut, PANEL) for cut in cuts)
         shape = {'d': curves, 'fill-rule': 'evenodd', 'stroke-width': '0.25'}
         SubElement(panel, 'path', {**shape, **style})
@@ -231,7 +241,7 @@ class _LayerView:
         centre = self._mm(plate, shaft.at)
         radius = self._length(shaft.diameter / 2.0)
         place = {'cx': f'{centre.real:.3f}', 'cy': f'{PANEL - centre.imag:.3f}'}
-        if all(stack.layer[p] != layer for p in shaft.plates):
+        if layer not in {stack.layer[p] for p in shaft.plates}:
             ring = f'{self._length(shaft.radius(plate.width)):.3f}'
             style = {'fill': '#ffffff', 'stroke': '#000000', 'stroke-width': '0.3'}
             SubElement(panel, 'circle', {**place, 'r': ring, **style})
@@ -267,10 +277,11 @@ def _label(
     corners = [*places]
     for row in range(LABEL_ROWS):
         for y in (offset + row * TEXT, -offset - (row + 1) * TEXT):
-            corners += [centre + complex(x, y) for x in (offset, -offset - size.real)]
+            corners.append(centre + complex(offset, y))
+            corners.append(centre + complex(-offset - size.real, y))
     corner = corners[0]
     for candidate in corners:
-        if not any(_overlap((candidate, candidate + size), taken) for taken in labels):
+        if not any(_overlap((candidate, candidate + size), label_box) for label_box in labels):
             corner = candidate
             break
     labels.append((corner, corner + size))

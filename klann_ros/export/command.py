@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from functools import partial
+from itertools import chain
 import sys
 
 from klann_ros.cli import (
@@ -56,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     if all(getattr(options, name) is None for name in (*FORMATS, 'ros2_control')):
-        names = ', '.join([*(f'--{name}' for name in FORMATS), ROS2_CONTROL])
-        raise UsageError(f'no output is given; one of {names} is needed')
+        names = ', '.join(f'--{name}' for name in FORMATS)
+        raise UsageError(f'no output is given; one of {names}, {ROS2_CONTROL} is needed')
     robot = robot_of(options.file)
     files = output_files(options, FORMATS, [options.file], refuse_yaml=True)
     folder = options.ros2_control
@@ -98,7 +99,7 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     """Return the content of each file of plates, by its option; print their numbers."""
     holes = {name: mm / 1e3 for name, mm in options.hole or ()}
     hole = holes.pop('', HOLE / 1e3)
-    linkages = list(dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs))
+    linkages = dict.fromkeys(leg.linkage.scaled(options.scale) for leg in robot.legs)
     width = options.width
     if width is None:
         widest = 1e3 * max(hole, *holes.values(), 0.0)
@@ -111,7 +112,7 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
         if warning := slot_conflict(plate):
             print(f'export: {warning}: they need a plate each', file=sys.stderr)
     stacks = list(map(layers, linkages, plates_of.values()))
-    rings = [ring for stack in stacks for ring in spacers(stack)]
+    rings = chain.from_iterable(map(spacers, stacks))
     sheet = drawing([*robot_plates, *rings], kerf=options.kerf / 1e3)
     contents: dict[str, bytes] = {}
     if options.svg is not None:
@@ -119,8 +120,7 @@ def _plates(robot: Robot, options: argparse.Namespace) -> dict[str, bytes]:
     if options.dxf is not None:
         contents['--dxf'] = dxf(sheet)
     if options.assembly is not None:
-        thickness, washer = options.thickness / 1e3, options.washer / 1e3
-        page = assembly(stacks, thickness=thickness, washer=washer)
+        page = assembly(stacks, thickness=options.thickness / 1e3, washer=options.washer / 1e3)
         contents['--assembly'] = page.encode()
     plate_count = counted(sum(plate.count for plate in robot_plates), 'plate')
     layer_count = counted(max(stack.count for stack in stacks), 'layer')

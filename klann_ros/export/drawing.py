@@ -93,19 +93,20 @@ def drawing(plates: Sequence[Plate], *, kerf: float = 0.0) -> Drawing:
         The kerf is negative, or a hole is not wider.
 
     """
-    diameters = [hole.diameter for plate in plates for hole in plate.holes]
-    min_diameter = min(diameters, default=1.0)
+    holes = chain.from_iterable(plate.holes for plate in plates)
+    min_diameter = min((hole.diameter for hole in holes), default=1.0)
     if not 0.0 <= kerf < min_diameter:
         raise ExportError(
             f'kerf = {kerf * 1e3:g} mm is refused: >= 0, and narrower than the smallest hole, '
             f'{min_diameter * 1e3:g} mm'
         )
     placed_plates = [_PlacedPlate(plate, MM * kerf / 2.0) for plate in plates]
-    widths = [plate.size.real for plate in placed_plates]
+    max_width = 0.0
     area = 0.0
     for placed in placed_plates:
+        max_width = max(max_width, placed.size.real)
         area += (placed.size.real + PLATE_GAP) * (placed.size.imag + PLATE_GAP)
-    sheet_width = max(*widths, 1.2 * sqrt(area))
+    sheet_width = max(max_width, 1.2 * sqrt(area))
     x = y = PLATE_GAP
     row_height = right = 0.0
     cuts: list[Outline] = []
@@ -165,7 +166,10 @@ class _PlacedPlate:
         return circles
 
     def slots(self) -> list[Outline]:
-        return [outlines([line], radius - self._offset)[0] for line, radius in self._slot_lines()]
+        slots = []
+        for line, radius in self._slot_lines():
+            slots.append(outlines([line], radius - self._offset)[0])
+        return slots
 
     def texts(self) -> Iterator[Text]:
         """Yield the title, and the names of holes with space beside them, clear of every cut."""
@@ -199,11 +203,13 @@ class _PlacedPlate:
             if any(abs(place - circle.at) < distance * (1.0 - 1e-9) for circle in circles):
                 # Another hole is nearer.
                 continue
-            clearances = [self._radius - min(distance_to(link, place) for link in links)]
-            clearances += [abs(place - disc.at) - disc.radius for disc in discs]
-            clearances += [distance_to(slot, place) - radius for slot, radius in slots]
+            clearance = self._radius - min(distance_to(link, place) for link in links)
+            for disc in discs:
+                clearance = min(clearance, abs(place - disc.at) - disc.radius)
+            for slot, radius in slots:
+                clearance = min(clearance, distance_to(slot, place) - radius)
             # Among equal ones the nearest wins.
-            yield Circle(place, min(clearances) - LABEL_CLEARANCE - 1e-3 * distance)
+            yield Circle(place, clearance - LABEL_CLEARANCE - 1e-3 * distance)
 
     def _links(self) -> list[Segment]:
         return [(self._to_sheet(start), self._to_sheet(end)) for start, end in self._plate.links]
@@ -219,7 +225,8 @@ class _PlacedPlate:
 
 def svg(plan: Drawing) -> str:
     """Return a drawing as SVG in millimetres: groups of cuts, holes and labels."""
-    width, height = plan.size.real, plan.size.imag
+    width = plan.size.real
+    height = plan.size.imag
     root = Element(
         'svg',
         xmlns='http://www.w3.org/2000/svg',
@@ -227,25 +234,25 @@ def svg(plan: Drawing) -> str:
         height=f'{height:.6f}mm',
         viewBox=f'0 0 {width:.6f} {height:.6f}',
     )
-    cuts, holes, labels = (
-        SubElement(root, 'g', {'id': name, **style}) for name, style in SVG_STYLES.items()
-    )
+    groups = {}
+    for name, style in SVG_STYLES.items():
+        groups[name] = SubElement(root, 'g', {'id': name, **style})
 
     def x_y(point: complex) -> tuple[str, str]:
         # y is down.
         return f'{point.real:.6f}', f'{height - point.imag:.6f}'
 
     for outline in (*plan.outlines, *plan.windows):
-        SubElement(cuts, 'path', d=path_data(outline, height))
+        SubElement(groups['CUT'], 'path', d=path_data(outline, height))
     for circle in plan.circles:
         cx, cy = x_y(circle.at)
-        SubElement(holes, 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
+        SubElement(groups['HOLES'], 'circle', cx=cx, cy=cy, r=f'{circle.radius:.6f}')
     for slot in plan.slots:
-        SubElement(holes, 'path', d=path_data(slot, height))
+        SubElement(groups['HOLES'], 'path', d=path_data(slot, height))
     for text in plan.texts:
         x, y = x_y(text.at)
         size = f'{text.height / FONT_CAPITAL:.6f}'
-        SubElement(labels, 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
+        SubElement(groups['LABELS'], 'text', {'x': x, 'y': y, 'font-size': size}).text = text.text
     return svg_file(root)
 
 

@@ -17,11 +17,12 @@ from klann_ros.kinematics import FIXED, Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
 
-from .plates import COINCIDENCE, ExportError, Hole, Plate
+from .plates import COINCIDENCE, ExportError, Hole, Plate, Slot
 from .travel import crank_angles
 
 # Search steps for the first arrangement, and for a better one.
-MAX_STEPS, MAX_BETTER = 1_000_000, 100_000
+MAX_STEPS = 1_000_000
+MAX_BETTER = 100_000
 # Between moving parts [m].
 CLEARANCE = 0.5e-3
 # Crank angles of a turn, or of an arc.
@@ -137,8 +138,14 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     """
     shafts = _shafts(plates)
     motion = PlateMotion(linkage)
-    swept = [motion.swept(plate) for plate in plates]
-    clashes: list[set[int]] = [set() for _ in plates]
+    swept = []
+    clashes: list[set[int]] = []
+    ground = None
+    for p, plate in enumerate(plates):
+        swept.append(motion.swept(plate))
+        clashes.append(set())
+        if plate.body == FIXED:
+            ground = p
     for i, j in combinations(range(len(plates)), 2):
         if motion.collide(swept[i], swept[j]):
             clashes[i].add(j)
@@ -146,10 +153,7 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
     pins = []
     for shaft in shafts:
         pin = motion.pin(plates[shaft.carrier], shaft.at, shaft.radius(plates[0].width))
-        foreign = sorted({*range(len(plates))} - {*shaft.plates})
-        crossing = tuple(p for p in foreign if motion.collide(swept[p], pin))
-        pins.append(PinPlates(shaft.plates, crossing))
-    ground = next((p for p, plate in enumerate(plates) if plate.body == FIXED), None)
+        pins.append(PinPlates(shaft.plates, _crossing_plates(shaft, pin, swept, motion)))
     for stub_count in range(len(shafts) + 1):
         for cut in combinations(range(len(shafts)), stub_count):
             whole_pins = [*pins]
@@ -161,6 +165,17 @@ def layers(linkage: Linkage, plates: Sequence[Plate]) -> Layers:
                 flush = tuple(FlushEnd(shafts[k], side) for k, side in _flush(layer, pins))
                 return Layers(tuple(plates), layer, tuple(shafts), stubs, flush, motion)
     raise AssertionError('without shafts, a layer for each plate is enough')
+
+
+def _crossing_plates(
+    shaft: Shaft, pin: SweptPart, swept: Sequence[SweptPart], motion: 'PlateMotion'
+) -> tuple[int, ...]:
+    """Return the plates that a shaft does not join, and that meet it."""
+    crossing = []
+    for p, swept_plate in enumerate(swept):
+        if p not in shaft.plates and motion.collide(swept_plate, pin):
+            crossing.append(p)
+    return tuple(crossing)
 
 
 class PlateMotion:
@@ -180,7 +195,7 @@ class PlateMotion:
         self._steps[last::SWEEP_SAMPLES] = False
         # The sample that is drawn.
         self.shown = int(np.flatnonzero(is_solved)[is_solved.sum() // 6])
-        paths = {name: points[:, k] for k, name in enumerate(structure.points)}
+        paths = dict(zip(structure.points, points.T, strict=True))
         zero = np.zeros(alphas.size, np.complex128)
         rotations = {FIXED: zero + 1.0}
         for j, body in enumerate(structure.bodies):
@@ -214,8 +229,10 @@ class PlateMotion:
     def collide(self, part_a: SweptPart, part_b: SweptPart) -> bool:
         """Return whether two parts may come nearer than the clearance, between samples too."""
         clear_distance = part_a.radius + part_b.radius + CLEARANCE
-        pairs = product(part_a.lines, part_b.lines)
-        return any(self._min_distance(a, b) < clear_distance for a, b in pairs)
+        for line_a, line_b in product(part_a.lines, part_b.lines):
+            if self._min_distance(line_a, line_b) < clear_distance:
+                return True
+        return False
 
     def _min_distance(self, line_a: SweptLine, line_b: SweptLine) -> float:
         """Return a lower bound of the distance of two segments over all crank angles [m]."""
@@ -237,8 +254,12 @@ def distances(line_a: SweptLine, line_b: SweptLine) -> FloatArray:
         s = _cross(offset, along_b) / determinant
         t = _cross(offset, along_a) / determinant
     is_crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    end_distances = [_from_segment(end, line_b) for end in line_a]
-    end_distances += [_from_segment(end, line_a) for end in line_b]
+    end_distances = (
+        _from_segment(line_a[0], line_b),
+        _from_segment(line_a[1], line_b),
+        _from_segment(line_b[0], line_a),
+        _from_segment(line_b[1], line_a),
+    )
     return np.where(is_crossing, 0.0, np.min(end_distances, axis=0))
 
 
@@ -267,26 +288,37 @@ def _shafts(plates: Sequence[Plate]) -> list[Shaft]:
                 else:
                     separate.append(group)
             groups = [*separate, merged_group]
-    shafts = [_shaft(plates, group) for group in groups]
-    return [shaft for shaft in shafts if len(shaft.plates) > 1]
+    shafts = []
+    for group in groups:
+        shaft = _shaft(plates, group)
+        if len(shaft.plates) > 1:
+            shafts.append(shaft)
+    return shafts
 
 
 def _shaft(plates: Sequence[Plate], group: Sequence[tuple[int, Hole]]) -> Shaft:
     """Return the pin of holes, each with its plate."""
     carrier, first_hole = group[0]
-    through = {p: None for p, _ in group}
+    through: dict[int, None] = {}
     points: dict[str, None] = {}
-    for _, hole in group:
+    diameter = 0.0
+    for p, hole in group:
+        through[p] = None
         points |= dict.fromkeys(filter(None, hole.name.split(',')))
+        diameter = max(diameter, hole.diameter)
     name = ','.join(points)
     for p, plate in enumerate(plates):
         for slot in plate.slots:
-            pins = [hole.at for q, hole in group if plates[q].body == slot.body]
-            if any(abs(a - b) < COINCIDENCE for a, b in product(pins, slot.pins)):
-                through[p] = None
-                name = name if points else f'guide of {slot.name}'
-    widest = max(hole.diameter for _, hole in group)
-    return Shaft(name, tuple(through), carrier, first_hole.at, widest)
+            for q, hole in group:
+                if plates[q].body == slot.body and _has_pin(slot, hole.at):
+                    through[p] = None
+                    name = name if points else f'guide of {slot.name}'
+    return Shaft(name, tuple(through), carrier, first_hole.at, diameter)
+
+
+def _has_pin(slot: Slot, place: complex) -> bool:
+    """Return whether a pin of a slot is at a place of the sliding body."""
+    return any(abs(place - pin) < COINCIDENCE for pin in slot.pins)
 
 
 def _between(layer: Sequence[int], pin: PinPlates) -> tuple[int, ...]:
@@ -321,8 +353,8 @@ class _Search:
         self._pins = pins
         self._layer_count = layer_count
         self._lowest = lowest
-        order = sorted(range(len(clashes)), key=lambda p: -len(clashes[p]))
-        self._order = order if lowest is None else [lowest, *(p for p in order if p != lowest)]
+        # The lowest plate first, then those with the most clashes.
+        self._order = sorted(range(len(clashes)), key=lambda p: (p != lowest, -len(clashes[p])))
         self._layer: dict[int, int] = {}
         self._best: tuple[int, int] | None = None
         self._steps = count()
@@ -335,7 +367,7 @@ class _Search:
         if step > MAX_BETTER and self._best is not None:
             return
         if depth == len(self._order):
-            arrangement = tuple(self._layer[p] for p in range(len(self._order)))
+            arrangement = tuple(self._layers_of(range(len(self._order))))
             cost = len(_flush(arrangement, self._pins)), self._length()
             if self._best is None or cost < self._best:
                 self._best = cost
@@ -357,7 +389,8 @@ class _Search:
         for pin in self._pins:
             joined = self._layers_of(pin.joined)
             if len(joined) > 1:
-                low, high = min(joined), max(joined)
+                low = min(joined)
+                high = max(joined)
                 if any(low <= crossed <= high for crossed in self._layers_of(pin.crossing)):
                     return False
         return True

@@ -88,9 +88,9 @@ def _footprint(robot: Robot, feet: Feet) -> tuple[str, float]:
         half_size = np.array(robot.body.size[:2]) / 2.0
         low = np.minimum(low, centre - half_size)
         high = np.maximum(high, centre + half_size)
-    front, left = (_up(edge + FOOTPRINT_MARGIN) for edge in high)
-    back, right = (-_up(FOOTPRINT_MARGIN - edge) for edge in low)
-    corners = [[front, left], [front, right], [back, right], [back, left]]
+    front, left = map(_up, high + FOOTPRINT_MARGIN)
+    back, right = map(_up, FOOTPRINT_MARGIN - low)
+    corners = [[front, left], [front, -right], [-back, -right], [-back, left]]
     return str(corners), max(hypot(*corner) for corner in corners)
 
 

@@ -82,9 +82,14 @@ def outlines(segments: Sequence[Segment], radius: float) -> tuple[Outline, ...]:
                 break
             pieces.remove(following)
             chain.append(following)
+        corners = []
+        extent = 0.0
+        for piece in chain:
+            corners.append(Corner(piece.start, piece.bulge))
+            extent = max(extent, abs(piece.start - chain[0].start))
         # Where pieces only touch, one of no size is left over.
-        if max(abs(piece.start - chain[0].start) for piece in chain) > MIN_EXTENT * radius:
-            curves.append(tuple(Corner(piece.start, piece.bulge) for piece in chain))
+        if extent > MIN_EXTENT * radius:
+            curves.append(tuple(corners))
     return tuple(sorted(curves, key=lambda curve: min(corner.at.real for corner in curve)))
 
 
@@ -132,9 +137,8 @@ def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
             position = (centre - start) * along.conjugate()
             half_chord = sqrt(max(radius**2 - position.imag**2, 0.0))
             cuts += [position.real - half_chord, position.real, position.real + half_chord]
-        inner_cuts = sorted(cut for cut in cuts if 0.0 <= cut <= length)
-        for low, high in pairwise(inner_cuts):
-            if high - low > MIN_PIECE * radius:
+        for low, high in pairwise(sorted(cuts)):
+            if low >= 0.0 and high <= length and high - low > MIN_PIECE * radius:
                 middle = start + (low + high) / 2.0 * along
                 yield _Piece(start + low * along, start + high * along, middle)
 
@@ -149,19 +153,21 @@ def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
             height = ((start - centre) * along.conjugate()).imag
             if abs(height) <= radius * (1.0 + ZERO):
                 half_chord = sqrt(max(radius**2 - height**2, 0.0))
-                cuts += [phase((x + 1j * height) * along) for x in (-half_chord, half_chord)]
+                cuts.append(phase((-half_chord + 1j * height) * along))
+                cuts.append(phase((half_chord + 1j * height) * along))
         for neighbour in centres:
             offset = neighbour - centre
             distance = abs(offset)
             if 0.0 < distance <= 2.0 * radius:
                 half_chord = sqrt(max(radius**2 - distance**2 / 4.0, 0.0))
-                ends = (distance / 2.0 - 1j * half_chord, distance / 2.0 + 1j * half_chord)
-                cuts += [phase(end * _unit(offset)) for end in ends]
+                cuts.append(phase((distance / 2.0 - 1j * half_chord) * _unit(offset)))
+                cuts.append(phase((distance / 2.0 + 1j * half_chord) * _unit(offset)))
         cuts = sorted(cut % tau for cut in cuts)
         for low, high in pairwise([*cuts, cuts[0] + tau]):
             if high - low > MIN_PIECE:
-                angles = (low, high, (low + high) / 2.0)
-                first, last, middle = (centre + rect(radius, angle) for angle in angles)
+                first = centre + rect(radius, low)
+                last = centre + rect(radius, high)
+                middle = centre + rect(radius, (low + high) / 2.0)
                 yield _Piece(first, last, middle, tan((high - low) / 4.0))
 
 

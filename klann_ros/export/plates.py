@@ -5,6 +5,7 @@ A plate's coordinates are those of its body, from its first point along its angl
 the plane's. A sliding body has pins, and the body that it slides along a slot for them.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -149,13 +150,13 @@ def plates(
     for leg in robot.legs:
         legs_of.setdefault(leg.linkage.scaled(scale), []).append(leg.name)
     robot_plates: list[Plate] = []
+    joints: set[str] = set()
     for linkage, names in legs_of.items():
         legs = '' if len(legs_of) == 1 else names[0]
-        leg_plates = _linkage_plates(linkage, sizes, width)
-        robot_plates += [replace(plate, count=len(names), legs=legs) for plate in leg_plates]
-    joints: set[str] = set()
-    for plate in robot_plates:
-        joints.update(*[drilled.points for drilled in plate.holes])
+        for plate in _linkage_plates(linkage, sizes, width):
+            robot_plates.append(replace(plate, count=len(names), legs=legs))
+            for drilled in plate.holes:
+                joints |= drilled.points
     for name in sizes.keys() - joints - {''}:
         listing = ', '.join(sorted(joints))
         raise ExportError(
@@ -207,10 +208,10 @@ def _linkage_plates(linkage: Linkage, sizes: Mapping[str, float], width: float) 
     for j, body in enumerate(structure.bodies):
         holes[j] = [Hole(name, places[j, name], sizes.get(name, hole)) for name in body.points]
     # A sliding body's pins keep clear of the slots in it, first taken as short as with one pin.
-    short_slots: dict[int, list[Segment]] = {j: [] for j in holes}
+    short_slots: defaultdict[int, list[Segment]] = defaultdict(list)
     for line in lines:
         short_slots[line.on].append(line.ends([0.0]))
-    slots: dict[int, list[Slot]] = {j: [] for j in holes}
+    slots: defaultdict[int, list[Slot]] = defaultdict(list)
     for line in lines:
         j = line.body
         pins = [0.0]
@@ -262,16 +263,18 @@ def _joined(bars: Sequence[Segment], cuts: Sequence[Segment]) -> Iterator[Segmen
                 connections.append((*_connection(start, end), i, k))
         _, link, i, k = min(connections, key=lambda connection: connection[0])
         groups[i] += [link, *groups.pop(k)]
-    segments = [segment for segment in groups[0] if segment[0] != segment[1]] or groups[0][:1]
-    yield from dict.fromkeys(segments)
+    segments = [(start, end) for start, end in groups[0] if start != end]
+    yield from dict.fromkeys(segments or groups[0][:1])
 
 
 def _connection(segment_a: Segment, segment_b: Segment) -> tuple[float, Segment]:
     """Return the distance of two segments, 0 if they cross, and the shortest link between."""
     if crosses(segment_a, segment_b):
         return 0.0, (segment_a[0], segment_a[0])
-    links = [(end, nearest_on(segment_b, end)) for end in segment_a]
-    links += [(end, nearest_on(segment_a, end)) for end in segment_b]
+    links = []
+    for segment, neighbour in ((segment_a, segment_b), (segment_b, segment_a)):
+        for end in segment:
+            links.append((end, nearest_on(neighbour, end)))
     link = min(links, key=lambda link: abs(link[1] - link[0]))
     return abs(link[1] - link[0]), link
 
@@ -303,11 +306,12 @@ def _merged(holes: list[Hole]) -> Iterator[Hole]:
     """Yield holes, coincident ones as one."""
     groups: list[list[Hole]] = []
     for hole in holes:
-        group = next((g for g in groups if abs(g[0].at - hole.at) < COINCIDENCE), None)
-        if group is None:
-            groups.append([hole])
+        for group in groups:
+            if abs(group[0].at - hole.at) < COINCIDENCE:
+                group.append(hole)
+                break
         else:
-            group.append(hole)
+            groups.append([hole])
     for group in groups:
-        name = ','.join(filter(None, (hole.name for hole in group)))
-        yield Hole(name, group[0].at, max(hole.diameter for hole in group))
+        names = [hole.name for hole in group if hole.name]
+        yield Hole(','.join(names), group[0].at, max(hole.diameter for hole in group))
