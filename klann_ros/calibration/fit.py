@@ -35,12 +35,16 @@ from .search import check_measurements, median_misfit, SEARCH_SAMPLES, start_par
 # Samples of each series at most: derivatives of a million take gigabytes.
 MAX_SAMPLES = 20_000
 # Samples of each series in the robust fit; rounds until the outliers stay the same.
-ROBUST_SAMPLES, MAX_ROUNDS = 200, 6
+ROBUST_SAMPLES = 200
+MAX_ROUNDS = 6
 # A leg that fits worse than this part of the path's size is another one, as is one with larger
 # corrections [units], and one that fits better by this factor far from the drawing.
-MAX_MISFIT, MAX_CORRECTIONS, MAX_HELD_MISFIT = 0.03, {'m': 100.0, 'rad': 30.0}, 3.0
+MAX_MISFIT = 0.03
+MAX_CORRECTIONS = {'m': 100.0, 'rad': 30.0}
+MAX_HELD_MISFIT = 3.0
 # Other legs and cameras that are fitted to explain a misfit, and how well they must fit.
-MAX_EXPLANATIONS, MAX_EXPLAINED_MISFIT = 4, 0.006
+MAX_EXPLANATIONS = 4
+MAX_EXPLAINED_MISFIT = 0.006
 # Relative standard deviation of the crank's rate up to which its speed is even.
 EVEN_SPEED = 0.01
 # Share of samples in the other direction from which on backlash is estimated.
@@ -118,8 +122,12 @@ class Calibration:
     @property
     def misfit(self) -> float:
         """Return the largest median residual of all samples, relative to the leg's size."""
-        measured = [fit.series for fit in self.series]
-        return median_misfit(self.model, measured, [fit.after for fit in self.series])
+        measured = []
+        residuals = []
+        for fit in self.series:
+            measured.append(fit.series)
+            residuals.append(fit.after)
+        return median_misfit(self.model, measured, residuals)
 
     @property
     def is_complete(self) -> bool:
@@ -233,7 +241,7 @@ def _hypotheses(model: MeasurementModel, few: list[MeasuredSeries]) -> Iterator[
     drawn_mode = model.linkage.assembly
     modes = [drawn_mode]
     if drawn_mode:
-        modes += [mode for mode in assemblies(model.linkage) if mode != drawn_mode]
+        modes = list(dict.fromkeys([drawn_mode, *assemblies(model.linkage)]))
     for mode, direction in [*product(modes, (model.direction, -model.direction))][1:]:
         is_drawn = mode == drawn_mode
         linkage = model.linkage if is_drawn else model.linkage.in_assembly(mode)

@@ -149,7 +149,9 @@ def load_run(
         topics = {topic.name: topic for topic in log.topics}
         chosen = [_topic(topics, request.topic) for request in requests]
         cranks = [_topic(topics, crank_topic)] if crank_topic else _crank_topics(topics)
-        messages: dict[str, list[Message]] = {topic.name: [] for topic in (*chosen, *cranks)}
+        messages: dict[str, list[Message]] = {}
+        for topic in (*chosen, *cranks):
+            messages[topic.name] = []
         for message in log.messages(messages):
             messages[message.topic.name].append(message)
         start = log.start_time
@@ -157,8 +159,9 @@ def load_run(
     measured = []
     for request, topic in zip(requests, chosen, strict=True):
         samples = _checked_samples(request, topic, leg, messages[topic.name], start)
-        times, variances, numbers = samples[:, 0], samples[:, 1], samples[:, 2:]
-        variance = float(np.median(variances))
+        times = samples[:, 0]
+        numbers = samples[:, 2:]
+        variance = float(np.median(samples[:, 1]))
         noise = variance**0.5 if 0.0 < variance < np.inf else None
         kind = kind_of(leg.linkage, request.name)
         source = printable(topic.name)
@@ -178,8 +181,11 @@ def _checked_samples(
         legal = ', '.join(name.rpartition('/')[2] for name in types)
         raise MeasurementError(f'{title} is {printable(topic.type)}: a measured {kind} is {legal}')
     samples, keys = _samples(messages, request.key, start)
-    joints = [{leg.joint_name(n, sign) for n in leg.linkage.joint_names} for sign in '/_']
-    if topic.name.rpartition('/')[2] in COMPUTED_TOPICS or any(j <= keys for j in joints):
+    is_computed = topic.name.rpartition('/')[2] in COMPUTED_TOPICS
+    for separator in '/_':
+        joints = {leg.joint_name(name, separator) for name in leg.linkage.joint_names}
+        is_computed |= joints <= keys
+    if is_computed:
         # It would confirm the lengths that the solver had.
         raise MeasurementError(
             f'{title} is no measurement: a solver computed it from the lengths that are to be '
@@ -207,18 +213,23 @@ def _topic(topics: Mapping[str, Topic], name: str) -> Topic:
 
 def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     """Return the topics that may have the crank's angle, the likeliest first."""
-    states = [topic for topic in topics.values() if topic.type == JOINT_STATE.name]
+    states = []
+    plain = []
+    for name, topic in topics.items():
+        if topic.type == JOINT_STATE.name:
+            states.append(topic)
+        elif topic.type == FLOAT64.name and name.endswith('crank_angle'):
+            plain.append(topic)
     states.sort(key=lambda topic: topic.name.rpartition('/')[2] != 'crank_state')
-    plain = [
-        t for t in topics.values() if t.type == FLOAT64.name and t.name.endswith('crank_angle')
-    ]
     return states + plain
 
 
 def _crank(
     topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
 ) -> CrankSamples:
-    for topic in (topic for topic in topics if topic.type in {JOINT_STATE.name, FLOAT64.name}):
+    for topic in topics:
+        if topic.type not in {JOINT_STATE.name, FLOAT64.name}:
+            continue
         key = leg.crank_joint if topic.type == JOINT_STATE.name else ''
         samples, _ = _samples(messages[topic.name], key, start)
         if len(samples) > 1:
@@ -251,8 +262,11 @@ def load_csv(path: str, leg: RobotLeg, requests: Sequence[Request] = ()) -> list
     times = column('time')
     crank = CrankSamples.of(times, column('crank'))
     if not requests:
-        names = [name.removesuffix('.x') for name in table.columns if not name.endswith('.y')]
-        requests = [Request(name, name) for name in names if name not in {'time', 'crank'}]
+        requests = []
+        for column_name in table.columns:
+            name = column_name.removesuffix('.x')
+            if not column_name.endswith('.y') and name not in {'time', 'crank'}:
+                requests.append(Request(name, name))
     measured = []
     for request in requests:
         kind = kind_of(leg.linkage, request.name)

@@ -69,10 +69,10 @@ class MeasurementModel:
     @cached_property
     def si_units(self) -> tuple[str, ...]:
         """Return the SI units of all parameters: 'm', 'rad' or 's'."""
-        dimension_units = [dimension.unit for dimension in self.linkage.structure.dimensions]
-        first_other = self.count
-        other_units = [SI_UNITS.get(name, 'rad') for name in self.names[first_other:]]
-        return (*dimension_units, *other_units)
+        units = [dimension.unit for dimension in self.linkage.structure.dimensions]
+        for name in (PHASE, *self.optional):
+            units.append(SI_UNITS.get(name, 'rad'))
+        return tuple(units)
 
     @cached_property
     def units(self) -> FloatArray:
@@ -144,7 +144,9 @@ class MeasurementModel:
                 poses.angles_gradient[:, column],
             )
         first, *second = [structure.points.index(name) for name in series.name.split('-')]
-        points, slopes, gradients = poses.points, poses.points_1, poses.points_gradient
+        points = poses.points
+        slopes = poses.points_1
+        gradients = poses.points_gradient
         if not second:
             return Prediction(points[:, first], slopes[:, first], gradients[:, first])
         offset = points[:, second[0]] - points[:, first]
@@ -172,7 +174,7 @@ class MeasurementModel:
 
     @property
     def _camera_indices(self) -> list[int]:
-        return [self.names.index(name) for name in CAMERA]
+        return list(map(self.names.index, CAMERA))
 
     def residuals(self, series: MeasuredSeries, predicted: FloatArray) -> FloatArray:
         """Return predicted less measured numbers, shape (..., n, k); angles modulo a turn."""
@@ -185,11 +187,16 @@ class MeasurementModel:
         """Return the drawing's parameters with the camera that fits best, and what it sees."""
         start = self.start.copy()
         seen = list(values)
-        series_of_points = [n for n, series in enumerate(measured) if series.kind == 'point']
-        if not series_of_points or CAMERA[0] not in self.names:
+        predicted_of = {}
+        observed_points = []
+        for n, series in enumerate(measured):
+            if series.kind == 'point':
+                predicted_of[n] = values[n] @ (1.0, 1j)
+                observed_points.append(series.values @ (1.0, 1j))
+        if not predicted_of or CAMERA[0] not in self.names:
             return start, seen
-        predicted = np.concatenate([values[n] @ (1.0, 1j) for n in series_of_points])
-        observed = np.concatenate([measured[n].values @ (1.0, 1j) for n in series_of_points])
+        predicted = np.concatenate([*predicted_of.values()])
+        observed = np.concatenate(observed_points)
         is_reached = np.isfinite(predicted)
         predicted = predicted[is_reached]
         observed = observed[is_reached]
@@ -197,7 +204,7 @@ class MeasurementModel:
         rotation = rotation / (abs(rotation) or 1.0)
         shift = observed.mean() - rotation * predicted.mean()
         start[self._camera_indices] = shift.real, shift.imag, np.angle(rotation)
-        for n in series_of_points:
-            points = values[n] @ (1.0, 1j) * rotation + shift
+        for n, predicted_points in predicted_of.items():
+            points = predicted_points * rotation + shift
             seen[n] = np.stack([points.real, points.imag], axis=-1)
         return start, seen

@@ -26,7 +26,8 @@ ROUNDING = 1e-9
 MIN_PART = 0.03
 GOOD_CONDITION = 100.0
 # Samples of a further measurement that is considered, and the noise of an encoder [rad].
-SUGGESTION_SAMPLES, ENCODER_NOISE = 120, radians(0.05)
+SUGGESTION_SAMPLES = 120
+ENCODER_NOISE = radians(0.05)
 # Standard deviation of an unobservable combination from the drawing's [units].
 OPEN_ERROR = 2.0
 
@@ -84,9 +85,12 @@ def observability(
     lost = directions[~is_observable]
     unobservable: BoolArray = np.linalg.norm(lost, axis=0) > MIN_PART
     lost_sizes = sizes[~is_observable]
-    combinations = tuple(_combination(*pair, model) for pair in zip(lost, lost_sizes, strict=True))
+    combinations = []
+    for direction, size in zip(lost, lost_sizes, strict=True):
+        combinations.append(_combination(direction, size, model))
     condition = np.inf if len(lost) else condition_number(jacobian)
-    return Observability(condition, int(is_observable.sum()), combinations, unobservable, lost)
+    rank = int(is_observable.sum())
+    return Observability(condition, rank, tuple(combinations), unobservable, lost)
 
 
 def condition_number(jacobian: FloatArray) -> float:
@@ -132,11 +136,15 @@ def further_measurements(
         finite: FloatArray = whitened[np.isfinite(whitened).all(axis=1)]
         return finite
 
-    jacobian = np.concatenate([derivatives(series, noise) for series, noise in measured])
-    pattern, noise = min(measured, key=lambda pair: (pair[0].kind != 'point', pair[1]))
     names = {*moving_points(model.linkage), *model.linkage.structure.angles[1:]}
+    stretches = []
+    for series, noise in measured:
+        stretches.append(derivatives(series, noise))
+        names.discard(series.name)
+    jacobian = np.concatenate(stretches)
+    pattern, noise = min(measured, key=lambda pair: (pair[0].kind != 'point', pair[1]))
     candidates = {}
-    for name in names - {series.name for series, _ in measured}:
+    for name in names:
         kind = kind_of(model.linkage, name)
         further = replace(pattern, kind=kind, name=name)
         added_rows = derivatives(further, ENCODER_NOISE if kind == 'angle' else noise)

@@ -7,7 +7,7 @@ from klann_ros.datasheet import Chart, ChartLine, grid, PAGE_PARTS
 from klann_ros.kinematics import linkage_poses, LinkageLeg, pose_svg
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.web import element, joined, Markup, Parts, scrolling_table
+from klann_ros.web import element, Markup, Parts, scrolling_table
 import numpy as np
 
 from .fit import Calibration
@@ -19,9 +19,11 @@ PARTS = Parts(styles=PAGE_PARTS.styles, scripts=())
 # Bins of the crank angle in the charts of residuals, close enough to be one line.
 BINS = 120
 # The largest drawn correction and semi-axis of an ellipse, relative to the leg.
-CORRECTION_SHARE, ELLIPSE_SHARE = 0.07, 0.035
+CORRECTION_SHARE = 0.07
+ELLIPSE_SHARE = 0.035
 # Drawn radius of an ellipse of 95 %, as a factor of a standard deviation in two dimensions.
-ELLIPSE_95, ELLIPSE_POINTS = 2.4477, 48
+ELLIPSE_95 = 2.4477
+ELLIPSE_POINTS = 48
 
 
 def page(calibration: Calibration, further: Sequence[Suggestion], run: str, built: str) -> str:
@@ -29,26 +31,32 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
     lines = [f'Unobservable: {text}' for text in combinations(calibration)]
     lines += map(str.strip, suggestion_lines(calibration, further))
     heads = ('Parameter', 'Drawn', 'Built', 'Standard error', 'Unit')
-    parameters = [
-        line._replace(error=line.error.replace('+-', '±')) for line in table(calibration)
-    ]
+    parameters = []
+    for line in table(calibration):
+        parameters.append(line._replace(error=line.error.replace('+-', '±')))
     numbers = scrolling_table('Dimensions', heads, parameters)
-    leg_file = joined(piece for line in built.splitlines() for piece in (line, Markup('\n')))
+    leg_file = []
+    for text in built.splitlines():
+        leg_file += [text, Markup('\n')]
     scrolls = {'class_': 'card scrolls', 'tabindex': '0', 'role': 'region'}
     residuals = [element('p', series_line(fit), class_='quiet') for fit in calibration.series]
-    sections = {
-        'Observability': [
-            element('p', verdict(calibration)),
-            element('ul', *[element('li', line) for line in lines]),
-        ],
-        'Dimensions': [element('div', _drawing(calibration), numbers, class_='stage')],
-        'Residuals': [grid([*_charts(calibration)]), *residuals],
-        'Leg file': [element('div', element('pre', leg_file), **scrolls, aria_label='Leg file')],
-    }
+    observable = [element('p', verdict(calibration)), element('ul', *map(_bullet, lines))]
+    drawing = element('div', _drawing(calibration), numbers, class_='stage')
+    leg_text = element('div', element('pre', *leg_file), **scrolls, aria_label='Leg file')
     title = f'Calibration of {calibration.drawn.name or "leg"}'
     header = element('header', element('div', element('h1', title), element('p', run)))
-    content = [element('section', element('h2', head), *body) for head, body in sections.items()]
-    return PARTS.page(title, header, *content)
+    return PARTS.page(
+        title,
+        header,
+        element('section', element('h2', 'Observability'), *observable),
+        element('section', element('h2', 'Dimensions'), drawing),
+        element('section', element('h2', 'Residuals'), grid([*_charts(calibration)]), *residuals),
+        element('section', element('h2', 'Leg file'), leg_text),
+    )
+
+
+def _bullet(line: str) -> Markup:
+    return element('li', line)
 
 
 def _charts(calibration: Calibration) -> Iterator[Chart]:
@@ -80,9 +88,8 @@ def _drawing(calibration: Calibration) -> Markup:
     alphas = np.linspace(0.0, TURN, BINS, endpoint=False)
     reached = np.all([linkage_poses(leg, alphas).reason == 0 for leg in legs], axis=0)
     alpha = alphas[np.argmax(reached)]
-    drawn, built = (
-        linkage_poses(leg, [alpha], points=True, velocities=True, gradients=True) for leg in legs
-    )
+    drawn = linkage_poses(legs[0], [alpha], points=True)
+    built = linkage_poses(legs[1], [alpha], points=True, velocities=True, gradients=True)
     points = np.asarray(drawn.points)[0]
     corrections = np.asarray(built.points)[0] - points
     covariances = _covariances(calibration, built)
@@ -92,8 +99,8 @@ def _drawing(calibration: Calibration) -> Markup:
     correction_scale = max(1.0, CORRECTION_SHARE * size / max_correction)
     ellipse_scale = max(1.0, ELLIPSE_SHARE * size / max_error)
     built_points = points + correction_scale * corrections
-    index = structure.points.index
-    lines = [built_points[[index(bar.start), index(bar.end)]] for _, bar in structure.bars]
+    place_of = dict(zip(structure.points, built_points, strict=True))
+    lines = [np.array([place_of[bar.start], place_of[bar.end]]) for _, bar in structure.bars]
     angles = np.linspace(0.0, TURN, ELLIPSE_POINTS)
     circle = ELLIPSE_95 * ellipse_scale * np.column_stack([np.cos(angles), np.sin(angles)])
     for point, covariance in zip(built_points, covariances, strict=True):

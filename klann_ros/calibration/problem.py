@@ -18,10 +18,12 @@ from .measurements import MeasuredSeries, MeasurementError, subset
 from .model import MeasurementModel
 
 # Standard deviations beyond which a sample is an outlier; of a normal distribution by its MAD.
-OUTLIER_GATE, MAD_FACTOR = 5.0, 1.4826
+OUTLIER_GATE = 5.0
+MAD_FACTOR = 1.4826
 # Standard deviations of the weak prior of all parameters [units]: of dimensions about the drawing,
 # of the others about the start.
-WEAK_PRIOR, WEAKEST_PRIOR = 100.0, 1000.0
+WEAK_PRIOR = 100.0
+WEAKEST_PRIOR = 1000.0
 # Length over which a tolerance makes an error of a bend [m].
 BEND_LENGTH = 0.03
 # Share of the samples of a series that fit the leg, at least.
@@ -77,8 +79,10 @@ class Problem:
         sizes = [series.values.size for series in measured]
         self.owners = np.repeat(np.arange(len(measured)), sizes)
         times = np.concatenate([series.times for series in measured])
-        widths = [[series.values.shape[1]] * len(series.times) for series in measured]
-        self.samples = np.repeat(np.arange(len(times)), np.concatenate(widths))
+        widths: list[int] = []
+        for series in measured:
+            widths += [series.values.shape[1]] * len(series.times)
+        self.samples = np.repeat(np.arange(len(times)), widths)
         self._stamps = np.unique(times, return_inverse=True)[1][self.samples]
 
     def with_samples(self, count: int) -> 'Problem':
@@ -126,8 +130,10 @@ class Problem:
         stamps = self._stamps[fit.is_used]
         squares = np.maximum(np.bincount(stamps, slopes**2)[stamps], 1e-300)
         factor = (1.0 - 1.0 / np.sqrt(1.0 + fit.crank_noise**2 * squares)) / squares * slopes
-        along = [np.bincount(stamps, column)[stamps] for column in (slopes[:, None] * scaled).T]
-        return scaled - factor[:, None] * np.stack(along, axis=1)
+        along = np.empty_like(scaled)
+        for n, column in enumerate((slopes[:, None] * scaled).T):
+            along[:, n] = np.bincount(stamps, column)[stamps]
+        return scaled - factor[:, None] * along
 
     def inliers(self, fit: Fit) -> BoolArray:
         """Return the rows of samples without a number beyond the gate."""
@@ -163,8 +169,10 @@ class Problem:
         """Return a fit with the noise by the median residuals, whatever a few outliers say."""
         owners = self._checked_owners(is_used)
         sizes = np.abs(self.rows(y).residuals[is_used])
-        medians = [float(np.median(sizes[owners == n])) for n in range(len(self.measured))]
-        return Fit(y, is_used, np.maximum(MAD_FACTOR * np.array(medians), 1e-9), 0.0)
+        medians = np.empty(len(self.measured))
+        for n in range(len(medians)):
+            medians[n] = np.median(sizes[owners == n])
+        return Fit(y, is_used, np.maximum(MAD_FACTOR * medians, 1e-9), 0.0)
 
     def with_noise(self, y: FloatArray, is_used: BoolArray) -> Fit:
         """Return a fit with the noise of its residuals: stated, or estimated."""
@@ -211,7 +219,8 @@ def _deviations(model: MeasurementModel, prior: Prior) -> FloatArray:
     deviations[: model.count] = WEAK_PRIOR
     if isinstance(prior, float | int):
         dimensions = model.linkage.structure.dimensions
-        prior = {d.name: prior if d.unit == 'm' else prior / BEND_LENGTH for d in dimensions}
+        by_unit = {'m': prior, 'rad': prior / BEND_LENGTH}
+        prior = {dimension.name: by_unit[dimension.unit] for dimension in dimensions}
     for name, deviation in (prior or {}).items():
         if name not in model.names:
             raise MeasurementError(f'the prior of {name}: there are {", ".join(model.names)}')

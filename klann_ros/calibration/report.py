@@ -32,16 +32,16 @@ def text_lines(calibration: Calibration, further: Sequence[Suggestion]) -> Itera
         yield f'the residuals follow the speed of the crank: try --delay unknown (about {late})'
     yield ''
     yield verdict(calibration)
-    yield from (f'  unobservable: {text}' for text in combinations(calibration))
+    for text in combinations(calibration):
+        yield f'  unobservable: {text}'
     yield from suggestion_lines(calibration, further)
 
 
 def _hides_mirrored_axes(calibration: Calibration) -> bool:
     """Return whether mirrored measurements would fit as well: of points on one line."""
-    measured = [fit.series for fit in calibration.series]
-    if any(series.kind != 'point' for series in measured):
+    if any(fit.series.kind != 'point' for fit in calibration.series):
         return False
-    points = np.concatenate([series.values for series in measured])
+    points = np.concatenate([fit.series.values for fit in calibration.series])
     offsets = points[:, 1]
     if CAMERA[0] in calibration.model.names:
         centred = points - np.median(points, axis=0)
@@ -66,7 +66,8 @@ def table(calibration: Calibration) -> list[ParameterLine]:
     for n, name in enumerate(model.names):
         factor, unit = SCALES[model.si_units[n]]
         drawn = f'{factor * model.start[n]:.3f}'
-        built, error = 'unknown', ''
+        built = 'unknown'
+        error = ''
         if np.isfinite(calibration.standard_errors[n]):
             built = f'{factor * calibration.values[n]:.3f}'
             error = f'+-{factor * calibration.standard_errors[n]:.2g}'
@@ -132,13 +133,14 @@ def report(calibration: Calibration, further: Sequence[Suggestion]) -> dict[str,
             'unit': model.si_units[n],
         }
     dimensions = {name: parameters.pop(name) for name in model.linkage.dimensions}
-    unobservable = [
-        {'parameters': dict(combination.parts), 'error': combination.error}
-        for combination in observed.combinations
-    ]
-    noise = {fit.series.name: fit.noise for fit in calibration.series}
+    unobservable = []
+    for combination in observed.combinations:
+        lost = {'parameters': dict(combination.parts), 'error': combination.error}
+        unobservable.append(lost)
+    noise = {}
     points = {}
     for fit in calibration.series:
+        noise[fit.series.name] = fit.noise
         points[fit.series.name] = {
             'source': fit.series.source,
             'used': int(np.count_nonzero(fit.inliers)),
