@@ -112,11 +112,15 @@ class Feet:
         """Return `at(cranks).tolist()` of a single pose, faster: with two arrays."""
         legs = self._tables.pose(cranks)
         shares, (x, y, z) = self._plain_masses
+        feet = []
+        rolled = []
         for share, leg in zip(shares, legs, strict=True):
+            feet.append(leg[:3])
+            rolled.append(leg[3:5])
             x += share * leg[5]
             y += share * leg[6]
             z += share * leg[7]
-        return [leg[:3] for leg in legs], [leg[3:5] for leg in legs], [x, y, z]
+        return feet, rolled, [x, y, z]
 
     def at(self, cranks: ArrayLike) -> Placed:
         """Return where the feet are at angles of the cranks [rad], shape (..., c)."""
@@ -143,17 +147,17 @@ class _LegTables:
         cubics = np.array([_leg_cubics(leg, foot_radius) for leg in robot.legs])
         self.nodes: FloatArray = cubics[..., 0]
         self._cubics = np.concatenate(cubics)
-        self._first_rows = CUBIC_SAMPLES * np.arange(len(cubics))
-        joints = robot.crank_joints
-        self._crank_of = np.array([joints.index(leg.crank_joint) for leg in robot.legs])
+        self._ups = np.array([leg.mount.rotate((0.0, 1.0)) for leg in robot.legs])[..., None]
         # Intervals of the table, by leg and angle.
         per_radian = CUBIC_SAMPLES / TURN
-        self._scales = np.array([leg.direction * per_radian for leg in robot.legs])
-        self._starts = np.array([leg.phase * per_radian for leg in robot.legs])
-        self._ups = np.array([leg.mount.rotate((0.0, 1.0)) for leg in robot.legs])[..., None]
         # Crank, scale, start and first row of each leg in plain numbers.
-        columns = self._crank_of, self._scales, self._starts, self._first_rows
-        self._legs = list(zip(*(column.tolist() for column in columns), strict=True))
+        self._legs: list[tuple[int, float, float, int]] = []
+        for n, leg in enumerate(robot.legs):
+            crank = robot.crank_joints.index(leg.crank_joint)
+            scale = leg.direction * per_radian
+            self._legs.append((crank, scale, leg.phase * per_radian, n * CUBIC_SAMPLES))
+        columns = map(np.array, zip(*self._legs, strict=True))
+        self._crank_of, self._scales, self._starts, self._first_rows = columns
 
     def advances(self) -> FloatArray:
         """Return how far the feet of each crank drive forwards by its rotation."""

@@ -9,7 +9,7 @@ from klann_ros.robot import Robot
 import numpy as np
 
 from .feet import CUBIC_SAMPLES, Feet
-from .stance import body_displacement, edge_distance, stance_pose, support
+from .stance import body_displacement, edge_distance, from_above, stance_pose, support
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,8 @@ def walk_figures(
             loads[k, list(standing.feet)] = standing.loads
             stances[k] = standing.height, standing.roll, standing.pitch, standing.margin
         else:
-            flat = [complex(*point[:2]) for point in points]
-            stances[k, 3] = -edge_distance(flat, complex(*centre[:2]))
+            *flat, flat_centre = from_above([*points, centre])
+            stances[k, 3] = -edge_distance(flat, flat_centre)
         if last_pose and pose:
             step = body_displacement(last_pose, pose)
             place += step.motion * rect(1.0, yaw + step.yaw / 2.0)

@@ -50,7 +50,9 @@ def phase_twists(
     facets, loads = _facets(placed.feet, placed.centre)
     rests = np.asarray(loads.any(axis=1))
     # By foot and pose from here on.
-    cranks, facets, loads = cranks[rests], facets[rests].T, loads[rests].T
+    cranks = cranks[rests]
+    facets = facets[rests].T
+    loads = loads[rests].T
     standing = np.arange(len(cranks)), facets
     # Seen from the ground, so that a tilt moves no foot.
     ground = np.array([0.0, 0.0, placed.feet[..., 2].min(axis=1).mean()])
@@ -86,11 +88,10 @@ def phase_map(
     p, q = np.meshgrid(angles[:half], angles, indexing='ij')
     phases = np.stack([p - q, p + q], axis=-1)
     # Half a turn of both p and q is a turn of the right side.
-    straight, turning = (
-        np.concatenate([twists, np.roll(twists, half, axis=1)])
-        for twists in phase_twists(feet, sides, phases, (1.0, 1.0), (-1.0, 1.0))
-    )
-    return straight, turning
+    straight, turning = phase_twists(feet, sides, phases, (1.0, 1.0), (-1.0, 1.0))
+    whole_straight = np.concatenate([straight, np.roll(straight, half, axis=1)])
+    whole_turning = np.concatenate([turning, np.roll(turning, half, axis=1)])
+    return whole_straight, whole_turning
 
 
 class TurnPlan:
@@ -182,24 +183,27 @@ class TurnPlan:
 def _facets(feet: FloatArray, centre: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the most upright facet below each centre, (k, 3), and its loads: 0 without one."""
     # A facet of a smaller projected area is vertical [m^2]; the tolerance of an edge.
-    vertical, rounding, count = 1e-6, 1e-9, len(feet)
+    vertical = 1e-6
+    rounding = 1e-9
+    count = len(feet)
     min_steepness = np.full(count, np.inf)
     facets = np.zeros((count, 3), dtype=np.int64)
     loads = np.zeros((count, 3))
     flat = _flat(feet)
     flat_centre = _flat(centre)
     for triple in combinations(range(feet.shape[1]), 3):
-        a, b, c = (feet[:, i] for i in triple)
+        a, b, c = feet[:, triple].swapaxes(0, 1)
         nx, ny, nz = np.cross(b - a, c - a).T
         is_facet = np.abs(nz) > vertical
         slope = (nx - 1j * ny) / np.where(is_facet, nz, np.inf)
         above = feet[..., 2] + (slope[:, None] * flat).real
-        level, steepness = above[:, triple[0]], 1.0 + np.abs(slope) ** 2
+        level = above[:, triple[0]]
+        steepness = 1.0 + np.abs(slope) ** 2
         is_lowest = above.min(axis=1) >= level - rounding
         poses = np.flatnonzero(is_facet & is_lowest & (steepness < min_steepness))
         height = centre[poses, 2] + (slope[poses] * flat_centre[poses]).real - level[poses]
         below = flat_centre[poses] - height / steepness[poses] * slope[poses].conj()
-        p, q, r = (flat[poses, i] - below for i in triple)
+        p, q, r = flat[poses][:, triple].T - below
         shares = np.stack([q.conj() * r, r.conj() * p, p.conj() * q], axis=-1).imag
         shares /= shares.sum(axis=-1, keepdims=True)
         is_carried = shares.min(axis=-1) >= -rounding
@@ -246,7 +250,8 @@ def _interpolated(samples: Sequence[Any], angle: float, *more_angles: float) -> 
     count = len(samples)
     position = angle / TURN * count - 0.5
     low = floor(position)
-    before, after = samples[low % count], samples[(low + 1) % count]
+    before = samples[low % count]
+    after = samples[(low + 1) % count]
     if more_angles:
         before = _interpolated(before, *more_angles)
         after = _interpolated(after, *more_angles)

@@ -43,12 +43,15 @@ Facet = tuple[int, int, int]
 # xx, xy, xz, yy, yz, zz of a symmetric matrix.
 Symmetric = tuple[float, float, float, float, float, float]
 # Tolerances of rounding: relative area of a vertical facet; load shares and positions [m].
-FLAT, ROUNDING = 1e-9, 1e-12
+FLAT = 1e-9
+ROUNDING = 1e-12
 # Feet up to this height above the plane carry load as well [m].
 TOUCHING = 1e-6
 # Iterations of loads and slip; the slip of sticking feet, by the longest step; and yaw information
 # of no foot, as a part of the feet's: coincident feet define no rotation.
-ITERATIONS, STICK_TOLERANCE, NO_YAW = 12, 1e-3, 1e-9
+ITERATIONS = 12
+STICK_TOLERANCE = 1e-3
+NO_YAW = 1e-9
 
 
 class Support(NamedTuple):
@@ -88,20 +91,27 @@ class Support(NamedTuple):
 
     def height_of(self, point: Point) -> float:
         """Return the height of a point of base_link above the ground [m]."""
-        (nx, ny, nz), (x, y, z) = self.normal, point
+        nx, ny, nz = self.normal
+        x, y, z = point
         return self.height + nx * x + ny * y + nz * z
 
 
 def gravity_aligned(points: Iterable[Point], roll: float, pitch: float) -> list[complex]:
     """Return points or vectors of base_link, turned by roll and pitch, seen from above: x + jy."""
-    sin_roll, cos_roll = sin(roll), cos(roll)
-    sin_pitch, cos_pitch = sin(pitch), cos(pitch)
-    return [
-        complex(
-            cos_pitch * x + sin_pitch * (sin_roll * y + cos_roll * z), cos_roll * y - sin_roll * z
-        )
-        for x, y, z in points
-    ]
+    sin_roll = sin(roll)
+    cos_roll = cos(roll)
+    sin_pitch = sin(pitch)
+    cos_pitch = cos(pitch)
+    aligned = []
+    for x, y, z in points:
+        up = sin_roll * y + cos_roll * z
+        aligned.append(complex(cos_pitch * x + sin_pitch * up, cos_roll * y - sin_roll * z))
+    return aligned
+
+
+def from_above(points: Iterable[Point]) -> list[complex]:
+    """Return points of base_link without their heights: x + jy."""
+    return [complex(point[0], point[1]) for point in points]
 
 
 def support(
@@ -135,14 +145,18 @@ def support(
             return None
     nx, ny, nz = stable.normal
     top = TOUCHING - stable.height
-    touching = [foot for foot, (x, y, z) in enumerate(feet) if x * nx + y * ny + z * nz <= top]
+    touching = []
+    corners = []
+    for foot, (x, y, z) in enumerate(feet):
+        if x * nx + y * ny + z * nz <= top:
+            touching.append(foot)
+            corners.append(feet[foot])
     if len(touching) == 3:
         return stable
-    stable = stable._replace(corners=[feet[foot] for foot in touching])
+    stable = stable._replace(corners=corners)
     height = stable.height_of(centre)
     below = complex(centre[0] - height * nx, centre[1] - height * ny)
-    flat = [complex(corner[0], corner[1]) for corner in stable.corners]
-    loads = spring_loads(flat, [0.0] * len(touching), below)
+    loads = spring_loads(from_above(corners), [0.0] * len(touching), below)
     shares = {foot: load for foot, load in zip(touching, loads, strict=True) if load > 0.0}
     if len(shares) <= 3:
         return stable
@@ -170,8 +184,8 @@ def outside_feet(
         if lying and lying.off(attitude) < tolerance:
             if _on_facet(feet, centre, facet):
                 return 0.0
-            flat = [complex(*corner[:2]) for corner in corners]
-            min_distance = min(min_distance, edge_distance(flat, complex(*centre[:2])))
+            *flat, flat_centre = from_above([*corners, centre])
+            min_distance = min(min_distance, edge_distance(flat, flat_centre))
     return min_distance if min_distance < inf else 0.0
 
 
@@ -215,8 +229,9 @@ def _on_facet(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | N
     load_a = 1.0 - load_b - load_c
     if min(load_a, load_b, load_c) < -ROUNDING:
         return None
-    if min([fx * x + fy * y + fz * z for fx, fy, fz in feet]) < -height - ROUNDING:
-        return None
+    for fx, fy, fz in feet:
+        if fx * x + fy * y + fz * z < -height - ROUNDING:
+            return None
     loads = load_a, load_b, load_c
     return Support(facet, loads, facet, (x, y, z), height, corners, centre)
 
@@ -241,11 +256,13 @@ def spring_loads(
     balance of the weight, which acts at `load_point`, seen from above. `heights` are those of the
     feet above the plane of their support, and `sink` is that of a foot under the whole weight [m].
     """
-    springs = [
-        (foot.real - load_point.real, foot.imag - load_point.imag, height)
-        for foot, height in zip(flat, heights, strict=True)
-    ]
-    active = [spring for spring in springs if spring[2] < TOUCHING]
+    springs = []
+    active = []
+    for foot, height in zip(flat, heights, strict=True):
+        spring = (foot.real - load_point.real, foot.imag - load_point.imag, height)
+        springs.append(spring)
+        if height < TOUCHING:
+            active.append(spring)
     sinks = [0.0] * len(springs)
     for _ in range(ITERATIONS):
         sx = sy = xx = xy = yy = hx = hy = 0.0
@@ -258,9 +275,13 @@ def spring_loads(
         if abs(determinant) <= FLAT * (xx + yy) ** 2:
             break
         d, a, b = product(inverse((n, sx, sy, xx, xy, yy)), (sh, hx, hy))
-        sinks = [max(0.0, d + a * x + b * y - h) for x, y, h in springs]
         last_active = active
-        active = [spring for spring, depth in zip(springs, sinks, strict=True) if depth > 0.0]
+        active = []
+        for n, spring in enumerate(springs):
+            x, y, h = spring
+            sinks[n] = max(0.0, d + a * x + b * y - h)
+            if sinks[n] > 0.0:
+                active.append(spring)
         if active == last_active:
             break
     total = sum(sinks) or 1.0
@@ -330,7 +351,8 @@ def body_displacement(before: StancePose, after: StancePose) -> BodyStep:
         for foot, load in zip(support.feet, support.loads, strict=True):
             loads[foot] += load / 2.0
     feet = [foot_motion(before.flat[i], after.flat[i], load) for i, load in loads.items()]
-    return minimize_slip(feet, STICK_TOLERANCE * max(abs(foot.motion) for foot in feet))
+    max_step = max(abs(foot.motion) for foot in feet)
+    return minimize_slip(feet, STICK_TOLERANCE * max_step)
 
 
 def foot_motion(before: complex, after: complex, load: float, seconds: float = 1.0) -> FootMotion:
@@ -357,11 +379,16 @@ def minimize_slip(
     prior_x += prior.force.real
     prior_y += prior.force.imag
     # Motion, arm, load, arm . arm, arm . motion.
-    terms = [(m, arm, load, abs(arm) ** 2, (arm.conjugate() * m).real) for m, arm, load in feet]
+    terms = []
+    for motion, arm, load in feet:
+        terms.append((motion, arm, load, abs(arm) ** 2, (arm.conjugate() * motion).real))
     for _ in range(ITERATIONS):
-        weights, arms, moves = 0.0, 0j, 0j
+        weights = 0.0
+        arms = 0j
+        moves = 0j
         # Information on the yaw, and right side of its equation.
-        information_yaw, right_yaw = f, prior_yaw
+        information_yaw = f
+        right_yaw = prior_yaw
         for motion, arm, load, square, along in terms:
             slip = motion + v + yaw * arm
             weight = load / hypot(slip.real, slip.imag, creep)
@@ -375,8 +402,10 @@ def minimize_slip(
             (a + weights, b, c + arms.real, d + weights, e + arms.imag, information_yaw)
         )
         xx, xy, xt, yy, yt, tt = covariance
-        right_x, right_y = prior_x - moves.real, prior_y - moves.imag
-        last_v, last_yaw = v, yaw
+        right_x = prior_x - moves.real
+        right_y = prior_y - moves.imag
+        last_v = v
+        last_yaw = yaw
         # As `product`, whose call would take longer.
         v = complex(
             xx * right_x + xy * right_y + xt * right_yaw,

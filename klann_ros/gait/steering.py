@@ -49,7 +49,8 @@ class Steering:
         in_phase = np.linspace(0.0, TURN, CUBIC_SAMPLES, endpoint=False)[:, None] * (1.0, 1.0)
         (twists,) = phase_twists(feet, side_shares, in_phase, (1.0, 1.0))
         self.speed = float(twists[:, 0].mean())
-        is_left, is_right = feet.sides == 1.0, feet.sides == -1.0
+        is_left = feet.sides == 1.0
+        is_right = feet.sides == -1.0
         self.can_turn = bool(is_left.any() and is_right.any())
         if not self.can_turn:
             return
