@@ -12,7 +12,8 @@ from .space import Space
 POPULATION = 120
 # Candidates sampled for each of the first population, and judged at once: too few poses for a
 # kernel that is compiled, which takes seconds a structure.
-SAMPLES_PER_CANDIDATE, MAX_JUDGED = 25, 1024
+SAMPLES_PER_CANDIDATE = 25
+MAX_JUDGED = 1024
 # Of the loss of a candidate without figures.
 WORST_LOSS = 1e9
 # The search holds limits with this relative distance: its figures are exact to 1e-4.
@@ -43,8 +44,9 @@ class Scores(NamedTuple):
 
 def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
     """Return the scores of candidates, x of shape (n, d) in [0, 1]."""
-    starts = range(0, len(x), MAX_JUDGED)
-    chunks = [_scores(requirements, space, x[slice(i, i + MAX_JUDGED)]) for i in starts]
+    chunks = []
+    for start in range(0, len(x), MAX_JUDGED):
+        chunks.append(_scores(requirements, space, x[slice(start, start + MAX_JUDGED)]))
     if not chunks:
         return _scores(requirements, space, np.empty((0, len(space.names))))
     losses = np.concatenate([chunk.losses for chunk in chunks])
@@ -64,8 +66,9 @@ def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
         figures['path_error'] = np.full(len(x), np.nan)
         turning = np.flatnonzero(judgement.turns)
         figures['path_error'][turning] = requirements.target.fit(judgement.h[turning]).error
-    aims = requirements.cheap_aims
-    losses = [np.where(judgement.turns, aim.loss(figures[aim.figure]), WORST_LOSS) for aim in aims]
+    losses = []
+    for aim in requirements.cheap_aims:
+        losses.append(np.where(judgement.turns, aim.loss(figures[aim.figure]), WORST_LOSS))
     # Without a cheap aim any candidate that holds the limits is as good.
     losses = losses or [np.where(judgement.turns, 0.0, WORST_LOSS)]
     violations = [judgement.jam]

@@ -108,11 +108,11 @@ def judge(variants: Variants, names: frozenset[str], load: float = 0.0) -> Judge
     columns['torque_range'] = load * (paths.rise_speed + paths.fall_speed)
     columns['transmission_angle'] = turns.transmission_angle[turning]
     numbers = variants.numbers[:, turning]
-    dimensions = variants.base.structure.dimensions
-    lengths = numbers[[k for k, dimension in enumerate(dimensions) if dimension.kind == 'length']]
+    kinds = np.array([dimension.kind for dimension in variants.base.structure.dimensions])
+    lengths = numbers[kinds == 'length']
     columns['bar_ratio'] = lengths.max(axis=0) / lengths.min(axis=0)
-    pivots = [k for k, dimension in enumerate(dimensions) if dimension.kind == 'y']
-    lowest_pivot = numbers[pivots].min(axis=0) if pivots else np.zeros(len(turning))
+    heights = numbers[kinds == 'y']
+    lowest_pivot = heights.min(axis=0) if len(heights) else np.zeros(len(turning))
     columns['ground_clearance'] = lowest_pivot - paths.lowest
     if turns.box is not None:
         columns['width'], columns['height'] = turns.box[:, turning]
@@ -128,11 +128,12 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
     """Return the figures of a leg's data sheet, as far as it has them."""
     (leg,) = sheet.legs
     figures: dict[str, float] = {}
+    kinds = np.array([dimension.kind for dimension in linkage.structure.dimensions])
+    numbers = np.array(linkage.numbers)
     if leg.path is not None:
         figures |= {'stride': leg.path.stride, 'lift': leg.path.lift}
         figures['path_length'] = leg.path.length
-        drawn = linkage.dimensions
-        heights = [drawn[d.name] for d in linkage.structure.dimensions if d.kind == 'y']
+        heights = numbers[kinds == 'y'].tolist()
         figures['ground_clearance'] = min(heights, default=0.0) - leg.path.y_range[0]
     if leg.stance is not None and leg.path is not None:
         poses: Any = linkage_poses(linkage, [leg.stance.mid_swing])
@@ -141,8 +142,7 @@ def sheet_figures(sheet: DataSheet, linkage: Linkage) -> dict[str, float]:
     angles = [transmission.from_in_line.value for transmission in leg.transmission]
     figures['transmission_angle'] = min(angles, default=0.0)
     figures['width'], figures['height'] = np.ptp(leg.points, axis=(0, 1)).tolist()
-    dimensions = zip(linkage.structure.dimensions, linkage.numbers, strict=True)
-    lengths = [number for dimension, number in dimensions if dimension.kind == 'length']
+    lengths = numbers[kinds == 'length'].tolist()
     figures['bar_ratio'] = max(lengths) / min(lengths)
     margins = [bar.margin for bar in leg.bars if bar.unit == 'm']
     sides = [min(-m.relative[0], m.relative[1]) for m in margins if m is not None]

@@ -22,7 +22,9 @@ import numpy as np
 from .space import RequirementsError, Space, Units
 from .target import Target
 
-GROUND, CRANK, AXLE = 0, 1, 'A'
+GROUND = 0
+CRANK = 1
+AXLE = 'A'
 SIZES = {1: 'four', 2: 'six', 3: 'eight', 4: 'ten'}
 # Ranges relative to the crank's length: of bars, of pivots from its axle, and of points drawn.
 MIN_BAR, MAX_BAR, PIVOT_REACH, POINT_REACH = 0.25, 8.0, 6.0, 4.0
@@ -87,7 +89,9 @@ def _is_minimal(shape: Shape) -> bool:
     needed = {foot_dyad}
     for k in reversed(range(len(dyads))):
         if k in needed:
-            needed |= {body // 2 - 1 for body in dyads[k][:2] if body > CRANK}
+            for body in (dyads[k].first, dyads[k].second):
+                if body > CRANK:
+                    needed.add(body // 2 - 1)
     return len(needed) == len(dyads)
 
 
@@ -101,11 +105,14 @@ def _relabelled(shape: Shape) -> Iterator[Shape]:
             for side in (0, 1):
                 new_body[2 * k + 2 + side] = 2 * position + 2 + (side != swapped[k])
         new_dyads = []
-        for k in order:
-            first, second, slides = dyads[k]
-            ends = (second, first) if swapped[k] else (first, second)
-            new_dyads.append(AddedDyad(new_body[ends[0]], new_body[ends[1]], slides))
-        if all(max(dyad[:2]) < 2 * position + 2 for position, dyad in enumerate(new_dyads)):
+        # A dyad is placed on bodies of earlier ones.
+        is_ordered = True
+        for position, k in enumerate(order):
+            first = new_body[dyads[k].second if swapped[k] else dyads[k].first]
+            second = new_body[dyads[k].first if swapped[k] else dyads[k].second]
+            new_dyads.append(AddedDyad(first, second, dyads[k].slides))
+            is_ordered &= max(first, second) < 2 * position + 2
+        if is_ordered:
             yield Shape(tuple(new_dyads), new_body[shape.foot])
 
 
@@ -123,7 +130,8 @@ def grown_spaces(
     """
     size = units.size('m')
     if 'crank' in options:
-        low, high = (size * end for end in options['crank'])
+        low = size * options['crank'][0]
+        high = size * options['crank'][1]
         if not low <= high:
             raise RequirementsError(
                 f'grow.crank: the range [{low / size:g}, {high / size:g}] is empty'
@@ -138,11 +146,10 @@ def grown_spaces(
     centre = None
     if target is not None and not target.can_move:
         centre = complex(target.points.mean())
-    every_shape = shapes(options['dyads'], sliders=options.get('sliders', False))
-    return tuple(
-        _space(shape, number, (low, high), centre)
-        for number, shape in enumerate(every_shape, start=1)
-    )
+    spaces: list[Space] = []
+    for shape in shapes(options['dyads'], sliders=options.get('sliders', False)):
+        spaces.append(_space(shape, len(spaces) + 1, (low, high), centre))
+    return tuple(spaces)
 
 
 def _space(shape: Shape, number: int, crank: tuple[float, float], centre: complex | None) -> Space:
@@ -183,7 +190,9 @@ def _space(shape: Shape, number: int, crank: tuple[float, float], centre: comple
 def _content(shape: Shape, number: int) -> dict[str, Any]:
     """Return the file of a structure, without numbers."""
     letters = iter(ascii_uppercase)
-    names = ['ground', 'crank', *[f'link_{n + 1}' for n in range(2 * len(shape.dyads))]]
+    names = ['ground', 'crank']
+    for n in range(2 * len(shape.dyads)):
+        names.append(f'link_{n + 1}')
     pivots = {next(letters): [0.0, 0.0]}
     bodies: dict[int, dict[str, Any]] = {CRANK: {'bars': []}}
     # The point from which the bars of a body start.
@@ -201,7 +210,8 @@ def _content(shape: Shape, number: int) -> dict[str, Any]:
         p = joint(dyad.first)
         q = joint(dyad.second)
         middle = next(letters)
-        first, second = 2 * k + 2, 2 * k + 3
+        first = 2 * k + 2
+        second = 2 * k + 3
         starts[first] = p
         bodies[first] = {'bars': [{'from': p, 'to': middle}]}
         starts[second] = middle if dyad.slides else q
@@ -225,7 +235,7 @@ def _closed_candidates(space: Space, random: np.random.Generator, count: int) ->
     structure = space.linkage.structure
     unit = space.linkage.numbers[0]
     ranges = dict(zip(space.names, zip(space.low, space.high, strict=True), strict=True))
-    axle_ranges = [ranges.get(f'{AXLE}.{axis}', (0.0, 0.0)) for axis in 'xy']
+    axle_ranges = (ranges.get(f'{AXLE}.x', (0.0, 0.0)), ranges.get(f'{AXLE}.y', (0.0, 0.0)))
     centre = complex(*np.mean(axle_ranges, axis=1))
     points: dict[str, Any] = {}
     for name in structure.points:
@@ -235,10 +245,12 @@ def _closed_candidates(space: Space, random: np.random.Generator, count: int) ->
         points[AXLE] = np.zeros(count)
     pin = structure.bodies[0].bars[0].end
     points[pin] = points[AXLE] + unit * np.exp(2j * np.pi * random.uniform(size=count))
-    bars = [points[bar.end] - points[bar.start] for _, bar in structure.bars]
+    bars = []
     first_bars: dict[int, Any] = {}
-    for n, (j, _) in enumerate(structure.bars):
-        first_bars.setdefault(j, bars[n])
+    for j, bar in structure.bars:
+        vector = points[bar.end] - points[bar.start]
+        bars.append(vector)
+        first_bars.setdefault(j, vector)
     columns: dict[str, Any] = {}
     if 'scale' in ranges:
         columns['scale'] = random.uniform(*ranges['scale'], count)

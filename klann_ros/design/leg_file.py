@@ -30,7 +30,8 @@ GAITS = {
     6: {'front': False, 'middle': True, 'rear': False},
     8: {'front': False, 'rear': True, 'outer_front': True, 'outer_rear': False},
 }
-DEFAULT_LEGS, DEFAULT_MOTORS = 6, 2
+DEFAULT_LEGS = 6
+DEFAULT_MOTORS = 2
 
 
 def with_numbers(leg: RobotLeg, linkage: Linkage) -> RobotLeg:
@@ -73,8 +74,8 @@ def _geometry(leg: RobotLeg) -> dict[str, Any]:
     """Return the parameters of a leg's linkage."""
     if leg.description:
         return {'linkage_description': leg.description}
-    numbers = leg.linkage.dimensions
-    return {**{name: numbers[name] for name in NUMBERS}, 'assembly': [*leg.linkage.assembly]}
+    numbers = {name: leg.linkage.dimensions[name] for name in NUMBERS}
+    return {**numbers, 'assembly': [*leg.linkage.assembly]}
 
 
 def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,7 +124,8 @@ def walker_parameters(leg: RobotLeg, options: Mapping[str, Any]) -> dict[str, An
                 'mount_rpy': [pi / 2.0, 0.0, pi * is_rear],
             }
     pivots = points[0, [structure.points.index(name) for name in structure.pivots], 1]
-    top, bottom = float(pivots.max()), float(pivots.min())
+    top = float(pivots.max())
+    bottom = float(pivots.min())
     body_length = 2.0 * (mount_x + float(np.abs(points[0, 0, 0])))
     body_size = (body_length, 1.5 * HALF_WIDTH * size, max(0.1 * size, top - bottom))
     return {

@@ -43,12 +43,13 @@ def page(search_result: SearchResult) -> str:
         if np.isfinite(figures).all():
             axes.append({'name': name, 'unit': requirements.units.name(FIGURES[name].unit)})
     choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
+    legs = []
+    for n, leg in enumerate(search_result.legs):
+        legs.append(_leg(search_result, leg, leg_name(n)))
     data = {
         'axes': axes,
-        'legs': [
-            _leg(search_result, leg, leg_name(n)) for n, leg in enumerate(search_result.legs)
-        ],
-        'target': target and [[z.real, z.imag] for z in target.points.tolist()],
+        'legs': legs,
+        'target': target and np.stack([target.points.real, target.points.imag], axis=1).tolist(),
     }
     return PAGE_PARTS.page(
         title,
@@ -92,15 +93,17 @@ def _leg(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str, Any
         lines.append([figure.replace('_', ' '), expected_text, reached_text])
     margins = []
     for dimension, ends in leg.margins.items():
-        margins.append([dimension, *[f'{end:.5g}' if isfinite(end) else 'any' for end in ends]])
+        end_texts = [f'{end:.5g}' if isfinite(end) else 'any' for end in ends]
+        margins.append([dimension, *end_texts])
+    points = []
+    for pose in poses.points.tolist():
+        points.append([(float(f'{x:.5g}'), float(f'{y:.5g}')) for x, y in pose])
     return {
         'name': name,
         'linkage': leg.linkage.name,
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
-        'points': [
-            [[float(f'{m:.5g}') for m in point] for point in pose] for pose in poses.points
-        ],
+        'points': points,
         'stands': (since_start <= stance.end - stance.start).tolist(),
         'figures': figures,
         'rows': lines,

@@ -17,7 +17,8 @@ from .space import Space
 
 # Relative half-width of all lengths where the requirements have no tolerance.
 DEFAULT_TOLERANCE = 1e-3
-STUDY_LEGS, STUDY_ANGLES = 1000, 180
+STUDY_LEGS = 1000
+STUDY_ANGLES = 180
 # Crank angles of the comparison of a leg with its path.
 PROOF_ANGLES = 1024
 
@@ -117,11 +118,8 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         fixed = replace(requirements.target, can_move=False, can_turn=False, can_scale=False)
         reached['path_error'] = float(fixed.fit(h).error[0])
     tolerance = requirements.tolerance or DEFAULT_TOLERANCE
-    tolerances = {
-        dimension.name: tolerance if requirements.tolerance else tolerance * number
-        for dimension, number in zip(linkage.structure.dimensions, linkage.numbers, strict=True)
-        if dimension.is_length
-    }
+    # A mere number is relative to the lengths.
+    tolerances = _length_tolerances(linkage, requirements.tolerance) or tolerance
     try:
         study = tolerance_study(linkage, tolerances, samples=STUDY_LEGS, crank_angles=STUDY_ANGLES)
     except ValueError as error:
@@ -144,6 +142,14 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         assembly=linkage.assembly,
         walker=walker,
     )
+
+
+def _length_tolerances(linkage: Linkage, tolerance: float | None) -> dict[str, float]:
+    """Return a tolerance for every length [m]; none without one."""
+    if not tolerance:
+        return {}
+    lengths = [d.name for d in linkage.structure.dimensions if d.is_length]
+    return dict.fromkeys(lengths, tolerance)
 
 
 def _check_limits(requirements: Requirements, reached: Mapping[str, float]) -> None:

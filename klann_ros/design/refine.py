@@ -192,7 +192,9 @@ def _best_zero(target: Target, leg: Linkage, point: _Point) -> float:
     z = resampled(target.points[None], by_length=False)[0]
     h = linkage_poses(leg, TURN * np.arange(PATH_POINTS) / PATH_POINTS).h @ (1.0, 1j)
     h = point.factor * h + point.shift
-    errors = [float(np.abs(np.roll(h, -n) - z).sum()) for n in range(PATH_POINTS)]
+    errors = np.empty(PATH_POINTS)
+    for n in range(PATH_POINTS):
+        errors[n] = np.abs(np.roll(h, -n) - z).sum()
     return TURN * int(np.nanargmin(errors)) / PATH_POINTS
 
 

@@ -37,7 +37,8 @@ def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
     state = search_result.state
     if not search_result.legs:
         yield f'No leg fulfils the requirements, of {state.evaluations} candidates:'
-        yield from (f'  {printable_line(reason)}' for reason in search_result.reasons)
+        for reason in search_result.reasons:
+            yield f'  {printable_line(reason)}'
         return
     legs = counted(len(search_result.legs), 'leg')
     yield f'{legs} of {state.evaluations} candidates, in {folder}'
@@ -60,6 +61,9 @@ def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
 def report(search_result: SearchResult) -> str:
     """Return the result as JSON, in SI units."""
     state = search_result.state
+    legs = []
+    for n, leg in enumerate(search_result.legs):
+        legs.append(_leg_content(leg, leg_name(n)))
     content = {
         'requirements': json.loads(search_result.requirements.text),
         'seed': search_result.seed,
@@ -68,7 +72,7 @@ def report(search_result: SearchResult) -> str:
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(search_result.reasons),
         'refused': dict(search_result.refused),
-        'legs': [_leg_content(leg, leg_name(n)) for n, leg in enumerate(search_result.legs)],
+        'legs': legs,
     }
     return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
 
@@ -83,7 +87,7 @@ def _leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
         'dimensions': dict(leg.linkage.dimensions),
         'expected': leg.expected,
         'reached': leg.reached,
-        'margins': {key: list(ends) for key, ends in leg.margins.items()},
+        'margins': dict(leg.margins),
         'tolerance': leg.tolerance,
         'non_turning_fraction': leg.non_turning_fraction,
     }

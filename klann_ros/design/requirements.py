@@ -84,8 +84,9 @@ class Requirements:
     @property
     def figures(self) -> tuple[str, ...]:
         """Return the names of the figures that it names."""
-        aims = [aim.figure for aim in self.aims]
-        return tuple(dict.fromkeys([*aims, *(limit.figure for limit in self.limits)]))
+        names = [aim.figure for aim in self.aims]
+        names += [limit.figure for limit in self.limits]
+        return tuple(dict.fromkeys(names))
 
     def figure_text(self, figure: str, value: float | None) -> str:
         """Return a figure (SI) in its unit, or an empty text."""
@@ -140,7 +141,9 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
     aims, limits = _figures(content.get('figures', {}), units)
     metre = units.size('m')
     target = _target(content, metre, folder, legs)
-    spaces = tuple(varied_space(leg, content, units, several=len(legs) > 1) for leg in legs)
+    spaces: tuple[Space, ...] = ()
+    for leg in legs:
+        spaces += (varied_space(leg, content, units, several=len(legs) > 1),)
     if 'grow' in content:
         spaces += grown_spaces(content['grow'], units, target)
     if target is not None and not any(aim.figure == 'path_error' for aim in aims):
@@ -274,7 +277,8 @@ def _number(name: str, sense: str, value: Any, units: Units) -> float:
         raise RequirementsError(f'{key}: {printable(repr(value))} must be a number{unit_text}')
     number = float(value) * units.size(kind.unit)
     if not kind.min_value <= number <= kind.max_value:
-        low, high = (units.text(end, kind.unit) for end in (kind.min_value, kind.max_value))
+        low = units.text(kind.min_value, kind.unit)
+        high = units.text(kind.max_value, kind.unit)
         hint = f'; {DEGREES_HINT}' if kind.unit == 'rad' and units.angle == 'rad' else ''
         text = f'{value:g} {unit}'.rstrip()
         raise RequirementsError(f'{key}: {text} is out of its bounds, {low} to {high}{hint}')

@@ -31,8 +31,10 @@ from .requirements import Aim, Limit, Requirements
 
 # Islands of a search, whatever the number of processes; and their rounds, after which they
 # exchange their best.
-ISLANDS, ROUNDS = 4, 5
-MAX_ROUND, MIGRANTS = 20_000, 6
+ISLANDS = 4
+ROUNDS = 5
+MAX_ROUND = 20_000
+MIGRANTS = 6
 DEFAULT_EVALUATIONS = 30_000
 # Legs that are proven for each leg wanted, as some fail.
 PROVEN_PER_LEG = 3
@@ -104,16 +106,17 @@ class State(NamedTuple):
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> 'State':
         """Return a state from JSON; errors are KeyError, TypeError and ValueError."""
-        populations = [
-            None if x is None else np.array(x, dtype=np.float64) for x in content['populations']
-        ]
+        populations = []
+        for x in content['populations']:
+            populations.append(None if x is None else np.array(x, dtype=np.float64))
+        frame = [(float(low), float(size)) for low, size in content['frame']]
         return cls(
             key=str(content['key']),
             rounds=int(content['rounds']),
             evaluations=int(content['evaluations']),
             populations=tuple(populations),
             hypervolumes=tuple(map(float, content['hypervolumes'])),
-            frame=tuple((float(low), float(size)) for low, size in content['frame']),
+            frame=tuple(frame),
         )
 
 
@@ -270,11 +273,11 @@ def _migrated(requirements: Requirements, populations: Sequence[_Population]) ->
 
 def _all_scores(requirements: Requirements, state: State) -> list[IslandScores]:
     """Return the scores of each island that has a population."""
-    return [
-        IslandScores(n, x, scores(requirements, requirements.space(n), x))
-        for n, x in enumerate(state.populations)
-        if x is not None and len(x)
-    ]
+    islands = []
+    for n, x in enumerate(state.populations):
+        if x is not None and len(x):
+            islands.append(IslandScores(n, x, scores(requirements, requirements.space(n), x)))
+    return islands
 
 
 def _with_hypervolume(state: State, islands: Sequence[IslandScores]) -> State:
@@ -359,9 +362,14 @@ def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> l
     for island in islands:
         space = island.island % len(requirements.spaces)
         for i in np.flatnonzero(island.holds).tolist():
-            figures = {name: float(column[i]) for name, column in island.scores.figures.items()}
+            figures = _candidate_figures(island, i)
             survivors.append(Survivor(space, island.x[i], island.scores.losses[i], figures))
     return survivors
+
+
+def _candidate_figures(island: IslandScores, i: int) -> dict[str, float]:
+    """Return the figures of a candidate of an island."""
+    return {name: float(column[i]) for name, column in island.scores.figures.items()}
 
 
 def _refusal_reasons(
@@ -375,8 +383,12 @@ def _refusal_reasons(
             # A figure without a value (NaN) is the farthest.
             misses = np.nan_to_num(refusal.limit.shortfall(np.array(figures)), nan=np.inf)
             nearest[refusal.limit] = figures[int(misses.argmin())]
-    reasons = [_shortfall(requirements, limit, figure) for limit, figure in nearest.items()]
-    return reasons + [f'{reason}: {counted(n, "leg")}' for reason, n in counts.items()]
+    reasons = []
+    for limit, figure in nearest.items():
+        reasons.append(_shortfall(requirements, limit, figure))
+    for reason, count in counts.items():
+        reasons.append(f'{reason}: {counted(count, "leg")}')
+    return reasons
 
 
 def _in_order(function: Any, tasks: Sequence[Any], *, jobs: int | None, engine: str) -> list[Any]:
@@ -402,9 +414,14 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexA
         return front[spread(losses[front], PROVEN_PER_LEG * requirements.count)]
     best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES].tolist()
     # Only candidates of one linkage can be compared.
-    comparable = np.array([k for k in best if survivors[k].space == survivors[best[0]].space])
-    x = np.array([survivors[k].x for k in comparable.tolist()])
-    distant = comparable[spread(x, max(requirements.count, REFINED_CANDIDATES))]
+    comparable = []
+    x = []
+    for k in best:
+        if survivors[k].space == survivors[best[0]].space:
+            comparable.append(k)
+            x.append(survivors[k].x)
+    count = max(requirements.count, REFINED_CANDIDATES)
+    distant = np.array(comparable)[spread(np.array(x), count)]
     return np.asarray(distant[np.argsort(losses[distant, 0], kind='stable')])
 
 
@@ -434,13 +451,14 @@ def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     if not legs:
         return []
     losses = np.empty((len(legs), len(aims)))
-    for n, aim in enumerate(aims):
-        losses[:, n] = [aim.loss(leg.reached.get(aim.figure, np.inf)) for leg in legs]
-    if len(aims) == 1:
-        return [legs[k] for k in np.argsort(losses[:, 0], kind='stable').tolist()]
-    losses = np.nan_to_num(losses, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
-    front = pareto_front(losses)
-    return [legs[k] for k in front[np.argsort(losses[front, 0], kind='stable')].tolist()]
+    for n, leg in enumerate(legs):
+        losses[n] = [aim.loss(leg.reached.get(aim.figure, np.inf)) for aim in aims]
+    front = np.arange(len(legs))
+    if len(aims) > 1:
+        losses = np.nan_to_num(losses, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
+        front = pareto_front(losses)
+    best_first = front[np.argsort(losses[front, 0], kind='stable')]
+    return [legs[k] for k in best_first.tolist()]
 
 
 def failing_figures(requirements: Requirements, islands: Sequence[IslandScores]) -> list[str]:
@@ -457,7 +475,7 @@ def failing_figures(requirements: Requirements, islands: Sequence[IslandScores])
         i = int(totals.argmin())
         if totals[i] < least_violation:
             least_violation = totals[i]
-            nearest = {name: float(column[i]) for name, column in island.scores.figures.items()}
+            nearest = _candidate_figures(island, i)
     reasons = []
     for limit in requirements.cheap_limits:
         figure = nearest[limit.figure]

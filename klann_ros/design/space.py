@@ -151,7 +151,8 @@ def _ties(
     texts: Mapping[str, str], dimensions: Iterable[str], *, several: bool
 ) -> Iterable[tuple[str, tuple[str, int]]]:
     for name, text in texts.items():
-        leader, sign = (text[1:].strip(), -1) if text.startswith('-') else (text, 1)
+        sign = -1 if text.startswith('-') else 1
+        leader = text[1:].strip() if sign < 0 else text
         missing = [end for end in (name, leader) if end not in dimensions]
         if missing and several:
             continue

@@ -102,7 +102,9 @@ class Target:
         rates = 2j * np.pi * np.fft.fftfreq(count)
         for step in range(SHIFT_STEPS + 1):
             terms = product * np.exp(rates * shift[:, None]) / count
-            c_0, c_1, c_2 = ((terms * rates**k).sum(axis=1) for k in range(3))
+            c_0 = terms.sum(axis=1)
+            c_1 = (terms * rates).sum(axis=1)
+            c_2 = (terms * rates**2).sum(axis=1)
             if step == SHIFT_STEPS:
                 break
             slope = c_1.real
@@ -143,8 +145,10 @@ def resampled(z: ComplexArray, *, by_length: bool) -> ComplexArray:
     index = np.searchsorted((along + offsets).ravel(), (positions + offsets).ravel(), side='right')
     index = (index - 1).reshape(len(z), PATH_POINTS) - (count + 1) * np.arange(len(z))[:, None]
     index = np.clip(index, 0, count - 1)
-    low, high = (np.take_along_axis(along, index + k, axis=1) for k in (0, 1))
-    start, end = (np.take_along_axis(closed, index + k, axis=1) for k in (0, 1))
+    low = np.take_along_axis(along, index, axis=1)
+    high = np.take_along_axis(along, index + 1, axis=1)
+    start = np.take_along_axis(closed, index, axis=1)
+    end = np.take_along_axis(closed, index + 1, axis=1)
     with np.errstate(all='ignore'):
         share = np.where(high > low, (positions - low) / (high - low), 0.0)
     return np.asarray(start + share * (end - start))
@@ -197,7 +201,7 @@ def _csv_points(text: str) -> ComplexArray:
         # With semicolons or tabs a comma is that of a decimal.
         cells = re.split(r'[;\t]', line) if re.search(r'[;\t]', line) else line.split(',')
         try:
-            x, y = (float(cell.strip().replace(',', '.')) for cell in cells[:2])
+            x, y = map(_decimal, cells[:2])
         except ValueError:
             if not points and number == 1:
                 continue
@@ -206,6 +210,10 @@ def _csv_points(text: str) -> ComplexArray:
             ) from None
         points.append(complex(x, y))
     return np.array(points, dtype=np.complex128)
+
+
+def _decimal(cell: str) -> float:
+    return float(cell.strip().replace(',', '.'))
 
 
 def _svg_points(text: str) -> ComplexArray:
