@@ -40,7 +40,8 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
         leg_file += [text, Markup('\n')]
     scrolls = {'class_': 'card scrolls', 'tabindex': '0', 'role': 'region'}
     residuals = [element('p', series_line(fit), class_='quiet') for fit in calibration.series]
-    observable = [element('p', verdict(calibration)), element('ul', *map(_bullet, lines))]
+    bullets = [element('li', line) for line in lines]
+    observable = [element('p', verdict(calibration)), element('ul', *bullets)]
     drawing = element('div', _drawing(calibration), numbers, class_='stage')
     leg_text = element('div', element('pre', *leg_file), **scrolls, aria_label='Leg file')
     title = f'Calibration of {calibration.drawn.name or "leg"}'
@@ -53,10 +54,6 @@ def page(calibration: Calibration, further: Sequence[Suggestion], run: str, buil
         element('section', element('h2', 'Residuals'), grid([*_charts(calibration)]), *residuals),
         element('section', element('h2', 'Leg file'), leg_text),
     )
-
-
-def _bullet(line: str) -> Markup:
-    return element('li', line)
 
 
 def _charts(calibration: Calibration) -> Iterator[Chart]:

@@ -13,7 +13,7 @@ from enum import Enum
 from itertools import combinations, count, product
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics import FIXED, Linkage, linkage_poses
+from klann_ros.kinematics import cross, FIXED, Linkage, linkage_poses
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 import numpy as np
 
@@ -249,10 +249,10 @@ def distances(line_a: SweptLine, line_b: SweptLine) -> FloatArray:
     along_a = line_a[1] - line_a[0]
     along_b = line_b[1] - line_b[0]
     offset = line_b[0] - line_a[0]
-    determinant = _cross(along_a, along_b)
+    determinant = cross(along_a, along_b)
     with np.errstate(divide='ignore', invalid='ignore'):
-        s = _cross(offset, along_b) / determinant
-        t = _cross(offset, along_a) / determinant
+        s = cross(offset, along_b) / determinant
+        t = cross(offset, along_a) / determinant
     is_crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
     end_distances = (
         _from_segment(line_a[0], line_b),
@@ -269,10 +269,6 @@ def _from_segment(point: ComplexArray, line: SweptLine) -> FloatArray:
     size = np.abs(along) ** 2
     share = ((point - start) * along.conj()).real / np.where(size > 0.0, size, 1.0)
     return np.asarray(np.abs(point - start - np.clip(share, 0.0, 1.0) * along))
-
-
-def _cross(a: ComplexArray, b: ComplexArray) -> FloatArray:
-    return np.asarray((a.conj() * b).imag)
 
 
 def _shafts(plates: Sequence[Plate]) -> list[Shaft]:

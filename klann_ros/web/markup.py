@@ -64,7 +64,7 @@ def _attribute(key: str, value: str | float | bool) -> str:
 
 def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     """Return a table, which scrolls where it is too wide; each row begins with its heading."""
-    head = element('tr', *(element('th', text, scope='col') for text in heads))
+    head = element('tr', *[element('th', text, scope='col') for text in heads])
     body = element('tbody', *starmap(table_row, rows))
     table = element('table', element('thead', head), body)
     # What scrolls must be reached by keys.
@@ -73,5 +73,5 @@ def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str
 
 def table_row(heading: str, *cells: str) -> Markup:
     """Return a row of a table that begins with its heading."""
-    row = [element('th', heading, scope='row'), *(element('td', cell) for cell in cells)]
-    return element('tr', *row)
+    row = [element('td', cell) for cell in cells]
+    return element('tr', element('th', heading, scope='row'), *row)

@@ -85,12 +85,12 @@ class Parts:
 
 def html_page(title: str, head: Markup, *body: str, language: str = 'en') -> str:
     """Return an HTML page; `head` is its policy and its styles."""
-    metas = {'viewport': 'width=device-width, initial-scale=1', 'color-scheme': 'light dark'}
     start = element(
         'head',
         element('meta', charset='utf-8'),
         head,
-        *(element('meta', name_=name, content=content) for name, content in metas.items()),
+        element('meta', name_='viewport', content='width=device-width, initial-scale=1'),
+        element('meta', name_='color-scheme', content='light dark'),
         element('title', title),
     )
     return f'<!doctype html>\n{element("html", start, element("body", *body), lang=language)}\n'

@@ -13,6 +13,7 @@ from math import cos as cosine, isnan, nan, prod, sin as sine, sqrt
 import os
 from pathlib import Path
 import tempfile
+from textwrap import indent
 from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
@@ -254,11 +255,9 @@ def _source(program: Program, groups: Sequence[Sequence[str]]) -> str:
     lines.append(f'            crank_cosines = cosines{angles}')
     lines.append(f'            crank_sines = sines{angles}')
     lines.append('            for j in range(crank_cosines.shape[0]):')
-    for statement in statements:
-        lines.append(f'                {statement}')
+    lines.append(indent('\n'.join(statements), 16 * ' '))
     if in_strips:
-        for line in _strip_source(groups):
-            lines.append(f'            {line}')
+        lines.append(indent('\n'.join(_strip_source(groups)), 12 * ' '))
     return '\n'.join([*lines, '    return missing']) + '\n'
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.searches import root, Sample
 
-from .track import Coordinate, Track
+from .track import Coordinate, Track, wrap_positive
 
 # Where slopes are taken at the end of an arc, relative to the first step between samples.
 END_OFFSET = 1e-3
@@ -57,9 +57,7 @@ def turning_points(track: Track, s: Coordinate) -> list[float]:
     """
     crossings = list(_crossings(track, s, _slope_samples(track, s)))
     if track.span.is_turn:
-        crossings = [t % pi for t in crossings]
-        # A tiny negative number has its remainder rounded to pi.
-        crossings = [t if t < pi else 0.0 for t in crossings]
+        crossings = [wrap_positive(t, pi) for t in crossings]
     return sorted(crossings)
 
 

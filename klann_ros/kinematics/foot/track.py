@@ -159,7 +159,7 @@ class Track:
         for offset in END_OFFSETS:
             solvable = alpha + inward * offset
             try:
-                return self._leg.solve(_wrap_positive(solvable) if wrapped else solvable)
+                return self._leg.solve(wrap_positive(solvable) if wrapped else solvable)
             except KinematicsError as caught:
                 error = caught
                 if self.span.is_turn:
@@ -173,10 +173,10 @@ class Track:
             return np.array((nan, nan))
 
 
-def _wrap_positive(alpha: float) -> float:
-    """Return the angle in [0, 2 pi); a tiny negative one has its remainder rounded to 2 pi."""
-    remainder = alpha % TURN
-    return remainder if remainder < TURN else 0.0
+def wrap_positive(number: float, period: float = TURN) -> float:
+    """Return a number in [0, period); a tiny negative one has its remainder rounded to period."""
+    remainder = number % period
+    return remainder if remainder < period else 0.0
 
 
 # Nodes of a panel.
