@@ -18,7 +18,9 @@ SIZE = (420.0, 320.0)
 """Largest width and height of a picture [px]."""
 MARGIN = 30.0
 # Radius of a joint, half the width of a support, distance of a letter [px].
-JOINT, SUPPORT, LETTER = 4.0, 9.0, 14.0
+JOINT = 4.0
+SUPPORT = 9.0
+LETTER = 14.0
 # Samples of a foot path, and frames of a turn.
 SAMPLES = 90
 # A tag, its style, and the attributes that move.
@@ -198,7 +200,8 @@ def _frame(drawing: PoseDrawing, view: _View) -> Iterator[_Shape]:
             base = f'{x - SUPPORT},{y + 1.5 * SUPPORT} {x + SUPPORT},{y + 1.5 * SUPPORT}'
             yield 'polygon', {'points': f'{x},{y} {base}', 'fill': '#ccc', 'stroke': '#000'}, {}
     for kind, names in drawing.joints.items():
-        radius, fill = (2.5, '#000') if kind == POINT else (JOINT, '#fff')
+        radius = 2.5 if kind == POINT else JOINT
+        fill = '#000' if kind == POINT else '#fff'
         dot: dict[str, Any] = {'r': radius, 'fill': fill, 'stroke': '#000'}
         for name in names:
             if name in drawing.on_bars:

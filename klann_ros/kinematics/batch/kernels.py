@@ -27,7 +27,8 @@ from .program import Program
 # this size is unlikely to be the only one [poses].
 MIN_NUMBA_SIZE = 100_000
 # Outputs that numba stores row by row; more are stored in strips of STRIP_SIZE poses first.
-MAX_ROWS, STRIP_SIZE = 4, 128
+MAX_ROWS = 4
+STRIP_SIZE = 128
 # Cosines and sines of crank angles; the names of outputs, and the array that they are stored in.
 Crank: TypeAlias = tuple[FloatArray, FloatArray]
 Tables: TypeAlias = Sequence[tuple[Sequence[str], FloatArray]]
@@ -97,7 +98,8 @@ class NumpyKernel:
     @staticmethod
     def crank(alphas: FloatArray) -> Crank:
         """Return cosines and sines of crank angles, shape (k,); NaN for refused angles."""
-        cos, sin = np.cos(alphas), np.sin(alphas)
+        cos = np.cos(alphas)
+        sin = np.sin(alphas)
         # NaN fails every comparison.
         cos[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = np.nan
         return cos, sin

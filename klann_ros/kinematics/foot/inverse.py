@@ -101,7 +101,8 @@ def _steepest(track: Track, s: Coordinate, t_0: float, t_1: float) -> Iterator[f
         slopes = [slopes[-1], *slopes, *slopes]
     for k in range(1, len(ts) - 1):
         is_extreme = (slopes[k] - slopes[k - 1]) * (slopes[k + 1] - slopes[k]) <= 0.0
-        left, right = ts[k - 1], ts[k + 1]
+        left = ts[k - 1]
+        right = ts[k + 1]
         if is_extreme and left < t_1 and right > t_0:
             bend_left = track.value(s, left, 2)
             bend_right = track.value(s, right, 2)
@@ -169,7 +170,8 @@ def parameters_at(track: Track, s: Coordinate, level: float, rounding: float) ->
         if is_at_end:
             parameters.append(t_1)
         if not is_at_start and not is_at_end and (s_0 < level) != (s_1 < level):
-            start, end = (t_0, s_0 - level), (t_1, s_1 - level)
+            start = (t_0, s_0 - level)
+            end = (t_1, s_1 - level)
             parameters.append(root(lambda t: track.value(s, t) - level, start, end))
     return parameters
 

@@ -174,7 +174,8 @@ class Block:
 
     def links(self, u: Any) -> tuple[Any, Any]:
         """Return W_a u_a, from a dyad's near end to its joint, and W_b u_b, on to its far end."""
-        (terms, _), (a, b) = self.rows[0], self.unknowns
+        terms, _ = self.rows[0]
+        a, b = self.unknowns
         return terms[a] * u[a], terms[b] * u[b]
 
     def transmission_angle(self, u: Any) -> Any:

@@ -24,7 +24,8 @@ from .step import MAX_BRANCH_JUMP, step_functions
 BRANCH_STEP = 0.05
 # The branch ends where smaller steps fail [rad].
 MIN_BRANCH_STEP = 1e-9
-TOLERANCE, ITERATIONS = 1e-9, 6
+TOLERANCE = 1e-9
+ITERATIONS = 6
 # Fields of a corrected pose: see LinkagePose.
 _X_AND_COEFFICIENTS = itemgetter(1, 5)
 

@@ -86,8 +86,10 @@ class Leg(Generic[PoseT, MotionT]):
 
     def _make(self) -> None:
         functions = step_functions(self._linkage, self.pose_class)
-        self._correct, self._predict = functions.correct, functions.predict
-        self._velocity, self._acceleration = functions.velocity, functions.acceleration
+        self._correct = functions.correct
+        self._predict = functions.predict
+        self._velocity = functions.velocity
+        self._acceleration = functions.acceleration
 
     def __repr__(self) -> str:
         return f'{type(self).__name__}({self._linkage!r})'

@@ -64,7 +64,8 @@ class Linkage(LoopEquations):
         source: str = '',
     ) -> None:
         super().__init__(structure, numbers)
-        self.name, self.source = name, source
+        self.name = name
+        self.source = source
         self.start_guess = None if start is None else tuple(map(float, start))
         self.assembly = (
             self._signs()

@@ -194,7 +194,8 @@ class BlockSource:
             loop = self._vectors.loops[loops[0]]
             if not self.slides(block):
                 a, b = group
-                (_, p), (_, q) = loop[a], loop[b]
+                _, p = loop[a]
+                _, q = loop[b]
                 lines.append(f'D{block} = v{p}x * v{q}y - v{p}y * v{q}x')
                 continue
             for side, j in zip('gh', group, strict=True):
@@ -226,14 +227,14 @@ class BlockSource:
         a, b = group
         x, y = right
         if self.slides(block):
-            g, h = f'g{block}', f'h{block}'
             lines += [
-                f'{letter}{a} = ({x} * {h}y - {y} * {h}x) / D{block}',
-                f'{letter}{b} = ({g}x * {y} - {g}y * {x}) / D{block}',
+                f'{letter}{a} = ({x} * h{block}y - {y} * h{block}x) / D{block}',
+                f'{letter}{b} = (g{block}x * {y} - g{block}y * {x}) / D{block}',
             ]
             return lines, {a: (-1, f'{letter}{a}'), b: (-1, f'{letter}{b}')}
         loop = self._vectors.loops[loops[0]]
-        (sign_a, p), (sign_b, q) = loop[a], loop[b]
+        sign_a, p = loop[a]
+        sign_b, q = loop[b]
         lines += [
             f'{letter}{a} = (v{q}x * {x} + v{q}y * {y}) / D{block}',
             f'{letter}{b} = (v{p}x * {x} + v{p}y * {y}) / D{block}',

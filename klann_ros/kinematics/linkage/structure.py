@@ -14,7 +14,8 @@ from .topology import assembly_order, Group, loop_paths, Path
 
 UNITS = {'length': 'm', 'brace': 'm', 'x': 'm', 'y': 'm', 'bend': 'rad'}
 # The name of the ground as a carrier of sliding bodies, and its index among the bodies.
-GROUND, FIXED = 'ground', -1
+GROUND = 'ground'
+FIXED = -1
 
 
 class Brace(NamedTuple):
