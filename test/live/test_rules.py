@@ -4,7 +4,7 @@ from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, KlannLeg
 from klann_ros.live.clients import recorded_counts, status_text
-from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, CrankDrive, DriveError, WalkDrive
+from klann_ros.live.drive import CLIENT_TIMEOUT, crank_at, DriveError, LiveCrankDrive, WalkDrive
 from klann_ros.live.guard import ForbiddenError, Guard, new_token
 from klann_ros.live.legs import (
     assumed_solver,
@@ -100,9 +100,9 @@ def test_valid_commands_are_parsed() -> None:
 def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
     # The thread that asks rests for 50 ms at most.
     assert CLIENT_TIMEOUT + 0.05 < 0.5
-    for drive in (CrankDrive(), WalkDrive()):
+    for drive in (LiveCrankDrive(), WalkDrive()):
         assert not drive.is_lost(1e9)
-        if isinstance(drive, CrankDrive):
+        if isinstance(drive, LiveCrankDrive):
             drive.take(7, 100.0, 1.0)
         else:
             drive.take(7, 100.0)
@@ -113,7 +113,7 @@ def test_a_drive_is_lost_within_half_a_second_of_silence() -> None:
 
 
 def test_a_crank_is_taken_over_at_its_present_angle() -> None:
-    drive = CrankDrive()
+    drive = LiveCrankDrive()
     drive.take(1, 10.0, 2.0)
     assert drive.advance(11.0) == 2.0
     drive.spin(3.0, 12.0)
