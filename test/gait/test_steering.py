@@ -36,24 +36,28 @@ def test_the_way_back_from_rates_to_a_motion_is_exact(
 def test_left_and_right_mirror_each_other_and_forwards_and_back(name: str) -> None:
     steering = Steering(Feet(robot_of(str(CONFIG / f'{name}.yaml')), foot_radius=0.004))
     for linear, angular in ((0.1, 0.05), (0.1, 0.01), (0.02, 0.05), (0.0, 0.05)):
-        left, right = (steering.rates(Twist2D(linear, w)) for w in (angular, -angular))
+        left, right = (
+            steering.rates(Twist2D(linear, yaw_rate)) for yaw_rate in (angular, -angular)
+        )
         back = steering.rates(Twist2D(-linear, angular))
         assert (left.left, left.right) == pytest.approx((right.right, right.left), abs=1e-9)
         assert (left.left, left.right) == pytest.approx((-back.right, -back.left), abs=1e-9)
         assert left.right > left.left
         # Opposite legs are half a turn apart in the gait.
-        for a, b in ((0.3, -1.1), (2.0, 5.0)):
-            one = steering.planned_rates(Twist2D(linear, angular), [a, b])
-            other = steering.planned_rates(Twist2D(linear, -angular), [b + pi, a + pi])
-            assert one == pytest.approx((other.right, other.left), abs=1e-9)
+        for left_crank, right_crank in ((0.3, -1.1), (2.0, 5.0)):
+            rates = steering.planned_rates(Twist2D(linear, angular), [left_crank, right_crank])
+            mirrored_rates = steering.planned_rates(
+                Twist2D(linear, -angular), [right_crank + pi, left_crank + pi]
+            )
+            assert rates == pytest.approx((mirrored_rates.right, mirrored_rates.left), abs=1e-9)
 
 
 def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
     robot = robot_of(str(CONFIG / 'walker8_two_motors.yaml'))
-    front, *others = robot.legs
+    front, *other_legs = robot.legs
     x, y, z = front.mount.xyz
-    moved = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
-    steering = Steering(Feet(replace(robot, legs=(moved, *others))))
+    moved_leg = replace(front, mount=replace(front.mount, xyz=(x + 0.1, y + 0.1, z)))
+    steering = Steering(Feet(replace(robot, legs=(moved_leg, *other_legs))))
     left, right = (steering.rates(Twist2D(0.05, w)) for w in (0.02, -0.02))
     assert abs(left.left - right.right) > 1e-3
     for wanted in (Twist2D(0.05, 0.02), Twist2D(0.05, -0.02)):
@@ -62,21 +66,25 @@ def test_an_asymmetric_walker_steers_by_its_own_sides() -> None:
 
 def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
     feet = steering.feet
-    phases, step = np.random.default_rng(1).uniform(0.0, 2.0 * pi, (20, 2)), 1e-5
+    phases = np.random.default_rng(1).uniform(0.0, 2.0 * pi, (20, 2))
+    step = 1e-5
     ground = np.array([0.0, 0.0, feet.at(phases).feet[..., 2].min(axis=1).mean()])
 
     def pose(cranks: FloatArray, facet: Facet | None = None) -> StancePose:
         placed = feet.at(cranks)
         points, centre = (placed.feet - ground).tolist(), (placed.centre - ground).tolist()
-        rest = support(points, centre, facet)
-        assert rest is not None
-        return stance_pose(points, placed.rolled.tolist(), rest)
+        body_support = support(points, centre, facet)
+        assert body_support is not None
+        return stance_pose(points, placed.rolled.tolist(), body_support)
 
     (twists,) = phase_twists(feet, np.eye(2), phases, (-1.0, 1.0))
-    for at, twist in zip(phases, twists, strict=True):
-        facet, turned = pose(at).support.facet, step * np.array([-1.0, 1.0])
-        moved = body_displacement(pose(at - turned, facet), pose(at + turned, facet))
-        exact = moved.motion.real / (2.0 * step), moved.yaw / (2.0 * step)
+    for cranks, twist in zip(phases, twists, strict=True):
+        facet = pose(cranks).support.facet
+        half_step = step * np.array([-1.0, 1.0])
+        displacement = body_displacement(
+            pose(cranks - half_step, facet), pose(cranks + half_step, facet)
+        )
+        exact = displacement.motion.real / (2.0 * step), displacement.yaw / (2.0 * step)
         assert twist == pytest.approx(exact, rel=0.01, abs=1e-3)
 
 
@@ -84,12 +92,12 @@ def test_the_map_has_the_motion_of_the_stance(steering: Steering) -> None:
 def test_the_mean_motion_has_converged(name: str) -> None:
     feet = Feet(robot_of(str(CONFIG / f'{name}.yaml')))
     sides = np.array([np.abs(feet.sides + side) / 2.0 * feet.senses for side in (1.0, -1.0)])
-    few, many = (
-        [each.mean(axis=(0, 1)) for each in phase_map(feet, sides, points)]
+    coarse, fine = (
+        [twists.mean(axis=(0, 1)) for twists in phase_map(feet, sides, points)]
         for points in (MAP_POINTS, 3 * MAP_POINTS)
     )
-    for found, exact in zip(few, many, strict=True):
-        assert abs(found - exact).max() < 0.005 * abs(exact).max()
+    for coarse_mean, fine_mean in zip(coarse, fine, strict=True):
+        assert abs(coarse_mean - fine_mean).max() < 0.005 * abs(fine_mean).max()
 
 
 def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
@@ -98,13 +106,14 @@ def test_straight_on_both_sides_turn_alike(steering: Steering) -> None:
     assert rates.left == pytest.approx(0.15 / steering.speed)
     assert steering.motion(Rates(-1.0, -1.0)).linear == pytest.approx(-steering.speed)
     # Of the steps of a turn, one after the other.
-    walked = walk_figures(steering.feet.robot).speed
-    assert steering.speed == pytest.approx(walked, rel=0.005)
+    gait_speed = walk_figures(steering.feet.robot).speed
+    assert steering.speed == pytest.approx(gait_speed, rel=0.005)
 
 
 def test_on_the_spot_it_goes_to_the_phase_in_which_it_turns_and_stays(steering: Steering) -> None:
     """Left and right a quarter turn ahead, where their feet hold the body against its turn."""
-    cranks, wanted = [pi / 2.0, pi / 2.0], Twist2D(0.0, 0.1)
+    cranks = [pi / 2.0, pi / 2.0]
+    wanted = Twist2D(0.0, 0.1)
     p = []
     for _ in range(1000):
         left, right = steering.planned_rates(wanted, cranks, on_spot=True)
@@ -124,16 +133,20 @@ def test_in_a_curve_the_plan_has_the_commanded_means(steering: Steering, wanted:
     for _ in range(round(seconds / DT)):
         left, right = steering.planned_rates(wanted, [p - q, p + q])
         i, j = (int(angle / (2.0 * pi) * MAP_POINTS) % MAP_POINTS for angle in (p, q))
-        dp, dq = (left + right) / 2.0 * DT, (right - left) / 2.0 * DT
-        linear, angular = linear + straight[i, j, 0] * dp, angular + turning[i, j, 1] * dq
-        p, q = p + dp, q + dq
+        dp = (left + right) / 2.0 * DT
+        dq = (right - left) / 2.0 * DT
+        linear += straight[i, j, 0] * dp
+        angular += turning[i, j, 1] * dq
+        p += dp
+        q += dq
     assert (linear / seconds, angular / seconds) == pytest.approx(tuple(wanted), rel=0.15)
 
 
 def test_legs_that_cannot_turn_it_have_no_plan() -> None:
-    zero, one = np.zeros((8, 8)), np.ones((8, 8))
-    assert not TurnPlan(one, zero, zero).is_possible
-    assert TurnPlan(one, one, zero).rates(0.3, 0.4, 0.5, 0.2) == pytest.approx((0.5, 0.2))
+    zero = np.zeros((8, 8))
+    ones = np.ones((8, 8))
+    assert not TurnPlan(ones, zero, zero).is_possible
+    assert TurnPlan(ones, ones, zero).rates(0.3, 0.4, 0.5, 0.2) == pytest.approx((0.5, 0.2))
 
 
 @settings(max_examples=60, deadline=None)
@@ -142,7 +155,7 @@ def test_on_the_spot_walking_leaves_the_yaw_rate(
     walking: float, turning: float, crossed: float
 ) -> None:
     """Where walking turns it as well, it walks slower, and the difference of the sides is less."""
-    one = np.ones((8, 8))
-    p, q = TurnPlan(one, one, crossed * one).rates(0.3, 0.4, walking, turning, on_spot=True)
+    ones = np.ones((8, 8))
+    p, q = TurnPlan(ones, ones, crossed * ones).rates(0.3, 0.4, walking, turning, on_spot=True)
     assert p * crossed + q == pytest.approx(turning)
     assert abs(p * crossed) <= abs(turning) / 2.0 + 1e-9

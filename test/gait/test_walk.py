@@ -51,11 +51,11 @@ def walk(six: Robot) -> GaitFigures:
 
 @given(st.lists(ANGLES, min_size=2, max_size=2))
 def test_a_single_pose_is_that_of_many(angles: list[float]) -> None:
-    many = EIGHT.at(angles)
+    poses = EIGHT.at(angles)
     feet, rolled, centre = EIGHT.pose(angles)
-    assert np.array(feet) == pytest.approx(many.feet, abs=1e-15)
-    assert np.array(rolled) == pytest.approx(many.rolled, abs=1e-15)
-    assert centre == pytest.approx(many.centre, abs=1e-15)
+    assert np.array(feet) == pytest.approx(poses.feet, abs=1e-15)
+    assert np.array(rolled) == pytest.approx(poses.rolled, abs=1e-15)
+    assert centre == pytest.approx(poses.centre, abs=1e-15)
 
 
 def test_walker6_walks_as_its_stance_predicts(walk: GaitFigures) -> None:
@@ -110,10 +110,10 @@ def test_the_second_half_of_the_turn_mirrors_the_first(walk: GaitFigures) -> Non
 @settings(max_examples=40, deadline=None)
 @given(angle=ANGLES)
 def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> None:
-    at = feet.at([angle]).feet
-    for foot, leg in zip(at, feet.robot.legs, strict=True):
-        exact = leg.mount.transform(linkage_poses(leg.linkage, leg.crank_angles(angle)).h)
-        assert foot == pytest.approx(exact, abs=1e-9)
+    positions = feet.at([angle]).feet
+    for foot, leg in zip(positions, feet.robot.legs, strict=True):
+        expected = leg.mount.transform(linkage_poses(leg.linkage, leg.crank_angles(angle)).h)
+        assert foot == pytest.approx(expected, abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)
@@ -127,17 +127,19 @@ def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> N
 def test_no_foot_is_below_the_plane_that_a_body_rests_on(
     feet: list[tuple[float, float, float]],
 ) -> None:
-    rest = support(feet, (0.0, 0.0, 0.5))
-    if rest is None:
+    body_support = support(feet, (0.0, 0.0, 0.5))
+    if body_support is None:
         return
-    heights = np.array(feet) @ rest.normal + rest.height
+    heights = np.array(feet) @ body_support.normal + body_support.height
     assert heights.min() > -1e-9
-    assert np.abs(heights[list(rest.feet)]).max() < 2e-6
-    assert sum(rest.loads) == pytest.approx(1.0)
-    assert rest.margin >= 0.0
+    assert np.abs(heights[list(body_support.feet)]).max() < 2e-6
+    assert sum(body_support.loads) == pytest.approx(1.0)
+    assert body_support.margin >= 0.0
     # What carries is around what is below the centre.
-    carried = np.array(rest.loads) @ np.array(feet)[list(rest.feet)]
-    assert np.cross((0.0, 0.0, 0.5) - carried, rest.normal) == pytest.approx([0.0] * 3, abs=2e-6)
+    carried = np.array(body_support.loads) @ np.array(feet)[list(body_support.feet)]
+    assert np.cross((0.0, 0.0, 0.5) - carried, body_support.normal) == pytest.approx(
+        [0.0] * 3, abs=2e-6
+    )
 
 
 def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
@@ -145,8 +147,8 @@ def test_a_body_stays_on_the_feet_that_hold_it_until_it_has_to_tip() -> None:
     feet = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
     forwards, back = (0, 1, 2), (1, 2, 3)
     for x, expected in ((0.01, forwards), (-0.01, back)):
-        rest = support(feet, (x, 0.0, 0.0))
-        assert rest.facet == expected
+        body_support = support(feet, (x, 0.0, 0.0))
+        assert body_support.facet == expected
     held = support(feet, (-0.01, 0.0, 0.0), forwards)
     assert held.facet == forwards
     tipped = support(feet, (-0.05, 0.0, 0.0), forwards)
@@ -162,8 +164,8 @@ def test_a_seesaw_rests_on_the_feet_that_its_measured_attitude_shows(
 ) -> None:
     # It may rest on either end, tipped by 0.1 rad; small differences show nothing.
     seesaw = [(-1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (1.0, 0.0, -0.2)]
-    rest = support(seesaw, (0.0, 0.0, 0.0), (1, 2, 3), (0.0, pitch), 0.09)
-    assert rest.facet == facet
+    body_support = support(seesaw, (0.0, 0.0, 0.0), (1, 2, 3), (0.0, pitch), 0.09)
+    assert body_support.facet == facet
 
 
 def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> None:
@@ -172,8 +174,8 @@ def test_a_body_does_not_lie_down_on_raised_feet_that_would_hold_it_lower() -> N
     placed = feet.at(angles)
     tilts = []
     for points, centre in zip(placed.feet.tolist(), placed.centre.tolist(), strict=True):
-        rest = support(points, centre)
-        tilts.append(np.arccos(rest.normal[2]))
+        body_support = support(points, centre)
+        tilts.append(np.arccos(body_support.normal[2]))
     assert np.degrees(max(tilts)) < 3.0
 
 
@@ -186,14 +188,17 @@ def test_a_body_that_no_foot_holds_keeps_its_velocity() -> None:
 
 
 def test_the_covariance_is_the_inverse_information_of_feet_and_prior() -> None:
-    feet = [FootMotion(0.0, 1j * at, load) for at, load in ((0.5 + 0.3j, 0.6), (-0.4 + 0.1j, 0.4))]
+    feet = [
+        FootMotion(0.0, 1j * position, load)
+        for position, load in ((0.5 + 0.3j, 0.6), (-0.4 + 0.1j, 0.4))
+    ]
     prior = MotionPrior(0.01, 0.0, (2.0, 0.5, 0.0, 3.0, 0.0, 1.0))
-    found = minimize_slip(feet, 100.0, prior)
+    step = minimize_slip(feet, 100.0, prior)
     information = np.array([[2.0, 0.5, 0.0], [0.5, 3.0, 0.0], [0.0, 0.0, 1.0]])
     for _, arm, load in feet:
         slip = np.array([[1.0, 0.0, arm.real], [0.0, 1.0, arm.imag]])
         information += load / 100.0 * slip.T @ slip
-    a, b, c, d, e, f = found.covariance
+    a, b, c, d, e, f = step.covariance
     assert np.array([[a, b, c], [b, d, e], [c, e, f]]) == pytest.approx(
         np.linalg.inv(information), rel=1e-5
     )
@@ -201,20 +206,22 @@ def test_the_covariance_is_the_inverse_information_of_feet_and_prior() -> None:
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6))
 def test_friction_informs_by_the_curvature_of_the_dissipation(seed: int, count: int) -> None:
-    numbers, creep, small = np.random.default_rng(seed), 0.05, 1e-3
+    numbers = np.random.default_rng(seed)
+    creep = 0.05
+    small = 1e-3
     motions, arms = numbers.normal(size=(2, count, 2)) @ (1.0, 1j)
-    loads, at = numbers.random(count), numbers.normal(size=3)
+    loads, motion = numbers.random(count), numbers.normal(size=3)
 
     def dissipation(x: float, y: float, yaw: float) -> float:
         return float(loads @ np.hypot(abs(motions + x + 1j * y + yaw * arms), creep))
 
     def curvature(a: FloatArray, b: FloatArray) -> float:
         corners = ((1, 1), (-1, -1), (1, -1), (-1, 1))
-        p, q, r, s = (dissipation(*(at + i * a + j * b)) for i, j in corners)
+        p, q, r, s = (dissipation(*(motion + i * a + j * b)) for i, j in corners)
         return (p + q - r - s) / (4.0 * small * small)
 
     feet = [FootMotion(*foot) for foot in zip(motions, arms, loads, strict=True)]
-    step = BodyStep(complex(*at[:2]), float(at[2]))
+    step = BodyStep(complex(*motion[:2]), float(motion[2]))
     axes = small * np.eye(3)
     expected = [curvature(axes[i], axes[j]) for i in range(3) for j in range(i, 3)]
     assert dissipation_hessian(feet, step, creep) == pytest.approx(expected, rel=0.05, abs=0.05)
@@ -222,9 +229,9 @@ def test_friction_informs_by_the_curvature_of_the_dissipation(seed: int, count: 
 
 def test_four_feet_that_touch_share_the_weight() -> None:
     square = [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0)]
-    rest = support(square, (0.0, 0.0, 1.0))
-    assert rest.loads == pytest.approx([0.25] * 4)
-    assert rest.margin == pytest.approx(1.0)
+    body_support = support(square, (0.0, 0.0, 1.0))
+    assert body_support.loads == pytest.approx([0.25] * 4)
+    assert body_support.margin == pytest.approx(1.0)
     aside = support(square, (0.0, 0.9, 1.0))
     assert np.array(aside.loads) @ np.array(square)[list(aside.feet)] == pytest.approx([0, 0.9, 0])
     assert aside.margin == pytest.approx(0.1)
@@ -251,12 +258,12 @@ def test_a_body_beside_its_feet_does_not_rest() -> None:
 
 def test_attitude_levels_the_feet_that_carry() -> None:
     feet = [(0.5, 0.4, -0.30), (0.4, -0.4, -0.35), (-0.5, 0.1, -0.31)]
-    rest = support(feet, (0.0, 0.0, 0.0))
-    level = gravity_aligned(feet, rest.roll, rest.pitch)
+    body_support = support(feet, (0.0, 0.0, 0.0))
+    level = gravity_aligned(feet, body_support.roll, body_support.pitch)
     sides = [np.linalg.norm(np.subtract(feet[i], feet[i - 1])) for i in range(3)]
     # Seen from above, what lies level is as long as it is.
     assert [abs(level[i] - level[i - 1]) for i in range(3)] == pytest.approx(sides)
-    assert rest.height == pytest.approx(0.32, abs=0.02)
+    assert body_support.height == pytest.approx(0.32, abs=0.02)
 
 
 def test_feet_that_give_way_share_the_load_and_a_raised_foot_carries_none() -> None:
@@ -281,39 +288,40 @@ def test_feet_that_give_way_share_the_load_and_a_raised_foot_carries_none() -> N
 )
 def test_feet_that_agree_do_not_slip(x: float, y: float, yaw: float, loads: list[float]) -> None:
     # The body moves by (x, y, yaw) over feet that stand still.
-    stands = [0.4 + 0.2j, 0.3 - 0.3j, -0.5 + 0.1j]
+    positions = [0.4 + 0.2j, 0.3 - 0.3j, -0.5 + 0.1j]
     feet = [
-        foot_motion(at, (at - complex(x, y)) * rect(1.0, -yaw), load)
-        for at, load in zip(stands, loads, strict=True)
+        foot_motion(position, (position - complex(x, y)) * rect(1.0, -yaw), load)
+        for position, load in zip(positions, loads, strict=True)
     ]
-    found = minimize_slip(feet, 1e-5)
-    assert found.motion == pytest.approx(complex(x, y), abs=3e-4)
-    assert found.yaw == pytest.approx(yaw, abs=3e-4)
-    assert found.slid < 1e-4
+    step = minimize_slip(feet, 1e-5)
+    assert step.motion == pytest.approx(complex(x, y), abs=3e-4)
+    assert step.yaw == pytest.approx(yaw, abs=3e-4)
+    assert step.slid < 1e-4
 
 
 def slid_by(steps: tuple[complex, ...], loads: tuple[float, ...]) -> list[FootMotion]:
     places = (0.5 + 0.3j, -0.5 + 0.3j, -0.3j)
-    both = zip(places, steps, loads, strict=True)
-    return [foot_motion(at, at + step, load) for at, step, load in both]
+    feet = zip(places, steps, loads, strict=True)
+    return [foot_motion(position, position + step, load) for position, step, load in feet]
 
 
 def test_the_foot_that_carries_more_than_half_sticks_while_the_others_slip() -> None:
     steps = (-0.01, 0.0, -0.02)
     feet = slid_by(steps, (0.1, 0.2, 0.7))
     no_yaw = MotionPrior(information=(0.0, 0.0, 0.0, 0.0, 0.0, 1e18))
-    found = minimize_slip(feet, 1e-5, no_yaw)
-    assert (found.motion, found.yaw) == pytest.approx((0.02, 0.0), abs=2e-4)
-    assert found.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=2e-2)
+    step = minimize_slip(feet, 1e-5, no_yaw)
+    assert (step.motion, step.yaw) == pytest.approx((0.02, 0.0), abs=2e-4)
+    assert step.slid == pytest.approx(0.1 * 0.01 + 0.2 * 0.02, rel=2e-2)
 
 
 def test_a_mirrored_motion_is_mirrored() -> None:
     steps = (-0.01 + 0.01j, 0.0j, -0.02 + 0.0j)
     feet = slid_by(steps, (0.3, 0.4, 0.3))
     mirrored = [FootMotion(m.conjugate(), -arm.conjugate(), load) for m, arm, load in feet]
-    one, other = minimize_slip(feet, 1e-5), minimize_slip(mirrored, 1e-5)
-    assert other.motion.conjugate() == pytest.approx(one.motion)
-    assert (-other.yaw, other.slid) == pytest.approx((one.yaw, one.slid))
+    step = minimize_slip(feet, 1e-5)
+    mirrored_step = minimize_slip(mirrored, 1e-5)
+    assert mirrored_step.motion.conjugate() == pytest.approx(step.motion)
+    assert (-mirrored_step.yaw, mirrored_step.slid) == pytest.approx((step.yaw, step.slid))
 
 
 @pytest.mark.parametrize('acceleration', [0.0, 2.0, -1.0 + 0.5j])
@@ -321,15 +329,16 @@ def test_gravity_and_inertia_have_no_moment_about_the_zero_moment_point(
     acceleration: complex,
 ) -> None:
     centre, height = 0.1 - 0.05j, 0.4
-    at = zero_moment_point(centre, height, acceleration)
-    arm = (centre.real - at.real, centre.imag - at.imag, height)
+    point = zero_moment_point(centre, height, acceleration)
+    arm = (centre.real - point.real, centre.imag - point.imag, height)
     moment = np.cross(arm, (-acceleration.real, -acceleration.imag, -GRAVITY))
     assert moment[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
 def test_round_soles_roll_without_sliding(six: Robot) -> None:
     # A foot that is a ball advances the body by what its leg turns as well.
-    plain, round_ = walk_figures(six), walk_figures(six, foot_radius=0.015)
+    plain = walk_figures(six)
+    round_ = walk_figures(six, foot_radius=0.015)
     assert round_.height.mean() == pytest.approx(plain.height.mean() + 0.015, abs=1e-4)
     assert 0.9 < round_.speed / plain.speed < 1.0 or 1.0 < round_.speed / plain.speed < 1.1
 

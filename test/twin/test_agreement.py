@@ -58,19 +58,23 @@ def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
     """The motion is prescribed exactly; the engine knows the tree, and we what closes it."""
     robot = weighed(name)
     (leg,) = robot.legs
-    linkage, solver, dynamics = leg.linkage, LinkageLeg(leg.linkage), robot.dynamics(leg)
+    linkage = leg.linkage
+    solver = LinkageLeg(linkage)
     tree, _ = spanning_tree(linkage)
     (start, end), *_ = solver.reachable_arcs()
     written = start + 0.3 * (end - start)
     model = mujoco.MjModel.from_xml_string(robot_mjcf(robot, crank=written))
     model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-    data, zero = mujoco.MjData(model), turned(leg, solver.closed_form(written))
+    data = mujoco.MjData(model)
+    zero = turned(leg, solver.closed_form(written))
     alphas = np.linspace(start + 0.05 * (end - start), end - 0.05 * (end - start), 12)
-    found = []
+    torques = []
     for alpha in alphas.tolist():
-        pose, rates = solver.closed_form(alpha), joint_rates(linkage, tree, alpha)
+        pose = solver.closed_form(alpha)
+        rates = joint_rates(linkage, tree, alpha)
         bends = [*body_motion(linkage, alpha).rotation_2[:, 0], 0.0]
-        slopes, now = np.zeros(model.nv), turned(leg, pose)
+        slopes = np.zeros(model.nv)
+        now = turned(leg, pose)
         for j, parent, _ in tree:
             position = now[j] - zero[j] - (now[parent] - zero[parent])
             bend = bends[j] - bends[parent]
@@ -79,13 +83,15 @@ def test_the_crank_torque_is_that_of_its_inverse_dynamics(name: str) -> None:
             if j == 0 or linkage.structure.bodies[j].slides:
                 position = pose.joints[j]
             k = model.joint(linkage.joint_names[j] if j else 'crank').qposadr[0]
-            data.qpos[k], slopes[k] = position, rates[j]
-            data.qvel[k], data.qacc[k] = rates[j] * RATE, rates[j] * CHANGE + bend * RATE**2
+            data.qpos[k] = position
+            slopes[k] = rates[j]
+            data.qvel[k] = rates[j] * RATE
+            data.qacc[k] = rates[j] * CHANGE + bend * RATE**2
         mujoco.mj_inverse(model, data)
         # Virtual work of the tree's joints, all moved by the crank, without its large rotor.
         rotor = float(model.dof_armature.max())
-        found.append(float(data.qfrc_inverse @ slopes) - rotor * CHANGE)
-        for point, at in zip(linkage.structure.points, pose.points, strict=True):
-            assert data.site(point.lower()).xpos[[0, 2]] == pytest.approx(at, abs=1e-12)
-    expected = dynamics.crank_torque(alphas, RATE, CHANGE)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        torques.append(float(data.qfrc_inverse @ slopes) - rotor * CHANGE)
+        for point, place in zip(linkage.structure.points, pose.points, strict=True):
+            assert data.site(point.lower()).xpos[[0, 2]] == pytest.approx(place, abs=1e-12)
+    expected = robot.dynamics(leg).crank_torque(alphas, RATE, CHANGE)
+    np.testing.assert_allclose(torques, expected, rtol=0, atol=1e-9 * np.abs(expected).max())

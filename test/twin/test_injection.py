@@ -98,10 +98,10 @@ def test_a_missing_encoder_is_not_among_the_readings() -> None:
         ),
         ('imu_turned=0', LEVEL.orientation, LEVEL.angular_velocity, LEVEL.linear_acceleration),
         ('imu_no_orientation', (0.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (1.0, 2.0, 9.80665)),
-        # The third jump.
+        # The second jump.
         (
-            'imu_heading_jumps=0.2@1',
-            (0.0, 0.0, sin(0.3 + 0.3), cos(0.3 + 0.3)),
+            'imu_heading_jumps=0.2@2',
+            (0.0, 0.0, sin(0.3 + 0.2), cos(0.3 + 0.2)),
             (0.1, 0.2, 0.3),
             (1.0, 2.0, 9.80665),
         ),

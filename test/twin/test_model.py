@@ -48,9 +48,9 @@ def test_a_walker_stands_on_its_lowest_feet_under_the_names_of_ros(
     heights = []
     for leg in robot.legs:
         foot = LinkageLeg(leg.linkage).closed_form(float(leg.crank_angles(crank))).h
-        at = data.site(f'{leg.name}/h').xpos
-        assert at - base == pytest.approx(leg.mount.transform(foot), abs=1e-12)
-        heights.append(at[2])
+        position = data.site(f'{leg.name}/h').xpos
+        assert position - base == pytest.approx(leg.mount.transform(foot), abs=1e-12)
+        heights.append(position[2])
     assert 0.0 < min(heights) <= 0.01
     names = [model.joint(joint).name for joint in range(model.njnt)]
     cranks = [float(data.joint(name).qpos[0]) for name in names if 'crank' in name]

@@ -242,9 +242,9 @@ def test_masses_and_sizes_of_no_robot_are_reported_in_one_line(
     wrong: dict[str, object], reason: str
 ) -> None:
     content = yaml.safe_load((ROOT / 'config' / 'walker6_two_motors.yaml').read_text())
-    given = content['/**']['ros__parameters'] | wrong
+    parameters = content['/**']['ros__parameters'] | wrong
     with pytest.raises((MassError, TwinError), match=reason) as refused:
-        Twin(robot_from_parameters(given)).step(0.1)
+        Twin(robot_from_parameters(parameters)).step(0.1)
     assert '\n' not in str(refused.value)
 
 
@@ -270,12 +270,11 @@ def test_invalid_robots_and_commands_are_refused(make: object, reason: str) -> N
 
 @pytest.mark.parametrize('factor', [1.0, 4.0])
 def test_a_pace_that_is_kept_loses_no_tick(factor: float) -> None:
-    pace, done = Pace(0.01, factor, 100.0), 0
-    for n in range(1, 1001):
-        done += pace.due(100.0 + 0.0101 * n)
-    assert done == int(factor * 0.0101 * 1000 / 0.01)
-    kept = pace.factor(100.0 + 10.1)
-    assert (kept.factor, kept.share) == pytest.approx((factor, 1.0), abs=1e-3)
+    pace = Pace(0.01, factor, 100.0)
+    ticks = sum(pace.due(100.0 + 0.0101 * n) for n in range(1, 1001))
+    assert ticks == int(factor * 0.0101 * 1000 / 0.01)
+    reached = pace.factor(100.0 + 10.1)
+    assert (reached.factor, reached.share) == pytest.approx((factor, 1.0), abs=1e-3)
     assert pace.slipped == 0.0
 
 

@@ -37,8 +37,8 @@ class Plant:
         if self.feet is None:
             return 0j
         positions, _, centre = self.feet.at([*self.angles.values()]).tolist()
-        rest = stance.support(positions, centre)
-        return complex(rest.roll, rest.pitch)
+        body_support = stance.support(positions, centre)
+        return complex(body_support.roll, body_support.pitch)
 
     def tick(self, commands: dict[str, float]) -> None:
         self.time += DT
@@ -62,9 +62,10 @@ class Plant:
             self.commissioning.imu(force, gyro)
 
     def imu(self) -> Imu:
-        before, self.tilt = self.tilt, self._tilt()
+        last_tilt = self.tilt
+        self.tilt = self._tilt()
         roll, pitch = self.tilt.real, self.tilt.imag
-        rate = (self.tilt - before) / DT
+        rate = (self.tilt - last_tilt) / DT
         noise = 0.01 * self.random.standard_normal(3)
         force = np.array([-sin(pitch), cos(pitch) * sin(roll), cos(pitch) * cos(roll)]) * 9.80665
         return Imu((0.0, 0.0, 0.0, 1.0), (rate.real, rate.imag, 0.0), (*(force + noise).tolist(),))

@@ -1,7 +1,7 @@
 """Commands of the cranks, and what stops them; with motors that are slow, blocked or lost."""
 
 from math import copysign, degrees, inf, nan, pi
-from pathlib import Path
+from operator import mul
 from random import Random
 
 from hypothesis import given, settings, strategies as st
@@ -23,11 +23,14 @@ from klann_ros.walker.control_laws import PhaseLock
 from klann_ros.walker.controller import STANDS
 from klann_ros.walker.feedback import CrankFeedback, Watchdog
 from klann_ros.walker.limits import MotionLimiter
+import numpy as np
 import pytest
 
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
 DT = 0.01
-SPEEDS = st.floats(-0.3, 0.3)
+
+
+def turned(positions: list[float], rates: list[float]) -> list[float]:
+    return [position + rate * DT for position, rate in zip(positions, rates, strict=True)]
 
 
 class Bench:
@@ -42,7 +45,8 @@ class Bench:
         self.heard = [True] * len(factors)
         self.now = 0.0
         self.worst = 0.0
-        self.least, self.most = inf, -inf
+        self.min_rate = inf
+        self.max_rate = -inf
         self.twist = (0.15, 0.0)
         self.commands = True
         self.shift = 0.0
@@ -51,21 +55,20 @@ class Bench:
 
     @property
     def readings(self) -> dict[str, tuple[float, float]]:
-        found = enumerate(zip(self.control.cranks, self.positions, self.rates, strict=True))
-        return {
-            crank.joint: (at + self.shift * k, rate)
-            for k, (crank, at, rate) in found
-            if self.heard[k]
-        }
+        readings = {}
+        for k, crank in enumerate(self.control.cranks):
+            if self.heard[k]:
+                readings[crank.joint] = self.positions[k] + self.shift * k, self.rates[k]
+        return readings
 
     def turn(self) -> None:
-        self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+        self.positions = turned(self.positions, self.rates)
 
     def drive(self, command: CrankCommand | None) -> None:
-        wanted = command.velocity if command else [0.0] * len(self.rates)
-        self.rates = [f * v for f, v in zip(self.factors, wanted, strict=True)]
-        self.least = min(self.least, *self.rates)
-        self.most = max(self.most, *self.rates)
+        velocities = command.velocity if command else [0.0] * len(self.rates)
+        self.rates = [*map(mul, self.factors, velocities)]
+        self.min_rate = min(self.min_rate, *self.rates)
+        self.max_rate = max(self.max_rate, *self.rates)
 
     def pause(self, seconds: float, *, held_after: float = inf) -> None:
         """Stop the controller; motors keep their rates, and messages wait in their queues."""
@@ -90,7 +93,8 @@ class Bench:
 
     def run(self, seconds: float) -> 'Bench':
         self.worst = 0.0
-        self.least, self.most = inf, -inf
+        self.min_rate = inf
+        self.max_rate = -inf
         for _ in range(round(seconds / DT)):
             self.now += DT
             age = self.clock_offset
@@ -155,8 +159,8 @@ def test_cranks_at_one_rate_go_back_into_phase(
     lock.reset(start)
     for _ in range(3000):
         lock.step(DT, rates, lock.targets)
-    turned = [at / rate for at, rate in zip(lock.targets, rates, strict=True)]
-    assert turned[::2] == pytest.approx(turned[1::2], abs=0.01)
+    times = np.divide(lock.targets, rates)
+    assert times[::2] == pytest.approx(times[1::2], abs=0.01)
 
 
 def test_in_a_curve_the_cranks_follow_their_planned_rates(steering: Steering) -> None:
@@ -164,7 +168,7 @@ def test_in_a_curve_the_cranks_follow_their_planned_rates(steering: Steering) ->
     bench.twist = (0.1, 0.04)
     bench.run(10.0)
     assert bench.run(10.0).worst < 0.05
-    assert bench.most <= 3.0
+    assert bench.max_rate <= 3.0
 
 
 def test_a_curve_that_is_too_fast_stays_the_same_curve(steering: Steering) -> None:
@@ -185,10 +189,13 @@ def test_speed_changes_no_faster_than_it_may(steering: Steering) -> None:
     assert bench.run(0.5).control.motion.linear == pytest.approx(0.05, abs=0.003)
     limits = MotionLimits(max_linear_acceleration=0.1, max_angular_acceleration=0.2)
     # The slower one holds both on the same curve.
-    changes = [(0.5, 0.1, 0.01, 0.002), (0.1, 0.5, 0.004, 0.02), (-0.001, 0.002, -0.001, 0.002)]
-    for linear, angular, *motion in changes:
-        after = MotionLimiter(limits).approach(STANDS, Twist2D(linear, angular), 0.1)
-        assert after == pytest.approx(motion)
+    for commanded, motion in (
+        (Twist2D(0.5, 0.1), (0.01, 0.002)),
+        (Twist2D(0.1, 0.5), (0.004, 0.02)),
+        (Twist2D(-0.001, 0.002), (-0.001, 0.002)),
+    ):
+        limiter = MotionLimiter(limits)
+        assert limiter.approach(STANDS, commanded, 0.1) == pytest.approx(motion)
 
 
 @pytest.mark.parametrize(
@@ -206,8 +213,8 @@ def test_the_strictest_limit_counts(
     wanted: tuple[float, float], motion: tuple[float, float], active: list[str]
 ) -> None:
     limits = MotionLimits(max_linear=0.1, max_angular=0.2, max_curvature=5.0)
-    found = limits.motion(Twist2D(*wanted), lambda twist: Rates(0.0, 9.0 * twist.angular))
-    assert found == (pytest.approx(motion), active)
+    limited = limits.motion(Twist2D(*wanted), lambda twist: Rates(0.0, 9.0 * twist.angular))
+    assert limited == (pytest.approx(motion), active)
 
 
 def test_a_rate_that_no_crank_has_is_taken_from_the_angles() -> None:
@@ -284,12 +291,12 @@ def test_a_blocked_crank_stops_all_until_a_deliberate_act(
     for twist, seconds in (((0.15, 0.0), 1.0), ((0.0, 0.1), 0.5), ((0.0, 0.0), 0.1)):
         bench.twist = twist
         bench.run(seconds)
-        assert (bench.least, bench.most) == (0.0, 0.0)
+        assert (bench.min_rate, bench.max_rate) == (0.0, 0.0)
         assert latch.fault is not None
     bench.twist = (0.1, 0.0)
     bench.run(2.0)
     if not auto_reset:
-        assert (bench.least, bench.most) == (0.0, 0.0)
+        assert (bench.min_rate, bench.max_rate) == (0.0, 0.0)
         latch.reset()
         bench.run(2.0)
     assert min(bench.rates) > 0.3
@@ -334,11 +341,9 @@ def test_all_wait_for_a_crank_that_cannot_keep_up(steering: Steering) -> None:
 @pytest.mark.parametrize('readings', [1, 4, 5])
 def test_five_readings_confirm_a_position_offset(shift: float, readings: int) -> None:
     crank = CrankFeedback('crank', 12.0)
-    accepted = [
-        crank.read(DT * k + shift * (100 <= k < 100 + readings), 1.0, DT * k) != 0.0
-        for k in range(100 + readings)
-    ]
-    assert accepted == [False] * (99 + readings) + [readings == 5]
+    for k in range(100 + readings):
+        offset = crank.read(DT * k + shift * (k >= 100), 1.0, DT * k)
+        assert bool(offset) == (k == 104)
     assert crank.counts.offsets == (readings == 5)
     # The larger one is held back as long.
     assert crank.jump_filter.jumps == (shift > 1.0)
@@ -401,13 +406,15 @@ def test_after_a_pause_the_set_points_restart_where_the_cranks_are(
     bench.run(3.0)
     rate = 0.15 / steering.speed
     bench.commands = not ended
-    bench.least, bench.most = inf, -inf
+    bench.min_rate = inf
+    bench.max_rate = -inf
     for _ in range(2):
         bench.pause(seconds, held_after=held_after)
-    first = bench.least, bench.most
+    rates = [bench.min_rate, bench.max_rate]
     bench.run(3.0)
-    least, most = sorted((0.0, copysign(1.1 * rate, linear)))
-    assert least <= min(first[0], bench.least) <= max(first[1], bench.most) <= most
+    rates += [bench.min_rate, bench.max_rate]
+    slowest, fastest = sorted((0.0, copysign(1.1 * rate, linear)))
+    assert slowest <= min(rates) <= max(rates) <= fastest
     assert bench.control.loop.pauses >= 1
     assert 'was paused for' in bench.control.events[-1]
     assert bench.rates == pytest.approx([0.0, 0.0] if ended else [copysign(rate, linear)] * 2, 0.1)
@@ -420,8 +427,10 @@ class StarvedWalk:
 
     def __init__(self, steering: Steering, twist: tuple[float, float], seed: int) -> None:
         self.control = WalkController(steering, ControllerSettings())
-        self.twist, self.random = twist, Random(seed)  # noqa: S311 - load
-        self.positions, self.rates = [0.0, 0.0], [0.0, 0.0]
+        self.twist = twist
+        self.random = Random(seed)  # noqa: S311 - load
+        self.positions = [0.0, 0.0]
+        self.rates = [0.0, 0.0]
         self.feedback: list[tuple[float, list[float], list[float]]] = []
         self.commands: list[CrankCommand] = []
         self.cmd_vel: list[float] = []
@@ -441,7 +450,7 @@ class StarvedWalk:
         for tick in range(round(seconds / DT)):
             now = tick * DT
             # Motors keep their rates, and receive their commands one by one.
-            self.positions = [p + r * DT for p, r in zip(self.positions, self.rates, strict=True)]
+            self.positions = turned(self.positions, self.rates)
             if not self.is_paused(1, now):
                 if self.commands:
                     self.rates = list(self.commands.pop(0).velocity)
@@ -456,18 +465,20 @@ class StarvedWalk:
         if self.random.random() < 0.5:
             self.step(now)
         for sent, positions, rates in self.feedback:
-            readings = enumerate(zip(positions, rates, strict=True))
-            joints = {self.control.cranks[k].joint: each for k, each in readings}
-            self.control.feedback(joints, now, at=sent, transport_age=now - sent)
+            joints = [crank.joint for crank in self.control.cranks]
+            readings = dict(zip(joints, zip(positions, rates, strict=True), strict=True))
+            self.control.feedback(readings, now, at=sent, transport_age=now - sent)
             if self.random.random() < 0.1:
                 self.step(now)
         for sent in self.cmd_vel:
             self.control.command(*self.twist, now, transport_age=now - sent)
-        self.feedback, self.cmd_vel = [], []
+        self.feedback = []
+        self.cmd_vel = []
         self.step(now + DT / 2.0)
 
     def step(self, now: float) -> None:
-        control, before = self.control, self.control.lock.targets
+        control = self.control
+        last_targets = control.lock.targets
         control.events.clear()
         command = control.step(now)
         if command is None:
@@ -477,11 +488,11 @@ class StarvedWalk:
         if any('set points restart' in event for event in control.events):
             assert min(crank.times.at for crank in control.cranks) >= self.resumed - 0.05
             assert control.lock.errors == [0.0, 0.0]
-        if control.lock.errors == [0.0, 0.0] or not before:
+        if control.lock.errors == [0.0, 0.0] or not last_targets:
             return
-        moves = [now - was for now, was in zip(command.position, before, strict=True)]
+        moves = np.subtract(command.position, last_targets)
         assert sum(moves) * self.twist[0] >= 0.0
-        assert all(u * move >= 0.0 for u, move in zip(command.velocity, moves, strict=True))
+        assert min(moves * command.velocity) >= 0.0
 
 
 @pytest.mark.parametrize('twist', [(0.15, 0.0), (-0.1, 0.05), (0.1, -0.05), (0.1, 0.02)])
@@ -522,7 +533,7 @@ def test_a_command_that_is_old_or_waited_during_a_pause_is_late(steering: Steeri
     sent_before = bench.clock_offset + 4.9
     refusal = bench.control.command(0.1, 0.0, bench.now, transport_age=sent_before)
     assert 'waited' in refusal.text
-    assert bench.run(0.5).most == 0.0
+    assert bench.run(0.5).max_rate == 0.0
 
 
 def test_only_what_was_sent_before_the_end_of_a_pause_waited() -> None:
@@ -566,7 +577,7 @@ def test_no_crank_turns_faster_than_it_may_to_either_side(
         bench = Bench(steering, [1.0, 1.0], limits=limits)
         bench.twist = tuple(motion)
         bench.run(8.0)
-        assert -0.8 - 1e-9 <= bench.least <= bench.most <= 0.8 + 1e-9
+        assert -0.8 - 1e-9 <= bench.min_rate <= bench.max_rate <= 0.8 + 1e-9
         allowed, active = limits.motion(motion, steering.rates)
         assert max(map(abs, steering.rates(allowed))) <= 0.8 + 1e-9
         assert ('max_crank_rate' in active) == (max(map(abs, steering.rates(motion))) > 0.8)
@@ -581,12 +592,11 @@ def test_set_points_turn_no_faster_than_cranks_may_to_either_side(
     bench.twist = (linear, 0.0)
     bench.run(3.0)
     for _ in range(200):
-        before = bench.control.lock.targets
+        last_targets = bench.control.lock.targets
         # The body stays behind, so that more than the limit is wanted.
         bench.control.measure_motion(STANDS, DT)
         bench.run(DT)
-        both = zip(before, bench.control.lock.targets, strict=True)
-        moves = [abs(after - was) for was, after in both]
+        moves = np.abs(np.subtract(bench.control.lock.targets, last_targets))
         assert max(moves) <= 0.8 * DT + 1e-9
     assert min(moves) > 0.7 * DT
 
@@ -673,28 +683,28 @@ def test_an_imu_times_out_while_simulated_time_stands_still(steering: Steering) 
 
 @pytest.mark.parametrize('noise', [0.0, 0.002, 0.01])
 @pytest.mark.parametrize('rated', [True, False])
-@pytest.mark.parametrize('turned', [0.03, -0.1, 0.4, 0.46, -1.5])
+@pytest.mark.parametrize('slip', [0.03, -0.1, 0.4, 0.46, -1.5])
 def test_every_position_offset_above_the_noise_is_reported_once_with_its_size(
-    noise: float, rated: bool, turned: float
+    noise: float, rated: bool, slip: float
 ) -> None:
     random = Random(1)  # noqa: S311 - noise
     crank = CrankFeedback('crank', 12.0)
-    found = []
+    offsets = []
     position = 0.0
     for k in range(1000):
         # It accelerates, walks, stops, and starts again.
         phase = k * DT % 5.0
         rate = max(0.0, min(2.0 * phase, 1.0, 2.0 * (4.0 - phase)))
         position += rate * DT
-        seen = position + random.gauss(0.0, noise) + turned * (k >= 700)
-        if offset := crank.read(seen, rate if rated else None, k * DT):
-            found.append((k, offset))
-    if abs(turned) < 12.0 * noise:
-        assert len(found) <= 1
+        reading = position + random.gauss(0.0, noise) + slip * (k >= 700)
+        if offset := crank.read(reading, rate if rated else None, k * DT):
+            offsets.append((k, offset))
+    if abs(slip) < 12.0 * noise:
+        assert len(offsets) <= 1
         return
-    ((k, offset),) = found
+    ((k, offset),) = offsets
     assert 700 <= k < 710
-    assert offset == pytest.approx(turned, abs=0.01 + 5.0 * noise)
+    assert offset == pytest.approx(slip, abs=0.01 + 5.0 * noise)
     assert crank.counts.offsets == 1
 
 
@@ -703,15 +713,17 @@ def test_an_offset_has_its_size_where_readings_are_lost_while_the_crank_accelera
     for seed in range(12):
         random = Random(seed)  # noqa: S311 - losses
         crank = CrankFeedback('crank', 12.0)
-        found, position, slips = [], 0.0, random.randint(300, 450)
+        offsets = []
+        position = 0.0
+        slip_tick = random.randint(300, 450)
         for k in range(800):
             phase = k * DT % 2.0
             position += max(0.0, min(3.0 * phase, 1.5, 3.0 * (2.0 - phase))) * DT
-            seen = position + 0.2 * (k >= slips)
+            reading = position + 0.2 * (k >= slip_tick)
             is_lost = k > 200 and random.random() < 0.5
-            if not is_lost and (offset := crank.read(seen, None, k * DT, at=k * DT)):
-                found.append(offset)
-        assert found in ([], [pytest.approx(0.2, abs=0.03)])
+            if not is_lost and (offset := crank.read(reading, None, k * DT, at=k * DT)):
+                offsets.append(offset)
+        assert offsets in ([], [pytest.approx(0.2, abs=0.03)])
 
 
 def test_time_that_goes_back_begins_anew(steering: Steering) -> None:

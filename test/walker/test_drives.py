@@ -79,6 +79,6 @@ def test_zero_is_not_set_while_it_moves(steering: Steering) -> None:
 def test_a_new_zero_is_a_new_question_of_the_tilt(steering: Steering) -> None:
     standing = Standing(steering, {'left_crank': 0.7, 'right_crank': 0.0})
     standing.read()
-    before = standing.walker.zero_check
+    last_check = standing.walker.zero_check
     assert standing.walker.set_zero() == ''
-    assert standing.walker.zero_check is not before
+    assert standing.walker.zero_check is not last_check

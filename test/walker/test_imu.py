@@ -42,30 +42,33 @@ class Readings:
     """Readings of an accelerometer one after the other."""
 
     def __init__(self, *, period: float = PERIOD) -> None:
-        self.imu, self.period, self._at = ImuPreintegration(OdometryNoise()), period, 0.0
+        self.imu = ImuPreintegration(OdometryNoise())
+        self.period = period
+        self._time = 0.0
         self.imu.read(ImuReading(None, 0.0, 0.0, LEVEL, force=AT_REST))
         self.imu.take(period)
 
     def read(
         self, force: Triple | None = AT_REST, attitude: tuple[float, float] | None = LEVEL
     ) -> None:
-        self._at += self.period
-        self.imu.read(ImuReading(None, 0.0, self._at, attitude, force=force))
+        self._time += self.period
+        self.imu.read(ImuReading(None, 0.0, self._time, attitude, force=force))
 
     def change(self, seconds: float | None = None) -> Triple | None:
-        taken = self.imu.take(self.period if seconds is None else seconds)
-        return taken.delta_velocity
+        return self.imu.take(self.period if seconds is None else seconds).delta_velocity
 
 
 @settings(max_examples=50, deadline=None)
-@given(lies=st.tuples(*[st.floats(-0.6, 0.6)] * 2), level=st.tuples(*[st.floats(-5.0, 5.0)] * 2))
+@given(
+    attitude=st.tuples(*[st.floats(-0.6, 0.6)] * 2), level=st.tuples(*[st.floats(-5.0, 5.0)] * 2)
+)
 def test_the_velocity_change_is_that_in_the_level_frame(
-    lies: tuple[float, float], level: tuple[float, float]
+    attitude: tuple[float, float], level: tuple[float, float]
 ) -> None:
     readings = Readings()
     for _ in range(2):
         readings.change()
-        readings.read(specific_force(*lies, level), lies)
+        readings.read(specific_force(*attitude, level), attitude)
     expected = (level[0] * PERIOD, level[1] * PERIOD, 0.0)
     assert readings.change() == pytest.approx(expected, abs=1e-9)
 
@@ -126,10 +129,10 @@ def test_an_impact_of_more_than_1_m_s_is_rejected(
 def test_cranks_may_be_read_more_often_than_the_imu_but_not_for_ever_without_it() -> None:
     readings = Readings()
     readings.read((1.0, 0.0, GRAVITY))
-    one, *others = (readings.change(0.001) for _ in range(40))
-    assert one == pytest.approx((0.01, 0.0, 0.0), abs=1e-9)
-    assert others[:25] == [(0.0, 0.0, 0.0)] * 25
-    assert others[-5:] == [None] * 5
+    changes = [readings.change(0.001) for _ in range(40)]
+    assert changes[0] == pytest.approx((0.01, 0.0, 0.0), abs=1e-9)
+    assert changes[1:26] == [(0.0, 0.0, 0.0)] * 25
+    assert changes[-5:] == [None] * 5
 
 
 def increment(turn: float = 0.0, change: Triple | None = None) -> ImuIncrement:
@@ -203,23 +206,26 @@ def test_what_friction_has_to_correct_for_long_is_noise_of_the_accelerometer() -
 @pytest.mark.parametrize('variance', [0.0, 1e-6])
 def test_the_drift_of_the_heading_is_measured_by_all_of_the_standstill(variance: float) -> None:
     # The measurements are weighted as independent ones, and together are the mean rate.
-    gyro, rng = GyroCalibration(NOISE), np.random.default_rng(1)
-    turns = 3e-5 + 1e-5 * rng.standard_normal(200)
-    whole = information = 0.0
-    for k, turn in enumerate(turns):
-        taken = increment(float(turn))
-        measured = gyro.update(taken, PERIOD, variance, is_confirmed=k >= 50)
+    gyro = GyroCalibration(NOISE)
+    turns = 3e-5 + 1e-5 * np.random.default_rng(1).standard_normal(200)
+    weighted_rate = information = 0.0
+    for k, turn in enumerate(turns.tolist()):
+        measured = gyro.update(increment(turn), PERIOD, variance, is_confirmed=k >= 50)
         assert (measured is None) == (k < 50)
         if measured:
-            whole, information = whole + measured[0] / measured[1], information + 1 / measured[1]
-    assert whole / information == pytest.approx(turns.mean() / PERIOD, rel=0.02)
+            rate, rate_variance = measured
+            weighted_rate += rate / rate_variance
+            information += 1.0 / rate_variance
+    assert weighted_rate / information == pytest.approx(turns.mean() / PERIOD, rel=0.02)
     noise = 1e-6 / 2.0 if not variance else 2.0 / 2.0**2 * (1e-6 + 1e-6 / 4.0)
     assert information == pytest.approx(1.0 / (noise + CREEP**2), rel=0.02)
 
 
 def stood(rate: float, noise: float, *, seconds: float = 5.0, is_commanded: bool = False) -> float:
     """Return the longest standstill of cranks that creep, with noise of their encoders [rad]."""
-    detector, rng, longest = StandstillDetector(NOISE), np.random.default_rng(4), 0.0
+    detector = StandstillDetector(NOISE)
+    rng = np.random.default_rng(4)
+    longest = 0.0
     for k in range(round(seconds / PERIOD)):
         angles = (rate * PERIOD * k + noise * rng.standard_normal(2)).tolist()
         detector.update(angles, (rate, rate), 0.0, PERIOD, is_commanded=is_commanded)
@@ -270,8 +276,8 @@ def walked(
         angle, rate = (0.01 * (k - 100), 1.0) if k > 100 else (0.0, 0.0)
         yaw = 1e-9 * (k % 2)
         odometry.imu(ImuReading(yaw, 0.0, PERIOD * k, LEVEL, force=next(forces)))
-        at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
-    return odometry, at.x, at.y
+        estimate = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
+    return odometry, estimate.x, estimate.y
 
 
 @pytest.mark.parametrize('spread', [0.0, 2.0, 30.0, 60.0])
@@ -279,10 +285,10 @@ def test_an_accelerometer_that_the_feet_contradict_moves_nothing(
     two_motors: Feet, spread: float
 ) -> None:
     rng = np.random.default_rng(5)
-    still = [AT_REST] * 100
+    at_standstill = [AT_REST] * 100
 
     def forces() -> Iterator[Triple]:
-        yield from still
+        yield from at_standstill
         while True:
             x, y = rng.uniform(-spread, spread, 2)
             yield float(x) + 0.5, float(y), GRAVITY
@@ -320,10 +326,10 @@ def test_a_body_that_rocks_beside_its_feet_moves_as_its_accelerometer(two_motors
         force = specific_force(*attitude, (0.0, 0.0))
         odometry.imu(ImuReading(0.0, 0.0, PERIOD * k, attitude, rocking, force))
         angle, rate = (phase / 6.0, pi / 3.0) if phase else (0.0, 0.0)
-        at = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
+        estimate = odometry.update((angle, angle), (rate, rate), PERIOD if k else 0.0)
     assert odometry.accelerometer_state is AccelerometerState.USED
     # The feet alone went 0.15 m.
-    assert hypot(at.x, at.y) < 0.08
+    assert hypot(estimate.x, estimate.y) < 0.08
 
 
 ImuFault = Callable[[float, float, int], tuple[float | None, float]]
@@ -338,17 +344,20 @@ def turned(
     `fault` makes yaw and rate of the true ones and the number of the reading, from 2 s to `until`;
     meanwhile its stamps advance by `stamp` of the time.
     """
-    odometry, alone, states = Odometry(feet), Odometry(feet), set()
-    yaw = at = 0.0
+    odometry = Odometry(feet)
+    feet_alone = Odometry(feet)
+    states = set()
+    yaw = stamp_time = 0.0
     for k in range(1500):
-        time, is_faulty = PERIOD * k, 2.0 < PERIOD * k < until
+        time = PERIOD * k
+        is_faulty = 2.0 < time < until
         angle, rate = (time - 1.0, 1.0) if time > 1.0 else (0.0, 0.0)
-        true = alone.update((-angle, angle), (-rate, rate), PERIOD)
-        moved = wrap(true.yaw - yaw)
-        yaw += moved
-        measured = fault(yaw, moved / PERIOD, k) if is_faulty else (yaw, moved / PERIOD)
-        at += PERIOD * (stamp if is_faulty else 1.0)
-        odometry.imu(ImuReading(*measured, at))
+        true = feet_alone.update((-angle, angle), (-rate, rate), PERIOD)
+        change = wrap(true.yaw - yaw)
+        yaw += change
+        measured = fault(yaw, change / PERIOD, k) if is_faulty else (yaw, change / PERIOD)
+        stamp_time += PERIOD * (stamp if is_faulty else 1.0)
+        odometry.imu(ImuReading(*measured, stamp_time))
         pose = odometry.update((-angle, angle), (-rate, rate), PERIOD)
         states.add(odometry.imu_input.monitor.state)
     return states, odometry, abs(wrap(pose.yaw - yaw))
@@ -410,12 +419,12 @@ def test_queues_that_are_drained_one_after_the_other_repeat_no_reading(steering:
     walker = Walker(steering)
     for first in range(0, 400, 40):
         times = [PERIOD * k for k in range(first, first + 40)]
-        for at in times:
-            reading = ImuReading(0.0, 0.001 * (at % 0.03), at, LEVEL, force=AT_REST)
+        for time in times:
+            reading = ImuReading(0.0, 0.001 * (time % 0.03), time, LEVEL, force=AT_REST)
             walker.imu(reading, times[-1])
-        for at in times:
-            turning = {'left_crank': (-at, -1.0), 'right_crank': (-at, -1.0)}
-            walker.feedback(turning, times[-1], at=at)
+        for time in times:
+            turning = {'left_crank': (-time, -1.0), 'right_crank': (-time, -1.0)}
+            walker.feedback(turning, times[-1], at=time)
             assert walker.values(times[-1])['imu'] == 'used'
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 from klann_ros.gait import Rates, Twist2D
 from klann_ros.walker import MotionLimits
 from klann_ros.walker.limits import MIN_DECELERATION, MotionLimiter
+import numpy as np
 import pytest
 
 DT = 0.01
@@ -31,7 +32,8 @@ commands = st.lists(st.tuples(twists, st.integers(1, 40)), min_size=1, max_size=
 
 def driven(limits: MotionLimits, commands: Sequence[tuple[Twist2D, int]]) -> list[Twist2D]:
     """Return the motions at all steps of commands, each for a number of steps."""
-    limiter, motions = MotionLimiter(limits), [STANDS]
+    limiter = MotionLimiter(limits)
+    motions = [STANDS]
     for wanted, count in commands:
         for _ in range(count):
             motions.append(limiter.approach(motions[-1], wanted, DT))
@@ -40,7 +42,8 @@ def driven(limits: MotionLimits, commands: Sequence[tuple[Twist2D, int]]) -> lis
 
 def steps_to(limits: MotionLimits, start: Twist2D, target: Twist2D) -> list[Twist2D]:
     """Return the motions from a start, which is not accelerated, to a target."""
-    limiter, motions = MotionLimiter(limits), [start]
+    limiter = MotionLimiter(limits)
+    motions = [start]
     while motions[-1] != target:
         motions.append(limiter.approach(motions[-1], target, DT))
         assert len(motions) < 100_000
@@ -54,9 +57,9 @@ def test_no_change_is_faster_than_its_limit(
     motions = driven(limits, commands)
     for axis, speeds in zip(limits.axes, zip(*motions, strict=True), strict=True):
         acceleration = 0.0
-        for before, after in pairwise(speeds):
-            growth = (abs(after) - abs(before)) / DT
-            assert before * after >= 0.0
+        for last_speed, speed in pairwise(speeds):
+            growth = (abs(speed) - abs(last_speed)) / DT
+            assert last_speed * speed >= 0.0
             assert -axis.deceleration - 1e-9 <= growth <= axis.acceleration + 1e-9
             assert growth <= acceleration + axis.jerk * DT + 1e-6
             acceleration = max(0.0, growth)
@@ -66,13 +69,15 @@ def test_no_change_is_faster_than_its_limit(
 def test_no_step_overshoots_or_goes_away_from_the_command(
     limits: MotionLimits, commands: Sequence[tuple[Twist2D, int]]
 ) -> None:
-    limiter, motion = MotionLimiter(limits), STANDS
+    limiter = MotionLimiter(limits)
+    motion = STANDS
     for wanted, count in commands:
         for _ in range(count):
-            after = limiter.approach(motion, wanted, DT)
-            for was, is_, target in zip(motion, after, wanted, strict=True):
-                assert min(was, target) - 1e-12 <= is_ <= max(was, target) + 1e-12
-            motion = after
+            last_motion = motion
+            motion = limiter.approach(motion, wanted, DT)
+            for last_speed, speed, target in zip(last_motion, motion, wanted, strict=True):
+                lower, upper = sorted((last_speed, target))
+                assert lower - 1e-12 <= speed <= upper + 1e-12
 
 
 @given(limits, commands, st.sampled_from([(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]))
@@ -82,8 +87,10 @@ def test_mirrored_commands_give_mirrored_motions(
     def mirrored(twist: Twist2D) -> Twist2D:
         return Twist2D(signs[0] * twist.linear, signs[1] * twist.angular)
 
-    turned = [(mirrored(wanted), count) for wanted, count in commands]
-    assert driven(limits, turned) == [mirrored(motion) for motion in driven(limits, commands)]
+    mirrored_commands = [(mirrored(wanted), count) for wanted, count in commands]
+    assert driven(limits, mirrored_commands) == [
+        mirrored(motion) for motion in driven(limits, commands)
+    ]
 
 
 @given(limits, twists)
@@ -91,9 +98,11 @@ def test_a_stop_takes_the_time_of_its_deceleration_whatever_the_acceleration_and
     limits: MotionLimits, motion: Twist2D
 ) -> None:
     stop = steps_to(limits, motion, STANDS)
-    both = zip(limits.axes, motion, strict=True)
-    needed = max(abs(speed) / axis.deceleration for axis, speed in both)
-    assert len(stop) - 1 <= needed / DT + 1.0 + 1e-6
+    linear, angular = limits.axes
+    stop_time = max(
+        abs(motion.linear) / linear.deceleration, abs(motion.angular) / angular.deceleration
+    )
+    assert len(stop) - 1 <= stop_time / DT + 1.0 + 1e-6
     # On the same path.
     for linear, angular in stop:
         assert linear * motion.angular == pytest.approx(angular * motion.linear, abs=1e-9)
@@ -112,10 +121,10 @@ def test_a_stop_while_it_accelerates_is_not_delayed_either(
 def test_what_decreases_does_not_wait_for_what_grows(
     limits: MotionLimits, speed: float, turn: float
 ) -> None:
-    alone = steps_to(limits, Twist2D(0.0, turn), STANDS)
-    limiter, motion = MotionLimiter(limits), Twist2D(0.0, turn)
-    for before in alone:
-        assert motion.angular == before.angular
+    limiter = MotionLimiter(limits)
+    motion = Twist2D(0.0, turn)
+    for turn_alone in steps_to(limits, motion, STANDS):
+        assert motion.angular == turn_alone.angular
         motion = limiter.approach(motion, Twist2D(speed, 0.0), DT)
 
 
@@ -125,17 +134,16 @@ def test_an_acceleration_by_jerk_is_a_smooth_ramp_that_arrives(
 ) -> None:
     limits = MotionLimits(max_linear_acceleration=acceleration, max_linear_jerk=jerk)
     motions = steps_to(limits, STANDS, Twist2D(speed, 0.0))
-    speeds = [motion.linear for motion in motions]
-    growths = [0.0, *((after - before) / DT for before, after in pairwise(speeds)), 0.0]
-    changes = [after - before for before, after in pairwise(growths)]
+    accelerations = np.diff([motion.linear for motion in motions]) / DT
+    changes = np.diff([0.0, *accelerations, 0.0])
     assert max(changes) <= jerk * DT + 1e-6
     # The last step is what is left.
     assert min(changes) >= -2.0 * jerk * DT - 1e-6
     # The time of the ramp without steps, and those that it is rounded up to.
-    needed = speed / acceleration + acceleration / jerk
+    ramp_time = speed / acceleration + acceleration / jerk
     if speed < acceleration**2 / jerk:
-        needed = 2.0 * (speed / jerk) ** 0.5
-    assert len(motions) - 1 <= needed / DT + 4.0
+        ramp_time = 2.0 * (speed / jerk) ** 0.5
+    assert len(motions) - 1 <= ramp_time / DT + 4.0
 
 
 @given(twists, st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 0.5), st.floats(0.0, 0.5))
@@ -174,7 +182,8 @@ def test_a_walker_that_may_not_reverse_stands_and_none_is_without_deceleration()
 
 def test_a_motion_that_was_set_by_others_begins_without_acceleration() -> None:
     limits = MotionLimits(max_linear_acceleration=1.0, max_linear_jerk=1.0)
-    limiter, wanted = MotionLimiter(limits), Twist2D(1.0, 0.0)
+    limiter = MotionLimiter(limits)
+    wanted = Twist2D(1.0, 0.0)
     motion = STANDS
     for _ in range(20):
         motion = limiter.approach(motion, wanted, DT)

@@ -57,11 +57,11 @@ class MapWalk:
             left, right = self.steering.planned_rates(corrected, cranks, on_spot=on_spot)
             rates = np.array([left + right, right - left]) / 2.0
             i, j = (self._phases / (2.0 * pi) * POINTS).astype(int) % POINTS
-            moved = rates @ self._map[:, i, j] * self._gains
-            self._late.append(Twist2D(*moved.tolist()))
+            motion = rates @ self._map[:, i, j] * self._gains
+            self._late.append(Twist2D(*motion.tolist()))
             self.feedback.measure(wanted, self._late.popleft(), DT)
             self._phases += rates * DT
-            self.path.append(self.path[-1] + moved * DT)
+            self.path.append(self.path[-1] + motion * DT)
         return self
 
     def errors(self, wanted: Twist2D) -> FloatArray:

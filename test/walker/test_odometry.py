@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-# No reading of a sensor is the last one: yaws that differ by this [rad].
+# No reading of a sensor repeats the last one: its yaw differs by this [rad].
 TREMBLE = (0.0, 1e-9)
 # Two feet in the middle, and one at each end that is higher.
 SEESAW = [(1.0, 0.0, -0.2), (0.0, 0.3, -0.3), (0.0, -0.3, -0.3), (-1.0, 0.0, -0.2)]
@@ -35,94 +35,97 @@ def walked(
     """Return the odometry of a walk at two rates."""
     odometry = Odometry(feet)
     for k in range(round(seconds / step) + 1):
-        at = odometry.update((left * k * step, right * k * step), (left, right))
-    return odometry, at
+        estimate = odometry.update((left * k * step, right * k * step), (left, right))
+    return odometry, estimate
 
 
 def test_straight_on_it_goes_as_far_as_its_feet_carry_it(two_motors: Feet) -> None:
-    _, at = walked(two_motors, 0.2, 0.2, seconds=10.0 * pi, step=0.05)
-    assert at.x == pytest.approx(2.0 * pi * 0.1495, rel=0.01)
-    assert abs(at.y) < 0.01
-    assert abs(at.yaw) < 0.01
-    assert at.z == pytest.approx(0.31, abs=0.02)
+    _, estimate = walked(two_motors, 0.2, 0.2, seconds=10.0 * pi, step=0.05)
+    assert estimate.x == pytest.approx(2.0 * pi * 0.1495, rel=0.01)
+    assert abs(estimate.y) < 0.01
+    assert abs(estimate.yaw) < 0.01
+    assert estimate.z == pytest.approx(0.31, abs=0.02)
 
 
 def test_back_on_the_same_way_it_is_where_it_was(two_motors: Feet) -> None:
     odometry = Odometry(two_motors)
-    there = [0.004 * k for k in range(500)]
-    for a in (*there, *reversed(there)):
-        at = odometry.update((a, a), (0.4, 0.4))
+    angles = [0.004 * k for k in range(500)]
+    for angle in (*angles, *reversed(angles)):
+        estimate = odometry.update((angle, angle), (0.4, 0.4))
     # But for the feet that slid, and slide back elsewhere.
-    assert hypot(at.x, at.y) < 0.02
+    assert hypot(estimate.x, estimate.y) < 0.02
     assert odometry.travelled > 0.5
 
 
 def test_mirrored_rates_are_a_mirrored_walk(two_motors: Feet) -> None:
     # Half a turn of the gait mirrors the legs.
-    odometry, mirrored = Odometry(two_motors), Odometry(two_motors)
+    odometry = Odometry(two_motors)
+    mirrored = Odometry(two_motors)
     for k in range(400):
-        a, b = 0.008 * k, 0.014 * k
-        one = odometry.update((a, b), (0.4, 0.7))
-        other = mirrored.update((b + pi, a + pi), (0.7, 0.4))
-    assert (other.x, other.y, other.yaw) == pytest.approx((one.x, -one.y, -one.yaw), abs=0.02)
-    assert one.yaw > 0.04
+        left = 0.008 * k
+        right = 0.014 * k
+        pose = odometry.update((left, right), (0.4, 0.7))
+        image = mirrored.update((right + pi, left + pi), (0.7, 0.4))
+    assert (image.x, image.y, image.yaw) == pytest.approx((pose.x, -pose.y, -pose.yaw), abs=0.02)
+    assert pose.yaw > 0.04
 
 
 def test_it_turns_as_predicted_from_any_phase(two_motors: Feet) -> None:
     rates = Steering(two_motors).rates(Twist2D(0.05, 0.1))
-    turned = []
+    yaws = []
     for start in (0.0, 1.6, 3.1, 4.7):
         odometry = Odometry(two_motors)
         for k in range(250):
             cranks = [0.04 * k * rates.left, 0.04 * k * rates.right + start]
-            at = odometry.update(cranks, rates)
-        turned.append(at.yaw)
-    assert np.mean(turned) == pytest.approx(1.0, rel=0.15)
+            estimate = odometry.update(cranks, rates)
+        yaws.append(estimate.yaw)
+    assert np.mean(yaws) == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize('step', [0.005, 0.05, 0.5])
 def test_the_pose_depends_little_on_the_update_rate(two_motors: Feet, step: float) -> None:
     _, fine = walked(two_motors, 1.0, 1.0, seconds=3.0, step=0.01)
-    _, other = walked(two_motors, 1.0, 1.0, seconds=3.0, step=step)
-    assert other.x == pytest.approx(fine.x, rel=0.02)
+    _, coarse = walked(two_motors, 1.0, 1.0, seconds=3.0, step=step)
+    assert coarse.x == pytest.approx(fine.x, rel=0.02)
 
 
 def test_velocity_is_that_of_the_way(two_motors: Feet) -> None:
     odometry = Odometry(two_motors)
-    speeds, xs = [], []
+    speeds = []
+    xs = []
     for k in range(315):
-        at = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
-        speeds.append(at.linear[0])
-        xs.append(at.x)
+        estimate = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
+        speeds.append(estimate.linear[0])
+        xs.append(estimate.x)
     assert np.sum(speeds) * 0.02 == pytest.approx(xs[-1], rel=2e-3)
     # But for the body, which tips on until it lies still.
     assert hypot(*odometry.update((6.28, 6.28), (0.0, 0.0)).linear) < 0.02
 
 
 def test_doubt_grows_with_the_way_and_stays_while_it_stands(two_motors: Feet) -> None:
-    odometry, at = walked(two_motors, 1.0, 1.0, seconds=5.0)
-    at = odometry.update((5.0, 5.0), (0.0, 0.0))
+    odometry, estimate = walked(two_motors, 1.0, 1.0, seconds=5.0)
+    estimate = odometry.update((5.0, 5.0), (0.0, 0.0))
     for _ in range(100):
         standing = odometry.update((5.0, 5.0), (0.0, 0.0))
-    assert np.array(standing.covariance) == pytest.approx(np.array(at.covariance), abs=1e-6)
+    assert np.array(standing.covariance) == pytest.approx(np.array(estimate.covariance), abs=1e-6)
     _, further = walked(two_motors, 1.0, 1.0, seconds=20.0)
-    assert np.all(np.diag(further.covariance) > np.diag(at.covariance))
+    assert np.all(np.diag(further.covariance) > np.diag(estimate.covariance))
     assert np.all(np.linalg.eigvalsh(further.covariance) >= 0.0)
     # On the spot the feet are trusted less.
     _, spot = walked(two_motors, -1.0, 1.0, seconds=5.0)
-    assert spot.covariance[2][2] > 2.0 * at.covariance[2][2]
+    assert spot.covariance[2][2] > 2.0 * estimate.covariance[2][2]
 
 
 def test_the_covariance_turns_with_the_heading(two_motors: Feet) -> None:
     """The same walk, begun to the north instead of to the east."""
-    found = []
+    estimates = []
     for heading in (0.0, pi / 2.0):
         odometry = Odometry(two_motors)
         odometry.state.mean[2] = heading
         for k in range(200):
-            at = odometry.update((0.02 * k, 0.03 * k), (1.0, 1.5))
-        found.append(at)
-    east, north = found
+            estimate = odometry.update((0.02 * k, 0.03 * k), (1.0, 1.5))
+        estimates.append(estimate)
+    east, north = estimates
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert (north.x, north.y) == pytest.approx((-east.y, east.x))
     expected = turn @ np.array(east.covariance) @ turn.T
@@ -135,8 +138,8 @@ def test_slip_makes_the_way_as_uncertain_ahead_as_aside(two_motors: Feet) -> Non
     for error in (0.0, 0.2):
         odometry = Odometry(two_motors, OdometryNoise(slip_error=error))
         for k in range(200):
-            at = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
-        covariances.append(np.array(at.covariance))
+            estimate = odometry.update((0.02 * k, 0.02 * k), (1.0, 1.0))
+        covariances.append(np.array(estimate.covariance))
     ahead, aside, yaw = np.diag(covariances[1] - covariances[0])
     assert ahead > 1e-6
     assert (aside, yaw) == pytest.approx((ahead, 0.0), rel=0.05)
@@ -148,12 +151,14 @@ def test_a_heading_that_is_unknown_by_a_radian_leaves_a_circle_of_poses() -> Non
     )
     path = []
     for k in range(900):
-        at = odometry.update((0.015 * k, 0.075 * k), (0.3, 1.5))
-        path.append((at.x, at.y))
+        estimate = odometry.update((0.015 * k, 0.075 * k), (0.3, 1.5))
+        path.append((estimate.x, estimate.y))
     diameter = np.ptp(path, axis=0).mean()
-    assert at.covariance[2][2] > 1.0
-    least, most = np.sqrt(np.linalg.eigvalsh(np.array(at.covariance)[:2, :2]))
-    assert 0.25 * diameter < least < most < diameter
+    assert estimate.covariance[2][2] > 1.0
+    min_deviation, max_deviation = np.sqrt(
+        np.linalg.eigvalsh(np.array(estimate.covariance)[:2, :2])
+    )
+    assert 0.25 * diameter < min_deviation < max_deviation < diameter
 
 
 def test_a_crank_that_disagrees_with_its_rate_is_not_filtered(two_motors: Feet) -> None:
@@ -189,47 +194,52 @@ def test_yaw_is_the_imus_where_there_is_one(
     for k in range(1000):
         angle = None if start is None else start + drift * k
         odometry.imu(ImuReading(angle, rate + TREMBLE[k % 2], 0.01 * k))
-        at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
-    assert at.yaw == pytest.approx(yaw, abs=0.002)
-    assert at.angular == pytest.approx(rate, abs=1e-4)
-    assert at.covariance[2][2] >= odometry.noise.heading_error**2
+        estimate = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+    assert estimate.yaw == pytest.approx(yaw, abs=0.002)
+    assert estimate.angular == pytest.approx(rate, abs=1e-4)
+    assert estimate.covariance[2][2] >= odometry.noise.heading_error**2
 
 
 def test_slip_of_the_feet_in_a_curve_changes_no_measured_yaw(two_motors: Feet) -> None:
     """Unequal sides, and an IMU that measures another yaw rate than they make."""
     odometry = Odometry(two_motors)
     for k in range(1700):
-        walked = max(0.0, 0.01 * k - 2.0)
-        odometry.imu(ImuReading(0.05 * walked, 0.05 if walked else 0.0, 0.01 * k, (0.0, 0.0)))
-        rates = (0.7, 1.4) if walked else (0.0, 0.0)
-        at = odometry.update((0.7 * walked, 1.4 * walked), rates, 0.01)
-    assert at.yaw == pytest.approx(0.05 * walked, abs=1e-4)
+        walk_time = max(0.0, 0.01 * k - 2.0)
+        odometry.imu(
+            ImuReading(0.05 * walk_time, 0.05 if walk_time else 0.0, 0.01 * k, (0.0, 0.0))
+        )
+        rates = (0.7, 1.4) if walk_time else (0.0, 0.0)
+        estimate = odometry.update((0.7 * walk_time, 1.4 * walk_time), rates, 0.01)
+    assert estimate.yaw == pytest.approx(0.05 * walk_time, abs=1e-4)
     assert abs(odometry.gyro_bias) < 1e-6
 
 
 def test_an_orientation_that_trembles_drags_no_feet(two_motors: Feet) -> None:
     rng = np.random.default_rng(3)
-    odometry, feet_alone = Odometry(two_motors), Odometry(two_motors)
+    odometry = Odometry(two_motors)
+    feet_alone = Odometry(two_motors)
     for k in range(400):
         odometry.imu(ImuReading(0.002 * rng.standard_normal(), 0.0, 0.01 * k))
-        at = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
+        estimate = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0))
         alone = feet_alone.update((0.01 * k, 0.01 * k), (1.0, 1.0))
-    assert (at.x, at.y) == pytest.approx((alone.x, alone.y), abs=0.02)
+    assert (estimate.x, estimate.y) == pytest.approx((alone.x, alone.y), abs=0.02)
     assert odometry.slid < 1.3 * feet_alone.slid
 
 
 def test_a_yaw_rate_is_as_uncertain_as_one_reading_of_the_gyro(two_motors: Feet) -> None:
-    odometry, rng, period = Odometry(two_motors), np.random.default_rng(2), 0.01
+    odometry = Odometry(two_motors)
+    rng = np.random.default_rng(2)
+    period = 0.01
     # A density is the deviation of one reading by the root of its rate.
     noise = odometry.noise.gyro_noise / period**0.5
     errors = []
     for k in range(1500):
         odometry.imu(ImuReading(0.0, noise * rng.standard_normal(), period * k))
-        at = odometry.update((period * k, period * k), (1.0, 1.0))
+        estimate = odometry.update((period * k, period * k), (1.0, 1.0))
         if k >= 500:
-            errors.append(at.angular**2 / at.rate_variances[2])
+            errors.append(estimate.angular**2 / estimate.rate_variances[2])
     assert np.mean(errors) < 1.2
-    assert at.rate_variances[2] > 0.99 * noise**2
+    assert estimate.rate_variances[2] > 0.99 * noise**2
 
 
 def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering) -> None:
@@ -238,68 +248,75 @@ def test_an_imu_that_falls_silent_leaves_the_yaw_to_the_feet(steering: Steering)
         now = 0.01 * k
         if k < 100:
             walker.imu(ImuReading(1.0 + TREMBLE[k % 2], 0.0, now), now)
-        at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now)
+        estimate = walker.feedback(
+            {'left_crank': (now, 1.0), 'right_crank': (2.0 * now, 2.0)}, now
+        )
         if k == 100:
-            assert abs(at.yaw) < 1e-4
+            assert abs(estimate.yaw) < 1e-4
             assert walker.values(now)['imu'] == 'used'
-    assert at.yaw > 0.02
+    assert estimate.yaw > 0.02
     assert walker.values(3.0)['imu'] == 'none'
 
 
 def test_an_encoder_jump_adds_no_distance(steering: Steering) -> None:
     walker = Walker(steering)
     for k in range(300):
-        now, jump = 0.01 * k, 2.0 if k > 150 else 0.0
-        at = walker.feedback({'left_crank': (now, 1.0), 'right_crank': (now + jump, 1.0)}, now)
-    assert at is not None
+        now = 0.01 * k
+        jump = 2.0 if k > 150 else 0.0
+        walker.feedback({'left_crank': (now, 1.0), 'right_crank': (now + jump, 1.0)}, now)
     assert walker.odometry.travelled < 0.7
     assert walker.values(3.0)['right_crank jumps'] == '1'
 
 
 def test_cranks_without_valid_angles_stand(steering: Steering) -> None:
     """As all are stopped then, whatever rates their drivers go on to send."""
-    walker, joints = Walker(steering), ('left_crank', 'right_crank')
+    walker = Walker(steering)
+    joints = 'left_crank', 'right_crank'
     for k in range(600):
         now = 0.01 * k
-        at = walker.feedback(dict.fromkeys(joints, (now if k < 100 else nan, 1.0)), now)
-    assert at
+        estimate = walker.feedback(dict.fromkeys(joints, (now if k < 100 else nan, 1.0)), now)
+    assert estimate
     assert 0.1 < walker.odometry.travelled < 0.2
-    assert hypot(*at.linear) < 0.001
+    assert hypot(*estimate.linear) < 0.001
 
 
 @pytest.mark.parametrize('bad', [nan, inf, -inf, 1e300, 1e7])
 def test_no_angle_makes_the_pose_no_number(steering: Steering, bad: float) -> None:
     walker = Walker(steering)
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
-    at = walker.feedback({'left_crank': (bad, bad), 'right_crank': (0.01, nan)}, 0.01)
-    assert np.isfinite([at.x, at.y, at.z, at.yaw, *at.linear, at.angular]).all()
+    estimate = walker.feedback({'left_crank': (bad, bad), 'right_crank': (0.01, nan)}, 0.01)
+    assert np.isfinite(
+        [estimate.x, estimate.y, estimate.z, estimate.yaw, *estimate.linear, estimate.angular]
+    ).all()
     assert walker.values(0.01)['left_crank rejected'] == '1'
 
 
 def test_a_returning_imu_turns_by_its_orientation(two_motors: Feet) -> None:
     odometry = Odometry(two_motors)
-    for yaw, at in ((0.0, 0.0), (0.0, 0.01), (0.3, 3600.0)):
-        odometry.imu(ImuReading(yaw, 0.2, at))
+    for yaw, time in ((0.0, 0.0), (0.0, 0.01), (0.3, 3600.0)):
+        odometry.imu(ImuReading(yaw, 0.2, time))
         pose = odometry.update((0.0, 0.0), (0.0, 0.0))
     assert pose.yaw == pytest.approx(0.3, abs=0.01)
 
 
 def test_a_gyro_bias_learned_at_standstill_turns_no_walk(two_motors: Feet) -> None:
-    odometry, bias = Odometry(two_motors), 0.004
+    odometry = Odometry(two_motors)
+    bias = 0.004
     for k in range(800):
         angle = max(0.0, 0.01 * (k - 300))
         odometry.imu(ImuReading(None, bias + TREMBLE[k % 2], 0.01 * k))
-        at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+        estimate = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
     assert odometry.gyro_bias == pytest.approx(bias, rel=0.1)
-    assert abs(at.yaw) < 0.2 * bias * 5.0
+    assert abs(estimate.yaw) < 0.2 * bias * 5.0
 
 
 def test_the_noise_of_the_first_heading_is_no_bias(two_motors: Feet) -> None:
     biases = []
     for seed in range(10):
-        odometry, rng = Odometry(two_motors), np.random.default_rng(seed)
+        odometry = Odometry(two_motors)
+        rng = np.random.default_rng(seed)
         for k in range(200):
-            yaw, rate = 0.002 * rng.standard_normal(), 0.005 * rng.standard_normal()
+            yaw, rate = rng.standard_normal(2) * (0.002, 0.005)
             odometry.imu(ImuReading(yaw, rate, 0.01 * k), 4e-6)
             odometry.update((0.0, 0.0), (0.0, 0.0), 0.01)
         biases.append(odometry.gyro_bias)
@@ -309,7 +326,8 @@ def test_the_noise_of_the_first_heading_is_no_bias(two_motors: Feet) -> None:
 @pytest.mark.parametrize('is_commanded', [True, False])
 def test_a_slow_turn_is_no_bias_of_the_gyro(two_motors: Feet, *, is_commanded: bool) -> None:
     """By the command, and by the cranks where others command them."""
-    odometry, rng = Odometry(two_motors), np.random.default_rng(1)
+    odometry = Odometry(two_motors)
+    rng = np.random.default_rng(1)
     for k in range(3000):
         time = max(0.0, 0.01 * k - 2.0)
         yaw_rate = 0.0094 if time else 0.0
@@ -327,11 +345,11 @@ def test_a_walker_tells_its_odometry_what_is_commanded(steering: Steering) -> No
     walker = Walker(steering)
     for k in range(1500):
         now = 0.01 * k
-        turned = 0.0094 * max(0.0, now - 2.0)
-        if turned:
+        yaw = 0.0094 * max(0.0, now - 2.0)
+        if yaw:
             walker.controller.command(0.0, 0.0094, now)
             walker.controller.step(now)
-        walker.imu(ImuReading(turned, 0.0094 if turned else 0.0, now), now)
+        walker.imu(ImuReading(yaw, 0.0094 if yaw else 0.0, now), now)
         walker.feedback(dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.0)), now)
     assert abs(walker.odometry.gyro_bias) < 2e-4
 
@@ -364,8 +382,8 @@ def test_an_accelerated_body_rests_on_the_feet_around_its_zero_moment_point(
     stance.centre.acceleration = acceleration + 0j
     stance.slope.acceleration = slope + 0j
     load_point = stance._zero_moment_point((0.0, 0.0, 0.0), is_accelerated=True)
-    rest = support(SEESAW, load_point)
-    assert rest.facet == facet
+    body_support = support(SEESAW, load_point)
+    assert body_support.facet == facet
 
 
 @pytest.mark.parametrize('pitch', [0.3, -0.3])
@@ -377,11 +395,13 @@ def test_it_stands_on_the_feet_that_its_measured_attitude_shows(
     for k in range(600):
         angle = 3.9 + max(0.0, 0.003 * (k - 300))
         feet, _, centre = two_motors.at((angle, angle + pi)).tolist()
-        rest = support(feet, centre, None, (0.0, pitch))
-        odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (rest.roll, rest.pitch)))
+        body_support = support(feet, centre, None, (0.0, pitch))
+        odometry.imu(
+            ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (body_support.roll, body_support.pitch))
+        )
         odometry.update((angle, angle + pi), (0.0, 0.0), 0.01)
-    assert rest.pitch == pytest.approx(pitch, abs=0.04)
-    assert odometry.support.pitch == pytest.approx(rest.pitch, abs=0.01)
+    assert body_support.pitch == pytest.approx(pitch, abs=0.04)
+    assert odometry.support.pitch == pytest.approx(body_support.pitch, abs=0.01)
 
 
 def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> None:
@@ -391,9 +411,9 @@ def test_feet_that_slide_against_each_other_inform_little_along_their_slip() -> 
         angle = max(0.0, 0.01 * (k - 200))
         still = ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (0.0, 0.0), force=(0.0, 0.0, GRAVITY))
         odometry.imu(still)
-        at = odometry.update((-angle, angle), (-1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+        estimate = odometry.update((-angle, angle), (-1.0, 1.0) if angle else (0.0, 0.0), 0.01)
     assert odometry.accelerometer_state is AccelerometerState.USED
-    along, across, _ = at.rate_variances
+    along, across, _ = estimate.rate_variances
     assert along > 4.0 * across
 
 
@@ -408,35 +428,37 @@ def test_the_way_is_less_certain_where_attitude_or_accelerometer_contradict(
     two_motors: Feet, part: str, contradicted: str, usual: str
 ) -> None:
     def deviation(times: float) -> float:
-        odometry, gravity = Odometry(two_motors), (0.0, 0.0, GRAVITY)
+        odometry = Odometry(two_motors)
+        gravity = 0.0, 0.0, GRAVITY
         square = getattr(odometry.noise, usual) ** 2
         for k in range(330):
             angle = max(0.0, 0.01 * (k - 300))
             odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, 0.01 * k, (0.0, 0.0), force=gravity))
             if k >= 300:
                 setattr(attrgetter(part)(odometry), contradicted, times * square)
-            at = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
+            estimate = odometry.update((angle, angle), (1.0, 1.0) if angle else (0.0, 0.0), 0.01)
         assert odometry.accelerometer_state is AccelerometerState.USED
-        return float(np.sqrt(at.covariance[0][0]))
+        return float(np.sqrt(estimate.covariance[0][0]))
 
     assert deviation(60.0) > 2.0 * deviation(0.0)
 
 
-@pytest.mark.parametrize(('x', 'away'), [(-0.05, 0.05), (0.0, 0.0), (0.05, 0.0)])
+@pytest.mark.parametrize(('x', 'distance'), [(-0.05, 0.05), (0.0, 0.0), (0.05, 0.0)])
 def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
-    steering: Steering, x: float, away: float
+    steering: Steering, x: float, distance: float
 ) -> None:
     """It leans forwards, where the file has its centre of mass behind the feet in the middle."""
-    leans, centre = (0.0, atan(0.1)), (x, 0.0, -0.3)
-    assert outside_feet(SEESAW, centre, leans) == pytest.approx(away, abs=1e-9)
+    attitude = 0.0, atan(0.1)
+    centre = x, 0.0, -0.3
+    assert outside_feet(SEESAW, centre, attitude) == pytest.approx(distance, abs=1e-9)
     walker = Walker(steering)
     walker.feedback({'left_crank': (0.0, 0.0), 'right_crank': (0.0, 0.0)}, 0.0)
     check = walker.odometry.stance.support_check
     for _ in range(400):
-        check.update(SEESAW, centre, (1, 2, 3), leans, 0.01)
+        check.update(SEESAW, centre, (1, 2, 3), attitude, 0.01)
     level, text = walker.verdict(0.0)
-    assert ('check body_centre' in text) == bool(away)
-    assert (level == DiagnosticLevel.WARN) == bool(away)
+    assert ('check body_centre' in text) == bool(distance)
+    assert (level == DiagnosticLevel.WARN) == bool(distance)
     check.violation = 0.0
     walker.odometry.stance.slope._innovation_square = 7.1**2
     assert 'attitude is not that of a body on its feet' in walker.verdict(0.0)[1]
@@ -445,28 +467,33 @@ def test_a_body_that_lies_on_feet_that_cannot_carry_it_is_reported(
 
 
 @pytest.mark.parametrize(
-    ('set_by', 'here'), [(1.8e9, 0.0), (1000.0, 0.0), (-1000.0, 0.0), (-50.0, -50.0)]
+    ('set_by', 'now_offset'), [(1.8e9, 0.0), (1000.0, 0.0), (-1000.0, 0.0), (-50.0, -50.0)]
 )
-def test_a_clock_that_is_set_moves_nothing(steering: Steering, set_by: float, here: float) -> None:
+def test_a_clock_that_is_set_moves_nothing(
+    steering: Steering, set_by: float, now_offset: float
+) -> None:
     """As that of a computer without a battery, which gets its time later, or of a simulation."""
-    found = []
+    estimates = []
     for is_set in (0, 1):
         walker = Walker(steering)
         for k in range(400):
-            at, late = 0.01 * k, is_set * (k > 200)
-            now = at + here * late
+            time = 0.01 * k
+            late = is_set * (k > 200)
+            now = time + now_offset * late
             walker.imu(
-                ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), now
+                ImuReading(TREMBLE[k % 2], 0.0, time, (0.0, 0.0), force=(0.0, 0.0, 9.81)), now
             )
-            readings = dict.fromkeys(('left_crank', 'right_crank'), (0.3 * at, 0.3))
-            pose = walker.feedback(readings, now, at + set_by * late)
+            readings = dict.fromkeys(('left_crank', 'right_crank'), (0.3 * time, 0.3))
+            pose = walker.feedback(readings, now, time + set_by * late)
         assert pose
-        found.append(pose)
-    before, after = found
-    assert (after.x, after.y, after.yaw) == pytest.approx(
-        (before.x, before.y, before.yaw), abs=1e-3
+        estimates.append(pose)
+    plain, with_set_clock = estimates
+    assert (with_set_clock.x, with_set_clock.y, with_set_clock.yaw) == pytest.approx(
+        (plain.x, plain.y, plain.yaw), abs=1e-3
     )
-    assert np.array(after.covariance) == pytest.approx(np.array(before.covariance), abs=1e-6)
+    assert np.array(with_set_clock.covariance) == pytest.approx(
+        np.array(plain.covariance), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize('late', [(0.0, 0.0099), (0.0, 0.012), (0.04, 0.03, 0.02, 0.01, 0.0)])
@@ -477,12 +504,14 @@ def test_readings_in_bunches_are_no_leaps(
     """As from a driver on a serial line, which stamps them as they arrive."""
     walker = Walker(steering)
     for k in range(400):
-        at = 0.01 * k
+        time = 0.01 * k
         if has_imu:
-            walker.imu(ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)), at)
-        reading = max(0.0, at - 1.0), float(at > 1.0)
+            walker.imu(
+                ImuReading(TREMBLE[k % 2], 0.0, time, (0.0, 0.0), force=(0.0, 0.0, 9.81)), time
+            )
+        reading = max(0.0, time - 1.0), float(time > 1.0)
         readings = dict.fromkeys(('left_crank', 'right_crank'), reading)
-        pose = walker.feedback(readings, at + late[k % len(late)] + 1e-5 * k)
+        pose = walker.feedback(readings, time + late[k % len(late)] + 1e-5 * k)
     assert pose
     assert pose.x == pytest.approx(0.467, abs=0.03)
 
@@ -490,24 +519,26 @@ def test_readings_in_bunches_are_no_leaps(
 @pytest.mark.parametrize('late', [0.0, 0.0099])
 def test_noise_of_encoders_without_rates_is_no_motion(steering: Steering, late: float) -> None:
     """Nor where readings come in pairs: at rest the bias of the gyro is learned all the same."""
-    walker, rng = Walker(steering), np.random.default_rng(1)
+    walker = Walker(steering)
+    rng = np.random.default_rng(1)
     for k in range(300):
-        at = 0.01 * k
-        walker.imu(ImuReading(0.003 * at, 0.003, at, (0.0, 0.0)), at)
+        time = 0.01 * k
+        walker.imu(ImuReading(0.003 * time, 0.003, time, (0.0, 0.0)), time)
         left, right = rng.normal(0.0, 0.001, 2)
         readings = {'left_crank': (left, None), 'right_crank': (right, None)}
-        walker.feedback(readings, at + late * (k % 2))
+        walker.feedback(readings, time + late * (k % 2))
     assert walker.odometry.gyro_bias == pytest.approx(0.003, abs=0.0005)
 
 
 def test_half_an_hour_without_feedback_leaves_a_covariance(two_motors: Feet) -> None:
-    odometry, last = Odometry(two_motors), 0.0
+    odometry = Odometry(two_motors)
+    last_time = 0.0
     for k in range(300):
-        at = 0.01 * k + 1800.0 * (k > 150)
+        time = 0.01 * k + 1800.0 * (k > 150)
         pitch = 0.05 * (k % 2)
-        odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, at, (0.0, pitch), force=(0.0, 0.0, 9.81)))
-        pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), at - last)
-        last = at
+        odometry.imu(ImuReading(TREMBLE[k % 2], 0.0, time, (0.0, pitch), force=(0.0, 0.0, 9.81)))
+        pose = odometry.update((0.01 * k, 0.01 * k), (1.0, 1.0), time - last_time)
+        last_time = time
         assert np.linalg.eigvalsh(pose.covariance)[0] >= 0.0
         assert odometry.stance.slope.innovation < 3.0
     assert hypot(pose.x, pose.y) < 0.6
@@ -517,9 +548,10 @@ def test_a_gyro_in_degrees_leaves_a_covariance(two_motors: Feet) -> None:
     """It is far too fast, by up to a radian a step, and right again later."""
     odometry = Odometry(two_motors)
     for k in range(400):
-        at, rate = 0.01 * k, 99.0 if 100 < k < 300 else 0.0
-        odometry.imu(ImuReading(TREMBLE[k % 2], rate, at, (0.0, 0.0), force=(0.0, 0.0, 9.81)))
-        pose = odometry.update((at, at), (1.0, 1.0), 0.01)
+        time = 0.01 * k
+        rate = 99.0 if 100 < k < 300 else 0.0
+        odometry.imu(ImuReading(TREMBLE[k % 2], rate, time, (0.0, 0.0), force=(0.0, 0.0, 9.81)))
+        pose = odometry.update((time, time), (1.0, 1.0), 0.01)
     assert np.linalg.eigvalsh(pose.covariance)[0] > 0.0
     assert np.trace(pose.covariance) < 1.0
     assert hypot(*pose.linear) < 0.4
@@ -528,9 +560,9 @@ def test_a_gyro_in_degrees_leaves_a_covariance(two_motors: Feet) -> None:
 def test_an_accelerometer_in_g_is_reported(steering: Steering) -> None:
     walker = Walker(steering)
     for k in range(100):
-        at = 0.01 * k
-        walker.imu(ImuReading(0.0, 0.0, at, (0.0, 0.0), force=(0.0, 0.0, 1.0)), at)
-        walker.feedback(dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.0)), at)
-    level, text = walker.verdict(at)
+        time = 0.01 * k
+        walker.imu(ImuReading(0.0, 0.0, time, (0.0, 0.0), force=(0.0, 0.0, 1.0)), time)
+        walker.feedback(dict.fromkeys(('left_crank', 'right_crank'), (0.0, 0.0)), time)
+    level, text = walker.verdict(time)
     assert level == DiagnosticLevel.WARN
     assert 'accelerometer is not believed: check its units' in text

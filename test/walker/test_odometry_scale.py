@@ -28,7 +28,8 @@ def test_the_scaled_path_of_wrong_estimates_is_the_true_one(
     linear: float, angular: float, motions: list[tuple[float, float]]
 ) -> None:
     scale = OdometryScale(linear, angular)
-    true_place, true_yaw, place, yaw = 0j, 0.0, 0j, 0.0
+    true_place = place = 0j
+    true_yaw = yaw = 0.0
     for speed, turn in motions:
         true_place += speed * rect(1.0, true_yaw + turn / 2.0)
         true_yaw += turn
@@ -65,24 +66,26 @@ def feet() -> Feet:
 def walked(odometry: Odometry, first: int, last: int) -> OdometryEstimate:
     """Walk in a curve between two readings, at 100 Hz."""
     for k in range(first, last):
-        found = odometry.update([0.008 * k, 0.012 * k], [0.8, 1.2], 0.01)
-    return found
+        latest = odometry.update([0.008 * k, 0.012 * k], [0.8, 1.2], 0.01)
+    return latest
 
 
 def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
-    one, two = Odometry(feet), Odometry(feet)
-    before = walked(one, 0, 300)
-    walked(two, 0, 300)
-    two.set_pose((1.0, 2.0, 0.7), np.zeros((3, 3)))
-    after, moved = walked(one, 300, 600), walked(two, 300, 600)
-    step = complex(after.x - before.x, after.y - before.y) * rect(1.0, 0.7 - before.yaw)
+    plain = Odometry(feet)
+    start = walked(plain, 0, 300)
+    set_odometry = Odometry(feet)
+    walked(set_odometry, 0, 300)
+    set_odometry.set_pose((1.0, 2.0, 0.7), np.zeros((3, 3)))
+    end = walked(plain, 300, 600)
+    set_end = walked(set_odometry, 300, 600)
+    step = complex(end.x - start.x, end.y - start.y) * rect(1.0, 0.7 - start.yaw)
     # What is learned later of the velocity before changes the whole walk only.
-    assert complex(moved.x, moved.y) == pytest.approx(1.0 + 2.0j + step, abs=1e-3)
-    assert moved.yaw - 0.7 == pytest.approx(after.yaw - before.yaw, abs=1e-3)
+    assert complex(set_end.x, set_end.y) == pytest.approx(1.0 + 2.0j + step, abs=1e-3)
+    assert set_end.yaw - 0.7 == pytest.approx(end.yaw - start.yaw, abs=1e-3)
     # A shorter walk is known better, and from its own covariance on.
-    assert np.trace(moved.covariance) < np.trace(after.covariance)
-    two.set_pose((0.0, 0.0, 0.0), np.array(COVARIANCE))
-    assert np.array(walked(two, 600, 601).covariance) == pytest.approx(
+    assert np.trace(set_end.covariance) < np.trace(end.covariance)
+    set_odometry.set_pose((0.0, 0.0, 0.0), np.array(COVARIANCE))
+    assert np.array(walked(set_odometry, 600, 601).covariance) == pytest.approx(
         np.array(COVARIANCE), rel=0.05
     )
 
@@ -90,14 +93,14 @@ def test_a_walk_from_a_set_pose_is_the_same_walk_from_there(feet: Feet) -> None:
 def test_a_set_pose_is_independent_of_what_else_is_known(feet: Feet) -> None:
     odometry = Odometry(feet)
     walked(odometry, 0, 300)
-    before = odometry.state.covariance.copy()
-    assert np.abs(before[:3, 3:]).max() > 0.0
+    covariance = odometry.state.covariance.copy()
+    assert np.abs(covariance[:3, 3:]).max() > 0.0
     odometry.set_pose((1.0, 2.0, 3.0), np.array(COVARIANCE))
-    after = odometry.state.covariance
-    assert not after[:3, 3:].any()
-    assert not after[3:, :3].any()
-    assert (after[3:, 3:] == before[3:, 3:]).all()
-    assert (after[:3, :3] == COVARIANCE).all()
+    set_covariance = odometry.state.covariance
+    assert not set_covariance[:3, 3:].any()
+    assert not set_covariance[3:, :3].any()
+    assert (set_covariance[3:, 3:] == covariance[3:, 3:]).all()
+    assert (set_covariance[:3, :3] == COVARIANCE).all()
 
 
 @pytest.mark.parametrize('factor', [1.0, 1.1])
@@ -108,20 +111,24 @@ def test_a_walker_goes_on_at_a_set_pose(feet: Feet, factor: float) -> None:
         for k in range(first, last):
             readings = {'left_crank': (0.01 * k, 1.0), 'right_crank': (0.01 * k, 1.0)}
             walker.controller.command(0.15, 0.0, 0.01 * k)
-            found = walker.feedback(readings, 0.01 * k)
+            latest = walker.feedback(readings, 0.01 * k)
             walker.controller.step(0.01 * k)
-        return found
+        return latest
 
-    before = walk(0, 200)
+    walk_end = walk(0, 200)
     lag = walker.controller.motion_feedback.lag
     walker.set_pose((5.0, -3.0, 1.0), COVARIANCE)
-    after = walk(200, 201)
-    assert before.x > 0.1
-    assert (after.x, after.y, after.yaw) == pytest.approx((5.0, -3.0, 1.0), abs=0.01)
+    continued = walk(200, 201)
+    assert walk_end.x > 0.1
+    assert (continued.x, continued.y, continued.yaw) == pytest.approx((5.0, -3.0, 1.0), abs=0.01)
     # A covariance that users give is in their scale.
-    assert np.array(after.covariance) == pytest.approx(np.array(COVARIANCE), rel=0.05, abs=1e-3)
+    assert np.array(continued.covariance) == pytest.approx(
+        np.array(COVARIANCE), rel=0.05, abs=1e-3
+    )
     # No motion was measured on the way there.
     assert walker.controller.motion_feedback.lag == pytest.approx(lag, abs=0.01)
     walker.set_pose()
-    again = walk(201, 202)
-    assert (again.x, again.y, again.yaw) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    reset_estimate = walk(201, 202)
+    assert (reset_estimate.x, reset_estimate.y, reset_estimate.yaw) == pytest.approx(
+        (0.0, 0.0, 0.0), abs=0.01
+    )

@@ -42,7 +42,7 @@ class Walked:
                 (x, y, z, w), (a, b, c), (u, v, f) = twin.imu()
                 force = u + warms * now, v, f
                 walker.imu(imu_reading((x, y, z, w), (a, b, c), now, force), now)
-            at = walker.feedback(dict(twin.cranks()), now)
+            estimate = walker.feedback(dict(twin.cranks()), now)
             (x, y, _), (last_x, last_y, _) = twin.truth().position, last.position
             self.path += hypot(x - last_x, y - last_y)
             last = twin.truth()
@@ -52,16 +52,15 @@ class Walked:
                 twin.command(joint, rate)
             twin.step(now + PERIOD)
             self.tilt = max(self.tilt, degrees(twin.tilt))
-        assert at is not None
-        self.values = walker.values(now)
+            self.values = walker.values(now)
         x, y, z, w = last.orientation
         self.yaw = yaw_of(x, y, z, w)
-        self.yaw_error = at.yaw - self.yaw
-        self.height_error = at.z - last.position[2]
-        ways = (at.x - last.position[0] + begin.position[0], at.y - last.position[1])
+        self.yaw_error = estimate.yaw - self.yaw
+        self.height_error = estimate.z - last.position[2]
+        ways = (estimate.x - last.position[0] + begin.position[0], estimate.y - last.position[1])
         self.error = hypot(*ways) / self.path
-        one, other = (crank.position for crank in twin.cranks().values())
-        self.apart = degrees(abs(one - other))
+        left, right = twin.cranks().values()
+        self.apart = degrees(abs(left.position - right.position))
 
 
 @pytest.fixture(scope='module')

@@ -30,8 +30,8 @@ def checked(
         # Left and right drift apart, as in a curve.
         angles = 0.05 * k, 0.04 * k
         positions, _, centre = feet.at(angles).tolist()
-        rest = stance.support(positions, centre)
-        attitude = complex(rest.roll, rest.pitch) + slope
+        body_support = stance.support(positions, centre)
+        attitude = complex(body_support.roll, body_support.pitch) + slope
         attitude += noise * complex(*random.standard_normal(2))
         encoders = [angle + offset for angle, offset in zip(angles, offsets, strict=True)]
         check.update(encoders, (attitude.real, attitude.imag))
@@ -113,13 +113,13 @@ def test_a_walk_in_mujoco_shows_the_offset_of_its_zero(
             twin.command(joint, rate)
         twin.step(now + 0.01)
     _, text = walker.verdict(33.0)
-    shown = walker.values(33.0)['zero_offset']
+    reported_offset = walker.values(33.0)['zero_offset']
     if not any(offsets):
-        assert shown == ''
+        assert reported_offset == ''
         assert 'the zero of' not in text
         return
     k = 0 if offsets[0] else 1
-    assert shown.startswith(
+    assert reported_offset.startswith(
         f'the zero of {twin.joints[k]} is wrong by about {offsets[k]:+.1f} rad'
     )
-    assert shown in text
+    assert reported_offset in text
