@@ -80,21 +80,28 @@ def write_mcap(
     with path.open('wb') as file:
         writer = Writer(file, **options)
         writer.start(profile)
-        numbers: dict[Topic, int] = {}
+        channels: dict[Topic, int] = {}
         schemas: dict[str, int] = {}
         for batch in batches:
-            for item in batch:
-                topic = item.topic
-                if topic not in numbers:
-                    text, kind = topic.definition.encode(), topic.type
-                    if kind not in schemas:
-                        schemas[kind] = writer.register_schema(kind, 'ros2msg', text)
+            for message in batch:
+                topic = message.topic
+                if topic not in channels:
+                    if topic.type not in schemas:
+                        definition_text = topic.definition.encode()
+                        schemas[topic.type] = writer.register_schema(
+                            topic.type, 'ros2msg', definition_text
+                        )
                     about = {'offered_qos_profiles': topic.qos, 'topic_type_hash': topic.type_hash}
-                    numbers[topic] = writer.register_channel(
-                        topic.name, 'cdr', schemas[kind], about
+                    channels[topic] = writer.register_channel(
+                        topic.name, 'cdr', schemas[topic.type], about
                     )
-                times, number = (item.log_time, item.publish_time), numbers[topic]
-                writer.add_message(number, times[0], item.data, times[1], item.sequence)
+                writer.add_message(
+                    channels[topic],
+                    message.log_time,
+                    message.data,
+                    message.publish_time,
+                    message.sequence,
+                )
             writer.flush()  # type: ignore[no-untyped-call] # theirs
         for name, content in metadata:
             writer.add_metadata(name, content)
@@ -107,12 +114,13 @@ def write_mcap(
 
 def record_spans(data: bytes) -> list[tuple[int, int, int]]:
     """Return (opcode, offset, end) of each record between the magics; an independent walk."""
-    found, offset = [], 8
+    spans = []
+    offset = 8
     while offset + 9 <= len(data) - 8:
         opcode, length = struct.unpack_from('<BQ', data, offset)
-        found.append((opcode, offset, offset + 9 + length))
+        spans.append((opcode, offset, offset + 9 + length))
         offset += 9 + length
-    return found
+    return spans
 
 
 def spans_of(data: bytes, opcode: int) -> list[tuple[int, int]]:
@@ -135,4 +143,4 @@ def joined(batches: Iterable[Iterable[Message]]) -> list[Message]:
 
 
 def all_but(number: int) -> list[Message]:
-    return joined(batch for other, batch in enumerate(BATCHES) if other != number)
+    return joined(batch for k, batch in enumerate(BATCHES) if k != number)

@@ -83,9 +83,9 @@ def read_by_rosbags(bag: Path) -> list[tuple[str, str, int, bytes]]:
 def read_messages(bag: Path) -> list[tuple[str, str, int, bytes]]:
     """Return the same by our reader, of a log that is whole."""
     with open_log(bag) as log:
-        found = [(m.topic.name, m.topic.type, m.log_time, m.data) for m in log.messages()]
+        messages = [(m.topic.name, m.topic.type, m.log_time, m.data) for m in log.messages()]
         assert log.complete, log.problem
-    return found
+    return messages
 
 
 def digest(log: Path) -> dict[str, str]:

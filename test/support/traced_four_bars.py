@@ -64,19 +64,20 @@ def rockers(linkage: PlacedFourBar, thetas: np.ndarray) -> np.ndarray:
 
 def is_traced(linkage: PlacedFourBar) -> bool:
     """Return whether a motion by small steps of the crank meets all positions in their order."""
-    wanted = [float(np.angle(position.b - linkage.o4)) for position in linkage.positions]
+    directions = [float(np.angle(position.b - linkage.o4)) for position in linkage.positions]
     for sense in (1.0, -1.0):
         angles = linkage.thetas[0] + sense * 2.0 * pi * np.arange(TRACE) / TRACE
-        found = rockers(linkage, angles)
+        rocker_angles = rockers(linkage, angles)
         # The crank stops where the bars do not reach.
-        met, end = 0, np.argmax(np.isnan(found)) if np.isnan(found).any() else TRACE
-        for theta, rocker in zip(linkage.thetas, wanted, strict=True):
-            near = remainder(angles - theta) <= pi / TRACE * 1.001
-            near &= remainder(found - rocker) < 0.05
-            steps = np.flatnonzero(near[met:end])
+        end = np.flatnonzero(np.isnan([*rocker_angles, np.nan]))[0]
+        first = 0
+        for theta, direction in zip(linkage.thetas, directions, strict=True):
+            is_met = remainder(angles - theta) <= pi / TRACE * 1.001
+            is_met &= remainder(rocker_angles - direction) < 0.05
+            steps = np.flatnonzero(is_met[first:end])
             if not len(steps):
                 break
-            met += int(steps[0]) + 1
+            first += int(steps[0]) + 1
         else:
             return True
     return False
@@ -91,5 +92,5 @@ def remainder(angles: np.ndarray) -> np.ndarray:
 def is_joined(linkage: PlacedFourBar, start: float, end: float) -> bool:
     """Return whether the crank goes from one angle to another, either way round."""
     ways = (end - start, end - start - math.copysign(2.0 * pi, end - start))
-    parts = np.linspace(0.0, 1.0, 241)
-    return any(not np.isnan(rockers(linkage, start + way * parts)).any() for way in ways)
+    shares = np.linspace(0.0, 1.0, 241)
+    return any(not np.isnan(rockers(linkage, start + way * shares)).any() for way in ways)

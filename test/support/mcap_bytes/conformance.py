@@ -174,10 +174,10 @@ class _File:
     """A file in the making."""
 
     def __init__(self, content, flags, *additions, between=b'', compression='', chunks=1):
-        self._content, self._flags, self._compression = content, flags, compression
-        self._pad, self._pad_inner, self._between = (
-            each if callable(each) else lambda each=each: each for each in (*additions, between)
-        )
+        self._content = content
+        self._flags = flags
+        self._compression = compression
+        self._pad, self._pad_inner, self._between = map(_as_function, (*additions, between))
         size = -(-len(content.messages) // chunks) or 1
         starts = range(0, len(content.messages) or 1, size)
         self._parts = [content.messages[slice(start, start + size)] for start in starts]
@@ -268,6 +268,10 @@ class _File:
         if CHUNK_INDEX in flags:
             options = {'compression': self._compression}
             yield (mcap.chunk_index(*item, **options, pad=pad()) for item in self._chunks)
+
+
+def _as_function(addition):
+    return addition if callable(addition) else lambda: addition
 
 
 def _times(messages):

@@ -36,9 +36,11 @@ def _nested(opcode, content, end=b''):
     """Return heads each of which claims all that is behind it."""
 
     def nested(size):
-        one = 9 + len(content)
-        lengths = (one * left - 9 + len(end) for left in range(size // one, 0, -1))
-        return b''.join(struct.pack('<BQ', opcode, length) + content for length in lengths) + end
+        record_size = 9 + len(content)
+        records = bytearray()
+        for depth in range(size // record_size, 0, -1):
+            records += struct.pack('<BQ', opcode, record_size * depth - 9 + len(end)) + content
+        return bytes(records + end)
 
     return nested
 
@@ -116,10 +118,11 @@ def named_often(count):
     chunk = packed_chunk(CHANNEL + EMPTY * 1000)
     start = len(HEADER)
     data = HEADER + attached + chunk
-    place, other = (start, len(attached)), (start + len(attached), len(chunk))
+    attachment_span = start, len(attached)
+    chunk_span = start + len(attached), len(chunk)
     sizes = len(chunk), 1000 * len(EMPTY)
     summary = CHANNEL
-    summary += mcap.chunk_index((1, 1), other, ({}, 0), sizes, compression='zstd') * count
-    summary += mcap.attachment_index(place, (0, 0), 100_000, 'a', '') * count
+    summary += mcap.chunk_index((1, 1), chunk_span, ({}, 0), sizes, compression='zstd') * count
+    summary += mcap.attachment_index(attachment_span, (0, 0), 100_000, 'a', '') * count
     summary += mcap.statistics((1000 * count, 0, 1, count, 0, count), (1, 1), {})
     return closed(data, summary)
