@@ -215,9 +215,10 @@ def _on_facet(feet: Sequence[Point], centre: Point, facet: Facet) -> Support | N
     ux, uy, uz = bx - ax, by - ay, bz - az
     vx, vy, vz = cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    if abs(nz) <= FLAT * (ux * ux + uy * uy + vx * vx + vy * vy):
+    norm = sqrt(nx * nx + ny * ny + nz * nz)
+    if norm == 0.0 or abs(nz) <= FLAT * (ux * ux + uy * uy + vx * vx + vy * vy):
         return None
-    length = sqrt(nx * nx + ny * ny + nz * nz) * (1.0 if nz > 0.0 else -1.0)
+    length = norm if nz > 0.0 else -norm
     x, y, z = nx / length, ny / length, nz / length
     height = -(x * ax + y * ay + z * az)
     centre_height = height + x * centre[0] + y * centre[1] + z * centre[2]

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import pi
 from pathlib import Path
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 from klann_ros.dynamics import GRAVITY
 from klann_ros.gait import Feet, GaitFigures, NoWalkerError, walk_figures
 from klann_ros.gait.stance import (
@@ -124,6 +124,8 @@ def test_the_feet_are_where_the_linkage_puts_them(feet: Feet, angle: float) -> N
         max_size=7,
     )
 )
+# A normal whose square is 0 in floating point.
+@example(feet=[(0.0, 0.0, 0.0), (1e-143, 0.0, 0.0), (0.0, 1e-143, 0.0)])
 def test_no_foot_is_below_the_plane_that_a_body_rests_on(
     feet: list[tuple[float, float, float]],
 ) -> None:
