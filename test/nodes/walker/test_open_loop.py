@@ -20,7 +20,7 @@ def test_it_walks_stands_and_starts_again_without_encoders(ros: Domain) -> None:
     twist = TwistStamped()
     timer = probe.node.create_timer(0.05, lambda: cmd_vel.publish(twist))
     twist.twist.linear.x = 0.15
-    for distance in (0.2, 0.4):
+    for distance in (0.3, 0.6):
         timer.reset()
         probe.until(lambda distance=distance: odom and odom[-1].pose.pose.position.x > distance)
         # A silent cmd_vel stops it as ever.
