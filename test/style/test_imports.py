@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 import os
 from pathlib import Path
 import subprocess
@@ -98,6 +99,19 @@ def test_imports_go_downward() -> None:
 
 def test_packages_import_each_other_by_their_faces() -> None:
     assert list(imports_past_a_face(PACKAGE)) == []
+
+
+@pytest.mark.parametrize(
+    'path', sorted(PACKAGE.glob('*/__init__.py')), ids=lambda path: path.parent.name
+)
+def test_a_face_offers_the_names_that_it_imports(path: Path) -> None:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        if isinstance(node, ast.ImportFrom) and node.level == 1:
+            names |= {alias.name for alias in node.names}
+    face = import_module(f'klann_ros.{path.parent.name}')
+    assert {*getattr(face, '__all__', ())} == names
+    assert [name for name in names if not hasattr(face, name)] == []
 
 
 @pytest.mark.parametrize(
