@@ -39,6 +39,18 @@ def listed(names: Iterable[object], max_names: int = 20) -> str:
     return f'{text} and {excess} more' if excess > 0 else text
 
 
+def number_range(numbers: Iterable[float], form: str) -> str:
+    """
+    Return the smallest and the largest number in a format; one if both look alike.
+
+    >>> number_range([0.25, 0.2501, 0.5], '.2f'), number_range([3.0, 3.0], 'g')
+    ('0.25 to 0.50', '3')
+    """
+    ordered = sorted(numbers)
+    ends = format(ordered[0], form), format(ordered[-1], form)
+    return ' to '.join(dict.fromkeys(ends))
+
+
 def printable_line(text: object) -> str:
     """
     Return a whole message, which may contain untrusted texts, as one printable line.

@@ -188,9 +188,22 @@ class Script:
         """Add messages of another topic, by default in four bursts of twelve [ms]."""
         bursts = [500 * burst + n for burst in range(4) for n in range(12)]
         for ms in times or bursts:
-            time = self.answers[0].stamp + 1_000_000 * ms
+            time = START + 1_000_000 * ms
             topic = Topic(name, kind, '')
             self.messages.append(Message(topic, b'', time + late, time, 0))
+
+    def stream(
+        self, name: str, kind: str, *spans: list[int], restarts: bool = False, late: int = 0
+    ) -> None:
+        """Add messages of another topic at 100 Hz in some times [ms]; they are late by some ms."""
+        topic = Topic(name, kind, '')
+        number = 0
+        for begin, end in spans:
+            number = 0 if restarts else number
+            for ms in range(begin, end, 10):
+                number += 1
+                time = START + 1_000_000 * ms
+                self.messages.append(Message(topic, b'', time + 1_000_000 * late, time, number))
 
     def garble(self, topic: str, *contents: str) -> None:
         """Add messages of these bytes at half a second."""

@@ -6,7 +6,7 @@ from klann_ros.review.model.limits import Limits
 from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import CLOCK, offsets, overlaps, Series
 from klann_ros.review.model.topics import TopicFigures, TopicRecording
-from klann_ros.sanitize.text import listed, printable, times, verb
+from klann_ros.sanitize.text import listed, number_range, printable, times, verb
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,9 +30,11 @@ def check_clocks(review: Review) -> Iterator[Finding]:
             else:
                 topics.append(topic)
     yield from _latency(review, topics)
-    if offset_topics:
-        yield _publishers_clock(offset_topics)
-    else:
+    late_topics = [topic for topic in offset_topics if topic.latency_p50 > 0]
+    early_topics = [topic for topic in offset_topics if topic.latency_p50 < 0]
+    yield from _publishers_clock(late_topics, 'seems', 'behind')
+    yield from _publishers_clock(early_topics, 'is', 'ahead of')
+    if not offset_topics:
         # Stamps usually have the publisher's clock: one finding is enough.
         yield from _stamps(review)
 
@@ -42,10 +44,11 @@ def check_order(review: Review) -> Iterator[Finding]:
     topics = [topic for topic in review.recording.topics if len(topic.set_back)]
     if topics:
         steps = [topic.set_back for topic in topics]
-        repetition = times(max(map(len, steps)))
-        max_step = max(int(topic_steps[:, 1].max()) for topic_steps in steps) / 1e9
+        counts = sorted(map(len, steps))
+        repetition = ' to '.join(dict.fromkeys([times(counts[0]), times(counts[-1])]))
+        max_steps = number_range([topic_steps[:, 1].max() / 1e9 for topic_steps in steps], '.3g')
         names = listed(topic.name for topic in topics)
-        text = f'the log times go back {repetition}, by {max_step:.3g} s or more, on {names}'
+        text = f'the log times go back {repetition}, by {max_steps} s or more, on {names}'
         meaning = "the recorder's clock was set back, or the log was merged from others"
         first_time = min(int(topic_steps[0, 0]) for topic_steps in steps)
         yield Finding('order', Severity.WARNING, text, meaning, review.since_start(first_time))
@@ -82,15 +85,16 @@ def _is_steady(topic: TopicFigures) -> bool:
     return topic.latency_p99 - topic.latency_p50 <= _MAX_LATENCY_SPREAD * topic.latency_p50
 
 
-def _publishers_clock(topics: list[TopicFigures]) -> Finding:
-    worst = max(topics, key=lambda topic: abs(topic.latency_p50))
-    offset = f'{abs(worst.latency_p50):.3f} s'
-    names = listed(topic.name for topic in topics)
-    # A negative latency proves an offset; a steady positive one only suggests it.
-    relation = f'seems {offset} behind' if worst.latency_p50 > 0 else f'is {offset} ahead of'
-    text = f"the publisher's clock {relation} the recorder's ({names})"
-    meaning = 'two machines with different clocks hide the latency; synchronise them (chrony, ptp)'
-    return Finding('clock', Severity.WARNING, text, meaning)
+def _publishers_clock(topics: list[TopicFigures], verb: str, relation: str) -> Iterator[Finding]:
+    """Yield the offsets of one sign: a negative latency proves one, a steady one suggests it."""
+    if topics:
+        offsets = number_range([abs(topic.latency_p50) for topic in topics], '.3f')
+        names = listed(topic.name for topic in topics)
+        text = f"the publisher's clock {verb} {offsets} s {relation} the recorder's ({names})"
+        meaning = (
+            'two machines with different clocks hide the latency; synchronise them (chrony, ptp)'
+        )
+        yield Finding('clock', Severity.WARNING, text, meaning)
 
 
 def _latency(review: Review, topics: Iterable[TopicRecording]) -> Iterator[Finding]:

@@ -1,6 +1,6 @@
 """Check completeness: damage, lost messages, gaps and missing poses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import groupby
 from operator import attrgetter
 
@@ -10,7 +10,7 @@ from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import CLOCK, Interval, merge_intervals, pauses
 from klann_ros.review.model.topics import exclude_intervals, Gap, TopicRecording
 from klann_ros.robot import preset_names
-from klann_ros.sanitize.text import counted, listed, printable, printable_line, verb
+from klann_ros.sanitize.text import counted, listed, number_range, printable, printable_line, verb
 
 _MAX_PROBLEMS = 3
 _MAX_RECORDER_FINDINGS = 10
@@ -135,13 +135,9 @@ def check_gaps(review: Review) -> Iterator[Finding]:
             is_restart = gap.is_restart and answers.isdisjoint(gap.topics)
             (restarts if is_restart else gaps).append(gap)
     if gaps:
-        yield _gap(review, _join(gaps))
-    for first in _join(restarts)[:1]:
-        names = listed(first.topics)
-        text = f'another publisher of {names} began {first.length:.3f} s after the last'
-        meaning = 'a node was shut down and started again; the time between is no gap'
-        time = review.since_start(first.begin)
-        yield Finding('restart', Severity.NOTE, text, meaning, time)
+        yield _gap(review, _simultaneous(gaps))
+    if restarts:
+        yield _restart(review, _simultaneous(restarts))
     for stall in review.recording.stalls:
         meaning = 'the gap is explained; messages published meanwhile may be lost'
         time = review.since_start(stall.begin)
@@ -169,29 +165,94 @@ def answer_topics(leg: LegRecording) -> list[str]:
     return [*leg.pose_topics, *(f'{place}/{name}' for name in _FOOT_TOPICS)]
 
 
-def _join(gaps: list[Gap]) -> list[Gap]:
-    """Join overlapping gaps of several topics: they have one cause."""
-    joined: list[Gap] = []
+# Share of the longest gap of one cause that all its gaps have in common.
+_MIN_COMMON_SHARE = 0.5
+# Last silences that a gap may belong to.
+_MAX_OPEN_SILENCES = 20
+
+
+class _Silence:
+    """Gaps of several topics at nearly the same time: they have one cause."""
+
+    def __init__(self, gap: Gap) -> None:
+        self.begin = gap.begin
+        # Length of the longest gap [s].
+        self.length = gap.length
+        self._gaps = [gap]
+        # The time that all gaps have in common [ns].
+        self._common_begin = gap.begin
+        self._common_end = gap.end
+
+    def add(self, gap: Gap) -> bool:
+        """Add a gap if all gaps have most of their time in common; return whether."""
+        begin = max(self._common_begin, gap.begin)
+        end = min(self._common_end, gap.end)
+        length = max(self.length, gap.length)
+        if (end - begin) / 1e9 < _MIN_COMMON_SHARE * length:
+            return False
+        self.length = length
+        self._gaps.append(gap)
+        self._common_begin = begin
+        self._common_end = end
+        return True
+
+    @property
+    def topics(self) -> str:
+        """Return the topics in words."""
+        return listed(dict.fromkeys(topic for gap in self._gaps for topic in gap.topics))
+
+    @property
+    def duration(self) -> str:
+        """Return the range of the gaps' lengths in words, which is true of each topic."""
+        return f'{number_range([gap.length for gap in self._gaps], ".3f")} s'
+
+
+def _simultaneous(gaps: list[Gap]) -> list[_Silence]:
+    """Return the gaps of several topics by their causes, in the order of time."""
+    silences: list[_Silence] = []
     for gap in sorted(gaps):
-        if joined and gap.begin < joined[-1].end:
-            last = joined[-1]
-            topics = tuple(dict.fromkeys((*last.topics, *gap.topics)))
-            joined[-1] = Gap(last.begin, max(last.end, gap.end), topics)
-        else:
-            joined.append(gap)
-    return joined
+        if not any(silence.add(gap) for silence in silences[-_MAX_OPEN_SILENCES:]):
+            silences.append(_Silence(gap))
+    return silences
 
 
-def _gap(review: Review, gaps: list[Gap]) -> Finding:
-    longest = max(gaps, key=attrgetter('length'))
-    text = f'nothing on {listed(longest.topics)} for {longest.length:.3f} s'
-    if len(gaps) > 1:
+def _describe_longest(
+    review: Review, silences: list[_Silence], noun: str, describe: Callable[[_Silence], str]
+) -> str:
+    longest = max(silences, key=attrgetter('length'))
+    text = describe(longest)
+    if len(silences) > 1:
         begin = review.since_start(longest.begin)
-        text = f'{len(gaps)} gaps; the longest: {text} at {begin:.3f} s'
+        text = f'{len(silences)} {noun}; the longest: {text} at {begin:.3f} s'
+    return text
+
+
+def _restart(review: Review, restarts: list[_Silence]) -> Finding:
+    text = _describe_longest(
+        review,
+        restarts,
+        'restarts',
+        lambda silence: (
+            f'another publisher of {silence.topics} began {silence.duration} after the last'
+        ),
+    )
+    meaning = 'a node was shut down and started again; the time between is no gap'
+    time = review.since_start(restarts[0].begin)
+    return Finding('restart', Severity.NOTE, text, meaning, time)
+
+
+def _gap(review: Review, gaps: list[_Silence]) -> Finding:
+    text = _describe_longest(
+        review,
+        gaps,
+        'gaps',
+        lambda silence: f'nothing on {silence.topics} for {silence.duration}',
+    )
     count = _unanswered(review)
     if count:
         angles = verb(count, 'crank angle was', 'crank angles were')
-        text += f'; {count} {angles} not answered meanwhile'
+        meanwhile = 'meanwhile' if len(gaps) == 1 else 'in all gaps'
+        text += f'; {count} {angles} not answered {meanwhile}'
     meaning = 'the publisher stalled, or messages could not reach the recorder'
     return Finding('gap', Severity.WARNING, text, meaning, review.since_start(gaps[0].begin))
 

@@ -46,8 +46,8 @@ class Row:
     topics: int | None = None
     legs: int | None = None
     poses: int | None = None
-    lost: int | None = None  #: known number of lost messages
-    longest_gap: float | None = None  #: on any topic [s]
+    lost: int | None = None  #: known number of lost messages; None if it is known of no topic
+    longest_gap: float | None = None  #: on any topic with a rate [s]
     turns: float | None = None  #: net turns of a crank
     stride: float | None = None  #: [m]
     lift: float | None = None  #: [m]
@@ -98,6 +98,8 @@ def reviewed_row(
     severities = Counter(finding.severity for finding in counted_findings)
     topics = review.topics
     legs = review.legs
+    losses = [topic.lost for topic in topics if topic.lost is not None]
+    periodic = [topic.figures for topic in review.recording.topics if topic.is_periodic]
     turns = _finite_figures(legs, 'turns')
     return Row(
         run=printable(path),
@@ -113,8 +115,8 @@ def reviewed_row(
         topics=len(topics),
         legs=len(legs),
         poses=sum(len(leg.recording.poses) for leg in legs),
-        lost=sum(topic.lost or 0 for topic in topics),
-        longest_gap=max(filter(isfinite, (topic.longest_gap for topic in topics)), default=None),
+        lost=sum(losses) if losses else None,
+        longest_gap=max(filter(isfinite, (topic.longest_gap for topic in periodic)), default=None),
         turns=max(turns, key=abs, default=None),
         stride=max(_finite_figures(legs, 'stride'), default=None),
         lift=max(_finite_figures(legs, 'lift'), default=None),

@@ -82,6 +82,10 @@ def compare(first: Review, second: Review) -> Comparison:
         if title in second_legs:
             differences += _differences(first.limits, first_leg, second_legs[title])
             remarks += _remarks(first_leg, second_legs[title])
+    if not (first_legs or second_legs):
+        remarks.append('neither run contains a leg: no motion compared')
+    if first.walks or second.walks:
+        remarks.append('walks are not compared')
     paths = (first.recording.path, second.recording.path)
     return Comparison(paths, tuple(differences), tuple(remarks))
 

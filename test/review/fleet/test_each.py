@@ -18,6 +18,7 @@ from klann_ros.review.fleet import (
     expectations_from_file,
     ExpectationsFileError,
     find_runs,
+    FoundRun,
     judge,
     judge_runs,
     Row,
@@ -98,6 +99,17 @@ def test_each_run_is_a_row_with_its_reason(outputs: Path) -> None:
     wrong = rows[[*VERDICTS].index('wrong')]
     assert json.loads(wrong.findings)[0]['check'] == 'closure'
     assert wrong.worst_residual == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_the_figures_of_a_row_are_those_of_what_is_known(healthy: Any, make_run: Any) -> None:
+    # Commands have no rate, and a topic without sequence numbers no known loss.
+    healthy.stream('/cmd_vel', 'geometry_msgs/msg/Twist', [0, 200], [1800, 2000])
+    healthy.unnumber()
+    row = judge(Task(FoundRun(str(make_run(healthy))))).row
+    assert row.longest_gap == pytest.approx(0.005)
+    assert row.lost == 0
+    healthy.messages.clear()
+    assert judge(Task(FoundRun(str(make_run(healthy, 'unnumbered'))))).row.lost is None
 
 
 def test_a_folder_that_cannot_be_searched_is_a_row(
