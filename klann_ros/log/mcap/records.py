@@ -270,7 +270,7 @@ def _check_crc(file: BinaryIO, start: int, end: int, declared: int, name: str) -
         crc = zlib.crc32(block, crc)
         size_left -= len(block)
     if crc != declared:
-        reason = f'the CRC of the {name} is {crc:08x}, {declared:08x} is recorded'
+        reason = f'the CRC of the {name} does not match its content'
         raise DamagedError(reason, start)
 
 
