@@ -8,11 +8,13 @@ if TYPE_CHECKING:
     from .browser import open_browser, print_page, PrintError
     from .lab.build import LAB_FILE, lab_page
     from .markup import (
+        breakable,
         element,
         joined,
         Markup,
         number,
         scrolling_table,
+        sortable_table,
         table_row,
     )
     from .parts import (

@@ -4,11 +4,14 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import starmap
 from math import isnan
+import re
 
 from klann_ros.sanitize.text import printable
 
 # Longer texts are cut.
 _MAX_TEXT = 20_000
+# Stands for an unknown number.
+_UNKNOWN = '\N{EN DASH}'
 # Elements without content, and without an end.
 _VOID = frozenset({'input', 'link', 'meta', 'br', 'img'})
 
@@ -21,7 +24,7 @@ class Markup(str):
 
 def number(value: float | None, form: str) -> str:
     """Return a number in a format; a dash for an unknown one, None or NaN."""
-    return '\N{EN DASH}' if value is None or isnan(value) else format(value, form)
+    return _UNKNOWN if value is None or isnan(value) else format(value, form)
 
 
 def element(name: str, *content: str, **attributes: str | float | bool) -> Markup:
@@ -69,6 +72,38 @@ def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str
     table = element('table', element('thead', head), body)
     # What scrolls must be reached by keys.
     return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
+
+
+def sortable_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
+    """
+    Return a table that sortable.js sorts by any column, and sortable.css stacks on a phone.
+
+    There each row is a card, and each cell stands behind the heading of its column.
+    """
+    head_cells = []
+    for text in heads:
+        button = element('button', text, type='button')
+        head_cells.append(element('th', button, scope='col'))
+    row_elements = []
+    for heading, *cells in rows:
+        row = [element('th', heading, scope='row')]
+        for head, cell in zip(heads[1:], cells, strict=True):
+            class_ = 'unknown' if cell == _UNKNOWN else False
+            row.append(element('td', cell, data_head=head, class_=class_))
+        row_elements.append(element('tr', *row))
+    table = element(
+        'table',
+        element('thead', element('tr', *head_cells)),
+        element('tbody', *row_elements),
+        class_='sortable',
+    )
+    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
+
+
+def breakable(name: str) -> Markup:
+    """Return a path or a name as markup that may break after its separators, not in a word."""
+    pieces = re.split(r'(?<=[/_.\-])(?=[^/_.\-])', name)
+    return Markup('<wbr>'.join(map(_escaped, pieces)))
 
 
 def table_row(heading: str, *cells: str) -> Markup:

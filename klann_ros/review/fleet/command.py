@@ -30,6 +30,7 @@ from klann_ros.robot import robot_of, RobotFileError
 from klann_ros.sanitize.text import counted, printable
 from tqdm import tqdm
 
+from .index import save_index
 from .judge import (
     Expectations,
     expectations_from_file,
@@ -45,7 +46,6 @@ from .rows import (
     OK,
     Row,
     rows_from_table,
-    save_index,
     save_junit,
     save_table,
     TableError,

@@ -1,7 +1,7 @@
-"""The row of a run, and the reports of all rows: tables, JUnit XML for CI, and an HTML index."""
+"""The row of a run, and the reports of all rows: tables, and JUnit XML for CI."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
 from io import BytesIO, StringIO
@@ -10,15 +10,13 @@ from math import isfinite
 import os
 from pathlib import Path
 from typing import Any, BinaryIO
-from urllib.parse import quote
 from xml.etree.ElementTree import Element, ElementTree, indent, SubElement
 
 from klann_ros.cli import harmless, write_table
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.review import Finding, located, Review, ReviewedLeg, Severity
 from klann_ros.sanitize.files import open_regular
-from klann_ros.sanitize.text import counted, finite, printable, printable_line
-from klann_ros.web import element, FRAME, Markup, number, Parts, scrolling_table, SHARED
+from klann_ros.sanitize.text import finite, printable, printable_line
 
 OK = 'ok'
 FINDINGS = 'findings'
@@ -274,86 +272,3 @@ def _finding_line(finding: Mapping[str, Any]) -> str:
 def _text(text: str) -> str:
     """Return a text without characters that XML 1.0 forbids."""
     return printable(text, 20_000)
-
-
-_PARTS = Parts(styles=(*FRAME, SHARED / 'tables.css'), scripts=())
-_HEADS = (
-    'Run',
-    'Finding',
-    'Duration / s',
-    'Messages',
-    'Lost',
-    'Longest gap / ms',
-    'Worst angle error / rad',
-    'Worst foot error / m',
-)
-_GROUPS = ((UNREADABLE, 'Not readable'), (FINDINGS, 'With findings'), (OK, 'Nothing found'))
-
-
-def save_index(rows: Sequence[Row], path: str, pages: Mapping[str, str], file: BinaryIO) -> None:
-    """Write the index at `path` to an open file, with links to the pages of runs."""
-    folder = Path(path).resolve().parent
-    links = {}
-    for run, page in pages.items():
-        if page:
-            links[run] = quote(os.path.relpath(Path(page).resolve(), folder))
-    file.write(_page(rows, links).encode(errors='replace'))
-
-
-def _page(rows: Sequence[Row], links: Mapping[str, str]) -> str:
-    faults = sum(row.verdict != OK for row in rows)
-    title = counted(len(rows), 'run')
-    verdict = f'{faults} of them not healthy' if faults else 'Healthy'
-    header = element(
-        'header',
-        element('div', element('h1', title), element('p', _summary(rows), class_='quiet')),
-        element('p', verdict, class_=f'verdict {"bad" if faults else "good"}'),
-    )
-    return _PARTS.page(f'Review of {title}', header, _checks(rows), *_groups(rows, links))
-
-
-def _summary(rows: Sequence[Row]) -> str:
-    duration = 0.0
-    messages = 0
-    size = 0
-    for row in rows:
-        duration += row.duration or 0.0
-        messages += row.messages or 0
-        size += row.size or 0
-    return f'{duration / 3600.0:.2f} h, {messages:,} messages, {size / 1e9:.2f} GB'
-
-
-def _checks(rows: Sequence[Row]) -> Markup:
-    counts = Counter[str]()
-    for row in rows:
-        findings = json.loads(row.findings)
-        counts.update({f['check'] for f in findings if f['severity'] in ('error', 'warning')})
-    if not counts:
-        return Markup()
-    lines = []
-    for check, count in counts.most_common():
-        lines.append(element('li', element('strong', check), f' in {counted(count, "run")}'))
-    heading = element('h2', 'Findings by check', id='checks')
-    return element('section', heading, element('ul', *lines), aria_labelledby='checks')
-
-
-def _groups(rows: Sequence[Row], links: Mapping[str, str]) -> Iterator[Markup]:
-    for verdict, title in _GROUPS:
-        cells = [_cells(row, links.get(row.run, '')) for row in rows if row.verdict == verdict]
-        if cells:
-            heading = element('h2', f'{title} ({len(cells)})', id=verdict)
-            table = scrolling_table(title, _HEADS, cells)
-            yield element('section', heading, table, aria_labelledby=verdict)
-
-
-def _cells(row: Row, link: str) -> tuple[str, ...]:
-    return (
-        element('a', row.run, href=link) if link else row.run,
-        element('span', row.reason, class_='reason'),
-        number(row.duration, '.2f'),
-        number(row.messages, ','),
-        number(row.lost, ','),
-        number(row.longest_gap and row.longest_gap * 1e3, '.1f'),
-        number(row.worst_angle_error, '.2g'),
-        number(row.worst_foot_error, '.2g'),
-    )

@@ -1,5 +1,6 @@
 """Many runs, each judged alone: a bad one is a row with its reason, and never stops the rest."""
 
+from collections.abc import Callable
 import json
 import os
 from pathlib import Path
@@ -12,6 +13,7 @@ import time
 from typing import Any
 import xml.etree.ElementTree as ET
 
+from browser_page import OpenedPage
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.reader import open_log
 from klann_ros.review.fleet import (
@@ -182,6 +184,42 @@ def test_the_index_leads_to_the_page_of_each_run(outputs: Path) -> None:
     assert len(links) == 4
     for link in links:
         assert '<title>Review of' in (outputs / link).read_text()
+
+
+def test_the_index_is_sorted_and_filtered_and_fits_a_phone(
+    outputs: Path, new_page: Callable[..., Any]
+) -> None:
+    pytest.importorskip('playwright')
+    opened = OpenedPage(new_page(), (outputs / 'index.html').as_uri())
+    page = opened.page
+
+    def shown_runs() -> list[str]:
+        return page.locator('tbody tr:visible th').all_inner_texts()
+
+    assert shown_runs()[:3] == ['inner/empty.mcap', 'inner/loop', 'inner/pipe.mcap']
+    by_duration = page.locator('thead button', has_text='Duration')
+    by_duration.click()
+    # Unknown ones are last in both directions.
+    assert shown_runs()[0] == 'cut'
+    by_duration.click()
+    assert shown_runs()[0] == '<img onerror=x>'
+    assert shown_runs()[-1].startswith('inner/')
+    page.locator('[data-filter=checks]').select_option('closure')
+    assert shown_runs() == ['wrong']
+    assert page.locator('[role=status]').inner_text() == '1 of 7 runs shown'
+    page.locator('[data-filter=checks]').select_option('')
+    page.locator('[data-filter=text]').fill('NAMED pipe')
+    assert shown_runs() == ['inner/pipe.mcap']
+    page.locator('[data-filter=text]').fill('')
+    page.locator('[data-filter=verdict]').select_option('nothing found')
+    assert shown_runs() == ['good']
+    page.set_viewport_size({'width': 360, 'height': 740})
+    page.locator('[data-filter=verdict]').select_option('')
+    assert not opened.is_too_wide()
+    scrolling = page.locator('.scrolls')
+    assert scrolling.evaluate('(region) => region.scrollWidth <= region.clientWidth')
+    assert opened.complaints == []
+    assert opened.barriers() == []
 
 
 def test_each_readable_run_has_an_annotated_copy(runs: Path, outputs: Path) -> None:
