@@ -256,6 +256,6 @@ def _figures(figures: LegFigures) -> Iterator[_Figure]:
         ('Duty', figures.duty_factor, '.1%', 'on the ground'),
         ('Straightness', figures.straightness, '.2%', 'off, of the stance'),
         ('Transmission', degrees(figures.worst_transmission_angle), '.1f', 'deg from in line'),
-        ('Residual', figures.worst_residual, '.1e', 'm, worst'),
+        ('Residual', 1e3 * figures.worst_residual, '.1e', 'mm, worst'),
     ):
         yield _Figure(name, number(figure, form), unit)

@@ -227,21 +227,21 @@ def chart_texts(leg: ReviewedLeg) -> dict[str, str]:
     iterations = recording.iterations.values[np.isfinite(recording.iterations.values)]
     foot = 'No foot is recorded'
     if len(recording.feet):
-        x, y = np.ptp(recording.feet.values, axis=0)
-        foot = f'The recorded foot covers {x:.4f} m in x and {y:.4f} m in y'
+        x, y = 1e3 * np.ptp(recording.feet.values, axis=0)
+        foot = f'The recorded foot covers {x:.1f} mm in x and {y:.1f} mm in y'
     texts = {
         'path': foot,
         'angles': _ranges(turning[1:], np.degrees(poses[~slides][1:]), 'deg'),
-        'distances': _ranges(sliding, poses[slides], 'm'),
-        'rates': _ranges(turning, rates[~slides] if len(rates) else rates, 'rad/s'),
-        'speeds': _ranges(sliding, rates[slides] if len(rates) else rates, 'm/s'),
+        'distances': _ranges(sliding, 1e3 * poses[slides], 'mm'),
+        'rates': _ranges(turning, np.degrees(rates[~slides] if len(rates) else rates), 'deg/s'),
+        'speeds': _ranges(sliding, 1e3 * (rates[slides] if len(rates) else rates), 'mm/s'),
         'iterations': f'The solver reports {iterations.max():.0f} at most'
         if iterations.size
         else 'Nothing is recorded',
     }
     if leg.errors is not None and not isnan(figures.worst_transmission_angle):
         mu = degrees(figures.worst_transmission_angle)
-        texts['residuals'] = f'The worst residual is {figures.worst_residual:.1e} m'
+        texts['residuals'] = f'The worst residual is {1e3 * figures.worst_residual:.1e} mm'
         texts['transmission'] = (
             f'The worst is {mu:.1f} deg from in line; solver_node warns below 20 deg by default'
         )

@@ -80,7 +80,7 @@ def test_the_slider_moves_the_leg_to_the_pose_of_that_time(klann, runs, number: 
     expected = KlannLeg().solve(run.alpha(number)).points
     assert is_drawn(klann.points(), expected)
     assert klann.page.locator('#at-foot').text_content() == (
-        '{:.4f}, {:.4f} m'.format(*expected[7])
+        '{:.1f}, {:.1f} mm'.format(*(1e3 * expected[7]))
     )
 
 
@@ -180,7 +180,7 @@ def test_charts_hold_the_recorded_values(klann, runs) -> None:
     )
     pose = KlannLeg().solve(run.alpha(57))
     assert values['angles'][2:] == pytest.approx(np.degrees(pose.x).tolist(), abs=1e-6)
-    rate = run.alpha(1) / run.period
+    rate = np.degrees(run.alpha(1) / run.period)
     assert values['rates'][2:] == pytest.approx([rate * x for x in pose.coefficients], rel=1e-6)
     mu = np.degrees(pose.transmission_angles).tolist()
     assert values['transmission'][1:] == pytest.approx(mu, abs=1e-4)
@@ -317,3 +317,27 @@ def test_reduced_motion_has_no_smooth_scrolling(klann) -> None:
     for preference, behaviour in (('reduce', 'auto'), ('no-preference', 'smooth')):
         klann.page.emulate_media(reduced_motion=preference)
         assert klann.page.evaluate(style) == behaviour
+
+
+def test_the_player_covers_nothing(visit) -> None:
+    opened = visit('klann')
+    page = opened.page
+    page.keyboard.press('PageDown')
+    opened.until("document.getElementById('content').scrollTop > 100")
+    content = page.locator('#content').bounding_box()
+    player = page.locator('#player').bounding_box()
+    assert content['y'] + content['height'] <= player['y'] + 1e-6
+    assert player['y'] + player['height'] <= page.viewport_size['height']
+
+
+def test_the_timing_begins_with_a_topic_that_has_one(visit) -> None:
+    opened = visit('klann')
+    opened.page.evaluate("""
+        page.runs[0].topics = [
+          { name: '/empty', intervals: { counts: [] }, latencies: { counts: [] } },
+          ...page.runs[0].topics,
+        ];
+        document.getElementById('topic').replaceChildren();
+        page.showTopics();
+    """)
+    assert opened.page.locator('#topic').input_value() != '/empty'

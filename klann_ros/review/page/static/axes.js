@@ -30,7 +30,7 @@ function power(value) {
 
 /** Return the powers of ten around values, two of them at least. */
 function powers(u, min, max) {
-  if (!(min > 0)) return [1e-18, 1e-15];
+  if (!(min > 0)) return [1e-15, 1e-12];
   const low = Math.floor(Math.log10(min));
   return [10 ** low, 10 ** Math.max(Math.ceil(Math.log10(max)), low + 2)];
 }

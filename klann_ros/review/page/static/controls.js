@@ -89,5 +89,5 @@ function crankText(leg, row) {
 
 function footText(leg, row) {
   const at = leg && row >= 0 ? leg.footAt(row) : null;
-  return at ? `${at.map((value) => value.toFixed(4)).join(', ')} m` : '–';
+  return at ? positionText(at) : '–';
 }

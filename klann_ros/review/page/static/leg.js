@@ -120,3 +120,8 @@ function aroundTheirMean(angles) {
     return ((mean + off - TURN * Math.round(off / TURN)) * 360) / TURN;
   });
 }
+
+/** Return a position [m] as text in millimetres. */
+function positionText(position) {
+  return `${position.map((metres) => (1000 * metres).toFixed(1)).join(', ')} mm`;
+}

@@ -2,8 +2,9 @@
 /* The charts of a leg, over time or over its crank angle; of two runs over each other. */
 
 const DEGREES = 360 / TURN;
-// Smaller residuals are rounding, and a logarithm has no 0 [m].
-const MIN_RESIDUAL = 1e-17;
+const MILLIMETRES = 1000;
+// Smaller residuals are rounding, and a logarithm has no 0 [mm].
+const MIN_RESIDUAL = 1e-14;
 const CLOSE_TO_SINGULAR = [20, 160];
 
 /** The kinds of charts; `columns` returns the lines of a leg, none without such values. */
@@ -21,26 +22,23 @@ const KINDS = [
   {
     key: 'distances',
     title: 'Distances along lines',
-    unit: 'distance / m',
-    digits: 4,
-    columns: (leg) =>
-      joints(leg, leg.angles, true).map(([distance, j]) => column(leg.joints[j], distance, j)),
+    unit: 'distance / mm',
+    digits: 1,
+    columns: (leg) => scaledJoints(leg, leg.angles, true, MILLIMETRES),
   },
   {
     key: 'rates',
     title: 'Joint velocities',
-    unit: 'velocity / rad/s',
-    digits: 3,
-    columns: (leg) =>
-      joints(leg, leg.rates, false).map(([rate, j]) => column(leg.joints[j], rate, j)),
+    unit: 'velocity / deg/s',
+    digits: 1,
+    columns: (leg) => scaledJoints(leg, leg.rates, false, DEGREES),
   },
   {
     key: 'speeds',
     title: 'Velocities along lines',
-    unit: 'velocity / m/s',
-    digits: 4,
-    columns: (leg) =>
-      joints(leg, leg.rates, true).map(([rate, j]) => column(leg.joints[j], rate, j)),
+    unit: 'velocity / mm/s',
+    digits: 1,
+    columns: (leg) => scaledJoints(leg, leg.rates, true, MILLIMETRES),
   },
   {
     key: 'transmission',
@@ -49,22 +47,18 @@ const KINDS = [
     digits: 1,
     limits: CLOSE_TO_SINGULAR,
     columns: (leg) =>
-      leg.transmission.map((mu, i) =>
-        column(
-          `dyad ${i + 1}`,
-          mu.map((angle) => angle * DEGREES),
-          i + 1,
-        ),
-      ),
+      leg.transmission.map((mu, i) => column(`dyad ${i + 1}`, scaled(mu, DEGREES), i + 1)),
   },
   {
     key: 'residuals',
     title: 'Closure residual',
-    unit: 'residual / m',
+    unit: 'residual / mm',
     isLog: true,
     columns: (leg) => {
       const isKnown = leg.residuals.some(Number.isFinite);
-      const shown = leg.residuals.map((value) => Math.max(value, MIN_RESIDUAL));
+      const shown = leg.residuals.map((residual) =>
+        Math.max(residual * MILLIMETRES, MIN_RESIDUAL),
+      );
       return isKnown ? [column('residual', shown, 1)] : [];
     },
   },
@@ -85,6 +79,17 @@ const KINDS = [
 /** Return the values of those joints that slide, or of those that turn, each with its number. */
 function joints(leg, values, slide) {
   return values.map((each, j) => [each, j]).filter(([, j]) => leg.slides[j] === slide);
+}
+
+/** Return the columns of those joints, times a factor. */
+function scaledJoints(leg, values, slide, factor) {
+  return joints(leg, values, slide).map(([series, j]) =>
+    column(leg.joints[j], scaled(series, factor), j),
+  );
+}
+
+function scaled(series, factor) {
+  return series.map((number) => number * factor);
 }
 
 function column(name, values, colour, isHidden = false) {

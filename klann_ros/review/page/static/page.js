@@ -126,7 +126,18 @@ class Page {
     const names = new Set(this.runs.flatMap((run) => run.topics.map((topic) => topic.name)));
     for (const name of names) select.append(new Option(name, name));
     select.addEventListener('change', () => this.timing.show(select.value));
-    if (names.size) this.timing.show(select.value);
+    if (!names.size) return;
+    select.value = this.firstTimedTopic() || select.value;
+    this.timing.show(select.value);
+  }
+
+  /** Return the first topic with a time between messages, or with a latency. */
+  firstTimedTopic() {
+    const topics = this.runs.flatMap((run) => run.topics);
+    const timed = topics.find(
+      (topic) => topic.intervals.counts.length || topic.latencies.counts.length,
+    );
+    return timed && timed.name;
   }
 
   listen() {
@@ -167,3 +178,5 @@ class Page {
 }
 
 const page = new Page(loadRuns());
+// Keys that scroll shall do so without a click before.
+document.getElementById('content').focus({ preventScroll: true });

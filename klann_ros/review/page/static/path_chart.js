@@ -5,6 +5,7 @@
 const PATH_HEIGHT = 380;
 // Both scales are set together.
 const exactly = (u, min, max) => [min, max];
+const inMillimetres = (u, splits) => splits.map((metres) => Number((1000 * metres).toPrecision(6)));
 
 class PathChart extends PlotFigure {
   /** Make the chart for legs, one of each run; `onPick` gets the time of the row clicked at. */
@@ -45,7 +46,10 @@ class PathChart extends PlotFigure {
         x: { time: false, auto: false, range: exactly },
         y: { auto: false, range: exactly },
       },
-      axes: [axis('x / m', 28), axis('y / m', 52)],
+      axes: [
+        { ...axis('x / mm', 28), values: inMillimetres },
+        { ...axis('y / mm', 52), values: inMillimetres },
+      ],
       series: [
         {},
         ...this.lines.map((line) => ({
@@ -101,7 +105,7 @@ class PathChart extends PlotFigure {
       left >= 0 ? nearestFoot(this.legs[0], u.posToVal(left, 'x'), u.posToVal(top, 'y')) : -1;
     const at = this.row >= 0 ? this.legs[0].footAt(this.row) : null;
     this.hover.textContent = at
-      ? `${this.legs[0].times[this.row].toFixed(3)} s: ${at.map((v) => v.toFixed(4)).join(', ')} m`
+      ? `${this.legs[0].times[this.row].toFixed(3)} s: ${positionText(at)}`
       : '';
   }
 
