@@ -7,7 +7,7 @@ import json
 from typing import Any
 
 from klann_ros.messages import STRING
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import parse_json, printable
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse
 
 from .records import Message, Topic
@@ -27,8 +27,8 @@ MAX_REPLAYED_SOLVERS = 64
 # The topic on which a solver publishes its parameters, and its type.
 DESCRIPTION_TOPIC, STRING_TYPE = 'leg_description', 'std_msgs/msg/String'
 _SECTION = 'ros__parameters'
-# Errors of a malformed record, with infinite numbers or deeply nested lists.
-_RECORD_ERRORS = (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError)
+# Errors of a malformed record, or of one with infinite numbers.
+_RECORD_ERRORS = (AttributeError, KeyError, OverflowError, TypeError, ValueError)
 
 
 @contextmanager
@@ -66,7 +66,7 @@ def solver_record(solver: SolverParameters) -> dict[str, str]:
 def solver_parameters(record: Mapping[str, str]) -> SolverParameters:
     """Return the solver's parameters in a metadata record; raise a ValueError if it is none."""
     with _parsing('a record of a solver', record):
-        parameters = dict(json.loads(record['parameters']))
+        parameters = dict(parse_json(record['parameters']))
         return SolverParameters(record['node'], int(record['time']), parameters)
 
 
@@ -128,8 +128,8 @@ def replayed_solvers_json(solvers: Sequence[SolverParameters]) -> str:
 def replayed_solvers(text: str) -> list[SolverParameters]:
     """Return the solvers in a player's parameter, by time; skip malformed ones (untrusted)."""
     try:
-        records = json.loads(text)
-    except (RecursionError, ValueError):
+        records = parse_json(text)
+    except ValueError:
         return []
     if not isinstance(records, list):
         return []
@@ -186,7 +186,7 @@ def pause_record(pause: Pause) -> dict[str, str]:
 def recorded_pause(record: Mapping[str, str]) -> Pause:
     """Return the pause in a metadata record; raise a ValueError if it is none."""
     with _parsing('a record of a pause', record):
-        skipped = {name: int(n) for name, n in json.loads(record['skipped']).items()}
+        skipped = {name: int(n) for name, n in parse_json(record['skipped']).items()}
         reason = str(record.get('reason', ''))
         return Pause(int(record['from']), int(record['to']), skipped, reason)
 
@@ -239,7 +239,7 @@ def fault_record(stopped: str, faults: Iterable[str]) -> dict[str, str]:
 def topic_counts(record: Mapping[str, str]) -> dict[str, TopicCount]:
     """Return each topic's counts in a metadata record; raise a ValueError if it is none."""
     with _parsing('a record of losses', record):
-        return {name: _topic_count(json.loads(text)) for name, text in record.items()}
+        return {name: _topic_count(parse_json(text)) for name, text in record.items()}
 
 
 def _topic_count(counts: Mapping[str, Any]) -> TopicCount:

@@ -1,8 +1,10 @@
-"""Untrusted texts made printable, numbers in sentences and in JSON."""
+"""Untrusted texts made printable, numbers in sentences, untrusted JSON."""
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+import json
 from math import isfinite
+import sys
 from typing import Any
 
 MAX_NAME_LENGTH = 300
@@ -100,6 +102,26 @@ def in_words(number: int) -> str:
     """Return a small number as a word."""
     words = ('no', 'one', 'two', 'three', 'four', 'five', 'six', 'seven', 'eight', 'nine', 'ten')
     return words[number] if 0 <= number < len(words) else str(number)
+
+
+def parse_json(text: str) -> Any:
+    """
+    Return the content of an untrusted JSON text, or a ValueError.
+
+    Deep nesting and whole numbers beyond all floats are refused.
+    """
+    try:
+        return json.loads(text, parse_int=whole_number)
+    except RecursionError:
+        raise ValueError('it is nested too deeply') from None
+
+
+def whole_number(text: str) -> int:
+    """Return the whole number in a text; a ValueError for none, or one beyond all floats."""
+    number = int(text)
+    if abs(number) > sys.float_info.max:
+        raise ValueError(f'{printable(text, 20)} is beyond 1.8e308')
+    return number
 
 
 def finite(value: Any) -> Any:

@@ -6,9 +6,11 @@ Safe reading and writing of YAML, at a cost proportional to the text's length.
 """
 
 from collections.abc import Callable, Hashable, Mapping
+from contextlib import suppress
 from copy import deepcopy
 from math import isfinite
 import re
+import sys
 from typing import Any, TypeVar
 
 import yaml
@@ -136,11 +138,20 @@ class _PlainLoader(yaml.SafeLoader):
     """
     A SafeLoader that reads sexagesimal numbers as texts, as YAML 1.2 does.
 
-    In YAML 1.1 1:30 is 90, and a long such number takes time quadratic in its length.
+    In YAML 1.1 1:30 is 90, and a long such number takes time quadratic in its length. A whole
+    number beyond all floats is refused: hardly a function of the math module takes it.
     """
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> Any:
-        return node.value if ':' in node.value else super().construct_yaml_int(node)
+        if ':' in node.value:
+            return node.value
+        # A LookupError for an empty text, a ValueError for more digits than Python converts.
+        with suppress(LookupError, ValueError):
+            number = super().construct_yaml_int(node)
+            if abs(number) <= sys.float_info.max:
+                return number
+        problem = f'{printable(node.value, 20)} is no whole number within +-1.8e308'
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
     def construct_yaml_float(self, node: yaml.ScalarNode) -> Any:
         return node.value if ':' in node.value else super().construct_yaml_float(node)

@@ -56,6 +56,13 @@ def test_half_a_pair_of_surrogates_is_written_escaped() -> None:
     assert yaml_text.dump({'a': '\ud800'}).isascii()
 
 
+@LOADERS
+def test_a_whole_number_beyond_all_floats_is_refused(load) -> None:
+    assert load(f'a: 1{"0" * 308}') == {'a': 10**308}
+    with pytest.raises(ValueError, match='is no whole number within'):
+        load(f'a: 1{"0" * 309}')
+
+
 def test_nested_aliases_count_as_often_as_they_are_referenced() -> None:
     levels = [f'a{n}: &a{n} [{", ".join([f"*a{n - 1}"] * 9)}]' for n in range(1, 8)]
     with pytest.raises(ValueError, match='unfolds to more than 100000 entries'):
@@ -70,6 +77,12 @@ def test_nested_aliases_count_as_often_as_they_are_referenced() -> None:
         ('a: [', 'line 1'),
         (': :', ''),
         ('a: .nan', 'must be a finite number'),
+        ('a: 1e400', 'must be a finite number'),
+        (f'a: 1{"0" * 309}', 'line 1, column 4: 10000000000000000000... (310 characters) is no'),
+        (f'b: 1\na: -{"9" * 5000}', 'line 2, column 4: -9999'),
+        (f'a: 0x{"f" * 6000}', 'is no whole number within +-1.8e308'),
+        (f'1{"0" * 400}: a', 'is no whole number'),
+        ('a: !!int x', 'x is no whole number'),
         ('a: 1\na: 2\n', 'is there twice'),
         ('a: &a [*a]', 'anchor'),
         (f'a: {"[" * 25}{"]" * 25}', 'more than 20 levels'),
