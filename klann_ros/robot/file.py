@@ -22,7 +22,7 @@ from klann_ros.kinematics import (
     shipped_linkages,
 )
 from klann_ros.kinematics.angles import TURN
-from klann_ros.sanitize.files import is_regular_file, read_regular
+from klann_ros.sanitize.files import is_regular_file, read_regular, with_home
 from klann_ros.sanitize.text import did_you_mean, printable, printable_line, refusal
 from klann_ros.sanitize.units import warn_of_angle, warn_of_lengths
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parse
@@ -231,7 +231,7 @@ def _linkage(parameters: Mapping[str, Any], folders: Sequence[Path]) -> tuple[Li
                 file = str(folder / file)
                 break
         else:
-            file = str(Path(file).expanduser())
+            file = str(with_home(file))
         text = linkage_text(file)
     if text:
         return linkage_from_text(text, file or _DESCRIPTION), text, file

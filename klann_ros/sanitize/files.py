@@ -7,6 +7,8 @@ from pathlib import Path
 import stat
 from typing import BinaryIO, TypeAlias
 
+from .text import printable
+
 AnyPath: TypeAlias = str | os.PathLike[str]
 
 _KINDS = {
@@ -41,6 +43,14 @@ def open_regular(path: AnyPath) -> BinaryIO:
     except BaseException:
         os.close(descriptor)
         raise
+
+
+def with_home(path: AnyPath) -> Path:
+    """Return a path with a home folder in the place of `~`; a ValueError for an unknown user."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        raise ValueError(f'{printable(path)} is in the home folder of no user here') from None
 
 
 def is_regular_file(path: AnyPath) -> bool:

@@ -34,6 +34,7 @@ from klann_ros.nodes.endpoints import create_steady_timer, create_trigger
 from klann_ros.nodes.parameters import declare, overrides, StartError, usage
 from klann_ros.nodes.process import arguments, Finish, ProcessNode, run, spin_through_errors
 from klann_ros.nodes.solver_watch import SolverWatch
+from klann_ros.sanitize.files import with_home
 from klann_ros.sanitize.text import printable
 from klann_ros.stop_signals import StopSignals
 from rclpy.executors import SingleThreadedExecutor
@@ -214,10 +215,10 @@ class RecorderNode(ProcessNode):
 
 def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> RecordingSession:
     name = f'{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%SZ}'
-    folder = Path(values['output'] or _DEFAULT_FOLDER / name).expanduser()
     try:
+        folder = with_home(values['output'] or _DEFAULT_FOLDER / name)
         run, background = _open_writer(folder, values, logger, on_failure=lambda: finish(1))
-    except (LogError, OSError) as error:
+    except (LogError, OSError, ValueError) as error:
         raise StartError(str(error)) from error
     _report_unfinished(run.path.parent, logger)
     background.put_entry(_write_recorder_info)
@@ -227,8 +228,8 @@ def _open_run(values: dict[str, Any], logger: RcutilsLogger, finish: Finish) -> 
 
 def _open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
     """Return a session with a run for each event in a folder; a StartError if it is unusable."""
-    folder = Path(values['output'] or _DEFAULT_FOLDER).expanduser().absolute()
     try:
+        folder = with_home(values['output'] or _DEFAULT_FOLDER).absolute()
         folder.mkdir(parents=True, exist_ok=True)
         check_free_space(folder, values['min_free_space'])
         is_run = (folder / 'metadata.yaml').exists() or any(folder.glob('*.mcap'))
@@ -236,7 +237,7 @@ def _open_events(values: dict[str, Any], logger: RcutilsLogger) -> EventSession:
         raise StartError(
             f'{printable(folder)} is not a folder, so no runs can be created in it'
         ) from None
-    except (LogError, OSError) as error:
+    except (LogError, OSError, ValueError) as error:
         raise StartError(str(error)) from error
     if is_run:
         raise StartError(

@@ -24,6 +24,7 @@ from klann_ros.review.page import save
 from klann_ros.review.report.annotations import annotate
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot
+from klann_ros.sanitize.files import with_home
 from klann_ros.sanitize.text import did_you_mean, printable
 from klann_ros.sanitize.yaml_text import content_of_file
 
@@ -196,7 +197,7 @@ def _expectations(content: Any, folder: Path) -> Expectations:
     return Expectations(
         {str(name): _topic(name, limits) for name, limits in (topics or {}).items()},
         frozenset(allow or ()),
-        str(folder / Path(baseline).expanduser()) if baseline else '',
+        str(folder / with_home(baseline)) if baseline else '',
     )
 
 
