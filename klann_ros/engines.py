@@ -10,6 +10,7 @@ item without an answer yields a `TaskError` with the reason.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
 from itertools import islice
 import logging
 import multiprocessing
@@ -20,7 +21,7 @@ import sys
 from time import monotonic
 from typing import Any, NamedTuple, TypeVar
 
-__all__ = ['ENGINES', 'EngineError', 'TaskError', 'parallel_map']
+__all__ = ['ENGINES', 'EngineError', 'TaskError', 'check_engine', 'parallel_map']
 
 Item = TypeVar('Item')
 Answer = TypeVar('Answer')
@@ -82,13 +83,20 @@ def parallel_map(
         `jobs` is less than 1.
 
     """
-    if engine not in ENGINES:
-        raise EngineError(f'there is no engine {engine!r}: {" or ".join(ENGINES)}')
+    check_engine(engine)
     if jobs is not None and jobs < 1:
         raise ValueError(f'jobs = {jobs} is refused: it must be 1 or more')
     if engine == 'ray':
         return _ray_map(function, items, jobs, time_limit, address)
     return _process_map(function, items, jobs, time_limit)
+
+
+def check_engine(engine: str) -> None:
+    """Raise an EngineError if there is no such engine, or if it is not installed."""
+    if engine not in ENGINES:
+        raise EngineError(f'there is no engine {engine!r}: {" or ".join(ENGINES)}')
+    if engine == 'ray' and find_spec('ray') is None:
+        raise EngineError("the engine ray needs Ray: pip install 'klann_ros[cluster]'")
 
 
 # Worker processes on this machine, one task at a time each, with a deadline. The pool of the
@@ -244,10 +252,8 @@ def _ray_map(
 ) -> _Answers:
     # No usage statistics to its makers.
     os.environ.setdefault('RAY_USAGE_STATS_ENABLED', '0')
-    try:
-        import ray  # noqa: PLC0415 - it is optional
-    except ImportError as error:
-        raise EngineError("the engine ray needs Ray: pip install 'klann_ros[cluster]'") from error
+    import ray  # noqa: PLC0415 - it is optional
+
     address = address or os.environ.get('RAY_ADDRESS') or None
     options: dict[str, Any] = {'log_to_driver': False, 'logging_level': logging.ERROR}
     if not address:

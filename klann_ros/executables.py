@@ -9,9 +9,10 @@ a traceback; a machine without ROS gets one line, not a traceback.
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
-from importlib import import_module
+from importlib import import_module, metadata
 from io import StringIO, TextIOWrapper
 import os
+import re
 import signal
 import sys
 from typing import NoReturn
@@ -46,10 +47,26 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
     package = (error.name or '').partition('.')[0]
     if package in ('', 'klann_ros'):
         raise error
-    remedy = f'pip install {_DISTRIBUTIONS.get(package, package)}'
+    distribution = _DISTRIBUTIONS.get(package, package)
+    extras = _extras_with(distribution)
+    requirement = distribution
+    if extras:
+        requirement = f"'klann_ros[{name if name in extras else extras[0]}]'"
+    remedy = f'pip install {requirement}'
     if package.startswith('rcl') or package.endswith(('_msgs', '_srvs', '_interfaces')):
         remedy = "source ROS 2 (/opt/ros/jazzy/setup.bash), or pip install 'klann_ros[ros]'"
     print(f'{name}: there is no Python module {package} here: {remedy}', file=sys.stderr)
+
+
+def _extras_with(distribution: str) -> list[str]:
+    """Return the extras of this package that install another one."""
+    try:
+        requirements = metadata.requires('klann_ros') or ()
+    except metadata.PackageNotFoundError:
+        return []
+    pattern = re.compile(rf'{re.escape(distribution)}\b.*extra == .(\w+)', re.IGNORECASE)
+    matches = filter(None, map(pattern.match, requirements))
+    return [match[1] for match in matches if match[1] not in {'all', 'test'}]
 
 
 def _run_tool(name: str, module: str, report_failed: int) -> int:

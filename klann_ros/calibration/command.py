@@ -9,6 +9,7 @@ from typing import Any
 
 from klann_ros.cli import (
     ArgumentParser,
+    check_installed,
     NOT_READ,
     output_files,
     path,
@@ -56,6 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    check_installed('scipy')
     files = output_files(
         options, ('output', 'html', 'json'), (options.run, options.leg, options.prior)
     )

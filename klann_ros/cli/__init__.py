@@ -7,6 +7,7 @@ from klann_ros.lazy_face import lazy_face
 if TYPE_CHECKING:
     from .arguments import (
         ArgumentParser,
+        check_installed,
         command_words,
         COUNT,
         NOT_READ,

@@ -7,6 +7,7 @@ A refusal shows an argument, and runs nothing of it: the argument may be a file 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 import errno
+from importlib.util import find_spec
 from math import nan
 import os
 import sys
@@ -69,6 +70,13 @@ def print_error(program: str, error: object) -> None:
     print(f'{program}: {printable_line(error)}', file=sys.stderr)
 
 
+def check_installed(*packages: str) -> None:
+    """Raise a ModuleNotFoundError for a package that is missing, before anything is made."""
+    for package in packages:
+        if find_spec(package) is None:
+            raise ModuleNotFoundError(f'there is no {package}', name=package)
+
+
 def command_words() -> list[str]:
     """Return the arguments of this process, or those that a shell wants to have completed."""
     return os.environ.get('COMP_LINE', '').split()[1:] or sys.argv[1:]
@@ -128,7 +136,8 @@ class ArgumentParser(argparse.ArgumentParser):
         Run a command with the parsed arguments; return its exit code.
 
         `errors` are printed in one line; their exit codes are by type, the first match counts. An
-        OutputError is one of them, a UsageError ends as a refused argument.
+        OutputError is one of them, a UsageError ends as a refused argument. Without sufficient
+        memory nothing was read.
         """
         options = self.parse_args(argv)
         codes: dict[Any, int] = {OutputError: NOT_WRITTEN, **errors}
@@ -140,6 +149,9 @@ class ArgumentParser(argparse.ArgumentParser):
             for line in error.args if isinstance(error, OutputError) else [error]:
                 print_error(self.prog, line)
             return next(code for kind, code in codes.items() if isinstance(error, kind))
+        except MemoryError:
+            print_error(self.prog, 'the memory is not sufficient')
+            return NOT_READ
 
     def error(self, message: str) -> NoReturn:
         """Print the usage and a line with the error, and end with exit code 2."""

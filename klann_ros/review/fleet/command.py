@@ -22,7 +22,7 @@ from klann_ros.cli import (
     save_all,
     SECONDS,
 )
-from klann_ros.engines import EngineError, ENGINES
+from klann_ros.engines import check_engine, EngineError, ENGINES
 from klann_ros.log import open_log
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.limits import Limits, limits_from_file
@@ -72,6 +72,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _each(options: argparse.Namespace) -> int:
+    check_engine(options.engine)
     if options.table:
         check_table(options.table)
     elif options.resume:
@@ -83,10 +84,11 @@ def _each(options: argparse.Namespace) -> int:
     inputs = [*(run.path for run in runs), options.geometry, options.limits, options.expect]
     inputs.append(expectations.baseline)
     files = output_files(options, ('table', 'junit', 'html'), inputs)
-    pages = _pages(options.html, runs)
-    annotated = _annotated(options, runs)
     robot = robot_of(options.geometry) if options.geometry is not None else None
     limits = limits_from_file(options.limits) if options.limits is not None else Limits()
+    # Folders are made last: nothing is left behind by a refused file.
+    pages = _pages(options.html, runs)
+    annotated = _annotated(options, runs)
     tasks = []
     for run, page, copy in zip(runs, pages, annotated, strict=True):
         tasks.append(Task(run, robot, limits, expectations, page, copy))
