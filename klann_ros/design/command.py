@@ -9,6 +9,7 @@ import sys
 
 from klann_ros.cli import (
     ArgumentParser,
+    check_installed,
     COUNT,
     NOT_READ,
     number_type,
@@ -18,15 +19,15 @@ from klann_ros.cli import (
     SECONDS,
     UsageError,
 )
-from klann_ros.engines import EngineError, ENGINES
+from klann_ros.engines import check_engine, EngineError, ENGINES
 from klann_ros.sanitize.files import read_regular
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import parse_json, printable
 
 from .leg_file import leg_text, parameter_text
 from .page import page
 from .report import leg_name, report, text
 from .requirements import Requirements, requirements_from_file
-from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State
+from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State, StateError
 from .space import RequirementsError
 
 NONE_FOUND, INTERRUPTED = 1, 130
@@ -52,6 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _design(options: argparse.Namespace) -> int:
+    check_installed('pymoo', 'scipy')
+    check_engine(options.engine)
     requirements = requirements_from_file(options.requirements)
     folder = Path(options.output or f'{Path(options.requirements).stem}_legs')
     state = _opened(folder, resume=options.resume)
@@ -71,7 +74,7 @@ def _design(options: argparse.Namespace) -> int:
             state=state,
             on_round=on_round,
         )
-    except ValueError as error:
+    except StateError as error:
         raise UsageError(f'--resume: {error}') from error
     _write(folder, search_result)
     print(text(search_result, printable(folder)), end='')
@@ -83,24 +86,22 @@ def _design(options: argparse.Namespace) -> int:
 def _opened(folder: Path, *, resume: bool) -> State | None:
     """Return the state of the search in a folder, which is made; None of a new search."""
     title = printable(folder)
-    if resume and folder.is_dir() and not any(folder.iterdir()):
-        # It ended in the first round.
-        return None
-    if resume:
-        try:
-            content = json.loads(read_regular(folder / STATE, MAX_STATE_SIZE))
-            return State.of(content)
-        except OSError as error:
-            raise UsageError(f'--resume: {title} has no search: {error.strerror}') from error
-        except (ValueError, TypeError, KeyError) as error:
-            raise UsageError(f'--resume: {title}/{STATE} is damaged') from error
     try:
+        if folder.is_dir() and not any(folder.iterdir()):
+            # An earlier search ended in its first round.
+            return None
+        if resume:
+            return State.of(parse_json(read_regular(folder / STATE, MAX_STATE_SIZE)))
         folder.mkdir(parents=True)
     except FileExistsError as error:
         advice = 'continue it with --resume, or choose another with -o'
         raise OutputError(f'{title} exists already: {advice}') from error
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
+        if resume:
+            raise UsageError(
+                f'--resume: {title}/{STATE} cannot be read: {printable(reason)}'
+            ) from error
         raise OutputError(f'{title} cannot be made: {printable(reason)}') from error
     return None
 

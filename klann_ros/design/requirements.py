@@ -118,7 +118,9 @@ def requirements_from_file(path: str | Path) -> Requirements:
     return content_of_file(path, read, 'requirements', RequirementsError)
 
 
-def requirements_from(content: Mapping[str, Any], folder: Path | None = None) -> Requirements:
+def requirements_from(
+    content: Mapping[str, Any] | None, folder: Path | None = None
+) -> Requirements:
     """
     Return the requirements of a file's content; its files are first sought in `folder`.
 
@@ -128,6 +130,8 @@ def requirements_from(content: Mapping[str, Any], folder: Path | None = None) ->
         It is refused; the text says why.
 
     """
+    # An empty file.
+    content = {} if content is None else content
     if problem := schema_error(content, 'klann_ros.design'):
         raise RequirementsError(problem)
     units = Units(**content.get('units', {}))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 import hashlib
+from itertools import chain
 from time import monotonic
 from typing import Any, NamedTuple, TypeAlias
 
@@ -83,6 +84,10 @@ class CandidateRefusal(NamedTuple):
     figure: float = np.nan
 
 
+class StateError(ValueError):
+    """A state of another search, or a damaged one; the text says which."""
+
+
 class State(NamedTuple):
     """
     A search between two rounds: all that a later one depends on.
@@ -105,19 +110,42 @@ class State(NamedTuple):
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> 'State':
-        """Return a state from JSON; errors are KeyError, TypeError and ValueError."""
-        populations = []
-        for x in content['populations']:
-            populations.append(None if x is None else np.array(x, dtype=np.float64))
-        frame = [(float(low), float(size)) for low, size in content['frame']]
-        return cls(
-            key=str(content['key']),
-            rounds=int(content['rounds']),
-            evaluations=int(content['evaluations']),
-            populations=tuple(populations),
-            hypervolumes=tuple(map(float, content['hypervolumes'])),
-            frame=tuple(frame),
-        )
+        """Return a state from JSON, or a StateError."""
+        try:
+            populations = []
+            for x in content['populations']:
+                populations.append(None if x is None else np.array(x, dtype=np.float64))
+            frame = [(float(low), float(size)) for low, size in content['frame']]
+            return cls(
+                key=str(content['key']),
+                rounds=int(content['rounds']),
+                evaluations=int(content['evaluations']),
+                populations=tuple(populations),
+                hypervolumes=tuple(map(float, content['hypervolumes'])),
+                frame=tuple(frame),
+            )
+        except (KeyError, OverflowError, TypeError, ValueError) as error:
+            raise StateError('it is no state of a search') from error
+
+    def check(self, requirements: Requirements, key: str) -> None:
+        """Raise a StateError if no search of requirements and a key can be in this state."""
+        island_count = max(ISLANDS, len(requirements.spaces))
+        if self.key != key or len(self.populations) != island_count:
+            raise StateError('the search to resume has other requirements or another seed')
+        for n, x in enumerate(self.populations):
+            if x is None or not len(x):
+                continue
+            shape = len(x), len(requirements.space(n).names)
+            if x.shape != shape or len(x) > POPULATION or not ((x >= 0.0) & (x <= 1.0)).all():
+                raise StateError(f'population {n} is damaged')
+        aim_count = len(requirements.cheap_aims)
+        numbers = np.array([*chain.from_iterable(self.frame), *self.hypervolumes])
+        is_frame = len(self.frame) in {0, aim_count} and all(size > 0.0 for _, size in self.frame)
+        if not (is_frame and np.isfinite(numbers).all()):
+            raise StateError('its frame or a hypervolume is damaged')
+        has_islands = any(x is None or len(x) for x in self.populations)
+        if min(self.rounds, self.evaluations) < 0 or not has_islands:
+            raise StateError('a count or a population is damaged')
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +212,8 @@ def search(
 
     Raises
     ------
-    ValueError
-        The state is that of another search.
+    StateError
+        The state is that of another search, or damaged.
     EngineError
         The engine is unavailable, or no worker answers.
 
@@ -194,8 +222,7 @@ def search(
     key = hashlib.sha256(f'{seed}\n{requirements.text}'.encode()).hexdigest()
     island_count = max(ISLANDS, len(requirements.spaces))
     state = state or State(key, 0, 0, (None,) * island_count)
-    if state.key != key or len(state.populations) != island_count:
-        raise ValueError('the search to resume has other requirements or another seed')
+    state.check(requirements, key)
     start_time = monotonic()
     is_interrupted = False
     run = partial(_in_order, jobs=jobs, engine=engine)

@@ -101,10 +101,10 @@ def test_requirements_that_no_leg_fulfils_have_exit_code_1(out: Path, capsys: Ca
 @pytest.mark.parametrize(
     ('arguments', 'code', 'message'),
     [
-        (['--resume'], 2, 'has no search'),
+        (['--resume'], 2, 'out/search.json cannot be read: No such file'),
         (['--time', '-1'], 2, 'seconds > 0'),
         (['-o', 'requirements.yaml/x'], 3, 'cannot be made'),
-        (['-o', 'old', '--resume'], 2, 'search.json is damaged'),
+        (['-o', 'old', '--resume'], 2, 'search.json cannot be read: it is no state of a search'),
     ],
 )
 def test_a_refusal_is_one_line(
@@ -117,6 +117,32 @@ def test_a_refusal_is_one_line(
     error = capsys.readouterr().err
     assert message in error.splitlines()[-1]
     assert 'Traceback' not in error
+
+
+@pytest.mark.parametrize('content', ['', '# nothing\n', '---\n', 'linkage: ~nosuchuser/x\n'])
+def test_requirements_without_content_are_refused(content: str, out: Path) -> None:
+    out.with_name('requirements.yaml').write_text(content)
+    assert run() == 2
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ('package', 'options'), [('pymoo', []), ('scipy', []), ('ray', ['--engine', 'ray'])]
+)
+def test_a_missing_extra_leaves_nothing_behind(
+    package: str, options: list[str], out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    try:
+        assert run(*options) == 2
+    except ModuleNotFoundError as error:
+        assert error.name == package
+    assert not out.exists()
+
+
+def test_an_empty_folder_is_taken(out: Path) -> None:
+    out.mkdir()
+    assert run() == 0
 
 
 def test_two_jobs_find_the_same_legs_without_a_worker(out: Path, undisturbed: str) -> None:

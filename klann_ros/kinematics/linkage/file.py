@@ -400,8 +400,7 @@ def schema_error(content: Any, package: str = __package__) -> str:
     """
     schema = _schema(package)
     if content is None:
-        required = [*schema['required'], *['start'] * (package == __package__)]
-        return f'it is empty: it must have {", ".join(required)}'
+        return f'it is empty: it must have {", ".join([*schema["required"], "start"])}'
     # jsonschema takes longer to load than everything else of the kinematics.
     from jsonschema import Draft202012Validator  # noqa: PLC0415
     from jsonschema.exceptions import best_match  # noqa: PLC0415
