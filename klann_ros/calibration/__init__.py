@@ -19,14 +19,13 @@ The leg as it was built: its dimensions by measured points, with honest standard
 """
 
 from .fit import calibrate, Calibration, SeriesFit
-from .load import COMPUTED_TOPICS, POINT_FIELDS, point_topics
+from .load import COMPUTED_TOPICS, point_topics
 from .measurements import CrankSamples, kind_of, MeasuredSeries, MeasurementError, series_of
 from .model import MeasurementModel, SCALES
 from .observability import Combination, Observability
 
 __all__ = [
     'COMPUTED_TOPICS',
-    'POINT_FIELDS',
     'SCALES',
     'Calibration',
     'Combination',

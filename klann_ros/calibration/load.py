@@ -9,14 +9,12 @@ from klann_ros.kinematics import Linkage
 from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.log import Message, open_log, Topic
 from klann_ros.messages import (
-    FLOAT64,
+    ANGLE_TYPES,
+    FRAMED_TYPES,
     JOINT_STATE,
     MARKER,
-    POINT,
-    POSE,
-    POSE_WITH_COVARIANCE,
-    TRANSFORM,
-    TRANSFORMS,
+    MESSAGE_TYPES,
+    POINT_FIELDS,
 )
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
 from klann_ros.sanitize.text import did_you_mean, listed, printable
@@ -31,23 +29,6 @@ from .measurements import (
     series_of,
 )
 
-# The field of x and y in each type of a measured point.
-POINT_FIELDS = {
-    POINT.name: 'point',
-    POSE.name: 'pose.position',
-    POSE_WITH_COVARIANCE.name: 'pose.pose.position',
-    TRANSFORM.name: 'transform.translation',
-    TRANSFORMS.name: 'transform.translation',
-    MARKER.name: 'pose.position',
-}
-# Types with several points under names: those of computed frames and drawings, too.
-FRAMED_TYPES = (TRANSFORMS.name, MARKER.name)
-_TYPES = {
-    message_type.name: message_type
-    for message_type in (
-        *(FLOAT64, JOINT_STATE, POINT, POSE, POSE_WITH_COVARIANCE, TRANSFORM, TRANSFORMS, MARKER),
-    )
-}
 # Last names of topics whose points are no measurements: a solver computed them.
 COMPUTED_TOPICS = ('point_h', 'velocity_h')
 # Indices of the variances of x and y in the covariance of a pose.
@@ -74,8 +55,8 @@ class Reading(NamedTuple):
 
 def readings(type_name: str, data: bytes) -> Iterator[Reading]:
     """Yield the measurements of a message; a ValueError if it is malformed."""
-    content = _TYPES[type_name].read(data)
-    if type_name == FLOAT64.name:
+    content = MESSAGE_TYPES[type_name].read(data)
+    if type_name in ANGLE_TYPES:
         yield Reading('', 0, (content['data'],))
         return
     for message in content.get('transforms', [content]):
@@ -124,7 +105,7 @@ def described_run(path: str, drawn: Robot | None) -> tuple[Robot, dict[str, Any]
     """Return the robot of a run, or the drawn one, its parameters, and the topics of points."""
     with open_log(path) as log:
         solvers = log.solvers if drawn is None else []
-        types = {*POINT_FIELDS} - {*FRAMED_TYPES}
+        types = POINT_FIELDS.keys() - FRAMED_TYPES
         topics = [topic.name for topic in log.topics if topic.type in types]
     if drawn is not None:
         return drawn, {}, topics
@@ -176,7 +157,7 @@ def _checked_samples(
     """Return the samples of a topic, unless it is of another type, computed, or has several."""
     kind = kind_of(leg.linkage, request.name)
     title = printable(topic.name)
-    types = POINT_FIELDS if kind == 'point' else (JOINT_STATE.name, FLOAT64.name)
+    types = POINT_FIELDS if kind == 'point' else (JOINT_STATE.name, *sorted(ANGLE_TYPES))
     if topic.type not in types:
         legal = ', '.join(name.rpartition('/')[2] for name in types)
         raise MeasurementError(f'{title} is {printable(topic.type)}: a measured {kind} is {legal}')
@@ -218,7 +199,7 @@ def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     for name, topic in topics.items():
         if topic.type == JOINT_STATE.name:
             states.append(topic)
-        elif topic.type == FLOAT64.name and name.endswith('crank_angle'):
+        elif topic.type in ANGLE_TYPES and name.endswith('crank_angle'):
             plain.append(topic)
     states.sort(key=lambda topic: topic.name.rpartition('/')[2] != 'crank_state')
     return states + plain
@@ -228,7 +209,7 @@ def _crank(
     topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
 ) -> CrankSamples:
     for topic in topics:
-        if topic.type not in {JOINT_STATE.name, FLOAT64.name}:
+        if topic.type not in {JOINT_STATE.name, *ANGLE_TYPES}:
             continue
         key = leg.crank_joint if topic.type == JOINT_STATE.name else ''
         samples, _ = _samples(messages[topic.name], key, start)

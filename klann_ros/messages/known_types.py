@@ -1,7 +1,8 @@
 """
 The message types of legs and walkers.
 
-A new type is its fields in `_FIELDS`, in ROS's notation, and its name below them.
+A new type is its fields in `_FIELDS`, in ROS's notation, and its name below them. If it is that of
+a measured point or of a crank's angle, `POINT_FIELDS` or `ANGLE_TYPES` has it, too.
 """
 
 from .message_type import MessageType
@@ -58,14 +59,19 @@ _FIELDS = {
 }
 
 
-def _message_type(name: str) -> MessageType:
-    return MessageType(name, _DEFINITIONS)
-
-
 _DEFINITIONS = {
     name: [(words[0], words[1]) for words in (field.split() for field in fields.split(','))]
     for name, fields in _FIELDS.items()
 }
+MESSAGE_TYPES: dict[str, MessageType] = {}
+"""The message types by the names that topics have."""
+
+
+def _message_type(name: str) -> MessageType:
+    message_type = MessageType(name, _DEFINITIONS)
+    MESSAGE_TYPES[message_type.name] = message_type
+    return message_type
+
 
 CLOCK = _message_type('rosgraph_msgs/Clock')
 DIAGNOSTICS = _message_type('diagnostic_msgs/DiagnosticArray')
@@ -84,3 +90,17 @@ TRANSFORM = _message_type('geometry_msgs/TransformStamped')
 TRANSFORMS = _message_type('tf2_msgs/TFMessage')
 TWIST = _message_type('geometry_msgs/Twist')
 TWIST_STAMPED = _message_type('geometry_msgs/TwistStamped')
+
+POINT_FIELDS = {
+    POINT.name: 'point',
+    POSE.name: 'pose.position',
+    POSE_WITH_COVARIANCE.name: 'pose.pose.position',
+    TRANSFORM.name: 'transform.translation',
+    TRANSFORMS.name: 'transform.translation',
+    MARKER.name: 'pose.position',
+}
+"""The field of x and y in each type of a measured point."""
+FRAMED_TYPES = frozenset((TRANSFORMS.name, MARKER.name))
+"""Types with several points under names: those of computed frames and drawings, too."""
+ANGLE_TYPES = frozenset((FLOAT64.name, FLOAT32.name))
+"""Types of a topic that has one angle [rad]."""

@@ -1,7 +1,7 @@
 """The legs that a run describes: by parameters of its solvers, or by robot_description."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -14,18 +14,18 @@ from xml.etree.ElementTree import Element, fromstring, ParseError, XMLParser
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, GeometryError, KlannGeometry, KlannLeg, LinkageLeg
-from klann_ros.kinematics.arrays import FloatArray, IndexArray
-from klann_ros.log import MessageBlock, SolverParameters, Topic
-from klann_ros.messages import STRING
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.log import SolverParameters
 from klann_ros.review.model.recording import LegRecording, LegSolver
-from klann_ros.review.model.times import nanoseconds, Series
+from klann_ros.review.model.times import Series
 from klann_ros.robot import LEG_PARAMETERS, of_leg, Robot, robot_from_parameters, SEPARATORS
 from klann_ros.sanitize.text import printable
 import numpy as np
 
+from .columns import DESCRIPTION, MAX_DESCRIPTION_SIZE
+
 # Source of a reference leg.
 REFERENCE = '--geometry'
-Metadata = Mapping[str, Sequence[Mapping[str, str]]]
 
 
 def leg_solvers(
@@ -76,6 +76,7 @@ def _solver(records: Sequence[SolverParameters], name: str, reference: Robot | N
         nodes=tuple(dict.fromkeys(record.node for record in records)),
         source=source,
         joint_separator='_' if parameters.get('joint_separator') == '_' else '/',
+        counts_per_turn=_counts_per_turn(parameters),
     )
 
 
@@ -98,6 +99,13 @@ def _names(legs: Any) -> tuple[str, ...]:
 def _number(parameter: Any, default: float) -> float:
     is_number = isinstance(parameter, int | float) and abs(parameter) <= sys.float_info.max
     return parameter if is_number else default
+
+
+def _counts_per_turn(parameters: Mapping[str, Any]) -> float:
+    """Return the counts of an encoder in a turn; 0 where cranks are in JointStates."""
+    if parameters.get('crank_state_type') != 'ticks':
+        return 0.0
+    return max(0.0, _number(parameters.get('counts_per_turn'), 0.0))
 
 
 def parent(name: str) -> str:
@@ -163,14 +171,6 @@ def _dynamics(robot: Robot, name: str) -> Dynamics | None:
     return robot.dynamics(leg) if leg and leg.masses else None
 
 
-DESCRIPTION = 'robot_description'
-# Longest description that is read [characters], and bytes of its message beside the text.
-MAX_DESCRIPTION_SIZE = 1024 * 1024
-_MESSAGE_OVERHEAD = 16
-# Different descriptions of one namespace that are read.
-_MAX_DESCRIPTIONS = 32
-
-
 class _Described(NamedTuple):
     """Dimensions of legs by their names, since a log time [ns]."""
 
@@ -178,23 +178,18 @@ class _Described(NamedTuple):
     legs: dict[str, dict[str, float]]
 
 
-class Descriptions:
-    """Collects the legs of robot descriptions, by the namespace of the topic."""
+class RobotDescriptions:
+    """
+    The legs of robot descriptions, by the namespace of the topic.
 
-    def __init__(self) -> None:
-        self._last: dict[str, bytes] = {}
+    `contents` are the topics, log times [ns] and contents of their messages.
+    """
+
+    def __init__(self, contents: Iterable[tuple[str, int, Mapping[str, Any]]]) -> None:
         self._described: dict[str, list[_Described]] = defaultdict(list)
-
-    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
-        """Add the descriptions of a topic in a block."""
-        described = self._described[parent(topic.name)]
-        for row in rows[block.sizes[rows] <= MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD].tolist():
-            data = block.message(row)
-            # It is usually repeated.
-            if data != self._last.get(topic.name) and len(described) < _MAX_DESCRIPTIONS:
-                self._last[topic.name] = data
-                time = int(nanoseconds(block.heads['log_time'][[row]])[0])
-                described.append(_Described(time, klann_legs_in_urdf(_text(data))))
+        for topic, time, content in contents:
+            legs = klann_legs_in_urdf(content['data'])
+            self._described[parent(topic)].append(_Described(time, legs))
 
     def described(self, solver: LegSolver, namespace: str, name: str, poses: Series) -> LegSolver:
         """Return a solver of an unknown leg with the described one, if any."""
@@ -213,14 +208,6 @@ class Descriptions:
         times = [description.time for description in descriptions]
         source = f'{printable(f"{namespace}/{DESCRIPTION}")}, assembly mode from its poses'
         return replace(solver, leg=legs[-1], leg_time=_last_change(times, legs), source=source)
-
-
-def _text(data: bytes) -> str:
-    try:
-        (text,) = STRING.layout(data).texts['data']
-        return text.decode()
-    except ValueError:
-        return ''
 
 
 def _assembly(poses: Series) -> tuple[int, int]:

@@ -1,35 +1,30 @@
-"""Assign the numbers of messages to legs: crank inputs, poses, feet and efforts."""
+"""The legs of a run, from the columns of its log: crank inputs, poses, feet and efforts."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
-from klann_ros.kinematics.arrays import FloatArray, IntArray
-from klann_ros.log import SolverParameters, Topic
-from klann_ros.messages import FLOAT64, JOINT_STATE, POINT
+from klann_ros.kinematics.angles import TURN
+from klann_ros.kinematics.arrays import IntArray
+from klann_ros.log import SolverParameters
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
 from klann_ros.review.model.times import is_simulated, no_series, Series
 from klann_ros.robot import Robot
 import numpy as np
 
-from .batches import Batch
-from .collectors import COMMAND, IterationCollector
-from .geometry import Descriptions, leg_solvers, published_legs, REFERENCE, reference_leg
-from .series import ArrayPool, GrowingArray, SeriesColumns
+from .columns import COMMAND, JointSelection, LogColumns, Part, Role, STATE
+from .geometry import leg_solvers, published_legs, REFERENCE, reference_leg, RobotDescriptions
 
-LAST_NAMES = {FLOAT64.name: 'crank_angle', POINT.name: 'point_h'}
 # Key of crank_angle, the input of all legs, among the joints.
 ALL_JOINTS = ''
+# Name of an unnamed leg in diagnostics.
+_UNNAMED = 'leg'
+# An encoder counts in 32 bits.
+_OVERFLOW = 2**32
 
 # A namespace with a leg or a joint in it.
 LegKey = tuple[str, str]
-
-
-def is_leg_topic(topic: Topic) -> bool:
-    """Return whether a topic may have data of a leg."""
-    last_name = topic.name.rpartition('/')[2]
-    return topic.type == JOINT_STATE.name or LAST_NAMES.get(topic.type) == last_name
 
 
 class LegDefinitions:
@@ -51,6 +46,44 @@ class LegDefinitions:
         if namespace not in self._solvers:
             self._solvers[namespace] = leg_solvers(self._records, namespace, self._reference)
         return self._solvers[namespace]
+
+    def selection(self, topic: str, names: Sequence[str]) -> JointSelection:
+        """Return the joints of legs and cranks among names; a command is no input."""
+        namespace, _, last_name = topic.rpartition('/')
+        published = set(names)
+        joints: list[str] = []
+        drives: list[str] = []
+        for name, solver in self.legs_with(namespace, names).items():
+            leg_joints = solver.published_joints(name)
+            if published.issuperset(leg_joints):
+                joints += leg_joints
+                drives.append(leg_joints[0])
+        is_input = not joints and last_name != COMMAND
+        if is_input:
+            joints = [*{solver.crank_joint for solver in self.crank_solvers(namespace)}]
+            drives = joints = [joint for joint in joints if joint in published]
+        if last_name in (COMMAND, STATE):
+            joints = [*names]
+        return JointSelection(tuple(dict.fromkeys(joints)), tuple(drives), is_input)
+
+    def lacks_positions(self, topic: str, names: Sequence[str], count: int) -> bool:
+        """
+        Return whether JointStates with a number of positions lack those of a leg.
+
+        Other robots may omit positions, and a command may be of velocities alone.
+        """
+        namespace, _, last_name = topic.rpartition('/')
+        if not names or (last_name == COMMAND and not count):
+            return False
+        joints: set[str] = set()
+        separators = {'/'}
+        for solver in self.crank_solvers(namespace):
+            joints.update(solver.joint_names, [solver.crank_joint])
+            separators.add(solver.joint_separator)
+        last_names = set(names)
+        for separator in separators:
+            last_names.update(name.rpartition(separator)[2] for name in names)
+        return not joints.isdisjoint(last_names)
 
     def crank_solvers(self, namespace: str) -> Sequence[LegSolver]:
         """Return the solvers whose cranks turn in a namespace; an empty one if unknown."""
@@ -79,130 +112,102 @@ class LegDefinitions:
         return self._undefined[name]
 
 
-class _PoseColumns:
-    """The poses of a leg, with their topics, and their rates on request."""
+class SeriesPool:
+    """Makes series of equal arrays of times share them, which saves memory."""
 
-    def __init__(self, joint_count: int, rate_kind: str) -> None:
-        self.poses = SeriesColumns(joint_count)
-        self.rates = SeriesColumns(joint_count, rate_kind) if rate_kind else None
-        self.topics: set[str] = set()
+    def __init__(self) -> None:
+        self._arrays: dict[tuple[int, int, int], list[IntArray]] = {}
 
-    def add(self, batch: Batch, columns: Sequence[int]) -> None:
-        """Add the poses in some columns of JointStates."""
-        self.topics.add(batch.topic)
-        poses = batch.numbers['position'][:, columns]
-        self.poses.add(batch.times, batch.stamps, poses)
-        if self.rates is not None:
-            rates = np.full(poses.shape, np.nan)
-            velocities = batch.numbers['velocity']
-            if velocities.shape[1] == len(batch.names):
-                rates = velocities[:, columns]
-            with np.errstate(over='ignore'):
-                self.rates.add(batch.times, batch.stamps, rates)
+    def share(self, times: IntArray) -> IntArray:
+        """Return an array with these times."""
+        if not len(times):
+            return times
+        key = (len(times), int(times[0]), int(times[-1]))
+        similar = self._arrays.setdefault(key, [])
+        for shared_times in similar:
+            if np.array_equal(shared_times, times):
+                return shared_times
+        similar.append(times)
+        return times
+
+    def series(self, series: Sequence[Series], width: int) -> Series:
+        """Return several series of a width as one, by its log times."""
+        if not series:
+            return no_series(width)
+        times, stamps, values = series[0].times, series[0].stamps, series[0].values
+        if len(series) > 1:
+            times = np.concatenate([part.times for part in series])
+            stamps = np.concatenate([part.stamps for part in series])
+            values = np.concatenate([part.values for part in series])
+        if (np.diff(times) < 0).any():
+            order = np.argsort(times, kind='stable')
+            times = times[order]
+            stamps = stamps[order]
+            values = values[order]
+        return Series(self.share(times), self.share(stamps), values)
 
 
-@dataclass
-class _InputColumns:
-    """The inputs of a crank, their topics, and the log times of inputs with unknown answers."""
+class _Inputs(NamedTuple):
+    """The inputs of a crank."""
 
-    angles: SeriesColumns = field(default_factory=partial(SeriesColumns, 1))
-    topics: set[str] = field(default_factory=set)
-    unstamped: GrowingArray = field(default_factory=partial(GrowingArray, np.int64))
+    topics: frozenset[str]
+    # Angles [rad], and the log times of inputs whose answers have an unknown stamp [ns].
+    angles: Series
+    unstamped: IntArray
 
 
-class LegCollector:
-    """
-    Collects the messages of legs, block by block.
+class LegColumns:
+    """The legs in the columns of a log."""
 
-    `rate_kind` is the type of the joint velocities; '' for none.
-    """
-
-    def __init__(self, definitions: LegDefinitions, rate_kind: str = '') -> None:
+    def __init__(
+        self,
+        columns: LogColumns,
+        definitions: LegDefinitions,
+        pool: SeriesPool,
+        clock: Series,
+    ) -> None:
         self._definitions = definitions
-        self._rate_kind = rate_kind
-        # Poses by namespace and name of the leg.
-        self._poses: dict[LegKey, _PoseColumns] = {}
-        # Feet by the namespace of the topic.
-        self._feet: dict[str, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
-        # Inputs, and angles with efforts, by namespace and joint.
-        self._inputs: dict[LegKey, _InputColumns] = defaultdict(_InputColumns)
-        self._efforts: dict[LegKey, SeriesColumns] = defaultdict(partial(SeriesColumns, 2))
+        self._descriptions = RobotDescriptions(columns.contents(Role.DESCRIPTION))
+        self._pool = pool
+        self._clock = clock
+        # Poses by the leg; inputs by the joint, efforts, too; feet by the namespace of the topic.
+        self._poses: dict[LegKey, list[Part]] = defaultdict(list)
+        self._inputs: dict[LegKey, list[Part]] = defaultdict(list)
+        self._efforts: dict[LegKey, list[Series]] = defaultdict(list)
+        self._feet: dict[str, list[Series]] = defaultdict(list)
+        for part in columns.parts(Role.JOINTS):
+            self._add_joints(part)
+        for part in columns.parts(Role.ANGLE, Role.TICKS):
+            self._inputs[input_joint(part)].append(part)
+        for part in columns.parts(Role.FOOT):
+            self._feet[part.namespace].append(part.series())
+        # Log times [ns] and solver iterations by the titles of the legs' reports.
+        self._iterations: dict[str, list[tuple[int, float]]] = defaultdict(list)
+        for _, time, report in columns.contents(Role.REPORT):
+            for title, iterations in report.items():
+                self._iterations[title].append((time, iterations))
 
     @property
     def has_efforts(self) -> bool:
         """Return whether there are efforts of any joint."""
         return bool(self._efforts)
 
-    def add_angles(self, batch: Batch) -> None:
-        """Add messages of crank_angle, the input of all legs."""
-        self._add_input(batch, ALL_JOINTS, batch.numbers['data'])
-
-    def add_feet(self, batch: Batch) -> None:
-        """Add positions of feet."""
-        feet = batch.numbers['point'][:, :2]
-        self._feet[batch.namespace].add(batch.times, batch.stamps, feet)
-
-    def lacks_positions(self, batch: Batch) -> bool:
-        """Return whether joints of a leg have no positions; other robots may omit them."""
-        names = set(batch.names)
-        if not names or len(batch.names) == batch.numbers['position'].shape[1]:
-            return False
-        joints: set[str] = set()
-        separators = {'/'}
-        for solver in self._definitions.crank_solvers(batch.namespace):
-            joints.update(solver.joint_names, [solver.crank_joint])
-            separators.add(solver.joint_separator)
-        for separator in separators:
-            names.update(name.rpartition(separator)[2] for name in batch.names)
-        return not joints.isdisjoint(names)
-
-    def add_joints(self, batch: Batch) -> None:
+    def _add_joints(self, part: Part) -> None:
         """Add JointStates: poses of legs, or measured inputs; a command is neither."""
-        namespace = batch.namespace
-        names = batch.names
-        has_poses = False
-        for name, solver in self._definitions.legs_with(namespace, names).items():
-            joints = solver.published_joints(name)
-            if set(joints) <= set(names):
-                has_poses = True
-                columns = [names.index(joint) for joint in joints]
-                key = (namespace, name)
-                if key not in self._poses:
-                    self._poses[key] = _PoseColumns(len(columns), self._rate_kind)
-                self._poses[key].add(batch, columns)
-                self._add_efforts(batch, joints[0])
-        if has_poses or batch.last_name == COMMAND:
-            return
-        cranks = {solver.crank_joint for solver in self._definitions.crank_solvers(namespace)}
-        for joint in cranks & set(names):
-            column = names.index(joint)
-            self._add_input(batch, joint, batch.numbers['position'][:, [column]])
-            self._add_efforts(batch, joint)
-
-    def _add_efforts(self, batch: Batch, joint: str) -> None:
-        efforts = batch.numbers['effort']
-        if efforts.shape[1] == len(batch.names):
-            column = batch.names.index(joint)
-            angles = batch.numbers['position'][:, column]
-            columns = self._efforts[batch.namespace, joint]
-            columns.add(batch.times, batch.stamps, np.column_stack([angles, efforts[:, column]]))
-
-    def _add_input(self, batch: Batch, joint: str, angles: FloatArray) -> None:
-        """Add crank inputs; the solver takes the source time for a stamp that is zero."""
-        times = batch.times
-        sources = batch.publish_times
-        is_unstamped = batch.stamps == 0
-        # Without a source time, recorders write the log time or 0.
-        is_unmatched = is_unstamped & ((sources == times) | (sources == 0))
-        solvers = self._definitions.crank_solvers(batch.namespace)
-        if any(solver.sim_time for solver in solvers):
-            # Their answers have a simulated stamp that the run does not contain.
-            is_unmatched = is_unstamped
-        columns = self._inputs[batch.namespace, joint]
-        columns.topics.add(batch.topic)
-        columns.unstamped.add(times[is_unmatched])
-        stamps = np.where(is_unstamped, sources, batch.stamps)
-        columns.angles.add(times[~is_unmatched], stamps[~is_unmatched], angles[~is_unmatched])
+        namespace = part.namespace
+        names = part.selection.names
+        if part.selection.is_input:
+            for joint in part.selection.drives:
+                self._inputs[namespace, joint].append(part)
+        else:
+            for name, solver in self._definitions.legs_with(namespace, names).items():
+                if set(solver.published_joints(name)).issubset(names):
+                    self._poses[namespace, name].append(part)
+        for joint in part.selection.drives:
+            if 'effort' in part.paths:
+                angles = part.numbers([joint], 'position')
+                numbers = np.column_stack([angles, part.numbers([joint], 'effort')])
+                self._efforts[namespace, joint].append(Series(part.times, part.stamps, numbers))
 
     def _leg_keys(self) -> list[LegKey]:
         """Return legs with poses and the other legs of their solvers, or with inputs or feet."""
@@ -214,59 +219,110 @@ class LegCollector:
         namespaces = {namespace for namespace, _ in self._inputs} or self._feet.keys()
         return [(namespace, '') for namespace in sorted(namespaces)]
 
-    def legs(
-        self,
-        iterations: IterationCollector,
-        descriptions: Descriptions,
-        shared: ArrayPool,
-        clock: Series,
-    ) -> Iterator[LegRecording]:
-        """Yield the legs; nothing can be added any more."""
-        feet = {namespace: columns.series(shared) for namespace, columns in self._feet.items()}
-        angles: dict[LegKey, Series] = {}
-        unstamped: dict[LegKey, IntArray] = {}
-        for key, inputs in self._inputs.items():
-            angles[key] = inputs.angles.series(shared)
-            unstamped[key] = inputs.unstamped.array()
-        for namespace, name in self._leg_keys():
+    def legs(self) -> Iterator[LegRecording]:
+        """Yield the legs."""
+        feet = {name: self._pool.series(series, 2) for name, series in self._feet.items()}
+        poses = {key: self._posed(key, 'position') for key in self._leg_keys()}
+        inputs = {key: self._input(key, poses) for key in self._inputs}
+        for (namespace, name), leg_poses in poses.items():
             solver = self._definitions.solver(namespace, name)
-            columns = self._poses.get((namespace, name))
-            poses = no_series(len(solver.joint_names))
-            if columns is not None:
-                poses = columns.poses.series(shared)
             if solver.leg is None:
-                solver = descriptions.described(solver, namespace, name, poses)
-            if is_simulated(poses, clock):
+                solver = self._descriptions.described(solver, namespace, name, leg_poses)
+            if is_simulated(leg_poses, self._clock):
                 solver = replace(solver, sim_time=True)
-            rates = np.empty((0, 0))
-            if columns is not None and columns.rates is not None:
-                rates = columns.rates.series(shared).values
-            crank_topics: set[str] = set()
-            cranks: list[Series] = []
-            unstamped_times = [np.empty(0, dtype=np.int64)]
-            for joint in (ALL_JOINTS, solver.crank_joint):
-                key = (namespace, joint)
-                if key in self._inputs:
-                    crank_topics |= self._inputs[key].topics
-                    cranks.append(angles[key])
-                    unstamped_times.append(unstamped[key])
+            rates = self._posed((namespace, name), 'velocity').values
+            joints = dict.fromkeys((ALL_JOINTS, solver.crank_joint))
+            cranks = [inputs[namespace, joint] for joint in joints if (namespace, joint) in inputs]
+            unstamped = [crank.unstamped for crank in cranks]
             yield LegRecording(
                 namespace,
                 name,
                 solver,
-                pose_topics=frozenset(columns.topics if columns else ()),
-                crank_topics=frozenset(crank_topics),
-                cranks=_merged(cranks),
-                poses=poses,
-                iterations=iterations.series(name),
+                pose_topics=frozenset(part.topic for part in self._poses[namespace, name]),
+                crank_topics=frozenset().union(*(crank.topics for crank in cranks)),
+                cranks=self._pool.series([crank.angles for crank in cranks], 1),
+                poses=leg_poses,
+                iterations=self._iteration_series(name),
                 feet=feet.get(f'{namespace}/{name}' if name else namespace, no_series(2)),
-                unstamped=np.sort(np.concatenate(unstamped_times)),
-                rates=rates,
+                unstamped=np.sort(np.concatenate([np.empty(0, np.int64), *unstamped])),
+                rates=rates if rates.size else np.empty((0, 0)),
             )
 
-    def drives(self, legs: Sequence[LegRecording], shared: ArrayPool) -> Iterator[Drive]:
+    def _posed(self, key: LegKey, path: str) -> Series:
+        """Return the positions or velocities of a leg's joints."""
+        namespace, name = key
+        solver = self._definitions.solver(namespace, name)
+        series = []
+        for part in self._poses.get(key, ()):
+            if path in part.paths:
+                series.append(part.series(solver.published_joints(name), path))
+        return self._pool.series(series, len(solver.joint_names))
+
+    def _input(self, key: LegKey, poses: Mapping[LegKey, Series]) -> _Inputs:
+        """Return the inputs of a crank."""
+        namespace, joint = key
+        solvers = self._definitions.crank_solvers(namespace)
+        is_simulated_time = any(solver.sim_time for solver in solvers)
+        angles = []
+        unstamped = []
+        for part in self._inputs[key]:
+            series = (
+                part.series([joint], 'position') if part.role is Role.JOINTS else part.series()
+            )
+            # Without a source time, recorders write the log time or 0. Simulated stamps of
+            # answers are not in the run.
+            is_unmatched = part.unstamped & (is_simulated_time | (part.stamps == part.times))
+            unstamped.append(part.times[is_unmatched])
+            if is_unmatched.any():
+                series = series.rows(~is_unmatched)
+            if part.role is Role.TICKS:
+                series = self._counted_angles(key, series, poses)
+            angles.append(series)
+        topics = frozenset(part.topic for part in self._inputs[key])
+        return _Inputs(topics, self._pool.series(angles, 1), np.concatenate(unstamped))
+
+    def _counted_angles(
+        self, key: LegKey, counts: Series, poses: Mapping[LegKey, Series]
+    ) -> Series:
+        """
+        Return the angles of counts, which overflow, as the solver computes them.
+
+        It leaves out the whole turns of its first count, which its answers show.
+        """
+        namespace, joint = key
+        solvers = self._definitions.crank_solvers(namespace)
+        counts_per_turn = max(solver.counts_per_turn for solver in solvers)
+        if not (counts_per_turn and len(counts)):
+            return no_series(1)
+        steps = np.diff(counts.values[:, 0])
+        steps = (steps + _OVERFLOW / 2) % _OVERFLOW - _OVERFLOW / 2
+        turns = np.cumsum([counts.values[0, 0], *steps]) / counts_per_turn
+        first_turns = -round(turns[0])
+        for (leg_namespace, name), leg_poses in poses.items():
+            solver = self._definitions.solver(leg_namespace, name)
+            if leg_namespace == namespace and joint in (ALL_JOINTS, solver.crank_joint):
+                _, inputs, answers = np.intersect1d(
+                    counts.stamps, leg_poses.stamps, return_indices=True
+                )
+                if len(inputs):
+                    alpha = leg_poses.values[answers[0], 0]
+                    angle = (alpha - solver.phase) / solver.direction
+                    first_turns = round(angle / TURN - turns[inputs[0]])
+        return replace(counts, values=(turns + first_turns)[:, np.newaxis] * TURN)
+
+    def _iteration_series(self, name: str) -> Series:
+        """Return the iterations of a leg; none if several solvers have one of its name."""
+        end = f': {name or _UNNAMED}'
+        titles = [title for title in self._iterations if title.endswith(end)]
+        if len(titles) != 1:
+            return no_series(1)
+        log_times, iterations = zip(*self._iterations[titles[0]], strict=True)
+        times = np.array(log_times, dtype=np.int64)
+        return self._pool.series([Series(times, times, np.c_[iterations])], 1)
+
+    def drives(self, legs: Sequence[LegRecording]) -> Iterator[Drive]:
         """Yield the joints with efforts, with their legs."""
-        for (namespace, joint), columns in self._efforts.items():
+        for (namespace, joint), efforts in self._efforts.items():
             # Legs whose published angle it is, or else those whose input it is.
             posed_legs = []
             driven_legs = []
@@ -277,15 +333,11 @@ class LegCollector:
                     driven_legs.append(index)
             if posed_legs or driven_legs:
                 drive_legs = tuple(posed_legs or driven_legs)
-                yield Drive(joint, drive_legs, not posed_legs, columns.series(shared))
+                yield Drive(joint, drive_legs, not posed_legs, self._pool.series(efforts, 2))
 
 
-def _merged(inputs: list[Series]) -> Series:
-    """Return the inputs of several topics by their log times."""
-    if len(inputs) < 2:
-        return inputs[0] if inputs else no_series(1)
-    times = np.concatenate([series.times for series in inputs])
-    stamps = np.concatenate([series.stamps for series in inputs])
-    angles = np.concatenate([series.values for series in inputs])
-    order = np.argsort(times, kind='stable')
-    return Series(times[order], stamps[order], angles[order])
+def input_joint(part: Part) -> LegKey:
+    """Return the namespace and the joint of a topic with the angle or the counts of a crank."""
+    if part.last_name in (STATE, 'crank_angle'):
+        return part.namespace, ALL_JOINTS
+    return part.namespace.rpartition('/')[0], part.last_name

@@ -1,6 +1,6 @@
 """Reception of each topic: times, latencies, sequence numbers and clock steps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -8,17 +8,46 @@ import re
 from typing import Any
 
 from klann_ros.kinematics.arrays import BoolArray, IndexArray, IntArray
-from klann_ros.log import LOSS_RECORD, MessageBlock, Topic, topic_counts, TopicCount
+from klann_ros.log import LOSS_RECORD, topic_counts, TopicCount
 from klann_ros.review.model.times import Interval, LAST_TIME, nanoseconds, overlaps
 from klann_ros.review.model.topics import TopicRecording
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .geometry import Metadata
-from .series import GrowingArray
-
+Metadata = Mapping[str, Sequence[Mapping[str, str]]]
 # As words or, until Humble, as a number of rmw.
 _LATCHED = re.compile('durability: *(transient_local|1)\\b')
+
+
+_INITIAL_ROWS = 1024
+
+
+class GrowingArray:
+    """An array that grows by rows of `width` numbers, 0 for rows that are numbers themselves."""
+
+    def __init__(self, kind: DTypeLike, width: int = 0) -> None:
+        self._columns = (width,) if width else ()
+        self._rows: NDArray[Any] = np.empty((_INITIAL_ROWS, *self._columns), dtype=kind)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, new_rows: ArrayLike) -> None:
+        """Append rows."""
+        added = np.asarray(new_rows)
+        begin = self._count
+        self._count += len(added)
+        if self._count > len(self._rows):
+            # realloc moves pages, not bytes: half the memory of joined arrays.
+            capacity = max(self._count, len(self._rows) * 3 // 2)
+            self._rows.resize((capacity, *self._columns), refcheck=False)
+        self._rows[slice(begin, self._count)] = added
+
+    def array(self) -> NDArray[Any]:
+        """Return all rows; nothing can be added any more."""
+        self._rows.resize((self._count, *self._columns), refcheck=False)
+        return self._rows
 
 
 @dataclass
@@ -56,7 +85,7 @@ class _SequenceNumbers:
 
 
 @dataclass
-class _Reception:
+class Reception:
     """The reception of a topic's messages, block by block."""
 
     times: GrowingArray = field(default_factory=partial(GrowingArray, np.int64))
@@ -69,8 +98,11 @@ class _Reception:
     latched: bool = False
     discovered: int = 0  # on a latched topic, when its publisher was [ns]
 
-    def add(self, heads: NDArray[np.void], rows: IndexArray) -> None:
-        """Add messages by their headers."""
+    def add(self, qos: str, heads: NDArray[np.void], rows: IndexArray) -> None:
+        """Add messages by their publishers' quality of service and their headers."""
+        publishers, latched = _offer(qos)
+        self.publishers = max(self.publishers, publishers)
+        self.latched = self.latched or latched
         # Column by column: whole headers take three times as long.
         times = nanoseconds(heads['log_time'][rows])
         published = nanoseconds(heads['publish_time'][rows])
@@ -119,36 +151,20 @@ class _Reception:
         return bool(self.numbers.count) and not self.is_shared
 
 
-class TopicCollector:
-    """Collects times and sequence numbers of every topic."""
-
-    def __init__(self) -> None:
-        self._receptions: dict[tuple[str, str], _Reception] = {}
-
-    def add(self, topic: Topic, block: MessageBlock, rows: IndexArray) -> None:
-        """Count a topic's messages in a block."""
-        reception = self._receptions.setdefault((topic.name, topic.type), _Reception())
-        # The files of a split run may have different profiles of a topic.
-        publishers, latched = _offer(topic.qos)
-        reception.publishers = max(reception.publishers, publishers)
-        reception.latched = reception.latched or latched
-        reception.add(block.heads, rows)
-
-    def topics(
-        self, recorded: Mapping[str, TopicCount], unrecorded: Sequence[Interval]
-    ) -> tuple[TopicRecording, ...]:
-        """Return all topics, with the losses that the recorder counted."""
-        topics = []
-        for (name, kind), reception in self._receptions.items():
-            topics.append(_topic(name, kind, reception, recorded.get(name), unrecorded))
-        self._receptions.clear()
-        names = {topic.name for topic in topics}
-        # A topic without any received message is lost, too.
-        for name, count in recorded.items():
-            is_lossy = count.lost or count.before_discovery or count.departed > 1
-            if is_lossy and name not in names:
-                topics.append(_lost_topic(name, count))
-        return tuple(topics)
+def topic_recordings(
+    receptions: Mapping[tuple[str, str], Reception],
+    recorded: Mapping[str, TopicCount],
+    unrecorded: Sequence[Interval],
+) -> Iterator[TopicRecording]:
+    """Yield all topics, with the losses that the recorder counted."""
+    for (name, kind), reception in receptions.items():
+        yield _topic(name, kind, reception, recorded.get(name), unrecorded)
+    names = {name for name, _ in receptions}
+    # A topic without any received message is lost, too.
+    for name, count in recorded.items():
+        is_lossy = count.lost or count.before_discovery or count.departed > 1
+        if is_lossy and name not in names:
+            yield _lost_topic(name, count)
 
 
 def _lost_topic(name: str, count: TopicCount) -> TopicRecording:
@@ -168,7 +184,7 @@ def _offer(qos: str) -> tuple[int, bool]:
 def _topic(
     name: str,
     kind: str,
-    reception: _Reception,
+    reception: Reception,
     recorded: TopicCount | None,
     unrecorded: Sequence[Interval],
 ) -> TopicRecording:

@@ -10,7 +10,7 @@ from pathlib import Path
 from klann_ros.log import block_of_messages, HEAD, Message, MessageBlock, SolverParameters, Topic
 import numpy as np
 
-from .legs import is_leg_topic
+from .columns import LEG_ROLES, role_of
 
 # Length of the window [s]: a short gap falls into one.
 LENGTH = 1.0
@@ -123,7 +123,7 @@ class Window:
                 raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
             self._channels[id(topic)] = number, topic
             self.types[topic.name] = topic.type
-            self._topics[number] = topic if is_leg_topic(topic) else Topic(topic.name, '')
+            self._topics[number] = topic if role_of(topic) in LEG_ROLES else Topic(topic.name, '')
 
 
 def _since(block: MessageBlock, time: int) -> MessageBlock:

@@ -37,6 +37,7 @@ class LegSolver:
     nodes: tuple[str, ...] = ()
     source: str = ''  # of the leg; '' if unknown
     joint_separator: str = '/'  # of leg and joint names in JointState
+    counts_per_turn: float = 0.0  # of the encoders on crank_state; 0 for JointStates
     # The leg with its masses, as mounted; None if unknown.
     dynamics: Dynamics | None = field(default=None, compare=False)
 

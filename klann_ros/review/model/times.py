@@ -98,10 +98,18 @@ class Series:
     def __len__(self) -> int:
         return len(self.times)
 
+    def rows(self, rows: slice | BoolArray) -> 'Series':
+        """Return some of the rows."""
+        return Series(self.times[rows], self.stamps[rows], self.values[rows])
+
+    def finite(self) -> 'Series':
+        """Return the rows whose numbers are all finite."""
+        is_finite: BoolArray = np.isfinite(self.values).all(axis=1)  # type: ignore[assignment]
+        return self if is_finite.all() else self.rows(is_finite)
+
     def since(self, time: int) -> 'Series':
         """Return the rows logged at a time or later."""
-        first = int(np.searchsorted(self.times, time))
-        return Series(self.times[first:], self.stamps[first:], self.values[first:])
+        return self.rows(slice(int(np.searchsorted(self.times, time)), None))
 
 
 def no_series(width: int) -> Series:

@@ -9,8 +9,7 @@ from klann_ros.log.mcap.content import content_of
 from klann_ros.log.read.compressed import is_compressed
 from klann_ros.log.reader import open_log
 from klann_ros.log.records import Topic
-from klann_ros.messages import FLOAT64, JOINT_STATE as JOINT_STATES, POINT
-from klann_ros.review.load.batches import TopicReader
+from klann_ros.messages import ColumnReader, FLOAT64, JOINT_STATE as JOINT_STATES, POINT
 from leg_runs import make, STORE
 from mcap.reader import NonSeekingReader
 from mcap.records import Schema
@@ -93,18 +92,16 @@ def read_in_bulk(messages):
     """Return the content of each message, by its row, and how many failed."""
     block = block_of(messages)
     contents = {}
-    failed = 0
+    refused = []
     for number, topic in enumerate(KINDS.values()):
-        reader = TopicReader(topic, *READ[topic.type], 'name')
+        reader = ColumnReader(*READ[topic.type], 'name')
         rows = np.flatnonzero(block.heads['channel'] == number)
-        for batch in reader.read(block, rows):
-            # The log time of a message is its row.
-            for i, row in enumerate(batch.times.tolist()):
-                contents[row] = [int(batch.stamps[i]), batch.names, b'', b'', b'']
-                for column, field_numbers in enumerate(batch.numbers.values(), start=2):
+        for columns in reader.read(block, rows, refused.extend):
+            for i, row in enumerate(columns.rows.tolist()):
+                contents[row] = [int(columns.stamps[i]), columns.names, b'', b'', b'']
+                for column, field_numbers in enumerate(columns.numbers.values(), start=2):
                     contents[row][column] = field_numbers[i].tobytes()
-        failed += sum(undecoded.count for undecoded in reader.undecoded())
-    return contents, failed
+    return contents, len(refused)
 
 
 def read_one(kind, data):

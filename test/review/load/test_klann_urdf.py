@@ -6,7 +6,8 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.kinematics import KlannGeometry
-from klann_ros.review.load.geometry import klann_legs_in_urdf, MAX_DESCRIPTION_SIZE
+from klann_ros.review.load.columns import MAX_DESCRIPTION_SIZE
+from klann_ros.review.load.geometry import klann_legs_in_urdf
 import pytest
 from strategies import legs
 from xacro_legs import ROOT, urdf_of

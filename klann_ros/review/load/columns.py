@@ -1,0 +1,392 @@
+"""The messages of a log as columns: each topic is read once, by what it is to a review."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from enum import auto, Enum
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+from klann_ros.calibration import COMPUTED_TOPICS
+from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
+from klann_ros.log import ANNOTATION, MessageBlock, Topic
+from klann_ros.messages import (
+    ANGLE_TYPES,
+    CLOCK,
+    ColumnReader,
+    DIAGNOSTICS,
+    FRAMED_TYPES,
+    INT32,
+    JOINT_STATE,
+    MAX_MESSAGE_SIZE,
+    MESSAGE_TYPES,
+    MessageColumns,
+    ODOMETRY,
+    POINT,
+    POINT_FIELDS,
+    STRING,
+)
+from klann_ros.review.model.recording import Undecoded
+from klann_ros.review.model.times import CLOCK as CLOCK_TOPIC, nanoseconds, Series
+import numpy as np
+from numpy.typing import NDArray
+
+from .topics import GrowingArray, Reception
+
+COMMAND = 'crank_command'
+STATE = 'crank_state'
+DESCRIPTION = 'robot_description'
+ODOMETRY_TOPICS = ('odom', 'ground_truth')
+# Longest description that is read [characters], and bytes of its message beside the text.
+MAX_DESCRIPTION_SIZE = 1024 * 1024
+_MESSAGE_OVERHEAD = 16
+# Different descriptions of a topic that are read, and measured points.
+_MAX_DESCRIPTIONS = 32
+_MAX_MEASURED = 20_000
+
+
+class Role(Enum):
+    """What the messages of a topic are to a review."""
+
+    JOINTS = auto()
+    ANGLE = auto()
+    TICKS = auto()
+    FOOT = auto()
+    BODY = auto()
+    CLOCK = auto()
+    MEASURED = auto()
+    DESCRIPTION = auto()
+    REPORT = auto()
+
+
+def role_of(topic: Topic) -> Role | None:
+    """Return what the messages of a topic are; None if a review only counts them."""
+    name = topic.name.rpartition('/')[2]
+    kind = topic.type
+    roles = {
+        Role.JOINTS: kind == JOINT_STATE.name,
+        Role.ANGLE: kind in ANGLE_TYPES and name == 'crank_angle',
+        Role.TICKS: kind == INT32.name and STATE in topic.name.split('/')[-2:],
+        Role.FOOT: kind == POINT.name and name == 'point_h',
+        Role.BODY: kind == ODOMETRY.name and name in ODOMETRY_TOPICS,
+        Role.CLOCK: (kind, topic.name) == (CLOCK.name, CLOCK_TOPIC),
+        Role.DESCRIPTION: (kind, name) == (STRING.name, DESCRIPTION),
+        Role.REPORT: kind == DIAGNOSTICS.name,
+        Role.MEASURED: kind in POINT_FIELDS.keys() - FRAMED_TYPES and name not in COMPUTED_TOPICS,
+    }
+    return next((role for role, is_role in roles.items() if is_role), None)
+
+
+LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT)
+# The roles whose topics must have messages of their type, and those that are read one by one.
+_REQUIRED = (*LEG_ROLES, Role.BODY)
+_TEXTS = {
+    Role.DESCRIPTION: MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD,
+    Role.REPORT: MAX_MESSAGE_SIZE,
+}
+# The fields that are read, beside those of measured points.
+_PATHS = {
+    Role.JOINTS: ('position', 'velocity', 'effort'),
+    Role.ANGLE: ('data',),
+    Role.TICKS: ('data',),
+    Role.FOOT: ('point',),
+    Role.BODY: ('pose.pose',),
+    Role.CLOCK: (),
+}
+
+
+class JointSelection(NamedTuple):
+    """The joints of JointStates with equal names that a review keeps."""
+
+    names: tuple[str, ...]
+    # Those whose efforts are kept, too.
+    drives: tuple[str, ...]
+    # Whether the stamp is to be that of an answer, and not one of an answer itself.
+    is_input: bool
+
+
+class JointSelector(Protocol):
+    """Chooses the joints of legs and walkers."""
+
+    def selection(self, topic: str, names: Sequence[str]) -> JointSelection:
+        """Return the joints that are kept of JointStates on a topic."""
+
+    def lacks_positions(self, topic: str, names: Sequence[str], count: int) -> bool:
+        """Return whether JointStates with a number of positions lack those of a leg."""
+
+
+class Part:
+    """
+    Messages of a topic with equal names, and the numbers that are kept of them.
+
+    An input without a stamp has its publish time as the stamp, or the log time if unknown.
+    """
+
+    def __init__(self, topic: str, role: Role, selection: JointSelection) -> None:
+        self.topic = topic
+        self.namespace, _, self.last_name = topic.rpartition('/')
+        self.role = role
+        self.selection = selection
+        self._times = GrowingArray(np.int64)  # log times [ns]
+        self._stamps = GrowingArray(np.int64)  # [ns]
+        self._unstamped = GrowingArray(np.bool_)
+        # By fields, shape (n, k).
+        self._numbers: dict[str, GrowingArray] = {}
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def add(
+        self,
+        heads: NDArray[np.void],
+        rows: IndexArray,
+        stamps: IntArray,
+        numbers: Mapping[str, NDArray[Any]],
+    ) -> None:
+        """Add messages by the rows of their headers, their stamps [ns] and numbers."""
+        times = nanoseconds(heads['log_time'][rows])
+        is_unstamped = stamps == 0
+        if self.selection.is_input and is_unstamped.any():
+            published = nanoseconds(heads['publish_time'][rows])
+            sources = np.where(published > 0, published, times)
+            stamps = np.where(is_unstamped, sources, stamps)
+        self._times.add(times)
+        self._stamps.add(stamps)
+        self._unstamped.add(is_unstamped)
+        for path, columns in numbers.items():
+            if path not in self._numbers:
+                self._numbers[path] = GrowingArray(columns.dtype, columns.shape[1])
+            self._numbers[path].add(columns)
+
+    @property
+    def times(self) -> IntArray:
+        """Return the log times [ns]; nothing can be added any more."""
+        return self._times.array()
+
+    @property
+    def stamps(self) -> IntArray:
+        """Return the stamps [ns]."""
+        return self._stamps.array()
+
+    @property
+    def unstamped(self) -> NDArray[np.bool_]:
+        """Return which messages had no stamp."""
+        return self._unstamped.array()
+
+    @property
+    def paths(self) -> Collection[str]:
+        """Return the fields whose numbers there are."""
+        return self._numbers.keys()
+
+    def numbers(self, joints: Sequence[str] = (), path: str = '') -> FloatArray:
+        """Return the numbers of a field, of all joints by default, shape (n, k)."""
+        numbers = self._numbers[path].array()
+        names = self.selection.drives if path == 'effort' else self.selection.names
+        if not joints or tuple(joints) == names:
+            return numbers
+        columns = [names.index(joint) for joint in joints]
+        begin = columns[0]
+        end = begin + len(columns)
+        # No copy where they are side by side, as those of a walker's leg.
+        return numbers[:, begin:end] if columns == [*range(begin, end)] else numbers[:, columns]
+
+    def series(self, joints: Sequence[str] = (), path: str = '') -> Series:
+        """Return these numbers by their log times."""
+        return Series(self.times, self.stamps, self.numbers(joints, path))
+
+
+# The selections of topics without joints.
+_AN_INPUT = JointSelection((), (), is_input=True)
+_NO_INPUT = JointSelection((), (), is_input=False)
+_INPUTS = (Role.ANGLE, Role.TICKS, Role.MEASURED)
+
+
+class _TopicColumns:
+    """
+    The messages of a topic: their reception, and what a review keeps of them.
+
+    `rate_kind` is the type of the joint velocities; '' for none.
+    """
+
+    def __init__(self, topic: Topic, joints: JointSelector, rate_kind: str) -> None:
+        self.topic = topic.name
+        self.role = None if ANNOTATION in topic.extra else role_of(topic)
+        # By the names in messages, and whether they have efforts.
+        self.parts: dict[tuple[tuple[str, ...], bool], Part] = {}
+        # Log times [ns] and contents of texts and reports.
+        self.contents: list[tuple[int, dict[str, Any]]] = []
+        # Number of messages that do not match their type, and log time of the first [ns].
+        self._refused_count = 0
+        self._first_refused = 0
+        self._joints = joints
+        self._rate_kind = rate_kind
+        self._last_text = b''
+        self._reader: ColumnReader | None = None
+        if self.role is not None and topic.message_encoding == 'cdr':
+            self._type = MESSAGE_TYPES[topic.type]
+            if self._type.is_defined_by(topic.definition, topic.schema_encoding):
+                paths = _PATHS.get(self.role, (POINT_FIELDS.get(topic.type, ''),))
+                names = 'name' if self.role is Role.JOINTS else ''
+                self._reader = ColumnReader(self._type, paths, names)
+
+    def add(self, block: MessageBlock, rows: IndexArray) -> None:
+        """Add the topic's messages in a block."""
+        if self.role is None:
+            return
+        if self._reader is None:
+            self._refuse(block, rows)
+        elif self.role in _TEXTS:
+            self._add_contents(block, rows[block.sizes[rows] <= _TEXTS[self.role]])
+        else:
+            for columns in self._reader.read(block, rows, partial(self._refuse, block)):
+                if self.role is Role.JOINTS:
+                    self._add_joints(block, columns)
+                else:
+                    self._add_numbers(block, columns, self.role)
+
+    def undecoded(self) -> Iterator[Undecoded]:
+        """Yield the undecodable messages, if any."""
+        if self._refused_count and self.role in _REQUIRED:
+            yield Undecoded(self.topic, self._refused_count, self._first_refused)
+
+    def _refuse(self, block: MessageBlock, rows: IndexArray) -> None:
+        first = int(nanoseconds(block.heads['log_time'][rows]).min())
+        self._first_refused = min(self._first_refused, first) if self._refused_count else first
+        self._refused_count += len(rows)
+
+    def _add_contents(self, block: MessageBlock, rows: IndexArray) -> None:
+        """Add texts or reports; a text is usually repeated."""
+        for row in rows.tolist():
+            data = block.message(row)
+            is_text = self.role is Role.DESCRIPTION
+            is_left_out = data == self._last_text or len(self.contents) >= _MAX_DESCRIPTIONS
+            if is_text and is_left_out:
+                continue
+            self._last_text = data
+            with suppress(ValueError):
+                content = self._type.read(data)
+                content = content if is_text else _iterations(content)
+                if content:
+                    time = int(nanoseconds(block.heads['log_time'][[row]])[0])
+                    self.contents.append((time, content))
+
+    def _add_numbers(self, block: MessageBlock, columns: MessageColumns, role: Role) -> None:
+        key = ((), False)
+        if key not in self.parts:
+            selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
+            self.parts[key] = Part(self.topic, role, selection)
+        part = self.parts[key]
+        rows = columns.rows
+        stamps = columns.stamps
+        kept = {}
+        for numbers in columns.numbers.values():
+            kept[''] = _planar(numbers) if role is Role.BODY else numbers[:, :2]
+        if role is Role.MEASURED:
+            new = slice(max(0, _MAX_MEASURED - len(part)))
+            rows = rows[new]
+            stamps = stamps[new]
+            kept[''] = kept[''][new]
+        part.add(block.heads, rows, stamps, kept)
+
+    def _add_joints(self, block: MessageBlock, columns: MessageColumns) -> None:
+        names = columns.names
+        positions = columns.numbers['position']
+        efforts = columns.numbers['effort']
+        if positions.shape[1] != len(names):
+            if self._joints.lacks_positions(self.topic, names, positions.shape[1]):
+                self._refuse(block, columns.rows)
+            return
+        has_efforts = efforts.shape[1] == len(names)
+        key = (names, has_efforts)
+        if key not in self.parts:
+            selection = self._joints.selection(self.topic, names)
+            self.parts[key] = Part(self.topic, Role.JOINTS, selection)
+        part = self.parts[key]
+        selection = part.selection
+        kept = {'position': _selected(positions, names, selection.names)}
+        if has_efforts:
+            kept['effort'] = _selected(efforts, names, selection.drives)
+        if self._rate_kind:
+            velocities = columns.numbers['velocity']
+            if velocities.shape[1] != len(names):
+                velocities = np.full(positions.shape, np.nan)
+            rates = _selected(velocities, names, selection.names)
+            with np.errstate(over='ignore'):
+                kept['velocity'] = rates.astype(self._rate_kind)
+        if selection.names:
+            part.add(block.heads, columns.rows, columns.stamps, kept)
+
+
+def _selected(numbers: FloatArray, names: Sequence[str], kept_names: Sequence[str]) -> FloatArray:
+    """Return the columns of some joints, the first with each name."""
+    if names == kept_names:
+        return numbers
+    return numbers[:, [names.index(name) for name in kept_names]]
+
+
+def _planar(poses: FloatArray) -> FloatArray:
+    """Return x, y and yaw of poses, shape (n, 7) [m, rad]."""
+    x, y, _, qx, qy, qz, qw = poses.T
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return np.column_stack([x, y, yaw])
+
+
+def _iterations(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the solver iterations in a report, by the names of its parts."""
+    return {
+        status['name']: float(pair['value'])
+        for status in report['status']
+        for pair in status['values']
+        if pair['key'] == 'iterations'
+    }
+
+
+class LogColumns:
+    """The topics of a log: their reception by name and type, and what is kept of them."""
+
+    def __init__(self, joints: JointSelector, rate_kind: str) -> None:
+        self.receptions: dict[tuple[str, str], Reception] = {}
+        self._topics: dict[Topic, _TopicColumns] = {}
+        self._joints = joints
+        self._rate_kind = rate_kind
+
+    def add(self, block: MessageBlock) -> None:
+        """Add the messages of a block."""
+        for topic, rows in _by_topic(block):
+            if topic not in self._topics:
+                self._topics[topic] = _TopicColumns(topic, self._joints, self._rate_kind)
+            # The files of a split run may have different profiles of a topic.
+            key = (topic.name, topic.type)
+            if key not in self.receptions:
+                self.receptions[key] = Reception()
+            self.receptions[key].add(topic.qos, block.heads, rows)
+            self._topics[topic].add(block, rows)
+
+    def parts(self, *roles: Role) -> Iterator[Part]:
+        """Yield what is kept of the topics with some roles."""
+        for topic in self._topics.values():
+            if topic.role in roles:
+                yield from topic.parts.values()
+
+    def contents(self, role: Role) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        """Yield the topic, the log time [ns] and the content of each text or report."""
+        for topic in self._topics.values():
+            if topic.role is role:
+                for time, content in topic.contents:
+                    yield topic.topic, time, content
+
+    def undecoded(self) -> Iterator[Undecoded]:
+        """Yield the topics of legs and walkers with undecodable messages."""
+        for topic in self._topics.values():
+            yield from topic.undecoded()
+
+
+def _by_topic(block: MessageBlock) -> Iterator[tuple[Topic, IndexArray]]:
+    """Yield the known topics of a block, with the rows of their messages."""
+    channels = block.heads['channel']
+    order = np.argsort(channels, kind='stable')
+    ordered = channels[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+    for channel, rows in zip(ordered[begins].tolist(), np.split(order, begins[1:]), strict=False):
+        topic = block.topics.get(channel)
+        if topic is not None:
+            yield topic, rows
