@@ -20,6 +20,10 @@ FILES = ('setup.py', 'klann_ros', 'launch', 'scripts', 'test', 'benchmarks', 'ex
 # Computing tests run beside tests that wait for processes; see test/conftest.py. Each worker costs
 # ten seconds of CPU: it collects the tests, imports ROS, and opens a browser.
 WORKERS = ('-n', '5')
+# What the tests need: an installation, and their compiled files.
+FIRST = ('colcon', 'collection')
+# The others run beside the tests and take only what these leave of a core.
+IN_BACKGROUND = ('nice', '-n', '19')
 # A hanging check is ended, so that CI shows its output.
 TIMEOUT = 840.0
 # Up to this number of failed tests run again, one after the other: a busy machine may starve a
@@ -48,19 +52,24 @@ def main(arguments: list[str]) -> int:
             print(f'{"browser":14}FAILED    {advice}')
             failed.append('browser')
         commands = _commands(env, work, pytest_arguments)
-        quick = [name for name in commands if name in names and name != 'pytest']
+        requested = [name for name in commands if name in names and name != 'pytest']
+        first = [name for name in requested if name in FIRST]
+        beside = [name for name in requested if name not in FIRST]
 
-        def passes(name: str) -> bool:
-            return _passes(name, commands[name], variables, work)
+        def passes(name: str, prefix: Command = ()) -> bool:
+            return _passes(name, [*prefix, *commands[name]], variables, work)
 
-        # Sequential checks leave a core idle; the tests run alone.
+        def passes_in_background(name: str) -> bool:
+            return passes(name, IN_BACKGROUND)
+
         with ThreadPoolExecutor(2) as pool:
-            for name, is_passed in zip(quick, pool.map(passes, quick), strict=True):
-                if not is_passed:
-                    failed.append(name)
+            verdicts = dict(zip(first, pool.map(passes, first), strict=True))
+            background = pool.map(passes_in_background, beside)
+            if 'pytest' in names:
+                verdicts['pytest'] = passes('pytest') or (_is_rare(work) and passes('alone'))
+            verdicts |= zip(beside, background, strict=True)
+        failed += [name for name, is_passed in verdicts.items() if not is_passed]
         if 'pytest' in names:
-            if not passes('pytest') and not (_is_rare(work) and passes('alone')):
-                failed.append('pytest')
             # The number of passed tests and the time.
             summary = last_lines(work / 'pytest.txt').strip('= ')
     if failed:
