@@ -1,12 +1,24 @@
 """The live page as it is served: one HTML file, and styles and scripts beside it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from klann_ros.web import element, FRAME, html_page, joined, Markup, SHARED, text
+from klann_ros.review import Row, verdict_chip
+from klann_ros.web import (
+    breakable,
+    element,
+    FRAME,
+    html_page,
+    joined,
+    Markup,
+    number,
+    SHARED,
+    sortable_table,
+    text,
+)
 
 from .runs import ListedRun
 
@@ -17,6 +29,7 @@ _STYLES = (
     *FRAME,
     SHARED / 'drawing.css',
     SHARED / 'tables.css',
+    SHARED / 'sortable.css',
     _STATIC_FILES / 'live.css',
 )
 _LIVE_SCRIPTS = 'space connection picture walker history drive tables live'
@@ -26,6 +39,8 @@ _SCRIPTS = (
     *(SHARED / f'{name}.js' for name in ('theme', 'drawing')),
     *(_STATIC_FILES / f'{name}.js' for name in _LIVE_SCRIPTS.split()),
 )
+_LIST_SCRIPT = SHARED / 'sortable.js'
+_RUN_HEADS = ('Run', 'Verdict', 'Finding', 'Duration / s', 'Last change (UTC)', 'Calibration')
 # Nothing is loaded from anywhere else, nothing runs that is not a file of this server, and no
 # other page has this one in itself.
 POLICY = (
@@ -42,7 +57,7 @@ NO_RUNS = (
 # Content types and texts; only these files are served, and no path is built from a request.
 FILES = {
     **{path.name: ('text/css', text(path)) for path in _STYLES},
-    **{path.name: ('text/javascript', text(path)) for path in _SCRIPTS},
+    **{path.name: ('text/javascript', text(path)) for path in (*_SCRIPTS, _LIST_SCRIPT)},
 }
 
 
@@ -52,27 +67,47 @@ def _styles() -> Markup:
     )
 
 
+def _script(path: Path) -> Markup:
+    return element('script', src=f'/static/{path.name}', defer=True)
+
+
 def note_page(title: str, note: str) -> str:
     """Return a page with one note."""
     return _small_page(title, element('p', note))
 
 
-def list_page(runs: Sequence[ListedRun], token: str) -> str:
-    """Return a page that lists runs, each of which leads to its review and its calibration."""
-    lines = []
+def list_page(runs: Sequence[ListedRun], rows: Mapping[str, Row | None], token: str) -> str:
+    """Return a page of runs with verdicts, which lead to their reviews and calibrations."""
+    cells = []
     for run in runs:
         path = f'/runs/{quote(run.name, safe="")}'
         time = datetime.fromtimestamp(run.time / 1e9, timezone.utc)
-        lines.append(
-            element(
-                'li',
-                element('a', run.name, href=f'{path}?token={token}'),
-                element('span', f' {time:%Y-%m-%d %H:%M:%S} UTC ', class_='quiet'),
+        row = rows.get(run.name)
+        cells.append(
+            (
+                element('a', breakable(run.name), href=f'{path}?token={token}'),
+                _verdict(run, run.name in rows, row),
+                element('span', row.reason if row else '', class_='reason'),
+                number(row.duration if row else None, '.1f'),
+                f'{time:%Y-%m-%d %H:%M:%S}',
                 element('a', 'calibrate', href=f'{path}/calibrate?token={token}'),
             )
         )
+    table = sortable_table('Runs', _RUN_HEADS, cells) if cells else element('p', NO_RUNS)
     back = element('p', element('a', 'The live page', href=f'/?token={token}'))
-    return _small_page('Runs', element('ul', *lines) if lines else element('p', NO_RUNS), back)
+    return _small_page('Runs', element('section', table), back, _script(_LIST_SCRIPT))
+
+
+def _verdict(run: ListedRun, is_judged: bool, row: Row | None) -> Markup:
+    if row is not None:
+        return verdict_chip(row)
+    if is_judged:
+        text = 'not judged'
+    elif run.is_changing:
+        text = 'changing'
+    else:
+        text = 'in work'
+    return element('span', text, class_='chip')
 
 
 def _small_page(title: str, *content: Markup) -> str:
@@ -80,7 +115,6 @@ def _small_page(title: str, *content: Markup) -> str:
 
 
 _LICENCE = Markup(f'<!-- uPlot\n{text(_UPLOT / "LICENSE")}-->')
-_LOADED = (element('script', src=f'/static/{path.name}', defer=True) for path in _SCRIPTS)
 HTML = Template(text(_STATIC_FILES / 'live.html')).substitute(
-    styles=_styles(), scripts=joined([_LICENCE, *_LOADED])
+    styles=_styles(), scripts=joined([_LICENCE, *map(_script, _SCRIPTS)])
 )

@@ -9,7 +9,10 @@ import os
 from pathlib import Path
 import sys
 import tempfile
+import time
 
+from klann_ros.log.errors import LogError
+from klann_ros.review import Row, rows_from_table
 from klann_ros.sanitize.text import printable
 
 # Maximum number of runs on the page, the newest.
@@ -21,6 +24,10 @@ _MAX_FILES = 100
 REVIEW_TIMEOUT = 600.0
 # Pages in the cache.
 _MAX_PAGES = 32
+# Runs that a process judges, so that the first verdicts come soon.
+_BATCH_SIZE = 10
+# A run that changed later than this is being recorded, and judged when it is complete [s].
+_SETTLING_TIME = 5.0
 # At low priority: the legs come first.
 _RUN = 'import os, sys; os.nice(10); from klann_ros import executables; sys.exit(executables.{}())'
 # The programs, and what each makes of a run.
@@ -35,6 +42,11 @@ class ListedRun:
     path: Path
     # Time of the last change [ns since the epoch].
     time: int
+
+    @property
+    def is_changing(self) -> bool:
+        """Return whether the run is probably being recorded."""
+        return time.time_ns() - self.time < _SETTLING_TIME * 1e9
 
 
 @dataclass
@@ -86,6 +98,9 @@ class Reviews:
         self._command = command
         self._pages: dict[tuple[str, str, int], Page] = {}
         self._tasks: set[asyncio.Task[None]] = set()
+        # The rows of judged runs by name and time of change; None for one that has no row.
+        self._rows: dict[tuple[str, int], Row | None] = {}
+        self._judging: asyncio.Task[None] | None = None
         # One review is made at a time.
         self._turn = asyncio.Semaphore(1)
         # Made for the first page.
@@ -102,6 +117,43 @@ class Reviews:
         """Return the runs in the folder, read in a thread: the disk may be slow."""
         return await asyncio.to_thread(runs_in, self._folder)
 
+    def judged_rows(self, runs: Sequence[ListedRun]) -> dict[str, Row | None]:
+        """
+        Return the rows of runs by their names, as far as they are judged.
+
+        The missing ones are judged beside the page; a run that is being recorded is not.
+        """
+        keys = {(run.name, run.time) for run in runs}
+        self._rows = {key: row for key, row in self._rows.items() if key in keys}
+        missing = []
+        for run in runs:
+            if (run.name, run.time) not in self._rows and not run.is_changing:
+                missing.append(run)
+        if missing and (self._judging is None or self._judging.done()):
+            self._judging = asyncio.create_task(self._judge(missing[:_BATCH_SIZE]))
+            self._tasks.add(self._judging)
+            self._judging.add_done_callback(self._tasks.discard)
+        return {name: row for (name, _), row in self._rows.items()}
+
+    async def _judge(self, runs: Sequence[ListedRun]) -> None:
+        """Judge runs by `review --each`."""
+        async with self._turn:
+            table = self._temporary_folder() / 'runs.csv'
+            table.unlink(missing_ok=True)
+            # An absolute path is never mistaken for an option.
+            paths = [str(run.path.absolute()) for run in runs]
+            options = ['--each', '--jobs', '1', '--table', str(table)]
+            with suppress(OSError, asyncio.TimeoutError):
+                await self._run('review', *options, *paths)
+            rows = await asyncio.to_thread(_read_rows, table)
+            for run, path in zip(runs, paths, strict=True):
+                self._rows[run.name, run.time] = rows.get(Path(path).resolve())
+
+    def _temporary_folder(self) -> Path:
+        if self._temporary is None:
+            self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
+        return Path(self._temporary.name)
+
     async def page(self, name: str, program: str = 'review') -> Page | None:
         """Return the page of a run by a program, started if new; None without such a run."""
         run = next((run for run in await self.runs() if run.name == name), None)
@@ -110,9 +162,7 @@ class Reviews:
         key = program, run.name, run.time
         if key not in self._pages:
             self._forget_old()
-            if self._temporary is None:
-                self._temporary = tempfile.TemporaryDirectory(prefix='klann_ros-view-')
-            file = Path(self._temporary.name, f'{program}-{len(self._pages)}-{run.time}.html')
+            file = self._temporary_folder() / f'{program}-{len(self._pages)}-{run.time}.html'
             self._pages[key] = Page(file)
             task = asyncio.create_task(self._make_page(run, self._pages[key], program))
             self._tasks.add(task)
@@ -135,26 +185,39 @@ class Reviews:
 
     async def _write_page(self, run: ListedRun, file: Path, program: str) -> str:
         """Write a page by a program; return the reason for a failure, '' without one."""
+        try:
+            exit_code, errors = await self._run(
+                program, str(run.path.absolute()), '--html', str(file)
+            )
+        except asyncio.TimeoutError:
+            return f'the {PROGRAMS[program]} took too long'
+        if exit_code in {0, 1} and file.is_file():
+            return ''
+        lines = errors.decode(errors='replace').strip().splitlines() or ['no reason was given']
+        return printable(lines[-1])
+
+    async def _run(self, program: str, *arguments: str) -> tuple[int | None, bytes]:
+        """Run a program; return its exit code and what it wrote to stderr."""
         process = await asyncio.create_subprocess_exec(
             *(self._command or (sys.executable, '-c', _RUN.format(program))),
-            # An absolute path is never mistaken for an option.
-            str(run.path.absolute()),
-            '--html',
-            str(file),
+            *arguments,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
         )
         try:
             _, errors = await asyncio.wait_for(process.communicate(), REVIEW_TIMEOUT)
-        except asyncio.TimeoutError:
-            return f'the {PROGRAMS[program]} took too long'
         finally:
             if process.returncode is None:
                 with suppress(ProcessLookupError):
                     process.kill()
                 await process.wait()
-        if process.returncode in {0, 1} and file.is_file():
-            return ''
-        lines = errors.decode(errors='replace').strip().splitlines() or ['no reason was given']
-        return printable(lines[-1])
+        return process.returncode, errors
+
+
+def _read_rows(table: Path) -> dict[Path, Row]:
+    """Return the rows of a table by their runs, whose paths may lead over links; or none."""
+    try:
+        return {Path(row.run).resolve(): row for row in rows_from_table(str(table))}
+    except (OSError, LogError):
+        return {}

@@ -213,7 +213,11 @@ class LiveServer:
     async def _list_runs(self, request: web.Request) -> web.Response:
         self._check_token(request)
         runs = await self._reviews.runs()
-        return web.Response(text=list_page(runs, self.guard.token), content_type='text/html')
+        rows = self._reviews.judged_rows(runs)
+        page = list_page(runs, rows, self.guard.token)
+        is_complete = all(run.name in rows for run in runs)
+        headers = {} if is_complete else {'Refresh': '2'}
+        return web.Response(text=page, content_type='text/html', headers=headers)
 
     async def _send_review(self, request: web.Request) -> web.StreamResponse:
         self._check_token(request)

@@ -34,6 +34,8 @@ from typing import TYPE_CHECKING
 from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
+    from .fleet import Row, rows_from_table
+    from .fleet.index import verdict_chip
     from .live.judge import LiveFinding, LiveJudge, STEP
     from .load.geometry import (
         leg_solvers,

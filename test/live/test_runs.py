@@ -2,12 +2,16 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from html import unescape
+import os
 from pathlib import Path
+import re
 import sys
 
 import aiohttp
 from coroutine_thread import run_alone
 from fake_live_state import EVIL, FakeState
+from klann_ros.kinematics import KlannLeg
 from klann_ros.live.guard import Guard
 from klann_ros.live.live_page import list_page
 from klann_ros.live.runs import Page, Reviews, runs_in
@@ -52,7 +56,7 @@ def test_runs_are_listed_from_the_folder_itself(runs: Path) -> None:
 
 
 def test_an_empty_list_explains_how_to_record() -> None:
-    assert 'Keep this moment' in list_page([], 'token')
+    assert 'Keep this moment' in list_page([], {}, 'token')
 
 
 def test_the_newest_is_first(tmp_path: Path) -> None:
@@ -95,16 +99,17 @@ def test_a_failed_review_shows_the_reason(tmp_path: Path) -> None:
 
 
 def answers_of(folder: Path, address: str) -> list[tuple[aiohttp.ClientResponse, str]]:
-    """Return all answers of a real server until the page is made, with their texts."""
+    """Return all answers of a real server until the page is complete, with their texts."""
     server = LiveServer(Guard('127.0.0.1', 0, 'secret'), FakeState(), str(folder))
     answers: list[tuple[aiohttp.ClientResponse, str]] = []
 
     async def look() -> None:
-        url = f'http://127.0.0.1:{server.guard.port}/runs/{address}?token=secret'
+        url = f'http://127.0.0.1:{server.guard.port}/runs{address}?token=secret'
         async with aiohttp.ClientSession() as session:
             while not answers or 'Refresh' in answers[-1][0].headers:
                 async with session.get(url) as answer:
                     answers.append((answer, await answer.text()))
+                await asyncio.sleep(0.02)
 
     run_alone(asyncio.wait_for(look(), 120.0))
     server.close()
@@ -114,16 +119,61 @@ def answers_of(folder: Path, address: str) -> list[tuple[aiohttp.ClientResponse,
 def test_a_real_run_is_reviewed_by_a_real_process(tmp_path: Path) -> None:
     """The review's scripts get an origin of their own, not the server's."""
     LegRun().write(tmp_path / 'run')
-    *_, (answer, text) = answers_of(tmp_path, 'run')
+    *_, (answer, text) = answers_of(tmp_path, '/run')
     assert answer.status == 200
     assert '<title>Review of run</title>' in text
     policy = answer.headers['Content-Security-Policy']
     assert policy == "sandbox allow-scripts; frame-ancestors 'none'"
 
 
+def test_the_list_shows_verdicts_and_lengths(tmp_path: Path) -> None:
+    parameters = KlannLeg().geometry.as_dict()
+    LegRun(parameters=parameters).write(tmp_path / 'good')
+    LegRun(parameters=parameters, pause=(200, 1.5)).write(tmp_path / 'gap')
+    (tmp_path / 'empty.mcap').touch()
+    for path in tmp_path.iterdir():
+        os.utime(path, (1.7e9, 1.7e9))
+    first, *_, (last, text) = answers_of(tmp_path, '')
+    assert first[1].count('>in work<') == 3
+    assert 'Refresh' not in last.headers
+    rows = []
+    for row in text.replace('<wbr>', '').split('<tr>')[2:]:
+        rows.append(unescape(re.sub(r'<[^>]*>', ' ', row)))
+    words = {row.split()[0]: row for row in rows}
+    assert 'not readable' in words['empty.mcap']
+    assert 'the file is empty' in words['empty.mcap']
+    assert re.search(r'findings +gap: .* 3\.5 ', words['gap'])
+    assert re.search(r'nothing found +2\.0 ', words['good'])
+
+
+def test_a_run_that_still_changes_is_not_judged_yet(tmp_path: Path) -> None:
+    (tmp_path / 'new.mcap').touch()
+
+    async def look(reviews: Reviews) -> None:
+        runs = await reviews.runs()
+        assert reviews.judged_rows(runs) == {}
+        assert '>changing<' in list_page(runs, {}, 'token')
+
+    with_reviews(tmp_path, look, '/nowhere/review')
+
+
+def test_a_run_without_a_row_is_not_judged_again_and_again(tmp_path: Path) -> None:
+    (tmp_path / 'old.mcap').touch()
+    os.utime(tmp_path / 'old.mcap', (0, 0))
+
+    async def look(reviews: Reviews) -> None:
+        runs = await reviews.runs()
+        while not (rows := reviews.judged_rows(runs)):
+            await asyncio.sleep(0.01)
+        assert rows == {'old.mcap': None}
+        assert '>not judged<' in list_page(runs, rows, 'token')
+
+    with_reviews(tmp_path, look, '/nowhere/review')
+
+
 def test_a_run_without_a_leg_is_not_calibrated(tmp_path: Path) -> None:
     LegRun().write(tmp_path / 'run')
-    answers = answers_of(tmp_path, 'run/calibrate')
+    answers = answers_of(tmp_path, '/run/calibrate')
     answer, text = answers[-1]
     assert answer.status == 500
     assert 'the run does not contain the leg as drawn' in text
@@ -146,4 +196,4 @@ def test_a_run_with_measured_points_is_calibrated(tmp_path: Path) -> None:
         assert 'ros__parameters:' in text
 
     with_reviews(tmp_path, look)
-    assert '/runs/run/calibrate?token=secret' in list_page(runs_in(tmp_path), 'secret')
+    assert '/runs/run/calibrate?token=secret' in list_page(runs_in(tmp_path), {}, 'secret')

@@ -17,7 +17,7 @@ from .judge import (
     judge_runs,
     Task,
 )
-from .rows import Row
+from .rows import Row, rows_from_table
 
 __all__ = [
     'Expectations',
@@ -29,4 +29,5 @@ __all__ = [
     'find_runs',
     'judge',
     'judge_runs',
+    'rows_from_table',
 ]

@@ -138,17 +138,20 @@ def _faulty_checks(row: Row) -> set[str]:
     return {entry['check'] for entry in findings if entry['severity'] in ('error', 'warning')}
 
 
+def verdict_chip(row: Row) -> Markup:
+    """Return the verdict of a run in words and in colour, by which the filters choose."""
+    words = _VERDICTS[row.verdict]
+    checks = ' '.join(sorted(_faulty_checks(row)))
+    class_ = f'chip {_CHIPS[row.verdict]}'
+    return element('span', words, class_=class_, data_verdict=words, data_checks=checks)
+
+
 def _cells(row: Row, link: str, parent: str) -> tuple[str, ...]:
     name = breakable(row.run.removeprefix(parent))
     angle_error = row.worst_angle_error
-    words = _VERDICTS[row.verdict]
-    checks = ' '.join(sorted(_faulty_checks(row)))
-    verdict = element(
-        'span', words, class_=f'chip {_CHIPS[row.verdict]}', data_verdict=words, data_checks=checks
-    )
     return (
         element('a', name, href=link) if link else name,
-        verdict,
+        verdict_chip(row),
         element('span', row.reason, class_='reason'),
         number(row.duration, '.2f'),
         number(row.messages, ','),
