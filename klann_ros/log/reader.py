@@ -16,6 +16,7 @@ from pathlib import Path
 
 from . import run_parameters
 from .errors import AnyPath
+from .read.log_times import LogTimes, MAX_LOG_DURATION, possible_times
 from .read.opening import open_files
 from .read.storage import MessageBlock, Source, spanned_time, Storage, Topics
 from .records import Attachment, Message
@@ -36,8 +37,10 @@ class Log(AbstractContextManager['Log']):
         Its files.
     topics : tuple of Topic
         All topics, in the order of their channels.
+    times : LogTimes
+        Its log times; printed, the impossible ones in a line.
     start_time, end_time : int
-        Log time of the earliest and the latest message [ns]; 0 without any.
+        Earliest and latest possible log time [ns]; 0 without any message.
     metadata : dict of str to list of dict
         The contents of the metadata records by name; those that a later file of a split run
         repeats are left out.
@@ -51,7 +54,11 @@ class Log(AbstractContextManager['Log']):
         self.paths = tuple(file.path for file in files)
         overviews = [overview for _, overview in self._files]
         times = spanned_time(overview.times for overview in overviews)
-        self.start_time, self.end_time = times or (0, 0)
+        self.times = LogTimes(*(times or (0, 0)))
+        if self.times.end - self.times.start > MAX_LOG_DURATION:
+            self.times = possible_times(self._file_blocks())
+        self.start_time = self.times.start
+        self.end_time = self.times.end
         self.topics = tuple(dict.fromkeys(chain(*(overview.topics for overview in overviews))))
         self._sources: list[Source] = []
         self.metadata: dict[str, list[dict[str, str]]] = {}
@@ -176,12 +183,20 @@ class Log(AbstractContextManager['Log']):
         """
         Yield the messages in large blocks, in the order of the files.
 
+        An impossible log time is replaced by the one before it.
+
         Parameters
         ----------
         progress
             Called for each block with the part of the log before it, from 0 to 1.
 
         """
+        blocks = self._file_blocks(progress)
+        return self.times.repaired(blocks) if self.times.impossible_count else blocks
+
+    def _file_blocks(
+        self, progress: Callable[[float], object] | None = None
+    ) -> Iterator[MessageBlock]:
         total_size = sum(file.size for file, _ in self._files) or 1
         file_offset = 0
         for file, _ in self._files:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from .cdr import HEADER_SIZE, STAMP_SIZE
+    from .cdr import HEADER_SIZE, MAX_STAMP, STAMP_SIZE
     from .columns import ColumnReader, MAX_MESSAGE_SIZE, MessageColumns
     from .joints import (
         JointReading,

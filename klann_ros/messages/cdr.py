@@ -13,6 +13,8 @@ from typing import Any
 # Sizes of the encapsulation header, behind which most messages have their stamp [bytes].
 HEADER_SIZE = 4
 STAMP_SIZE = 8
+# The last time of a stamp, whose seconds are an int32 [ns]: in 2038.
+MAX_STAMP = 2**31 * 10**9 - 1
 # Byte orders of plain CDR; topics use no other encoding (parameter lists, XCDR2).
 ORDERS = {b'\0\1': '<', b'\0\0': '>'}
 

@@ -68,7 +68,8 @@ class Script:
 
     geometry: KlannGeometry | None = field(default_factory=KlannGeometry)
     answers: list[Answer] = field(default_factory=list)
-    unanswered: list[tuple[int, float]] = field(default_factory=list)
+    # Log time and stamp [ns], and crank angle.
+    unanswered: list[tuple[int, int, float]] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
@@ -76,6 +77,8 @@ class Script:
     # Numbers of the messages of a topic that are lost, or received later by a time [ns].
     lost: dict[str, range] = field(default_factory=dict)
     late: dict[str, tuple[range, int]] = field(default_factory=dict)
+    # Numbers of the messages of a topic with another log time [ns].
+    misdated: dict[str, tuple[range, int]] = field(default_factory=dict)
     namespace: str = ''
     prefix: str = ''
     rates: list[float] = field(default_factory=list)
@@ -277,7 +280,7 @@ class Script:
             try:
                 self.answers.append(answer.solved(leg, answer.alpha))
             except KinematicsError:
-                self.unanswered.append((answer.stamp, answer.alpha))
+                self.unanswered.append((answer.stamp, answer.stamp, answer.alpha))
         self.renumber()
 
     def restart(self, index: int) -> None:
@@ -293,7 +296,8 @@ class Script:
 
     def silence(self, first: int, last: int) -> None:
         """Leave inputs without an answer, which has no number either."""
-        self.unanswered += [(answer.stamp, answer.alpha) for answer in self.answers[first:last]]
+        for answer in self.answers[first:last]:
+            self.unanswered.append((answer.stamp, answer.stamp, answer.alpha))
         self.cut(first, last)
         self.renumber()
 
@@ -304,6 +308,10 @@ class Script:
     def detain(self, topic: str, first: int, last: int, delay: int) -> None:
         """Receive the messages of a topic with these numbers later [ns]."""
         self.late[topic] = range(first, last), delay
+
+    def misdate(self, topic: str, first: int, last: int, time: int) -> None:
+        """Log the messages of a topic with these numbers at a time [ns]."""
+        self.misdated[topic] = range(first, last), time
 
     def pause(self, index: int, begin: int, end: int, *reason: str) -> None:
         """Add a pause of the recorder, from the times of an answer and of the next [ns]."""
@@ -383,7 +391,8 @@ class Script:
         """Add an input without an answer, behind an answered one by a time [ns]."""
         asked = self.answers[index]
         stamp = asked.stamp if asked.header_stamp is None else asked.header_stamp
-        self.unanswered.append((stamp + later, asked.alpha if alpha is None else alpha))
+        alpha = asked.alpha if alpha is None else alpha
+        self.unanswered.append((asked.stamp + later, stamp + later, alpha))
 
     def add_solver(
         self, time: int, geometry: KlannGeometry, node: str = '/solver_node', **parameters: Any
@@ -438,7 +447,9 @@ def write(script: Script, folder: Path) -> Path:
         for name, content in metadata(script):
             run.add_metadata(name, content)
         for message in sorted(_received(script), key=lambda message: message.log_time):
-            run.write(message)
+            numbers, time = script.misdated.get(message.topic.name, ((), 0))
+            is_misdated = message.sequence in numbers
+            run.write(replace(message, log_time=time) if is_misdated else message)
     return folder
 
 
@@ -464,8 +475,8 @@ def metadata(script: Script) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def messages(script: Script) -> Iterator[Message]:
-    for stamp, alpha in script.unanswered:
-        yield message(script.crank, stamp, 0, crank(script.crank, stamp, alpha))
+    for time, stamp, alpha in script.unanswered:
+        yield message(script.crank, time, 0, crank(script.crank, stamp, alpha))
     for answer in script.answers:
         yield from _answer(script, answer)
     yield from script.messages

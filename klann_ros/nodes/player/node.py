@@ -24,10 +24,11 @@ from klann_ros.log import (
     Topic,
 )
 from klann_ros.log.errors import LogError, MalformedQosError
+from klann_ros.messages import MAX_STAMP
 from klann_ros.nodes import endpoints
 from klann_ros.nodes.keyboard import Keyboard
 from klann_ros.nodes.lease import leased_topic, LeaseListener
-from klann_ros.nodes.parameters import declare, declare_constant
+from klann_ros.nodes.parameters import declare, declare_constant, StartError
 from klann_ros.nodes.process import (
     arguments,
     Finish,
@@ -59,8 +60,6 @@ if TYPE_CHECKING:
 
 # The same in every namespace.
 _CLOCK = '/clock'
-# The last time that a message can hold [ns].
-_MAX_TIME = 2**31 * 10**9 - 1
 # Shutdown timeout of the player's thread [s].
 _SHUTDOWN_TIMEOUT = 2.0
 # Period of reports about late messages [s].
@@ -95,6 +94,10 @@ class PlayerNode(ProcessNode):
             'parameters of the solvers in the log [JSON]',
         )
         self._topics = PlayedTopics(self, _selected_topics(log, options), dict(options.remap))
+        if not self._topics.names:
+            raise StartError(
+                f'nothing to play: {printable(options.log)} has {_listed_topics(log)}'
+            )
         self._playback = Playback(
             log,
             Selection(
@@ -160,7 +163,7 @@ class PlayerNode(ProcessNode):
 
     def _publish_clock(self) -> None:
         message = ClockMessage()
-        time = min(self._playback.time, _MAX_TIME)
+        time = min(self._playback.time, MAX_STAMP)
         message.clock.sec, message.clock.nanosec = divmod(time, 10**9)
         self._clock_publisher.publish(message)
 
@@ -180,10 +183,13 @@ class PlayerNode(ProcessNode):
 
     def _warn(self, options: argparse.Namespace) -> None:
         warnings = [self._log.problem] if self._log.problem else []
-        names = sorted({topic.name for topic in self._log.topics})
-        content = listed(names) or 'no topics'
-        unknown = sorted(set(options.topics or ()) - set(names))
-        warnings += [f'{printable(name)} is not in the log; it has {content}' for name in unknown]
+        if self._log.times.impossible_count:
+            warnings.append(f'{self._log.times}; such messages are not played')
+        names = {topic.name for topic in self._log.topics}
+        for name in sorted(set(options.topics or ()) - names):
+            warnings.append(
+                f'{printable(name)} is not in the log; it has {_listed_topics(self._log)}'
+            )
         excess = options.start_offset - length(self._log)
         if excess > 0.0:
             warnings.append(f'the log is {excess:.3f} s shorter than the start offset')
@@ -203,6 +209,10 @@ class PlayerNode(ProcessNode):
             if text not in self._reported:
                 self._reported.add(text)
                 self.get_logger().warning(printable_line(text))
+
+
+def _listed_topics(log: Log) -> str:
+    return listed(sorted({topic.name for topic in log.topics})) or 'no topics'
 
 
 def _selected_topics(log: Log, options: argparse.Namespace) -> list[Topic]:

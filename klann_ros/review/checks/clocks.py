@@ -40,7 +40,11 @@ def check_clocks(review: Review) -> Iterator[Finding]:
 
 
 def check_order(review: Review) -> Iterator[Finding]:
-    """Yield log times and stamps that go back."""
+    """Yield impossible log times, and log times and stamps that go back."""
+    if review.recording.impossible_times:
+        meaning = 'a clock was not set, or a counter rolled over; the time before is taken instead'
+        text = review.recording.impossible_times
+        yield Finding('order', Severity.WARNING, text, meaning)
     topics = [topic for topic in review.recording.topics if len(topic.set_back)]
     if topics:
         steps = [topic.set_back for topic in topics]

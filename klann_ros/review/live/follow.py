@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
+from dataclasses import replace
 from datetime import datetime, timezone
 from pathlib import Path
 import re
@@ -10,6 +11,7 @@ from time import monotonic, sleep
 from klann_ros.log import (
     GrowingFile,
     is_being_written,
+    MAX_ROS_TIME,
     Message,
     NamedRecord,
     natural,
@@ -29,8 +31,6 @@ PERIOD = 0.2
 SPLIT = 2.0
 STALL = 5.0
 _SUFFIX = '.mcap'
-# End of the year 9999 [ns].
-_MAX_TIME = 253_402_300_799 * 10**9
 _STEP = round(STEP * 1e9)
 Report = Callable[[str], object]
 
@@ -50,8 +50,11 @@ def follow(path: str, limits: Limits, *, on_finding: Report, on_status: Report) 
     due = 0
     for record in _FileFollower(Path(path), on_status).records():
         if isinstance(record, Message):
+            # The report at the end names an impossible time.
+            if record.log_time > MAX_ROS_TIME:
+                record = replace(record, log_time=last_time)  # noqa: PLW2901
             waiting.append(record)
-            last_time = max(last_time, min(record.log_time, _MAX_TIME))
+            last_time = max(last_time, record.log_time)
             due = due or last_time + _STEP
         else:
             _note(judge, record)
@@ -77,7 +80,7 @@ def _report(judge: LiveJudge, waiting: list[Message], now: int, on_finding: Repo
     waiting.clear()
     for finding in judge.findings(now):
         if finding.is_new:
-            time = datetime.fromtimestamp(min(finding.time, _MAX_TIME) / 1e9, timezone.utc)
+            time = datetime.fromtimestamp(finding.time / 1e9, timezone.utc)
             stamp = f'{time:%Y-%m-%dT%H:%M:%S}.{time.microsecond // 1000:03}Z'
             text = located(finding.leg, finding.text)
             on_finding(f'{stamp} {finding.severity.name} {finding.check}: {text}')

@@ -32,6 +32,8 @@ class Window:
     paths: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
     is_refused_only: bool = False
+    # A recorder has the clock of its machine.
+    times: str = ''
     metadata: Mapping[str, list[dict[str, str]]] = {}
 
     def __init__(self) -> None:

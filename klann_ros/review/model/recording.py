@@ -148,6 +148,7 @@ class RunRecording:
     undecoded: tuple[Undecoded, ...]  # on topics of legs and walkers
     unrecorded: tuple[Interval, ...]  # pauses of the recorder and damage of the log, in order
     legs: tuple[LegRecording, ...]
+    impossible_times: str = ''  # log times that cannot be, in a line
     stopped: str = ''  # reason of an early end, by the recorder
     file_fault: str = ''  # faults of the file meanwhile, by the recorder
     is_refused_only: bool = False  # whether all problems are limits of this machine, no damage

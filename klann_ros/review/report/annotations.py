@@ -14,6 +14,7 @@ from klann_ros.messages import (
     HEADER_SIZE,
     JOINT_STATE,
     JointStateTemplate,
+    MAX_STAMP,
     POINT,
     point_template,
 )
@@ -68,7 +69,7 @@ def _findings(review: Review, topic: Topic) -> Iterator[TopicMessages]:
 
 def _diagnostics(finding: Finding, time: int) -> bytes:
     """Return a finding as a DiagnosticArray of one status."""
-    sec, nanosec = divmod(time, 10**9)
+    sec, nanosec = divmod(min(time, MAX_STAMP), 10**9)
     status = {
         'level': finding.severity,
         'name': f'review: {finding.check}',

@@ -1,8 +1,11 @@
 """A part of a log is read without what comes before and after it."""
 
+from dataclasses import replace
+
 from crank_runs import BATCHES, CHUNK, MESSAGES, spans_of, START, write_run
 from hypothesis import given, HealthCheck, settings, strategies as st
 from klann_ros.log.reader import open_log
+import numpy as np
 import pytest
 
 
@@ -41,6 +44,33 @@ def test_the_latest_messages_are_the_last_before_a_time(closed_and_not, before, 
     for path in closed_and_not:
         with open_log(path) as log:
             assert log.latest({'/crank_angle': count}, time) == expected
+
+
+@pytest.mark.parametrize('time', [0, START - 11 * 365 * 86400 * 10**9, 2**63, 2**64 - 5 * 10**9])
+@pytest.mark.parametrize('index', [0, 7, 239])
+def test_an_impossible_log_time_is_not_in_the_span_of_a_log(tmp_path, time, index) -> None:
+    messages = [*MESSAGES]
+    messages[index] = replace(messages[index], log_time=time)
+    rest = [message for message in messages if message.log_time != time]
+    path = write_run(tmp_path / 'run', [messages])
+    data = path.read_bytes()
+    for content in (data, data[:-8]):
+        path.write_bytes(content)
+        with open_log(path) as log:
+            assert (log.start_time, log.end_time) == (rest[0].log_time, rest[-1].log_time)
+            assert str(log.times).startswith('1 of 240 log times is impossible (')
+            assert list(log.messages(start=log.start_time, end=log.end_time)) == rest
+            times = np.concatenate([block.heads['log_time'] for block in log.blocks()])
+        expected = [message.log_time for message in messages]
+        expected[index] = expected[index - 1] if index else rest[0].log_time
+        assert times.tolist() == expected
+
+
+def test_log_times_of_any_year_are_possible(tmp_path) -> None:
+    late = [replace(message, log_time=2**64 - 10**9 + n) for n, message in enumerate(MESSAGES)]
+    with open_log(write_run(tmp_path / 'run', [late])) as log:
+        assert (log.start_time, log.end_time) == (late[0].log_time, late[-1].log_time)
+        assert not log.times.impossible_count
 
 
 def test_chunks_outside_of_a_part_are_not_unpacked(run_file) -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 import signal
 from typing import Any
 
-from mcap.writer import CompressionType
-from playable_logs import COUNT, PERIOD, START, write_bag, write_split_bag
+from mcap.writer import CompressionType, Writer
+from playable_logs import COUNT, number, PERIOD, START, write_bag, write_split_bag
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -192,6 +192,40 @@ def test_a_damaged_log_plays_its_intact_part_and_reports_the_damage(
     assert received == sorted(received)
     assert len(received) > 80
     assert 'the CRC of the chunk does not match' in process.errors
+
+
+def test_a_message_with_an_impossible_log_time_is_left_out_and_reported(
+    ros: Domain, tmp_path: Path
+) -> None:
+    path = tmp_path / 'bag.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Float64', 'ros2msg', b'float64 data')
+        channel = writer.register_channel('/number', 'cdr', schema)
+        for n in range(COUNT):
+            time = 2**64 - 5 * 10**9 if n == 50 else START + n * PERIOD
+            writer.add_message(channel, time, number(n), time)
+        writer.finish()
+    process, received = played(ros, path, '--rate', '5')
+    assert received == [n for n in range(COUNT) if n != 50]
+    assert '1 of 100 log times is impossible (2554-07-21 23:34:28)' in process.errors
+    assert process.errors.count('impossible') == 1
+
+
+@pytest.mark.parametrize(
+    ('topic', 'reason'),
+    [('/json', 'messages are json, not cdr'), ('/nothing', 'nothing to play')],
+)
+def test_a_log_without_a_playable_topic_is_refused_with_its_topics(
+    ros: Domain, bag: Path, topic: str, reason: str
+) -> None:
+    process = ros.start('player_node', str(bag), '--topics', topic)
+    assert process.wait() == 1
+    assert reason in process.errors
+    last_line = process.errors.splitlines()[-1]
+    assert last_line.startswith('player_node: nothing to play: ')
+    assert last_line.endswith('has /clock, /json, /number, /robot_description, /unknown')
 
 
 def test_a_player_resumed_by_sigcont_causes_no_burst(ros: Domain, bag: Path) -> None:

@@ -1,6 +1,7 @@
 """A run is judged as it grows, whatever becomes of it, and reviewed when it is closed."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 import signal
@@ -125,6 +126,16 @@ def test_time_without_the_recorder_is_not_a_gap(run: RunWriter) -> None:
     run.close()
     follower.until_ended()
     assert follower.findings == []
+
+
+def test_a_log_time_that_rolled_over_hides_no_later_finding(run: RunWriter) -> None:
+    for number, message in enumerate(GARBLED.messages()):
+        time = 2**64 - 5 * 10**9 if number == 50 else message.log_time
+        run.write(replace(message, log_time=time))
+    run.close()
+    follower = Follower(run.path)
+    follower.until_ended()
+    assert {line.split()[2] for line in follower.findings} == {'nan:'}
 
 
 def test_a_run_that_is_split_is_followed_into_its_next_file(run: RunWriter) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from fork_server import called, PYTHON
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.log import open_log
+from klann_ros.log import Message, open_log, RunWriter, Topic
 from klann_ros.log.recovery import recover
 from klann_ros.review.command import main
 from klann_ros.review.report.annotations import annotate
@@ -21,6 +21,8 @@ from rosbag2_bags import convert, KINDS, NAMES
 from rosbags.highlevel import AnyReader
 import yaml
 
+# A stamp has 31 bits of seconds.
+AFTER_2038 = 2**31 * 10**9
 ANNOTATIONS = ['/review/findings', '/review/joint_states', '/review/point_h']
 
 
@@ -212,3 +214,27 @@ def test_a_full_disk_leaves_no_half_copy(faulty: Path, tmp_path: Path) -> None:
         reason = f'--annotate {tmp_path}/copy cannot be written: File too large'
         assert (done.returncode, done.stderr) == (3, f'review: {reason}\n')
         assert not (tmp_path / 'copy').exists()
+
+
+@pytest.mark.parametrize('time', [AFTER_2038, 2**62 + 1, 2**64 - 1])
+def test_a_log_after_2038_is_annotated_with_the_last_stamp(tmp_path: Path, time: int) -> None:
+    run = tmp_path / 'run'
+    with RunWriter(run) as writer:
+        writer.write(
+            Message(Topic('/crank_angle', 'std_msgs/msg/Float64'), bytes(12), time, time, 1)
+        )
+    (finding,) = decoded_by_topic(annotated(run, tmp_path / 'out'))['/review/findings'].values()
+    assert finding.status[0].name == 'review: poses'
+    assert finding.header.stamp.sec == 2**31 - 1
+
+
+def test_an_impossible_log_time_is_kept_beside_the_annotations(
+    make_script: Any, make_run: Any, tmp_path: Path
+) -> None:
+    script = make_script()
+    script.misdate('/crank_angle', 200, 201, 2**64 - 5 * 10**9)
+    run = make_run(script)
+    out = annotated(run, tmp_path / 'out').parent
+    assert without_annotations(out) == messages(run)
+    with open_log(run) as log, open_log(out) as annotated_log:
+        assert annotated_log.start_time == log.start_time
