@@ -13,8 +13,7 @@ from klann_ros.cli import (
     NOT_READ,
     output_files,
     path,
-    save_all,
-    save_text,
+    save_texts,
     UsageError,
 )
 from klann_ros.kinematics import content_with_numbers, is_linkage, NUMBER_DIGITS, NUMBERS, PRESETS
@@ -102,7 +101,7 @@ def _calibrate(options: argparse.Namespace) -> int:
             json.dumps(report(calibration, further), indent=2, allow_nan=False) + '\n'
         ),
     }
-    save_all(files, {option: partial(save_text, view) for option, view in views.items()})
+    save_texts(files, views)
     return 0 if calibration.is_complete else NOT_OBSERVABLE
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         output_files,
         save_all,
         save_folder,
-        save_text,
+        save_texts,
     )
     from .tables import harmless, read_table, TableRow, TextTable, write_table
 else:

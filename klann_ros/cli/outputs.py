@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 import errno
+from functools import partial
 import os
 from pathlib import Path
 import shutil
@@ -173,8 +174,13 @@ def save_all(files: Iterable[Output], savers: Mapping[str, Save]) -> None:
         raise OutputError(*errors)
 
 
-def save_text(view: Callable[[], str], file: BinaryIO) -> None:
-    """Write a text; it may contain a path, whose bytes need not be UTF-8."""
+def save_texts(files: Iterable[Output], views: Mapping[str, Callable[[], str]]) -> None:
+    """Write each file with the text that its option's view returns, as `save_all` does."""
+    save_all(files, {option: partial(_save_text, view) for option, view in views.items()})
+
+
+def _save_text(view: Callable[[], str], file: BinaryIO) -> None:
+    # A text may contain a path, whose bytes need not be UTF-8.
     file.write(view().encode(errors='replace'))
 
 

@@ -21,6 +21,8 @@ _LINE_COLOURS = 7
 GROUP = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
 # A curve may step between samples within this distance [rad].
 _STEP_WIDTH = 1e-6
+# The end of a range that is off a tick by rounding is on it [steps].
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,7 @@ class Chart:
             'figure',
             element('h3', f'{self.title} / {self.unit}'),
             self._legend(),
-            self._drawn(),
+            self._drawing(),
             element('figcaption', self.text),
             class_='card chart',
         )
@@ -75,9 +77,9 @@ class Chart:
         if self.spans:
             yield _key('foot on the ground', 'span')
 
-    def _drawn(self) -> Markup:
-        x_0, x_1 = self._reach
-        low, high = self._range()
+    def _drawing(self) -> Markup:
+        x_0, x_1 = self._angle_range
+        low, high = self._height_range()
         height_ticks = ticks(low, high)
         frame = _Frame(x_0, x_1, min(low, height_ticks[0]), max(high, height_ticks[-1]))
         return element(
@@ -105,7 +107,7 @@ class Chart:
             yield self._path(frame, line)
 
     @property
-    def _reach(self) -> tuple[float, float]:
+    def _angle_range(self) -> tuple[float, float]:
         """Return the ends of the horizontal axis [deg]; a full turn ends at 360."""
         if not self.angles.size:
             return 0.0, 360.0
@@ -114,7 +116,8 @@ class Chart:
         is_turn = abs(ends[1] - ends[0] + step - 360.0) < 1e-6
         return (0.0, 360.0) if is_turn else (float(ends[0]), float(ends[1]))
 
-    def _range(self) -> tuple[float, float]:
+    def _height_range(self) -> tuple[float, float]:
+        """Return the ends of the vertical axis: 0, the curves and limits not far from them."""
         heights = np.concatenate([np.empty(0), *(line.heights for line in self.lines)])
         heights = heights[np.isfinite(heights)]
         if not heights.size:
@@ -129,6 +132,7 @@ class Chart:
         return (low, high) if high > low else (0.0, 1.0)
 
     def _path(self, frame: '_Frame', line: ChartLine) -> Markup:
+        """Return a curve, interrupted where heights are not finite or angles are left out."""
         step = max(1, len(self.angles) // (_MAX_POINTS - 1))
         indices = np.unique(np.append(np.arange(0, len(self.angles), step), len(self.angles) - 1))
         # Both sides of a step are drawn.
@@ -136,7 +140,7 @@ class Chart:
         indices = np.union1d(indices, [*steps, *steps + 1]).astype(int)
         degrees = np.degrees(self.angles)[indices].tolist()
         heights = line.heights[indices].tolist()
-        if self._reach == (0.0, 360.0):
+        if self._angle_range == (0.0, 360.0):
             degrees.append(360.0)
             heights.append(heights[0])
         min_gap = 5.0 * (frame.x_1 - frame.x_0) / _MAX_POINTS
@@ -183,23 +187,21 @@ class _Frame:
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Return four to nine round numbers from at most `low` to at least `high`."""
-    rough = (high - low) / 5.0
-    power = 10.0 ** floor(log10(rough))
-    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= rough)
-    first, last = floor(low / step + 1e-9), ceil(high / step - 1e-9)
-    return _multiples(step, first, last)
+    """Return about five round numbers that enclose a range, `low` < `high`."""
+    min_step = (high - low) / 5.0
+    power = 10.0 ** floor(log10(min_step))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= min_step)
+    return _multiples(step, floor(low / step + _ROUNDING), ceil(high / step - _ROUNDING))
 
 
 def angle_ticks(low: float, high: float) -> list[float]:
-    """Return round angles within two [deg]."""
+    """Return round angles from `low` to `high` [deg]."""
     step = next((s for s in _ANGLE_STEPS if (high - low) / s <= 6.0), 90.0)
-    first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
-    return _multiples(step, first, last)
+    return _multiples(step, ceil(low / step - _ROUNDING), floor(high / step + _ROUNDING))
 
 
-def _multiples(step: float, first: int, last: int) -> list[float]:
-    return [k * step for k in range(first, last + 1)]
+def _multiples(step: float, first_factor: int, last_factor: int) -> list[float]:
+    return [factor * step for factor in range(first_factor, last_factor + 1)]
 
 
 def _shade(frame: _Frame, start: float, end: float) -> Markup:
@@ -229,7 +231,7 @@ def tick_label(tick: float, all_ticks: Sequence[float]) -> str:
     step = all_ticks[1] - all_ticks[0]
     if not 1e-4 <= step < 1e5:
         return f'{tick:.0e}' if tick else '0'
-    return f'{tick:.{max(0, -floor(log10(step) + 1e-9))}f}'
+    return f'{tick:.{max(0, -floor(log10(step) + _ROUNDING))}f}'
 
 
 def _vertical(frame: _Frame, degrees: float) -> Markup:

@@ -4,16 +4,18 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 
-from klann_ros.cli import ArgumentParser, NOT_READ, output_files, path, save_all, save_text
+from klann_ros.cli import ArgumentParser, NOT_READ, output_files, path, save_texts
 from klann_ros.dynamics import MassError
 from klann_ros.robot import robot_of, RobotFileError
 
-from . import json_report, page
 from .computing import data_sheet, DEFAULT_SPEED
+from .json_report import report
 from .motor import motor_from_file, MotorFileError
+from .page import page
 from .sheet import SheetError
-from .text import text
+from .text import sheet_text
 
+# The exit code for a motor that cannot turn the cranks.
 MOTOR_FAILS = 1
 DESCRIBE_ERRORS = dict.fromkeys((RobotFileError, MotorFileError, MassError, SheetError), NOT_READ)
 DESCRIPTION = """\
@@ -34,21 +36,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _describe(options: argparse.Namespace) -> int:
-    files = output_files(
-        options, ('html', 'json'), (options.file, options.motor), refuse_yaml=True
-    )
+    """Print the data sheet of the file and save it as the options ask; return the exit code."""
+    inputs = (options.file, options.motor)
+    files = output_files(options, ('html', 'json'), inputs, refuse_yaml=True)
     motor = motor_from_file(options.motor) if options.motor is not None else None
     robot = robot_of(options.file)
+    if options.bar_density is not None:
+        robot = robot.with_rods(options.bar_density)
     sheet = data_sheet(
-        robot if options.bar_density is None else robot.with_rods(options.bar_density),
+        robot,
         speed=options.speed,
         load=options.load,
         motor=motor,
         margins=options.margins,
     )
-    print(text(sheet), end='')
-    views = {'--html': partial(page.page, sheet), '--json': partial(json_report.report, sheet)}
-    save_all(files, {option: partial(save_text, view) for option, view in views.items()})
+    print(sheet_text(sheet), end='')
+    save_texts(files, {'--html': partial(page, sheet), '--json': partial(report, sheet)})
     return 0 if sheet.motor_turns else MOTOR_FAILS
 
 

@@ -113,7 +113,7 @@ def data_sheet(
     for sheet in sheets:
         sheets_by_name |= dict.fromkeys(sheet.names, sheet)
     walk, no_walk = _walk_figures(robot)
-    cranks = [_crank(options, joint, sheets_by_name) for joint in robot.crank_joints]
+    cranks = [_crank_sheet(options, joint, sheets_by_name) for joint in robot.crank_joints]
     return DataSheet(
         name=robot.name,
         source=robot.source,
@@ -174,7 +174,8 @@ def _no_forces(legs: Sequence[LegSheet], missing: str, load: float) -> str:
     return '; '.join(reasons)
 
 
-def _crank(options: _SheetOptions, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
+def _crank_sheet(options: _SheetOptions, joint: str, sheets: Mapping[str, LegSheet]) -> CrankSheet:
+    """Return the forces and the motor of a crank joint, which need legs that turn fully."""
     robot = options.robot
     speed = options.speed
     legs = robot.on_joint(joint)
@@ -333,6 +334,7 @@ def _bars(linkage: Linkage, *, turns: bool, margins: bool) -> tuple[tuple[BarFig
 def _transmission(
     linkage: Linkage, alphas: FloatArray, angles: FloatArray
 ) -> tuple[Transmission, ...]:
+    """Return the transmission angles of each block, [rad], with their extremes."""
     transmission = []
     for block, mu in zip(linkage.blocks, angles.T, strict=True):
         if np.isnan(mu).all():

@@ -70,7 +70,7 @@ def about(sheet: DataSheet) -> str:
     return f'cranks at {turns}{load}'
 
 
-def turning(leg: LegSheet) -> str:
+def turning_text(leg: LegSheet) -> str:
     """Return whether a crank turns fully, or else the arcs that it reaches."""
     if leg.turns_fully:
         return 'the crank turns fully'
@@ -114,7 +114,7 @@ def _span(low: str, high: str) -> str:
     return f'{low} .. {high}'
 
 
-def bars(leg: LegSheet) -> FigureTable:
+def bar_table(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's dimensions."""
     has_margins = not leg.no_margins
     heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
@@ -139,7 +139,7 @@ def bars(leg: LegSheet) -> FigureTable:
     return FigureTable('Bars', heads, tuple(lines), note)
 
 
-def transmission(leg: LegSheet) -> FigureTable:
+def transmission_table(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's transmission angles."""
     lines = []
     warning = ''
@@ -153,7 +153,7 @@ def transmission(leg: LegSheet) -> FigureTable:
     return FigureTable('Transmission angles', heads, tuple(lines), note)
 
 
-def masses(leg: LegSheet) -> FigureTable:
+def mass_table(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's masses."""
     lines = [
         (name, number(mass), *map(millimetres, centre), number(inertia))
@@ -164,7 +164,7 @@ def masses(leg: LegSheet) -> FigureTable:
     return FigureTable('Masses', heads, tuple(lines), note)
 
 
-def joint_forces(leg: LegSheet) -> FigureTable:
+def joint_force_table(leg: LegSheet) -> FigureTable:
     """Return the table of the largest force of each joint of a leg."""
     heads = ['Joint']
     joints_of_cases = []
@@ -188,7 +188,7 @@ def _peaks(extremes: Sequence[Extreme]) -> list[str]:
     return cells
 
 
-def crank_forces(crank: CrankSheet, speed: float) -> FigureTable:
+def crank_force_table(crank: CrankSheet, speed: float) -> FigureTable:
     """Return the table of a crank's torque and power, without and with the load."""
     named_turns = cases(crank)
     columns = [_crank_column(turn, speed) for _, turn in named_turns]
@@ -302,7 +302,7 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     yield Figure('Foot slip', millimetres(walk.slid), 'mm', 'a turn, weighted by load')
 
 
-def supports(sheet: DataSheet) -> FigureTable | None:
+def support_table(sheet: DataSheet) -> FigureTable | None:
     """Return the table of a walker's support patterns."""
     if sheet.walk is None:
         return None

@@ -32,10 +32,10 @@ def report(sheet: DataSheet) -> str:
         'klann_ros': __version__,
         **_attributes(sheet, ('name', 'source', 'speed', 'load')),
         'no_forces': sheet.no_forces or None,
-        'legs': [_leg(leg, sheet.speed) for leg in sheet.legs],
-        'cranks': [_crank(crank) for crank in sheet.cranks],
+        'legs': [_leg_content(leg, sheet.speed) for leg in sheet.legs],
+        'cranks': [_crank_content(crank) for crank in sheet.cranks],
         'motor_turns': sheet.motor_turns if sheet.motor else None,
-        'walk': _walk(sheet),
+        'walk': _walk_content(sheet),
     }
     return json.dumps(finite(document), indent=1, allow_nan=False) + '\n'
 
@@ -53,19 +53,19 @@ def _plain(record: Any) -> Any:
     return [*map(_plain, record)] if isinstance(record, tuple) else record
 
 
-def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
+def _leg_content(leg: LegSheet, speed: float) -> dict[str, Any]:
     linkage = leg.linkage
     return {
         'names': list(leg.names),
         'linkage': linkage.name,
         'source': linkage.source,
         'foot': linkage.structure.foot,
-        'bars': [*map(_bar, leg.bars)],
+        'bars': [*map(_bar_content, leg.bars)],
         'no_margins': leg.no_margins or None,
         'turns_fully': leg.turns_fully,
         'arcs': leg.arcs,
-        'path': _path(leg),
-        'stance': _stance(leg.stance, speed) if leg.stance else None,
+        'path': _path_content(leg),
+        'stance': _stance_content(leg.stance, speed) if leg.stance else None,
         'no_stance': leg.no_stance or None,
         'transmission': _plain(leg.transmission),
         'mass': leg.mass if leg.masses else None,
@@ -76,7 +76,7 @@ def _leg(leg: LegSheet, speed: float) -> dict[str, Any]:
     }
 
 
-def _bar(bar: BarFigures) -> dict[str, Any]:
+def _bar_content(bar: BarFigures) -> dict[str, Any]:
     return {
         **_attributes(bar, ('name', 'unit', 'value')),
         'least': bar.margin.least if bar.margin else None,
@@ -84,14 +84,14 @@ def _bar(bar: BarFigures) -> dict[str, Any]:
     }
 
 
-def _path(leg: LegSheet) -> dict[str, Any] | None:
+def _path_content(leg: LegSheet) -> dict[str, Any] | None:
     if leg.path is None:
         return None
     x, y = leg.points[:, leg.linkage.foot].T.tolist()
     return {**_attributes(leg.path, PATH_KEYS), 'x': x, 'y': y}
 
 
-def _stance(stance: Stance, speed: float) -> dict[str, Any]:
+def _stance_content(stance: Stance, speed: float) -> dict[str, Any]:
     return {
         **_attributes(stance, STANCE_KEYS),
         'speed_mean': stance.speed_mean * abs(speed),
@@ -101,16 +101,16 @@ def _stance(stance: Stance, speed: float) -> dict[str, Any]:
     }
 
 
-def _crank(crank: CrankSheet) -> dict[str, Any]:
+def _crank_content(crank: CrankSheet) -> dict[str, Any]:
     return {
         **_attributes(crank, ('joint', 'legs')),
-        'empty': _turn(crank.empty),
-        'loaded': _turn(crank.loaded),
+        'empty': _turn_content(crank.empty),
+        'loaded': _turn_content(crank.loaded),
         'motor': _attributes(crank.motor, MOTOR_KEYS) if crank.motor else None,
     }
 
 
-def _turn(turn: TurnOfForces | None) -> dict[str, Any] | None:
+def _turn_content(turn: TurnOfForces | None) -> dict[str, Any] | None:
     if turn is None:
         return None
     return {
@@ -128,7 +128,7 @@ def _turn(turn: TurnOfForces | None) -> dict[str, Any] | None:
     }
 
 
-def _walk(sheet: DataSheet) -> dict[str, Any] | None:
+def _walk_content(sheet: DataSheet) -> dict[str, Any] | None:
     walk = sheet.walk
     if walk is None:
         return {'no_walk': sheet.no_walk} if sheet.no_walk else None

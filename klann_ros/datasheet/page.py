@@ -47,6 +47,7 @@ def page(sheet: DataSheet) -> str:
 
 
 def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
+    """Return the data of a leg's animation: its shape, and its poses with the foot's stance."""
     is_solved = np.asarray(np.isfinite(leg.points).all(axis=(1, 2)))
     frames = np.arange(0, len(leg.alphas), max(1, len(leg.alphas) // POSES))
     if leg.turns_fully:
@@ -127,7 +128,7 @@ def _leg_section(sheet: DataSheet, leg: LegSheet, index: int) -> Markup:
 def _about(leg: LegSheet) -> str:
     linkage = leg.linkage
     origin = ': '.join(filter(None, (linkage.name, linkage.source)))
-    return '; '.join(filter(None, (origin, figures.turning(leg))))
+    return '; '.join(filter(None, (origin, figures.turning_text(leg))))
 
 
 def _remark(text: str) -> Markup:
@@ -163,6 +164,7 @@ def _drawing(leg: LegSheet, index: int) -> Markup:
 
 
 def _leg_charts(leg: LegSheet) -> Iterator[Chart]:
+    """Yield the charts of transmission angles and joint reactions."""
     spans = _spans(leg)
     if leg.transmission:
         lines = []
@@ -186,6 +188,7 @@ def _spans(leg: LegSheet) -> list[tuple[float, float]]:
 
 
 def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> Iterator[Chart]:
+    """Yield the charts of a crank's torque and power; over its crank angle with its only leg."""
     named_turns = cases(crank)
     if not named_turns:
         return
@@ -215,13 +218,13 @@ def _crank_charts(crank: CrankSheet, sheet: DataSheet, leg: LegSheet | None) -> 
 def _tables(sheet: DataSheet, leg: LegSheet) -> Iterator[FigureTable]:
     if sheet.is_single:
         yield from _crank_tables(sheet.cranks, sheet)
-    yield figures.bars(leg)
+    yield figures.bar_table(leg)
     if leg.transmission:
-        yield figures.transmission(leg)
+        yield figures.transmission_table(leg)
     if cases(leg):
-        yield figures.joint_forces(leg)
+        yield figures.joint_force_table(leg)
     if leg.masses:
-        yield figures.masses(leg)
+        yield figures.mass_table(leg)
 
 
 def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[FigureTable]:
@@ -229,7 +232,7 @@ def _crank_tables(cranks: Iterable[CrankSheet], sheet: DataSheet) -> Iterator[Fi
         if crank.motor is not None and not sheet.is_single:
             yield _motor_table(crank)
         if crank.hardest is not None:
-            yield figures.crank_forces(crank, sheet.speed)
+            yield figures.crank_force_table(crank, sheet.speed)
 
 
 def _motor_table(crank: CrankSheet) -> FigureTable:
@@ -254,7 +257,7 @@ def _walk_section(sheet: DataSheet) -> Markup:
     if sheet.no_walk:
         return element('section', element('h2', 'Walking'), _remark(sheet.no_walk))
     walk = sheet.walk
-    table = figures.supports(sheet)
+    table = figures.support_table(sheet)
     if walk is None or table is None:
         return Markup()
     chart = partial(

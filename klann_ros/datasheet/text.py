@@ -12,8 +12,8 @@ from .sheet import cases, DataSheet, LegSheet
 MAX_COLUMN = 40
 
 
-def text(sheet: DataSheet) -> str:
-    """Return the data sheet as lines."""
+def sheet_text(sheet: DataSheet) -> str:
+    """Return the data sheet as lines of text."""
     return '\n'.join(_lines(sheet)).rstrip() + '\n'
 
 
@@ -27,20 +27,23 @@ def _lines(sheet: DataSheet) -> Iterator[str]:
     if sheet.no_forces:
         yield f'Forces: {sheet.no_forces}.'
     for leg in sheet.legs:
-        yield from _leg(leg, sheet)
+        yield from _leg_lines(leg, sheet)
     for crank in sheet.cranks:
         title = figures.crank_title(crank)
         if crank.hardest is not None:
             has_names = not sheet.is_single and any(crank.legs)
             legs = f', which turns {", ".join(crank.legs)}' if has_names else ''
-            yield from _table(figures.crank_forces(crank, sheet.speed), f'{title}{legs}')
+            yield from _table_lines(
+                figures.crank_force_table(crank, sheet.speed), f'{title}{legs}'
+            )
         if crank.motor is not None:
             yield from _heading('Motor' if sheet.is_single else f'Motor of {title.lower()}')
-            yield from _figures(figures.motor_figures(crank))
-    yield from _walk(sheet)
+            yield from _figure_lines(figures.motor_figures(crank))
+    yield from _walk_lines(sheet)
 
 
-def _leg(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
+def _leg_lines(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
+    """Yield the lines about a leg: linkage, bars, foot, transmission, masses, joint forces."""
     if leg.title:
         legs = 'Leg' if len(leg.names) == 1 else 'Legs'
         yield from _heading(f'{legs} {leg.title}')
@@ -49,20 +52,20 @@ def _leg(leg: LegSheet, sheet: DataSheet) -> Iterator[str]:
     for about in (linkage.name, linkage.source):
         if about:
             yield printable_line(about)
-    yield f'T{figures.turning(leg)[1:]}.'
-    yield from _table(figures.bars(leg))
+    yield f'T{figures.turning_text(leg)[1:]}.'
+    yield from _table_lines(figures.bar_table(leg))
     yield from _heading(f'Foot {linkage.structure.foot}')
-    yield from _figures(figures.foot_figures(leg, sheet.speed))
+    yield from _figure_lines(figures.foot_figures(leg, sheet.speed))
     if leg.no_stance:
         yield f'  {printable_line(leg.no_stance)}.'
-    yield from _table(figures.transmission(leg))
+    yield from _table_lines(figures.transmission_table(leg))
     if leg.masses:
-        yield from _table(figures.masses(leg))
+        yield from _table_lines(figures.mass_table(leg))
     if cases(leg):
-        yield from _table(figures.joint_forces(leg))
+        yield from _table_lines(figures.joint_force_table(leg))
 
 
-def _walk(sheet: DataSheet) -> Iterator[str]:
+def _walk_lines(sheet: DataSheet) -> Iterator[str]:
     if sheet.no_walk:
         yield from _heading('Walking')
         yield f'  {printable_line(sheet.no_walk)}.'
@@ -70,35 +73,37 @@ def _walk(sheet: DataSheet) -> Iterator[str]:
         yield from _heading('Walking')
         for warning in sheet.walk.warnings:
             yield f'  Warning: {warning}.'
-        yield from _figures(figures.walk_figures(sheet))
-        table = figures.supports(sheet)
+        yield from _figure_lines(figures.walk_figures(sheet))
+        table = figures.support_table(sheet)
         if table:
-            yield from _table(table)
+            yield from _table_lines(table)
 
 
 def _heading(title: str) -> list[str]:
     return ['', printable_line(title)]
 
 
-def _figures(tiles: Iterable[Figure]) -> Iterator[str]:
-    listed = list(tiles)
-    width = max((len(figure.name) for figure in listed), default=0)
-    for figure in listed:
+def _figure_lines(shown_figures: Iterable[Figure]) -> Iterator[str]:
+    all_figures = list(shown_figures)
+    width = max((len(figure.name) for figure in all_figures), default=0)
+    for figure in all_figures:
         line = f'  {figure.name:<{width}}  {figure.value:>9} {figure.unit:<6} {figure.note}'
         yield line.rstrip()
 
 
-def _table(table: FigureTable, title: str = '') -> Iterator[str]:
+def _table_lines(table: FigureTable, title: str = '') -> Iterator[str]:
+    """Yield the lines of a table: its title, its head and rows in aligned columns, its note."""
     yield from _heading(title or table.title)
     columns: list[list[str]] = []
     for column in zip(table.heads, *table.rows, strict=True):
-        cells = [*map(printable, column)]
+        cells = list(map(printable, column))
         width = min(max(map(len, cells)), MAX_COLUMN)
-        # Words are aligned left, numbers right.
-        is_right = bool(columns) and _is_number(cells[-1])
-        columns.append([f'{cell:{">" if is_right else "<"}{width}}' for cell in cells])
-    for line in zip(*columns, strict=True):
-        yield f'  {"  ".join(line)}'.rstrip()
+        is_first = not columns
+        # The last cell tells a column of numbers; the first column has names.
+        align = str.rjust if _is_number(cells[-1]) and not is_first else str.ljust
+        columns.append([align(cell, width) for cell in cells])
+    for row in zip(*columns, strict=True):
+        yield f'  {"  ".join(row)}'.rstrip()
     if table.note:
         yield f'  {printable_line(table.note)}'
 
