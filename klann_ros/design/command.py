@@ -25,7 +25,7 @@ from klann_ros.sanitize.text import parse_json, printable
 
 from .leg_file import leg_text, parameter_text
 from .page import page
-from .report import leg_name, report, text
+from .report import leg_name, report, search_text
 from .requirements import Requirements, requirements_from_file
 from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State, StateError
 from .space import RequirementsError
@@ -53,6 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _design(options: argparse.Namespace) -> int:
+    """Search for legs as the options ask and save them; return the exit code."""
     check_installed('pymoo', 'scipy')
     check_engine(options.engine)
     requirements = requirements_from_file(options.requirements)
@@ -77,7 +78,7 @@ def _design(options: argparse.Namespace) -> int:
     except StateError as error:
         raise UsageError(f'--resume: {error}') from error
     _write(folder, search_result)
-    print(text(search_result, printable(folder)), end='')
+    print(search_text(search_result, printable(folder)), end='')
     if not search_result.legs:
         return NONE_FOUND
     return INTERRUPTED if search_result.is_interrupted else 0

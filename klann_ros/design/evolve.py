@@ -58,6 +58,7 @@ def scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
 
 
 def _scores(requirements: Requirements, space: Space, x: FloatArray) -> Scores:
+    """Return the scores of candidates, computed at once."""
     variants = space.variants(x)
     names = frozenset(requirements.figures)
     judgement = judge(variants, names, requirements.load)
@@ -107,7 +108,7 @@ def evolve(island: Island) -> FloatArray:
         x = space.sample(random, spent)
         x = x[_chosen(scores(requirements, space, x))]
     generations = (island.evaluations - spent) // POPULATION
-    return _evolved(requirements, x, random, generations) if generations > 0 else x
+    return _evolve_generations(requirements, x, random, generations) if generations > 0 else x
 
 
 def _chosen(sampled: Scores) -> IndexArray:
@@ -122,9 +123,10 @@ def _chosen(sampled: Scores) -> IndexArray:
     return np.asarray(np.concatenate([chosen, remaining])[:POPULATION], dtype=np.intp)
 
 
-def _evolved(
+def _evolve_generations(
     requirements: Requirements, x: FloatArray, random: np.random.Generator, generations: int
 ) -> FloatArray:
+    """Return a population after some generations, by one aim or by several."""
     # It takes a second to load, and only a search needs it.
     from pymoo.algorithms.moo.nsga2 import NSGA2  # noqa: PLC0415
     from pymoo.algorithms.soo.nonconvex.de import DE  # noqa: PLC0415
@@ -180,7 +182,7 @@ def pareto_front(losses: FloatArray) -> IndexArray:
 
 def hypervolume(losses: FloatArray, reference: FloatArray) -> float:
     """Return the volume that rows of losses dominate up to a reference point."""
-    from pymoo.indicators.hv import HV  # noqa: PLC0415 - see `_evolved`
+    from pymoo.indicators.hv import HV  # noqa: PLC0415 - see `_evolve_generations`
 
     inside = losses[(losses < reference).all(axis=1)]
     return float(HV(ref_point=reference)(inside)) if len(inside) else 0.0

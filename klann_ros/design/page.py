@@ -45,7 +45,7 @@ def page(search_result: SearchResult) -> str:
     choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
     legs = []
     for n, leg in enumerate(search_result.legs):
-        legs.append(_leg(search_result, leg, leg_name(n)))
+        legs.append(_leg_data(search_result, leg, leg_name(n)))
     data = {
         'axes': axes,
         'legs': legs,
@@ -79,34 +79,34 @@ def _table(search_result: SearchResult, names: list[str]) -> Markup:
     return scrolling_table('All legs', heads, lines)
 
 
-def _leg(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str, Any]:
+def _leg_data(search_result: SearchResult, leg: FoundLeg, name: str) -> dict[str, Any]:
+    """Return the data of a leg for the page: its motion, figures and margins."""
     requirements = search_result.requirements
-    poses: Any = linkage_poses(leg.linkage, crank_angles(ANIMATION_POSES), points=True)
+    angles = crank_angles(ANIMATION_POSES)
+    poses: Any = linkage_poses(leg.linkage, angles, points=True)
     stance = foot_path(LinkageLeg(leg.linkage)).stance()
-    since_start = (crank_angles(ANIMATION_POSES) - stance.start) % TURN
+    angles_since_stance_start = (angles - stance.start) % TURN
     figures = {}
-    lines = []
-    for figure, reached in leg.reached.items():
-        figures[figure] = reached / requirements.units.size(FIGURES[figure].unit)
-        expected_text = requirements.figure_text(figure, leg.expected.get(figure))
-        reached_text = requirements.figure_text(figure, reached)
-        lines.append([figure.replace('_', ' '), expected_text, reached_text])
+    rows = []
+    for figure_name, reached in leg.reached.items():
+        figures[figure_name] = reached / requirements.units.size(FIGURES[figure_name].unit)
+        expected_text = requirements.figure_text(figure_name, leg.expected.get(figure_name))
+        reached_text = requirements.figure_text(figure_name, reached)
+        rows.append([figure_name.replace('_', ' '), expected_text, reached_text])
     margins = []
-    for dimension, ends in leg.margins.items():
-        end_texts = [f'{end:.5g}' if isfinite(end) else 'any' for end in ends]
-        margins.append([dimension, *end_texts])
-    points = []
-    for pose in poses.points.tolist():
-        points.append([(float(f'{x:.5g}'), float(f'{y:.5g}')) for x, y in pose])
+    for dimension, limits in leg.margins.items():
+        limit_texts = [f'{limit:.5g}' if isfinite(limit) else 'any' for limit in limits]
+        margins.append([dimension, *limit_texts])
+    rounded = [float(f'{metres:.5g}') for metres in poses.points.ravel()]
     return {
         'name': name,
         'linkage': leg.linkage.name,
         'shape': leg_shape(leg.linkage),
         'foot': leg.linkage.foot,
-        'points': points,
-        'stands': (since_start <= stance.end - stance.start).tolist(),
+        'points': np.reshape(rounded, poses.points.shape).tolist(),
+        'stands': (angles_since_stance_start <= stance.end - stance.start).tolist(),
         'figures': figures,
-        'rows': lines,
+        'rows': rows,
         'margins': margins,
         'walker': leg.walker is not None,
     }

@@ -1,10 +1,10 @@
 """Proof of a leg: a full turn in one assembly mode, margins, tolerances, figures as reported."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from klann_ros.datasheet import data_sheet, SheetError
+from klann_ros.datasheet import data_sheet, DataSheet, SheetError
 from klann_ros.gait import NoWalkerError, walk_figures
 from klann_ros.kinematics import foot_path, KinematicsError, Linkage, LinkageLeg, tolerance_study
 from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
@@ -19,6 +19,7 @@ from .space import Space
 DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS = 1000
 STUDY_ANGLES = 180
+SHEET_SAMPLES = 360
 # Crank angles of the comparison of a leg with its path.
 PROOF_ANGLES = 1024
 
@@ -46,8 +47,6 @@ class FoundLeg:
         Half-width of the lengths in the study: relative, or in m where the requirements have one.
     non_turning_fraction : float
         Of the legs within the tolerance.
-    assembly : tuple of int
-        Its assembly mode, which it never leaves.
     walker : mapping, optional
         The parameters of the walker of the leg.
 
@@ -60,12 +59,11 @@ class FoundLeg:
     margins: dict[str, tuple[float, float]]
     tolerance: float
     non_turning_fraction: float
-    assembly: tuple[int, ...]
     walker: Mapping[str, Any] | None = None
 
     @property
     def linkage(self) -> Linkage:
-        """Return its linkage."""
+        """Return its linkage, whose assembly mode it never leaves."""
         return self.leg.linkage
 
 
@@ -84,7 +82,7 @@ class ProofError(ValueError):
 
 def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     """
-    Return a leg with its proof.
+    Return the leg of a candidate, its figures computed anew and checked against the limits.
 
     Raises
     ------
@@ -93,68 +91,70 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
 
     """
     try:
-        # As its file has it, without masses: the torque is that of the load alone.
+        # The dimensions are rounded, as the leg's file will have them.
         leg = with_numbers(candidate.space.leg, candidate.linkage)
-        linkage = leg.linkage
-        sheet = data_sheet(
-            Robot('leg', (RobotLeg('', linkage),)),
-            speed=requirements.speed,
-            load=requirements.load,
-            motor=requirements.motor,
-            margins=True,
-            samples=360,
-        )
+        sheet = _massless_sheet(requirements, leg.linkage)
     except (SheetError, KinematicsError, ValueError) as error:
         raise ProofError(str(error)) from error
     (leg_sheet,) = sheet.legs
     if not leg_sheet.turns_fully:
         raise ProofError('the crank does not turn fully')
-    reached = sheet_figures(sheet, linkage)
-    if not reached['transmission_angle'] > 0.0:
+    figures = sheet_figures(sheet, leg.linkage)
+    # NaN is refused, too.
+    if not figures['transmission_angle'] > 0.0:
         raise ProofError('links are in line')
     if requirements.target is not None:
-        h = foot_path(LinkageLeg(linkage), samples=PROOF_ANGLES).h[None]
-        # In place: it may neither be moved nor turned nor scaled any more.
-        fixed = replace(requirements.target, can_move=False, can_turn=False, can_scale=False)
-        reached['path_error'] = float(fixed.fit(h).error[0])
-    tolerance = requirements.tolerance or DEFAULT_TOLERANCE
-    # A mere number is relative to the lengths.
-    tolerances = _length_tolerances(linkage, requirements.tolerance) or tolerance
-    try:
-        study = tolerance_study(linkage, tolerances, samples=STUDY_LEGS, crank_angles=STUDY_ANGLES)
-    except ValueError as error:
-        raise ProofError(str(error)) from error
-    reached['turning_fraction'] = 1.0 - study.non_turning_fraction
+        path = foot_path(LinkageLeg(leg.linkage), samples=PROOF_ANGLES)
+        figures['path_error'] = requirements.target.distance(path.h)
+    non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
+    figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
     if requirements.walker is not None:
-        walker, figures = _walker(leg, requirements.walker, requirements.speed)
-        reached |= figures
-    _check_limits(requirements, reached)
-    margins = {bar.name: bar.margin for bar in leg_sheet.bars if bar.margin}
+        walker, walker_figures = _walker(leg, requirements.walker, requirements.speed)
+        figures |= walker_figures
+    _check_limits(requirements, figures)
+    margins = {}
+    for bar in leg_sheet.bars:
+        if bar.margin:
+            margins[bar.name] = (bar.margin.least, bar.margin.greatest)
     return FoundLeg(
         leg=leg,
         space=candidate.space,
         expected=candidate.expected,
-        reached={name: figure for name, figure in reached.items() if np.isfinite(figure)},
-        margins={name: (margin.least, margin.greatest) for name, margin in margins.items()},
-        tolerance=tolerance,
-        non_turning_fraction=study.non_turning_fraction,
-        assembly=linkage.assembly,
+        reached={name: figure for name, figure in figures.items() if np.isfinite(figure)},
+        margins=margins,
+        tolerance=requirements.tolerance or DEFAULT_TOLERANCE,
+        non_turning_fraction=non_turning_fraction,
         walker=walker,
     )
 
 
-def _length_tolerances(linkage: Linkage, tolerance: float | None) -> dict[str, float]:
-    """Return a tolerance for every length [m]; none without one."""
-    if not tolerance:
-        return {}
+def _massless_sheet(requirements: Requirements, linkage: Linkage) -> DataSheet:
+    """Return the data sheet of a leg without masses: the torque is that of the load alone."""
+    return data_sheet(
+        Robot('leg', (RobotLeg('', linkage),)),
+        speed=requirements.speed,
+        load=requirements.load,
+        motor=requirements.motor,
+        margins=True,
+        samples=SHEET_SAMPLES,
+    )
+
+
+def _non_turning_fraction(linkage: Linkage, tolerance: float) -> float:
+    """Return the fraction of legs that jam with a tolerance of all lengths [m]; 0: the default."""
     lengths = [d.name for d in linkage.structure.dimensions if d.is_length]
-    return dict.fromkeys(lengths, tolerance)
+    tolerances = dict.fromkeys(lengths, tolerance) if tolerance else DEFAULT_TOLERANCE
+    try:
+        study = tolerance_study(linkage, tolerances, samples=STUDY_LEGS, crank_angles=STUDY_ANGLES)
+    except ValueError as error:
+        raise ProofError(str(error)) from error
+    return study.non_turning_fraction
 
 
-def _check_limits(requirements: Requirements, reached: Mapping[str, float]) -> None:
+def _check_limits(requirements: Requirements, figures: Mapping[str, float]) -> None:
     for limit in requirements.limits:
-        figure = reached.get(limit.figure, np.nan)
+        figure = figures.get(limit.figure, np.nan)
         if not limit.shortfall(figure) <= 0.0:
             raise ProofError(f'{limit.figure} does not hold', limit, float(figure))
 

@@ -1,7 +1,6 @@
 """Refinement of a leg on its path, by the derivatives of the foot by every dimension."""
 
 from cmath import phase
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import GeometryError, GROUND, Linkage, linkage_poses
@@ -60,14 +59,13 @@ def refined(target: Target, space: Space, x: FloatArray) -> tuple[Linkage, float
     start = _Point(x, complex(fit.factor[0]), complex(fit.shift[0]), 0.0)
     if target.is_timed:
         start = start._replace(zero=_best_zero(target, drawn, start))
-    minimum = _fitted(target, space, start)
+    minimum = _least_squares(target, space, start)
     # The figure is the distance of corresponding points: the fit need not improve it.
-    fixed = replace(target, can_move=False, can_turn=False, can_scale=False)
     candidates = []
     for point in (start, minimum):
         leg = _placed(_linkage(space, point.x), point.factor, point.shift)
-        path = linkage_poses(leg, crank_angles(NEAREST_ANGLES)).h[None]
-        candidates.append((leg, float(fixed.fit(path).error[0])))
+        path = linkage_poses(leg, crank_angles(NEAREST_ANGLES)).h
+        candidates.append((leg, target.distance(path)))
     return min(candidates, key=lambda candidate: candidate[1])
 
 
@@ -75,7 +73,8 @@ def _linkage(space: Space, x: FloatArray) -> Linkage:
     return space.variants(x[None])[0]
 
 
-def _fitted(target: Target, space: Space, start: _Point) -> _Point:
+def _least_squares(target: Target, space: Space, start: _Point) -> _Point:
+    """Return the point of least residuals near a start."""
     # It takes half a second to load.
     from scipy.optimize import least_squares  # noqa: PLC0415
 

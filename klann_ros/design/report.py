@@ -27,12 +27,13 @@ def shown_figures(requirements: Requirements) -> list[str]:
     return [*dict.fromkeys((*requirements.figures, *ALSO_SHOWN))]
 
 
-def text(search_result: SearchResult, folder: str) -> str:
-    """Return the result as lines."""
+def search_text(search_result: SearchResult, folder: str) -> str:
+    """Return the result as lines of text."""
     return '\n'.join(_lines(search_result, folder)) + '\n'
 
 
 def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
+    """Yield the lines of the text: the legs in a table, or the reasons why there is none."""
     requirements = search_result.requirements
     state = search_result.state
     if not search_result.legs:
@@ -78,16 +79,18 @@ def report(search_result: SearchResult) -> str:
 
 
 def _leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:
+    """Return a leg as JSON has it, with the names of its files."""
     return {
         'file': f'{name}.yaml',
         'walker': f'{name}_walker.yaml' if leg.walker is not None else None,
         'linkage': leg.linkage.name,
-        'assembly': list(leg.assembly),
+        'assembly': list(leg.linkage.assembly),
+        # Its proof.
         'turns_fully': True,
         'dimensions': dict(leg.linkage.dimensions),
         'expected': leg.expected,
         'reached': leg.reached,
-        'margins': dict(leg.margins),
+        'margins': leg.margins,
         'tolerance': leg.tolerance,
         'non_turning_fraction': leg.non_turning_fraction,
     }

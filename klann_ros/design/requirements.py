@@ -142,7 +142,7 @@ def requirements_from(
     if not names and 'grow' not in content:
         raise RequirementsError('linkage is missing, or grow in its place')
     legs = [_leg(name, folder) for name in names]
-    aims, limits = _figures(content.get('figures', {}), units)
+    aims, limits = _aims_and_limits(content.get('figures', {}), units)
     metre = units.size('m')
     target = _target(content, metre, folder, legs)
     spaces: tuple[Space, ...] = ()
@@ -240,9 +240,10 @@ def _leg(name: str, folder: Path) -> RobotLeg:
     return RobotLeg('', leg.linkage, masses=leg.masses, description=leg.description)
 
 
-def _figures(
+def _aims_and_limits(
     content: Mapping[str, Any], units: Units
 ) -> tuple[tuple[Aim, ...], tuple[Limit, ...]]:
+    """Return the aims and the limits that the figures of a file name (SI)."""
     aims: list[Aim] = []
     limits: list[Limit] = []
     for name, wanted in content.items():
@@ -273,6 +274,7 @@ def _figures(
 
 
 def _number(name: str, sense: str, value: Any, units: Units) -> float:
+    """Return the number of an aim or a limit (SI); a RequirementsError if it is out of bounds."""
     kind = FIGURES[name]
     key = f'figures.{name}.{sense}'
     unit = units.name(kind.unit)

@@ -1,7 +1,7 @@
 """The path that a foot is to follow: from points, CSV or SVG; the distance of paths from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 import re
@@ -89,6 +89,11 @@ class Target:
         rms = np.sqrt(np.maximum(0.0, best_error) / PATH_POINTS)
         shift = np.asarray(z_mean - best_factor * w_mean, dtype=np.complex128)
         return PathFit(rms, best_factor, shift)
+
+    def distance(self, h: FloatArray) -> float:
+        """Return the rms distance of one path, shape (k, 2), that stays where it is [m]."""
+        fixed = replace(self, can_move=False, can_turn=False, can_scale=False)
+        return float(fixed.fit(h[None]).error[0])
 
     def _correlation(self, product: ComplexArray) -> ComplexArray:
         """
