@@ -86,7 +86,7 @@ def _run_tool(name: str, module: str, report_failed: int) -> int:
     try:
         try:
             with redirect_stdout(report):
-                code = _exit_code(name, module)
+                code = _run_command(name, module)
         except ModuleNotFoundError as error:
             _report_missing(name, error)
             return _MISSING_PACKAGE
@@ -108,17 +108,18 @@ def _terminate(number: int, _: object) -> NoReturn:
     raise SystemExit(128 + number)
 
 
-def _exit_code(name: str, module: str) -> int:
+def _run_command(name: str, module: str) -> int:
+    """Import the module of a command and run it; return its exit code."""
     try:
         with _uninterrupted():
             command = import_module(module)
         report_unit_warnings(lambda text: print(f'{name}: warning: {text}', file=sys.stderr))
         code = int(command.main())
-    except SystemExit as end:
-        # argparse: --help, --version, and refusals.
-        return int(end.code or 0)
+    except SystemExit as request:
+        # Of argparse (--help, --version, refusals) or of SIGTERM: a number, or None.
+        return int(request.code or 0)
     if code == _INTERRUPTED:
-        # The command has handled it; here it is as any other interrupt.
+        # The command has ended in order; its caller reacts as to any interrupt.
         raise KeyboardInterrupt
     return code
 

@@ -143,27 +143,29 @@ class Log(AbstractContextManager['Log']):
         """
         Yield the messages ordered by log time.
 
-        Chunks that overlap in time are unpacked together, up to 80 MB or eight times the file's
-        size; beyond that they come one after the other, and the order is partial. Damaged chunks
-        are left out, and are a problem from then on.
+        Chunks that overlap in time are unpacked together, up to the larger of 80 MB and eight
+        times the file's size; beyond that they are read one after the other, so that their
+        messages may be out of order. Damaged chunks are left out, and then in `problems`.
 
         Parameters
         ----------
         topics
             Names of the wanted topics; all by default.
         start, end
-            The first and the last wanted log time [ns]; chunks before and after are not unpacked,
-            as far as an index names their times.
+            The first and the last wanted log time [ns]; chunks before and after are not unpacked
+            if the file has an index of their times.
 
         """
         names = None if topics is None else frozenset(topics)
         if start is None and end is None:
             return _merge_by_time(self._sources, names)
-        first = self.start_time if start is None else start
-        last = self.end_time if end is None else end
-        sources = [s for s in self._sources if s.end >= first and s.start <= last]
-        messages = _merge_by_time(sources, names)
-        return (message for message in messages if first <= message.log_time <= last)
+        start = self.start_time if start is None else start
+        end = self.end_time if end is None else end
+        sources = [
+            source for source in self._sources if source.end >= start and source.start <= end
+        ]
+        merged = _merge_by_time(sources, names)
+        return (message for message in merged if start <= message.log_time <= end)
 
     def latest(self, counts: Mapping[str, int], end_time: int) -> list[Message]:
         """

@@ -5,14 +5,12 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 import gc
 from itertools import islice, pairwise
-from pathlib import Path
 import sys
-import traceback
 from typing import Any, Protocol
 
 from klann_ros.sanitize import yaml_text
 from klann_ros.sanitize.files import NotRegularFileError, open_regular, read_regular
-from klann_ros.sanitize.text import listed, printable, printable_line
+from klann_ros.sanitize.text import error_with_place, listed, printable, printable_line
 from klann_ros.sanitize.units import report_unit_warnings
 from klann_ros.stop_signals import StopSignals
 import rclpy
@@ -203,19 +201,12 @@ def spin_through_errors(spin: Callable[[], None], node: Node) -> None:
         except ExternalShutdownException:  # noqa: PERF203, RUF100 - an error is rare
             raise
         except Exception as error:
-            text = f'a callback failed, and the node goes on: {error_and_place(error)}'
+            text = f'a callback failed, and the node goes on: {error_with_place(error)}'
             node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
             if isinstance(node, ProcessNode):
                 node.on_callback_error()
         else:
             return
-
-
-def error_and_place(error: Exception) -> str:
-    """Return an error and its place in the source on one line."""
-    *_, last = traceback.extract_tb(error.__traceback__)
-    place = f'{Path(last.filename).name}:{last.lineno}'
-    return f'{type(error).__name__}: {printable(error)} ({place})'
 
 
 def unused_arguments(node: Node, executable: str, arguments: Sequence[str]) -> list[str]:

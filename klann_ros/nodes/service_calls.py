@@ -26,17 +26,17 @@ Reply = Callable[[bool, str], None]
 
 @dataclass(eq=False)
 class _Call:
-    """A pending request, and its end on the steady clock [s]."""
+    """A pending request, its timeout [s], and its deadline on the steady clock [s]."""
 
     client: Client
     future: Future
-    answer: Reply
+    on_failure: Reply
     timeout: float
-    end: float
+    deadline: float
 
 
 class ServiceCalls:
-    """Calls in ROS's thread, and other work for it; `expire` is to be called periodically."""
+    """Calls in ROS's thread, and other work for it; `expire_calls` is called periodically."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -53,14 +53,14 @@ class ServiceCalls:
         self._guard.trigger()
         return True
 
-    def expire(self) -> None:
-        """Answer calls after their timeout."""
+    def expire_calls(self) -> None:
+        """Give up the calls that got no answer within their timeout."""
         now = monotonic()
         for call in list(self._pending):
-            if now > call.end:
+            if now > call.deadline:
                 self._pending.remove(call)
                 call.client.remove_pending_request(call.future)
-                call.answer(False, f'no answer for {call.timeout:g} s')
+                call.on_failure(False, f'no answer for {call.timeout:g} s')
 
     def is_ready(self, kind: Any, service: str) -> bool:
         """Return whether a service is known."""
@@ -81,8 +81,8 @@ class ServiceCalls:
             on_failure(False, BUSY)
             return
         client = self._client(kind, service)
-        end = monotonic() + timeout
-        call = _Call(client, client.call_async(request), on_failure, timeout, end)
+        deadline = monotonic() + timeout
+        call = _Call(client, client.call_async(request), on_failure, timeout, deadline)
         self._pending.append(call)
 
         def on_done(future: Future) -> None:

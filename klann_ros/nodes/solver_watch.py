@@ -72,7 +72,7 @@ class SolverWatch:
 
     def send_requests(self) -> None:
         """Send due and repeated requests; to be called repeatedly."""
-        self._calls.expire()
+        self._calls.expire_calls()
         for name in list(self._due):
             if name not in self._asked and self._has_services(name):
                 self._asked[name] = self._due.pop(name)

@@ -4,7 +4,9 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 import json
 from math import isfinite
+from pathlib import Path
 import sys
+import traceback
 from typing import Any
 
 MAX_NAME_LENGTH = 300
@@ -61,6 +63,13 @@ def printable_line(text: object) -> str:
     each name in the message `printable` as well, or a long one cuts off the text behind it.
     """
     return printable(' '.join(str(text).split()), MAX_LINE_LENGTH)
+
+
+def error_with_place(error: Exception) -> str:
+    """Return a raised error on one line, with the file and the line that raised it."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    file = Path(place.filename).name
+    return f'{type(error).__name__}: {printable(error)} ({file}:{place.lineno})'
 
 
 def refusal(name: str, value: object, requirement: str) -> str:

@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from klann_ros.nodes import raw_executor
-from klann_ros.nodes.process import error_and_place, spin_through_errors
+from klann_ros.nodes.process import spin_through_errors
 from klann_ros.nodes.raw_executor import RawCallbackGroup, RawMessageExecutor
 import pytest
 from rclpy import executors
@@ -490,16 +490,6 @@ def test_spinning_continues_after_errors_and_a_request_meanwhile_is_answered(
         # rclpy would add a callback to the future at each wake-up.
         assert len(run.done._callbacks) == 1
         assert run.error is None
-
-
-def test_an_error_is_one_line_with_its_place() -> None:
-    with pytest.raises(ValueError, match='two') as raised:
-        raise ValueError('two\nlines \x1b[2J' + 'x' * 1000)
-    text = error_and_place(raised.value)
-    assert text.isprintable()
-    assert text.startswith('ValueError: two\\nlines \\x1b[2Jxxx')
-    assert 'test_raw_executor.py:' in text
-    assert len(text) < 400
 
 
 def test_another_rclpy_gets_the_plain_path(ros: Domain, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ import unicodedata
 from hypothesis import given, strategies as st
 from klann_ros.sanitize.text import (
     counted,
+    error_with_place,
     in_words,
     listed,
     MAX_LINE_LENGTH,
@@ -55,6 +56,16 @@ def test_a_line_of_a_library_loses_its_breaks_and_nothing_else() -> None:
     assert printable_line('in line 3:\n    a\tb\n  ^') == 'in line 3: a b ^'
     assert printable_line(KeyError('a\x1b')) == r"'a\\x1b'".replace('\\\\', '\\')
     assert len(printable_line('x' * 10**6)) < MAX_LINE_LENGTH + 30
+
+
+def test_an_error_is_one_line_with_its_place() -> None:
+    with pytest.raises(ValueError, match='two') as raised:
+        raise ValueError('two\nlines \x1b[2J' + 'x' * 1000)
+    text = error_with_place(raised.value)
+    assert text.isprintable()
+    assert text.startswith('ValueError: two\\nlines \\x1b[2Jxxx')
+    assert 'test_text.py:' in text
+    assert len(text) < 400
 
 
 def test_long_lists_of_names_are_shortened() -> None:

@@ -68,9 +68,10 @@ def run_files(path: AnyPath) -> LogFiles:
 
 
 def _folder_files(folder: Path) -> LogFiles:
+    """Return the files of a run's folder, as its metadata or their names tell."""
     files = LogFiles()
     metadata = _metadata(folder / FILE_NAME, files.remarks)
-    existing = _visible_files(folder.iterdir(), files.packed)
+    existing, files.packed = _preferred_files(folder.iterdir())
     names = metadata.get('relative_file_paths')
     # The last part only: older recorders put the folder's name before it.
     named = [
@@ -90,7 +91,7 @@ def _folder_files(folder: Path) -> LogFiles:
                 files.missing.append(_missing(path))
         _add_continuation(files, existing)
     else:
-        files.paths = _of_one_storage(existing, files.remarks)
+        files.paths = _files_of_one_storage(existing, files.remarks)
     if not files.paths:
         nothing = f'there is no {" or ".join(SUFFIXES)} file in the folder'
         raise NotALogError(folder, '; '.join([nothing, *files.missing[:1]]))
@@ -109,22 +110,29 @@ def _missing(path: Path) -> str:
     return f'{name} is left out: it appeared while the folder was read'
 
 
-def _visible_files(paths: Iterable[Path], packed: dict[Path, Path]) -> list[Path]:
-    """Return the files of a bag in natural order, unpacked rather than compressed."""
-    by_name: dict[str, Path] = {}
-    # Hidden ones belong to tools, such as a copy in progress.
+def _preferred_files(paths: Iterable[Path]) -> tuple[list[Path], dict[Path, Path]]:
+    """
+    Return the files of a bag in natural order, and the compressed copies of unpacked ones.
+
+    Of a file that exists unpacked and compressed the unpacked one is preferred.
+    """
+    preferred: dict[str, Path] = {}
+    packed: dict[Path, Path] = {}
+    # Hidden files are those of tools, such as an unfinished copy.
     visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
+    # An unpacked file sorts before its compressed copy.
     for path in sorted(visible, key=natural):
-        first = by_name.setdefault(_unpacked_name(path), path)
-        if first != path and is_regular_file(first):
-            packed[first] = path
+        name = _unpacked_name(path)
+        unpacked = preferred.get(name)
+        if unpacked is not None and is_regular_file(unpacked):
+            packed[unpacked] = path
         else:
-            by_name[_unpacked_name(path)] = path
-    return list(by_name.values())
+            preferred[name] = path
+    return list(preferred.values()), packed
 
 
 def _add_continuation(files: LogFiles, existing: list[Path]) -> None:
-    """Add the files that continue the numbers of the named ones; remark on all others."""
+    """Add to `files` those that continue the numbers of the named ones; remark on all others."""
     named = list(files.paths)
     if not named:
         files.paths = existing
@@ -143,8 +151,8 @@ def _add_continuation(files: LogFiles, existing: list[Path]) -> None:
         files.remarks.append(f'{printable(path.name)} is not named in {FILE_NAME}{reaction}')
 
 
-def _of_one_storage(existing: list[Path], remarks: list[str]) -> list[Path]:
-    """Return the files of the first suffix: where there are two, one is a copy."""
+def _files_of_one_storage(existing: list[Path], remarks: list[str]) -> list[Path]:
+    """Return the files of the first suffix, and add a remark on each of another: it is a copy."""
     for suffix in SUFFIXES:
         chosen = [path for path in existing if _suffix(path) == suffix]
         if chosen:

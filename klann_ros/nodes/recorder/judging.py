@@ -13,7 +13,6 @@ from klann_ros.log import Message, Pause, RecordedFinding, SolverParameters
 from klann_ros.log.errors import LogError
 from klann_ros.nodes.endpoints import create_steady_timer, diagnostic_status
 from klann_ros.nodes.parameters import StartError
-from klann_ros.nodes.process import error_and_place
 from klann_ros.review import (
     Limits,
     limits_from_file,
@@ -23,7 +22,7 @@ from klann_ros.review import (
     Severity,
     STEP,
 )
-from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.text import error_with_place, printable
 from rclpy.node import Node
 
 _LEVELS = {
@@ -221,7 +220,7 @@ class _JudgeThread:
                 self.failure = ''
             # The recording continues, whatever untrusted messages cause.
             except Exception as error:
-                self.failure = error_and_place(error)
+                self.failure = error_with_place(error)
             # Waking the loop costs a fifth of an evaluation.
             if findings or had_findings:
                 self._on_findings(findings)

@@ -15,7 +15,8 @@ from geometry_msgs.msg import TwistStamped
 from klann_ros.live import Answer, Command, DriveError, LiveCrankDrive, TopicRate, WalkDrive
 from klann_ros.nodes.endpoints import OUTPUT, publish_last
 from klann_ros.nodes.lease import DELIVERY_TIME, Lease
-from klann_ros.nodes.process import error_and_place, LOG_PERIOD
+from klann_ros.nodes.process import LOG_PERIOD
+from klann_ros.sanitize.text import error_with_place
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
@@ -317,7 +318,7 @@ class Drives:
         try:
             return self._serve(leased)
         except Exception as error:
-            text = f'the drive of {leased.offer.topic} failed: {error_and_place(error)}'
+            text = f'the drive of {leased.offer.topic} failed: {error_with_place(error)}'
             self._node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD)
             self._release(leased, 'view_node failed to drive it')
             return _COMMAND_PERIOD

@@ -211,7 +211,7 @@ class LiveState(PageState):
         for topic in self._subscriptions.of_kind(JOINT_STATE_TYPE):
             self._watch.add(self._graph.publishers(topic.name))
         self._watch.send_requests()
-        self._calls.expire()
+        self._calls.expire_calls()
         self._update_legs()
         self._update_drives(topics)
         self._update_machines()

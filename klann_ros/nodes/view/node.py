@@ -88,7 +88,7 @@ class ViewNode(ProcessNode):
             Thread(target=self._open, args=(guard.url,), name='browser', daemon=True).start()
 
     def close(self) -> int:
-        """Stop the drives, then the page."""
+        """Stop the drives, then the server; return the exit code."""
         self._state.close()
         self._server.close()
         return 0
