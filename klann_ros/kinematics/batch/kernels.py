@@ -105,15 +105,15 @@ class NumpyKernel:
         return cos, sin
 
     def run(
-        self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
+        self, constants: FloatArray, legs: slice, crank: Crank, first_angle: int = 0
     ) -> tuple[list[FloatArray], bool]:
         """
         Return the outputs of a block, and whether some are missing; the next run overwrites them.
 
         `constants` belong to all linkages, of which `legs` are in the block; `crank` has the
         cosines and sines of its k crank angles, shape (k,), or of each leg's, shape (number of
-        legs, k); in tables the first of them has the index `first`. Outputs have the shape (number
-        of legs, k), NaN where there is no pose. Missing are NaN in the first.
+        legs, k); in tables the first of them has the index `first_angle`. Outputs have the shape
+        (number of legs, k), NaN where there is no pose. Missing are NaN in the first.
         """
         cos, sin = crank
         leg_constants = constants[:, legs]
@@ -139,7 +139,7 @@ class NumpyKernel:
         is_incomplete = bool(np.isnan(outputs[0]).any())
         count = len(outputs) - len(self._planes)
         for plane, output in zip(self._planes, outputs[count:], strict=True):
-            plane[legs, slice(first, first + angle_count)] = output
+            plane[legs, slice(first_angle, first_angle + angle_count)] = output
         return outputs[:count], is_incomplete
 
 
@@ -199,7 +199,7 @@ class NumbaKernel:
             self._tables.append(table)
         self._place = _compiled_program(_source(program, groups), len(tables))
         self._memory = np.empty(len(outputs) * size)
-        self._count = len(outputs)
+        self._output_count = len(outputs)
 
     @staticmethod
     def crank(alphas: FloatArray) -> Crank:
@@ -209,13 +209,20 @@ class NumbaKernel:
         return cos, sin
 
     def run(
-        self, constants: FloatArray, legs: slice, crank: Crank, first: int = 0
+        self, constants: FloatArray, legs: slice, crank: Crank, first_angle: int = 0
     ) -> tuple[list[FloatArray], bool]:
-        """Return the outputs of a block as `NumpyKernel.run` does; all legs have one crank."""
-        shape = self._count, legs.stop - legs.start, crank[0].size
+        """
+        Return the outputs of a block, and whether some are missing; the next run overwrites them.
+
+        Parameters and outputs are those of `NumpyKernel.run`, with one crank for all legs.
+        """
+        cosines, sines = crank
+        shape = self._output_count, legs.stop - legs.start, cosines.size
         outputs = self._memory[: prod(shape)].reshape(shape)
-        missing = self._place(constants, legs.start, *crank, first, outputs, *self._tables)
-        return [*outputs], bool(missing)
+        missing_count = self._place(
+            constants, legs.start, cosines, sines, first_angle, outputs, *self._tables
+        )
+        return list(outputs), missing_count > 0
 
 
 @cache

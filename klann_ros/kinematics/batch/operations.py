@@ -166,6 +166,10 @@ class Vector:
         by_y = self.scaled(factor.y)
         return Vector(by_x.x - by_y.y, by_x.y + by_y.x)
 
+    def component(self, axis: str) -> Number:
+        """Return the coordinate along an axis, 'x' or 'y'."""
+        return self.x if axis == 'x' else self.y
+
     def scaled(self, factor: Number) -> 'Vector':
         """Return the product with a real number."""
         return Vector(self.x * factor, self.y * factor)

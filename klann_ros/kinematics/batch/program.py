@@ -207,8 +207,11 @@ class _PlacedDyad(NamedTuple):
     r: Number
 
 
-# A path whose opening r changes a coordinate y by m . r, and m.
-Arm = tuple[Path, Vector]
+class Arm(NamedTuple):
+    """A path whose opening r changes a coordinate y by m . r."""
+
+    path: Path
+    m: Vector
 
 
 class _Compiler:
@@ -409,8 +412,8 @@ class _Compiler:
             for axis, direct in (('x', Vector(unit, zero)), ('y', Vector(zero, unit))):
                 rates = {}
                 for j in self._bodies(path):
-                    rates[j] = getattr(self._body_part(path, j).turned(), axis)
-                yield from self._derivatives([(path, direct)], rates)
+                    rates[j] = self._body_part(path, j).turned().component(axis)
+                yield from self._derivatives([Arm(path, direct)], rates)
 
     def _derivatives(self, arms: list[Arm], rates: dict[int, Number]) -> Iterator[Number]:
         """
@@ -428,7 +431,7 @@ class _Compiler:
             inverse = self._recorder.one / self._determinant(k)
             m = self._vectors[a].scaled(g_b * inverse) - self._vectors[b].scaled(g_a * inverse)
             loop = self._structure.dyad_loop(k)
-            arms = [*arms, (loop, m)]
+            arms = [*arms, Arm(loop, m)]
             for j in self._bodies(loop):
                 if j not in {0, a, b}:
                     rates[j] = rates.get(j, zero) + self._body_part(loop, j).cross(m)
@@ -436,34 +439,33 @@ class _Compiler:
             yield self._derivative(arms, dimension)
 
     def _derivative(self, arms: Sequence[Arm], dimension: Dimension) -> Number:
-        """Return the derivative of a coordinate by a dimension."""
+        """Return the derivative by a dimension of the coordinate that arms change."""
         if dimension.kind in {'x', 'y'}:
-            counts = [dict(path.pivots).get(dimension.place, 0) for path, _ in arms]
-            weight = self._weight(arms, counts)
-            component: Number = getattr(weight, dimension.kind)
+            counts = tuple(arm.path.pivot_count(dimension.place) for arm in arms)
+            component = self._gradient_by_vector(arms, counts).component(dimension.kind)
             return -component if dimension.sense < 0 else component
-        # Bars that occur equally often in all paths are moved together.
-        bars_of: dict[tuple[int, ...], list[int]] = {}
+        # Bars with the same counts in the paths of the arms are moved together.
+        bars_by_counts: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
-            occurrences = tuple(dict(path.bars).get(bar, 0) for path, _ in arms)
-            bars_of.setdefault(occurrences, []).append(bar)
+            counts = tuple(arm.path.bar_count(bar) for arm in arms)
+            bars_by_counts.setdefault(counts, []).append(bar)
         derivative = self._recorder.zero
-        for occurrences, bars in bars_of.items():
-            if any(occurrences):
-                weight = self._weight(arms, occurrences)
-                derivative += weight.dot(self._moved(dimension, bars))
+        for counts, bars in bars_by_counts.items():
+            if any(counts):
+                gradient = self._gradient_by_vector(arms, counts)
+                derivative += gradient.dot(self._bar_derivative(dimension, bars))
         return derivative
 
-    def _weight(self, arms: Sequence[Arm], counts: Sequence[int]) -> Vector:
-        """Return the sum of the m of arms, each so many times."""
-        weight = Vector(self._recorder.zero, self._recorder.zero)
-        for (_, m), count in zip(arms, counts, strict=True):
+    def _gradient_by_vector(self, arms: Sequence[Arm], counts: Sequence[int]) -> Vector:
+        """Return dy by a vector that the path of each arm adds a number of times."""
+        gradient = Vector(self._recorder.zero, self._recorder.zero)
+        for arm, count in zip(arms, counts, strict=True):
             for _ in range(abs(count)):
-                weight = weight - m if count < 0 else weight + m
-        return weight
+                gradient = gradient - arm.m if count < 0 else gradient + arm.m
+        return gradient
 
-    def _moved(self, dimension: Dimension, bars: Sequence[int]) -> Vector:
-        """Return the derivative of a body's bars by a dimension."""
+    def _bar_derivative(self, dimension: Dimension, bars: Sequence[int]) -> Vector:
+        """Return the derivative of the sum of a body's bars by a dimension."""
         is_straight = {*bars} <= self._structure.straight
         body, _ = self._structure.bars[bars[0]]
         key = dimension, *bars

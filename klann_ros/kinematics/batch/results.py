@@ -104,24 +104,24 @@ class LinkagePoses:
         Parameters
         ----------
         force : array-like of float, shape (2,) or (..., 2)
-            On the foot (x, y), one or one for each pose [N].
+            Force on the foot (x, y) [N]: one for all poses, or one for each.
 
         Raises
         ------
         ValueError
-            The velocities were not requested, or the force does not fit.
+            dH/dalpha was not requested, or the force does not fit.
 
         """
         if self.h_1 is None:
             msg = 'the velocities were not requested: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
         f = np.asarray(force, dtype=np.float64)
-        h_1 = self.h_1
         if f.shape[-1:] != (2,):
             msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
             raise ValueError(msg)
-        # From 0.0, to give 0.0 and not -0.0 without force.
-        torque: FloatArray = 0.0 - (f[..., 0] * h_1[..., 0] + f[..., 1] * h_1[..., 1])
+        work = f[..., 0] * self.h_1[..., 0] + f[..., 1] * self.h_1[..., 1]
+        # Subtracted, not negated: the torque of no force is 0.0 and not -0.0.
+        torque: FloatArray = 0.0 - work
         return torque
 
     def arrays(self) -> dict[str, FloatArray]:

@@ -62,15 +62,25 @@ def link_vectors(
     return pivots, bars
 
 
-def body_points(structure: Structure, bars: Sequence[Vector]) -> dict[tuple[int, str], Vector]:
-    """Return the points of each body in its frame, from its first point, by all bars [m]."""
-    places: dict[tuple[int, str], Vector] = {}
-    for number, (body, bar) in enumerate(structure.bars):
-        if number in structure.lines:
-            places[body, bar.end] = 0j
+def body_points(
+    structure: Structure, bar_vectors: Sequence[Vector]
+) -> dict[tuple[int, str], Vector]:
+    """
+    Return the positions of each body's points in its frame, by its index and their names [m].
+
+    The origin of a frame is the first point of its body. `bar_vectors` are those of all bars in
+    the frames of their bodies.
+    """
+    positions: dict[tuple[int, str], Vector] = {}
+    for index, (body, bar) in enumerate(structure.bars):
+        if index in structure.lines:
+            # The end of a line is the origin of the body that slides along it.
+            positions[body, bar.end] = 0j
         else:
-            places[body, bar.end] = places.setdefault((body, bar.start), 0j) + bars[number]
-    return places
+            # A bar starts where one before it ends.
+            start = positions.setdefault((body, bar.start), 0j)
+            positions[body, bar.end] = start + bar_vectors[index]
+    return positions
 
 
 def polar(length: Any, angle: Any) -> Vector:
