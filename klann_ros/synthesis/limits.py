@@ -1,8 +1,9 @@
 """Four-bars by the limits of their rocker, and by toggles."""
 
-from math import cos, isfinite, pi, sin, sqrt
+from contextlib import suppress
+from math import cos, hypot, isfinite, pi, sin, sqrt
 
-from klann_ros.kinematics import FourBar, FourBarGeometry
+from klann_ros.kinematics import FourBar, FourBarGeometry, GeometryError
 import numpy as np
 
 # Samples of the crank's length from which the best transmission angle is chosen.
@@ -59,7 +60,7 @@ def quick_returns(
     lengths = [crank] if crank else np.arange(1, CRANK_SAMPLES) * max_crank / CRANK_SAMPLES
     crank_rockers = []
     for length in map(float, lengths):
-        for geometry in _four_bars_with_crank(length, alpha, chord, rocker, swing):
+        for geometry in _four_bars_with_crank(length, alpha, rocker, swing):
             bar = FourBar(*geometry.lengths)
             if bar.grashof.motion != 'crank-rocker':
                 continue
@@ -90,18 +91,29 @@ def toggle_couplers(
 
 
 def _four_bars_with_crank(
-    crank: float, alpha: float, chord: float, rocker: float, swing: float
+    crank: float, alpha: float, rocker: float, swing: float
 ) -> list[FourBarGeometry]:
-    """Return the four-bars with a crank, for O2 on either side of the chord."""
-    square = (chord**2 / 2.0 - crank**2 * (1.0 + cos(alpha))) / (1.0 - cos(alpha))
-    if square <= crank**2:
+    """
+    Return the four-bars with a crank's length, for O2 on either side of the chord.
+
+    Lengths in m, and the angles alpha > 0 and swing of `quick_returns` [rad].
+    """
+    chord = 2.0 * rocker * sin(swing / 2.0)
+    # The equation of `quick_returns` by half of alpha, as 1 - cos alpha of a small one is 0.
+    coupler_square = (chord**2 / 4.0 - (crank * cos(alpha / 2.0)) ** 2) / sin(alpha / 2.0) ** 2
+    if coupler_square <= crank**2:
         return []
-    coupler = sqrt(square)
-    # O4 at 0, the chord upright; O2 at distances L3 + L2 and L3 - L2 from its ends.
-    half_chord = chord / 2.0
-    chord_distance = rocker * cos(swing / 2.0)
-    y = ((coupler + crank) ** 2 - (coupler - crank) ** 2) / (4.0 * half_chord)
-    x = sqrt(max((coupler - crank) ** 2 - (half_chord - y) ** 2, 0.0))
-    grounds = abs(complex(chord_distance + x, y)), abs(complex(chord_distance - x, y))
-    # A crank-rocker's crank is its shortest link, so all links are positive.
-    return [FourBarGeometry(g, crank, coupler, rocker) for g in grounds if g > crank]
+    coupler = sqrt(coupler_square)
+    # O2 from the middle of the chord, y along it: L3 + L2 from one end, L3 - L2 from the other.
+    y = 2.0 * coupler * crank / chord
+    x = sqrt(max((coupler - crank) ** 2 - (chord / 2.0 - y) ** 2, 0.0))
+    chord_from_o4 = rocker * cos(swing / 2.0)
+    ground_lengths = hypot(chord_from_o4 + x, y), hypot(chord_from_o4 - x, y)
+    four_bars = []
+    for ground in ground_lengths:
+        # The crank of a crank-rocker is its shortest link.
+        if ground > crank:
+            # A ground and a coupler that are long beyond rounding do not close.
+            with suppress(GeometryError):
+                four_bars.append(FourBarGeometry(ground, crank, coupler, rocker))
+    return four_bars

@@ -195,6 +195,12 @@ def test_a_quick_return_of_common_numbers_is_found() -> None:
         quick_returns(1.5, 4.0)
 
 
+@pytest.mark.parametrize('excess', [2.0**-52, 1e-12, 1e-9, 1e-7])
+def test_a_quick_return_that_is_hardly_one_is_a_crank_rocker(excess: float) -> None:
+    for geometry in quick_returns(1.0 + excess, 1.0):
+        assert FourBar(*geometry.lengths).rocker_limits.swing == pytest.approx(1.0, abs=1e-9)
+
+
 @given(theta=st.floats(0.2, 3.0))
 def test_toggle_couplers_make_the_crank_angle_a_dead_point(theta: float) -> None:
     for coupler, kind in toggle_couplers(1.0, 0.6, 0.9, theta):
