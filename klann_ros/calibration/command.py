@@ -18,7 +18,7 @@ from klann_ros.cli import (
 )
 from klann_ros.kinematics import content_with_numbers, is_linkage, NUMBER_DIGITS, NUMBERS, PRESETS
 from klann_ros.log import NotALogError
-from klann_ros.robot import of_leg, Robot, robot_of, RobotFileError, RobotLeg, solver_section
+from klann_ros.robot import of_leg, Robot, robot_of, RobotFileError, RobotLeg, solver_parameters
 from klann_ros.sanitize.files import is_regular_file
 from klann_ros.sanitize.text import listed, printable, printable_line
 from klann_ros.sanitize.yaml_text import content_of_file, dump, parameter_file, parse_file
@@ -138,7 +138,7 @@ def _parameters(drawing: str) -> Mapping[str, Any]:
     if not is_regular_file(drawing):
         return {'bar_density': 1.0, 'foot_mass': 0.0} if drawing in PRESETS else {}
     content = parse_file(drawing)
-    return {} if is_linkage(content) else solver_section(content)
+    return {} if is_linkage(content) else solver_parameters(content)
 
 
 def _built_file(

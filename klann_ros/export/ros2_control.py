@@ -13,7 +13,7 @@ from pathlib import Path
 from string import Template
 from xml.sax.saxutils import escape
 
-from klann_ros.robot import Robot, solver_section
+from klann_ros.robot import Robot, solver_parameters
 from klann_ros.sanitize.text import printable
 from klann_ros.sanitize.yaml_text import dump, parameter_file, parse_file, with_values
 from klann_ros.twin import robot_mjcf, start_angle
@@ -95,7 +95,7 @@ def _comment(text: str) -> str:
 
 def _walker(file: str, robot: Robot) -> str:
     """Return the parameters of a robot's file, with the text of its linkages for their files."""
-    parameters = solver_section(parse_file(file))
+    parameters = solver_parameters(parse_file(file))
     parameters = {k: v for k, v in parameters.items() if k.rpartition('.')[2] != 'linkage'}
     for leg in robot.legs:
         if leg.description:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 import math
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 from klann_ros.kinematics.arrays import FloatArray
@@ -72,12 +72,17 @@ def signs(assembly: Any, count: int) -> tuple[int, ...]:
     return assembly_signs
 
 
-def setting(name: str, angle: float, maximum: float = math.inf) -> float:
-    """Return a solver's setting [rad]; a ValueError unless it is finite, > 0 and <= maximum."""
-    if not (isinstance(angle, Real) and 0.0 < angle <= maximum and angle < math.inf):
+def positive_setting(name: str, argument: Any, maximum: float = math.inf) -> float:
+    """
+    Return a positive setting of a solver, such as its tolerance [rad].
+
+    A ValueError unless it is a finite number, > 0 and at most `maximum` [rad].
+    """
+    number = number_or_nan(argument)
+    if not (math.isfinite(number) and 0.0 < number <= maximum):
         limit = '' if maximum == math.inf else f' and at most {maximum:g} rad'
-        raise ValueError(f'{name} = {angle!r} is refused: it must be finite, > 0{limit}')
-    return float(angle)
+        raise ValueError(f'{name} = {argument!r} is refused: it must be finite, > 0{limit}')
+    return number
 
 
 def rate(name: str, number: float) -> None:
@@ -123,12 +128,14 @@ def vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
     return x, y
 
 
-def unit(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
-    """Return a direction (x, y) of length 1; a ValueError where it has none."""
+def unit_vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
+    """Return the vector of length 1 in a direction (x, y); a ValueError if both are 0."""
     x, y = vector(name, coordinates)
-    largest = max(abs(x), abs(y))
-    if largest == 0.0:
+    scale = max(abs(x), abs(y))
+    if scale == 0.0:
         raise ValueError(f'{name} = {coordinates!r} is refused: it has no length')
-    # Made about 1 long first, so that no square is too large or too small for a float.
-    x, y = x / largest, y / largest
-    return x / math.hypot(x, y), y / math.hypot(x, y)
+    # Scaled first: the length of a huge vector is infinite, that of a tiny one has few digits.
+    x /= scale
+    y /= scale
+    length = math.hypot(x, y)
+    return x / length, y / length

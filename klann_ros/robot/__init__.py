@@ -19,7 +19,7 @@ from .file import (
     robot_from_parameters,
     robot_of,
     RobotFileError,
-    solver_section,
+    solver_parameters,
 )
 from .robot import CrankDrive, Mount, Robot, RobotLeg, SEPARATORS, Triple, WalkerBody
 
@@ -39,5 +39,5 @@ __all__ = [
     'robot_from_file',
     'robot_from_parameters',
     'robot_of',
-    'solver_section',
+    'solver_parameters',
 ]

@@ -35,7 +35,7 @@ LEG_PARAMETERS = (*_GEOMETRY, 'linkage', _DESCRIPTION)
 """Parameters that define the bars of a leg."""
 
 _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
-_NODE = '/solver_node'
+_SOLVER_NODE = '/solver_node'
 _PARAMETERS = 'ros__parameters'
 # Parameters that define a robot, in no other node's section.
 _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
@@ -93,7 +93,7 @@ def robot_from_file(path: str | Path) -> Robot:
             masses = masses_from_text(text, linkage, str(path))
             leg = RobotLeg('', linkage, masses=masses, description=text)
             return Robot(Path(path).stem, (leg,), source=source)
-        parameters = solver_section(document)
+        parameters = solver_parameters(document)
         robot = robot_from_parameters(parameters, folders=(Path(path).parent,))
         return replace(robot, name=Path(path).stem or robot.name, source=source)
     except LinkageFileError as error:
@@ -290,14 +290,15 @@ def _triple(parameters: Mapping[str, Any], name: str, default: Triple, prefix: s
     return x, y, z
 
 
-def solver_section(document: Any) -> dict[str, Any]:
+def solver_parameters(document: Any) -> dict[str, Any]:
     """
-    Return the parameters of solver_node in a ROS 2 parameter file, by their names with dots.
+    Return the parameters of solver_node in a ROS 2 parameter file, by their dotted names.
 
     As in ROS, all sections apply that match the node's full name, wildcards included, in the order
-    of the file; the last value wins. The node is `/solver_node`, or the file's one solver_node in
-    a namespace. A file without parameters for it may define the robot of one other node, such as
-    sim_node. A file without sections is a mapping of parameters.
+    of the file; the last value wins. The node is `/solver_node`, or the solver_node in a
+    namespace. If it has no robot, the parameters are those of another node that has one, such as
+    sim_node; if no node has one, there are none. A file without sections is a mapping of
+    parameters.
 
     Raises
     ------
@@ -310,20 +311,18 @@ def solver_section(document: Any) -> dict[str, Any]:
     sections = list(_sections(document, ''))
     if not sections:
         return _flat(document)
-    node_names = dict.fromkeys(name for name, _ in sections if '*' not in name)
-    solvers = [name for name in node_names if name.endswith(_NODE)] or [_NODE]
-    candidates = {name: _parameters(sections, name) for name in solvers}
-    if not any(map(_is_robot, candidates.values())):
-        candidates = {}
-        for name in node_names:
-            parameters = _parameters(sections, name)
-            if _is_robot(parameters):
-                candidates[name] = parameters
-    robots = list(candidates.values())
-    if any(robot != robots[0] for robot in robots):
-        names = printable(', '.join(candidates), 200)
+    # Each name once, in the order of the file.
+    node_names = list(dict.fromkeys(name for name, _ in sections if '*' not in name))
+    solver_names = [name for name in node_names if name.endswith(_SOLVER_NODE)]
+    robots = {name: _parameters(sections, name) for name in solver_names or [_SOLVER_NODE]}
+    if not any(map(_defines_robot, robots.values())):
+        all_nodes = {name: _parameters(sections, name) for name in node_names}
+        robots = {name: node for name, node in all_nodes.items() if _defines_robot(node)}
+    first_robot = next(iter(robots.values()), {})
+    if any(robot != first_robot for robot in robots.values()):
+        names = printable(', '.join(robots), 200)
         raise ValueError(f'it defines several robots, {names}: write one file for each')
-    return robots[0] if robots else {}
+    return first_robot
 
 
 def _sections(document: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -351,5 +350,5 @@ def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dic
     return node_parameters
 
 
-def _is_robot(parameters: Mapping[str, Any]) -> bool:
+def _defines_robot(parameters: Mapping[str, Any]) -> bool:
     return not _OF_ROBOT.isdisjoint(parameters)

@@ -18,7 +18,7 @@ from klann_ros.nodes.solver.leg_parameters import LegParameters
 from klann_ros.review.load.geometry import klann_legs_in_urdf, published_legs
 from klann_ros.review.reviewing import review_run
 from klann_ros.robot import Robot, robot_of, RobotFileError
-from klann_ros.robot.file import solver_section
+from klann_ros.robot.file import solver_parameters
 from klann_ros.sanitize.units import UnitWarning
 from leg_runs import LegRun
 import pytest
@@ -130,7 +130,7 @@ def test_sections_apply_as_ros_applies_them(
         file.write_text(json.dumps(content))
         solver = node(file, 'solver_node', namespace)
         overrides = {name: p.value for name, p in solver._parameter_overrides.items()}
-        assert solver_section(content) == overrides, pair
+        assert solver_parameters(content) == overrides, pair
 
 
 def test_several_robots_in_one_file_are_refused_by_their_nodes(tmp_path: Path) -> None:

@@ -72,8 +72,8 @@ class Leg(Generic[PoseT, MotionT]):
         if not isinstance(linkage, Linkage):
             raise TypeError(f'linkage = {linkage!r} is refused: it must be a Linkage')
         self._linkage = linkage
-        tolerance = validation.setting('tolerance', tolerance, COARSE_LIMITS[0])
-        max_crank_step = validation.setting('max_crank_step', max_crank_step)
+        tolerance = validation.positive_setting('tolerance', tolerance, COARSE_LIMITS[0])
+        max_crank_step = validation.positive_setting('max_crank_step', max_crank_step)
         if not linkage.is_dyadic:
             # Coupled loops leave their tangents sooner; their branch is followed once.
             max_crank_step = min(max_crank_step, BRANCH_STEP)
@@ -369,7 +369,7 @@ class Leg(Generic[PoseT, MotionT]):
         """
         h_1 = self.velocity(pose, 1.0).h
         validation.rate('torque', torque)
-        u, v = validation.unit('direction', direction)
+        u, v = validation.unit_vector('direction', direction)
         along = u * h_1[0] + v * h_1[1]
         if abs(along) <= MIN_COMPONENT_RATIO * hypot(*h_1):
             raise errors.ImmobileDirectionError(h_1, (u, v))
@@ -477,9 +477,9 @@ class Leg(Generic[PoseT, MotionT]):
         alpha = crank_angle(alpha)
         linkage = self._linkage
         if tolerance is not None:
-            tolerance = validation.setting('tolerance', tolerance)
+            tolerance = validation.positive_setting('tolerance', tolerance)
         if residual is not None:
-            residual = validation.setting('residual', residual)
+            residual = validation.positive_setting('residual', residual)
         elif tolerance is None:
             tolerance = self.tolerance
         limits: Any = {'max_iterations': max_iterations, 'residual': residual}

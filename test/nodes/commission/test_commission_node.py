@@ -8,7 +8,7 @@ import termios
 from typing import Any
 
 from crank_motors import TWO_MOTORS
-from klann_ros.robot import CrankDrive, robot_from_parameters, solver_section
+from klann_ros.robot import CrankDrive, robot_from_parameters, solver_parameters
 import pytest
 from ros_domain import Domain, Process
 from sensor_msgs.msg import JointState
@@ -51,7 +51,7 @@ def test_wrong_wiring_is_named_and_written(
     assert 'right_crank: wrong sign: its encoder counts backwards\n' in process.output
     assert 'right_crank: gear ratio: its encoder turns ' in process.output
     text = (tmp_path / 'cranks.yaml').read_text()
-    parameters = {**solver_section(yaml.safe_load(Path(TWO_MOTORS).read_text()))}
+    parameters = {**solver_parameters(yaml.safe_load(Path(TWO_MOTORS).read_text()))}
     written = yaml.safe_load(text)['/**']['ros__parameters']
     drives = robot_from_parameters({**parameters, **written}).drives
     left, right = drives.values()

@@ -7,7 +7,7 @@ from typing import Any
 from klann_ros.kinematics import KlannGeometry, LinkageLeg
 from klann_ros.log.run_parameters import LINKAGE_PARAMETER
 from klann_ros.review.reviewing import review_run
-from klann_ros.robot import robot_of, solver_section
+from klann_ros.robot import robot_of, solver_parameters
 from leg_runs import LegRun
 import pytest
 from review_findings import checks
@@ -33,7 +33,7 @@ def parameters_of(path: Path) -> dict[str, Any]:
     text = {LINKAGE_PARAMETER: robot_of(str(path)).legs[0].description}
     if path.parent.name == 'linkages':
         return text
-    parameters = solver_section(yaml.safe_load(path.read_text())) | text
+    parameters = solver_parameters(yaml.safe_load(path.read_text())) | text
     return parameters if 'linkage' in parameters else KlannGeometry().as_dict() | parameters
 
 
