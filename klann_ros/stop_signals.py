@@ -1,13 +1,23 @@
 """SIGINT, SIGTERM and SIGHUP as one orderly request to stop, from the start of a process."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
+import ctypes
+import math
 import os
 import signal
+import sys
 import threading
+import time
 
 # Ctrl-Z and Ctrl-\ keep their effect, after the terminal was restored.
 _TERMINAL_SIGNALS = {signal.SIGTSTP, signal.SIGQUIT}
+# The end of a process takes this time at most; a signal shortens it after the second time, as
+# `ros2 launch` may send two in a row [s].
+END_TIMEOUT = 3.0
+END_GRACE = 1.0
+# The notification of a POSIX timer by a thread.
+_SIGEV_THREAD = 2
 
 
 class StopSignals:
@@ -36,7 +46,12 @@ class StopSignals:
         signal.pthread_sigmask(signal.SIG_BLOCK, signals)
         self._stop: Callable[[], object] = _leave
         self._released: Callable[[], AbstractContextManager[None]] = nullcontext
-        threading.Thread(target=self._wait, args=(signals,), name='stop', daemon=True).start()
+        self._is_ending = False
+        self._restores = threading.Event()
+        self._thread = threading.Thread(
+            target=self._wait, args=(signals,), name='stop', daemon=True
+        )
+        self._thread.start()
 
     def on_stop(self, stop: Callable[[], object]) -> None:
         """Set the function to call at each signal, in a thread."""
@@ -46,14 +61,46 @@ class StopSignals:
         """Set the function that returns a context with the restored terminal."""
         self._released = released
 
+    def limit_end(self, code: int) -> None:
+        """
+        End the process with an exit code within END_TIMEOUT; sooner if it ends by itself.
+
+        To be called once, when only the middleware and the interpreter are still to be shut down:
+        Fast DDS may wait forever for its own lock while it removes a participant, with Python's
+        lock held. So neither the timeout nor the signals need a lock of Python's.
+        """
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        _exit_after(END_TIMEOUT, code)
+        self._is_ending = True
+        signal.pthread_kill(self._thread.ident or 0, signal.SIGTERM)
+        self._restores.wait()
+
     def _wait(self, signals: set[signal.Signals]) -> None:
         while True:
             number = signal.sigwait(signals)
+            if self._is_ending:
+                while signal.sigpending() & signals:
+                    signal.sigwait(signals)
+                self._restore_after(END_GRACE, signals)
+                return
             if number in _TERMINAL_SIGNALS:
                 with self._released():
                     _deliver(number)
             else:
                 self._stop()
+
+    def _restore_after(self, delay: float, signals: set[signal.Signals]) -> None:
+        """Let blocked signals have their default actions in this thread after a delay [s]."""
+        library = ctypes.CDLL(None)
+        blocked = (ctypes.c_ulong * 16)()
+        library.sigfillset(blocked)
+        times = (ctypes.c_long * 2)(*_timespec(delay))
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
+        self._restores.set()
+        # Its mask holds during the call only, and ends without a lock of Python's.
+        library.pselect(0, None, None, None, times, blocked)
 
 
 def _deliver(number: int) -> None:
@@ -65,3 +112,37 @@ def _deliver(number: int) -> None:
 
 def _leave() -> None:
     os._exit(0)
+
+
+class _Notification(ctypes.Structure):
+    """`struct sigevent` of Linux: the call of a function by a thread of the timer's own."""
+
+    _fields_ = [
+        ('argument', ctypes.c_void_p),
+        ('signal', ctypes.c_int),
+        ('method', ctypes.c_int),
+        ('function', ctypes.c_void_p),
+        ('attributes', ctypes.c_void_p),
+        ('padding', ctypes.c_char * 32),
+    ]
+
+
+def _exit_after(delay: float, code: int) -> None:
+    """Exit with a code after a delay [s]; without timers that call functions, by SIGALRM."""
+    library = ctypes.CDLL(None)
+    if not hasattr(library, 'timer_create'):
+        signal.setitimer(signal.ITIMER_REAL, delay)
+        return
+    leave = ctypes.cast(library['_exit'], ctypes.c_void_p).value
+    notification = _Notification(code, 0, _SIGEV_THREAD, leave)
+    timer = ctypes.c_void_p()
+    # Period and delay, in seconds and nanoseconds.
+    times = (ctypes.c_long * 4)(0, 0, *_timespec(delay))
+    library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(notification), ctypes.byref(timer))
+    library.timer_settime(timer, 0, times, None)
+
+
+def _timespec(duration: float) -> tuple[int, int]:
+    """Return a duration [s] in whole seconds and nanoseconds."""
+    fraction, seconds = math.modf(duration)
+    return int(seconds), round(1e9 * fraction)

@@ -125,10 +125,12 @@ def run(
         report_unit_warnings(lambda text: get_logger(name).warning(text))
         node = make_node(finish)
     except _START_ERRORS as error:
-        rclpy.try_shutdown()
         print(f'{name}: {ros_error(error)}', file=sys.stderr)
+        stop.limit_end(1)
+        rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()
+    code = 1
     try:
         prepare_sets(node, name)
         for warning in unused_arguments(node, name, ros_arguments):
@@ -138,14 +140,26 @@ def run(
         gc.freeze()
         loop = RawMessageExecutor(executor, plain=not raw, batch_period=batch_period)
         spin_through_errors(partial(loop.spin_until_future_complete, finished), node)
+        code = int(finished.result() or 0)
     finally:
-        # First: nothing may fail, or block, before a robot is stopped.
-        closed = node.close() if isinstance(node, ProcessNode) else 0
+        code = _close(node, code, stop)
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()
         rclpy.try_shutdown()
-    return int(finished.result() or closed)
+    return code
+
+
+def _close(node: Node, code: int, stop: StopSignals) -> int:
+    """Shut down what the node does, and limit the rest of the end; return the exit code."""
+    exit_code = 1
+    try:
+        # First: nothing may fail, or block, before a robot is stopped.
+        closed = node.close() if isinstance(node, ProcessNode) else 0
+        exit_code = code or closed
+    finally:
+        stop.limit_end(exit_code)
+    return exit_code
 
 
 def _init_ros(ros_arguments: Sequence[str]) -> None:

@@ -1,17 +1,25 @@
 """How every executable starts and ends."""
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
+from domain import own_domain
 from fork_server import PACKAGE
 from klann_ros import __version__
+from klann_ros.log.reader import open_log
 from klann_ros.nodes.process import split
+from klann_ros.stop_signals import END_TIMEOUT
 import pytest
-from ros_domain import Domain, Process
+from ros_domain import Domain, PATIENCE
+
+STUCK_NODE = Path(__file__).with_name('stuck_node.py')
 
 EXECUTABLES = [
     *('solver_node', 'crank_node', 'recorder_node', 'player_node', 'view_node', 'walker_node'),
@@ -36,9 +44,9 @@ def fresh(ros: Domain) -> Domain:
     return ros
 
 
-def blocked(process: Process) -> set[int]:
-    """Return the signals that a process has taken over."""
-    status = Path(f'/proc/{process.popen.pid}/status').read_text()
+def blocked(folder: Path) -> set[int]:
+    """Return the signals that a process has taken over, or a thread, by its folder in /proc."""
+    status = (folder / 'status').read_text()
     mask = int(status.partition('SigBlk:')[2].split()[0], 16)
     return {number for number in range(1, 65) if mask >> (number - 1) & 1}
 
@@ -121,10 +129,101 @@ def test_an_interrupt_during_the_start_leaves_no_traceback(
 ) -> None:
     for delay in delays:
         node = fresh.start(name)
-        fresh.probe.until(lambda node=node: signal.SIGINT in blocked(node))
+        fresh.probe.until(
+            lambda node=node: signal.SIGINT in blocked(Path(f'/proc/{node.popen.pid}'))
+        )
         time.sleep(delay)
         assert node.stop(signal.SIGINT) == 0
         assert 'Traceback' not in node.errors
+
+
+class StuckNode:
+    """A node whose middleware never ends, with its timeout and its grace of signals [s]."""
+
+    def __init__(self, domain: int, folder: Path, timeout: float, grace: float, name: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, str(STUCK_NODE), str(timeout), str(grace), name],
+            cwd=folder,
+            env={**os.environ, 'PYTHONPATH': PACKAGE, 'ROS_DOMAIN_ID': str(domain)},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        # Its first line.
+        self.read_line()
+
+    def read_line(self) -> str:
+        assert self._process.stderr is not None
+        return self._process.stderr.readline()
+
+    def stop(self, number: signal.Signals) -> None:
+        """Send a signal, and wait until the node is stuck."""
+        self._process.send_signal(number)
+        while self.read_line() not in ('stuck\n', ''):
+            pass
+
+    def await_grace(self, number: signal.Signals) -> None:
+        """Wait until no thread of the node takes a signal."""
+        threads = Path(f'/proc/{self._process.pid}/task')
+        while not all(number in blocked(thread) for thread in threads.iterdir()):
+            time.sleep(0.01)
+
+    def end(self, number: signal.Signals) -> int:
+        """Send a signal again and again; return the exit code."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            self._process.send_signal(number)
+            with suppress(subprocess.TimeoutExpired):
+                return self._process.wait(0.1)
+        raise TimeoutError
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@pytest.fixture
+def start_stuck(tmp_path: Path) -> Iterator[Callable[..., StuckNode]]:
+    """Start nodes whose middleware never ends."""
+    with own_domain() as domain, ExitStack() as stack:
+
+        def start(name: str, *, timeout: float = END_TIMEOUT, grace: float = 600.0) -> StuckNode:
+            node = StuckNode(domain, tmp_path, timeout, grace, name)
+            stack.callback(node.kill)
+            return node
+
+        yield start
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_middleware_that_never_ends_does_not_hold_up_a_finished_node(
+    start_stuck: Callable[..., StuckNode], tmp_path: Path, number: signal.Signals
+) -> None:
+    recorder = start_stuck('recorder_node')
+    recorder.stop(number)
+    recorder.await_grace(number)
+    # The next ones come soon, as those of `ros2 launch`, and change nothing.
+    assert recorder.end(number) == 0
+    (run,) = (tmp_path / 'runs').iterdir()
+    with open_log(run) as log:
+        assert log.problems == ()
+
+
+def test_a_stuck_node_ends_with_the_code_that_it_has_earned(
+    start_stuck: Callable[..., StuckNode], tmp_path: Path
+) -> None:
+    recorder = start_stuck('recorder_node')
+    shutil.rmtree(tmp_path / 'runs')
+    recorder.stop(signal.SIGINT)
+    assert recorder.end(signal.SIGINT) == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_later_signal_ends_a_stuck_node_at_once(
+    start_stuck: Callable[..., StuckNode], number: signal.Signals
+) -> None:
+    crank = start_stuck('crank_node', timeout=600.0, grace=0.2)
+    crank.stop(number)
+    assert crank.end(number) == -number
 
 
 def test_nohup_outlives_its_terminal(fresh: Domain) -> None:
