@@ -1,8 +1,5 @@
 """Types are recognised by their fields, and a message is read as it was written."""
 
-from pathlib import Path
-import re
-import sys
 from time import perf_counter
 
 from hypothesis import given, strategies as st
@@ -20,28 +17,13 @@ from klann_ros.messages import (
     TRANSFORMS,
 )
 import pytest
+from type_definitions import idl_definition
 
 INSTALLED = [
     message_type
     for message_type in vars(known_types).values()
     if isinstance(message_type, MessageType) and not message_type.name.startswith(('tf2', 'visu'))
 ]
-
-
-def idl_definition(type_name: str) -> str:
-    """Return an installed type's definition as rosbag2 stores IDL: each file once."""
-    files: dict[str, str] = {}
-
-    def collect(package: str, name: str) -> None:
-        if f'{package}/msg/{name}' not in files:
-            text = Path(sys.prefix, 'share', package, 'msg', f'{name}.idl').read_text()
-            files[f'{package}/msg/{name}'] = text
-            for package_, name_ in re.findall(r'#include "(\w+)/msg/(\w+).idl"', text):
-                collect(package_, name_)
-
-    package, _, name = type_name.split('/')
-    collect(package, name)
-    return ''.join(f'{"=" * 80}\nIDL: {name}\n{text}\n' for name, text in files.items())
 
 
 @pytest.mark.parametrize('message_type', INSTALLED, ids=lambda message_type: message_type.name)

@@ -33,11 +33,11 @@ class Walking:
     def write(self, folder: Path) -> Path:
         # Small chunks: what is said of a walk goes over their edges.
         with RunWriter(folder, chunk_size=8192) as run:
-            for message in self._messages():
+            for message in self.messages():
                 run.write(message)
         return folder
 
-    def _messages(self) -> Iterator[Message]:
+    def messages(self) -> Iterator[Message]:
         for k in range(COUNT):
             t = k / 100
             stamp = START + k * 10_000_000
