@@ -50,7 +50,7 @@ PUBLISHED = (
 DESCRIBED = frozenset(
     (
         *OF_LEG,
-        *(p.name for p in (*LEGS, *SETTINGS)),
+        *(p.name for p in (*LEGS, *SETTINGS, *ENCODERS)),
         *FOR_OTHERS,
         *OF_CRANK,
         LINKAGE_PARAMETER,

@@ -114,6 +114,14 @@ class JointSelector(Protocol):
         """Return whether JointStates with a number of positions lack those of a leg."""
 
 
+class _TimedBlock(NamedTuple):
+    """A block with the log and publish times of its messages [ns]."""
+
+    messages: MessageBlock
+    times: IntArray
+    published: IntArray
+
+
 class Part:
     """
     Messages of a topic with equal names, and the numbers that are kept of them.
@@ -137,16 +145,16 @@ class Part:
 
     def add(
         self,
-        heads: NDArray[np.void],
+        block: '_TimedBlock',
         rows: IndexArray,
         stamps: IntArray,
         numbers: Mapping[str, NDArray[Any]],
     ) -> None:
-        """Add messages by the rows of their headers, their stamps [ns] and numbers."""
-        times = nanoseconds(heads['log_time'][rows])
+        """Add messages of a block, with their stamps [ns] and numbers."""
+        times = block.times[rows]
         is_unstamped = stamps == 0
         if self.selection.is_input and is_unstamped.any():
-            published = nanoseconds(heads['publish_time'][rows])
+            published = block.published[rows]
             sources = np.where(published > 0, published, times)
             stamps = np.where(is_unstamped, sources, stamps)
         self._times.add(times)
@@ -228,16 +236,16 @@ class _TopicColumns:
                 names = 'name' if self.role is Role.JOINTS else ''
                 self._reader = ColumnReader(self._type, paths, names)
 
-    def add(self, block: MessageBlock, rows: IndexArray) -> None:
+    def add(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add the topic's messages in a block."""
         if self.role is None:
             return
         if self._reader is None:
             self._refuse(block, rows)
         elif self.role in _TEXTS:
-            self._add_contents(block, rows[block.sizes[rows] <= _TEXTS[self.role]])
+            self._add_contents(block, rows[block.messages.sizes[rows] <= _TEXTS[self.role]])
         else:
-            for columns in self._reader.read(block, rows, partial(self._refuse, block)):
+            for columns in self._reader.read(block.messages, rows, partial(self._refuse, block)):
                 if self.role is Role.JOINTS:
                     self._add_joints(block, columns)
                 else:
@@ -248,15 +256,15 @@ class _TopicColumns:
         if self._refused_count and self.role in _REQUIRED:
             yield Undecoded(self.topic, self._refused_count, self._first_refused)
 
-    def _refuse(self, block: MessageBlock, rows: IndexArray) -> None:
-        first = int(nanoseconds(block.heads['log_time'][rows]).min())
+    def _refuse(self, block: _TimedBlock, rows: IndexArray) -> None:
+        first = int(block.times[rows].min())
         self._first_refused = min(self._first_refused, first) if self._refused_count else first
         self._refused_count += len(rows)
 
-    def _add_contents(self, block: MessageBlock, rows: IndexArray) -> None:
+    def _add_contents(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add texts or reports; a text is usually repeated."""
         for row in rows.tolist():
-            data = block.message(row)
+            data = block.messages.message(row)
             is_text = self.role is Role.DESCRIPTION
             is_left_out = data == self._last_text or len(self.contents) >= _MAX_DESCRIPTIONS
             if is_text and is_left_out:
@@ -266,10 +274,9 @@ class _TopicColumns:
                 content = self._type.read(data)
                 content = content if is_text else _iterations(content)
                 if content:
-                    time = int(nanoseconds(block.heads['log_time'][[row]])[0])
-                    self.contents.append((time, content))
+                    self.contents.append((int(block.times[row]), content))
 
-    def _add_numbers(self, block: MessageBlock, columns: MessageColumns, role: Role) -> None:
+    def _add_numbers(self, block: _TimedBlock, columns: MessageColumns, role: Role) -> None:
         key = ((), False)
         if key not in self.parts:
             selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
@@ -285,9 +292,9 @@ class _TopicColumns:
             rows = rows[new]
             stamps = stamps[new]
             kept[''] = kept[''][new]
-        part.add(block.heads, rows, stamps, kept)
+        part.add(block, rows, stamps, kept)
 
-    def _add_joints(self, block: MessageBlock, columns: MessageColumns) -> None:
+    def _add_joints(self, block: _TimedBlock, columns: MessageColumns) -> None:
         names = columns.names
         positions = columns.numbers['position']
         efforts = columns.numbers['effort']
@@ -313,7 +320,7 @@ class _TopicColumns:
             with np.errstate(over='ignore'):
                 kept['velocity'] = rates.astype(self._rate_kind)
         if selection.names:
-            part.add(block.heads, columns.rows, columns.stamps, kept)
+            part.add(block, columns.rows, columns.stamps, kept)
 
 
 def _selected(numbers: FloatArray, names: Sequence[str], kept_names: Sequence[str]) -> FloatArray:
@@ -351,6 +358,11 @@ class LogColumns:
 
     def add(self, block: MessageBlock) -> None:
         """Add the messages of a block."""
+        heads = block.heads
+        times = nanoseconds(heads['log_time'])
+        published = nanoseconds(heads['publish_time'])
+        numbers = heads['sequence'].astype(np.int64)
+        timed_block = _TimedBlock(block, times, published)
         for topic, rows in _by_topic(block):
             if topic not in self._topics:
                 self._topics[topic] = _TopicColumns(topic, self._joints, self._rate_kind)
@@ -358,8 +370,8 @@ class LogColumns:
             key = (topic.name, topic.type)
             if key not in self.receptions:
                 self.receptions[key] = Reception()
-            self.receptions[key].add(topic.qos, block.heads, rows)
-            self._topics[topic].add(block, rows)
+            self.receptions[key].add(topic.qos, times[rows], published[rows], numbers[rows])
+            self._topics[topic].add(timed_block, rows)
 
     def parts(self, *roles: Role) -> Iterator[Part]:
         """Yield what is kept of the topics with some roles."""

@@ -7,9 +7,9 @@ from functools import lru_cache, partial
 import re
 from typing import Any
 
-from klann_ros.kinematics.arrays import BoolArray, IndexArray, IntArray
+from klann_ros.kinematics.arrays import BoolArray, IntArray
 from klann_ros.log import LOSS_RECORD, topic_counts, TopicCount
-from klann_ros.review.model.times import Interval, LAST_TIME, nanoseconds, overlaps
+from klann_ros.review.model.times import Interval, LAST_TIME, overlaps
 from klann_ros.review.model.topics import TopicRecording
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -98,15 +98,11 @@ class Reception:
     latched: bool = False
     discovered: int = 0  # on a latched topic, when its publisher was [ns]
 
-    def add(self, qos: str, heads: NDArray[np.void], rows: IndexArray) -> None:
-        """Add messages by their publishers' quality of service and their headers."""
+    def add(self, qos: str, times: IntArray, published: IntArray, numbers: IntArray) -> None:
+        """Add messages by their publishers' QoS, log and publish times [ns], and numbers."""
         publishers, latched = _offer(qos)
         self.publishers = max(self.publishers, publishers)
         self.latched = self.latched or latched
-        # Column by column: whole headers take three times as long.
-        times = nanoseconds(heads['log_time'][rows])
-        published = nanoseconds(heads['publish_time'][rows])
-        numbers = heads['sequence'][rows].astype(np.int64)
         # Without a publish time, recorders write the log time or 0.
         is_unknown = (published == 0) | (published == times)
         published = np.where(published > 0, published, times)
