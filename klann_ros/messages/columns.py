@@ -114,7 +114,7 @@ class ColumnReader:
                 layout = self._type.layout(row.tobytes(), self._last)
             except ValueError:
                 return None
-            self._layout = last = _BulkLayout(layout)
+            self._layout = last = _BulkLayout(layout, self._paths)
         return last
 
     def _columns(
@@ -129,9 +129,14 @@ class ColumnReader:
 class _BulkLayout:
     """Reads the numbers of messages with one layout, shape (n, size)."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, paths: Sequence[str]) -> None:
         self.size = len(layout.data)
         self._layout = layout
+        # The bytes of each field's numbers, and their type.
+        self._numbers: dict[str, tuple[slice, str]] = {}
+        for path in paths:
+            span = layout.span(path)
+            self._numbers[path] = slice(span.begin, span.end), f'{layout.order}{span.code}'
         ranges = [np.arange(part.start, part.stop) for part in layout.structure]
         # Indices and values of the bytes that all such messages share.
         self._shared = np.concatenate(ranges)
@@ -155,6 +160,5 @@ class _BulkLayout:
 
     def numbers(self, data: NDArray[np.uint8], path: str) -> NDArray[np.float64]:
         """Return the numbers of a field, shape (n, count)."""
-        span = self._layout.span(path)
-        columns = np.ascontiguousarray(data[:, slice(span.begin, span.end)])
-        return columns.view(f'{self._layout.order}{span.code}').astype(np.float64)
+        span, kind = self._numbers[path]
+        return np.ascontiguousarray(data[:, span]).view(kind).astype(np.float64)

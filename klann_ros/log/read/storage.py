@@ -37,6 +37,8 @@ HEAD = np.dtype(
 
 # Size of the fields that the record's length includes: all but opcode and length [bytes].
 _HEAD_LENGTH = HEAD.itemsize - 9
+# Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
+LAST_TIME = 2**62
 # Millions of small messages would take more memory as Python's numbers than they have.
 _MAX_BATCH = 4096
 
@@ -61,6 +63,11 @@ class MessageBlock:
     def sizes(self) -> NDArray[np.int64]:
         """Return the size of each message's data [bytes], shape (n,)."""
         return self.heads['length'].astype(np.int64) - _HEAD_LENGTH
+
+    def signed_times(self, name: str) -> NDArray[np.int64]:
+        """Return the log or publish times as signed integers [ns]: a log may hold any 64 bits."""
+        times: NDArray[np.int64] = np.minimum(self.heads[name], np.uint64(LAST_TIME)).astype('i8')
+        return times
 
     def message(self, row: int) -> bytes:
         """Return the data of one message."""

@@ -1,6 +1,6 @@
 """The messages of a log as columns: each topic is read once, by what it is to a review."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from enum import auto, Enum
 from functools import partial
@@ -26,7 +26,7 @@ from klann_ros.messages import (
     STRING,
 )
 from klann_ros.review.model.recording import Undecoded
-from klann_ros.review.model.times import CLOCK as CLOCK_TOPIC, nanoseconds, Series
+from klann_ros.review.model.times import CLOCK as CLOCK_TOPIC, Series
 import numpy as np
 from numpy.typing import NDArray
 
@@ -115,11 +115,15 @@ class JointSelector(Protocol):
 
 
 class _TimedBlock(NamedTuple):
-    """A block with the log and publish times of its messages [ns]."""
+    """A block, with what all its topics need of it."""
 
-    messages: MessageBlock
+    # Log and publish times [ns], and sizes [bytes] of the messages.
     times: IntArray
     published: IntArray
+    sizes: IntArray
+    # Return the bytes of one message, and those of some of one size.
+    message: Callable[[int], bytes]
+    rows: Callable[[IndexArray, int], NDArray[np.uint8]]
 
 
 class Part:
@@ -243,9 +247,9 @@ class _TopicColumns:
         if self._reader is None:
             self._refuse(block, rows)
         elif self.role in _TEXTS:
-            self._add_contents(block, rows[block.messages.sizes[rows] <= _TEXTS[self.role]])
+            self._add_contents(block, rows[block.sizes[rows] <= _TEXTS[self.role]])
         else:
-            for columns in self._reader.read(block.messages, rows, partial(self._refuse, block)):
+            for columns in self._reader.read(block, rows, partial(self._refuse, block)):
                 if self.role is Role.JOINTS:
                     self._add_joints(block, columns)
                 else:
@@ -264,7 +268,7 @@ class _TopicColumns:
     def _add_contents(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add texts or reports; a text is usually repeated."""
         for row in rows.tolist():
-            data = block.messages.message(row)
+            data = block.message(row)
             is_text = self.role is Role.DESCRIPTION
             is_left_out = data == self._last_text or len(self.contents) >= _MAX_DESCRIPTIONS
             if is_text and is_left_out:
@@ -358,11 +362,10 @@ class LogColumns:
 
     def add(self, block: MessageBlock) -> None:
         """Add the messages of a block."""
-        heads = block.heads
-        times = nanoseconds(heads['log_time'])
-        published = nanoseconds(heads['publish_time'])
-        numbers = heads['sequence'].astype(np.int64)
-        timed_block = _TimedBlock(block, times, published)
+        times = block.signed_times('log_time')
+        published = block.signed_times('publish_time')
+        numbers = block.heads['sequence'].astype(np.int64)
+        timed_block = _TimedBlock(times, published, block.sizes, block.message, block.rows)
         for topic, rows in _by_topic(block):
             if topic not in self._topics:
                 self._topics[topic] = _TopicColumns(topic, self._joints, self._rate_kind)

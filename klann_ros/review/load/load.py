@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from klann_ros.log import (
     FAULT_RECORD,
     FINDING_RECORD,
+    LAST_TIME,
     PAUSE_RECORD,
     recorded_finding,
     recorded_pause,
@@ -17,7 +18,6 @@ from klann_ros.review.model.answers import MAX_RESPONSE_TIME
 from klann_ros.review.model.recording import RunRecording, WalkRecording
 from klann_ros.review.model.times import (
     is_time_of_log,
-    LAST_TIME,
     merge_intervals,
     Series,
 )

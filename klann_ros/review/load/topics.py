@@ -8,8 +8,8 @@ import re
 from typing import Any
 
 from klann_ros.kinematics.arrays import BoolArray, IntArray
-from klann_ros.log import LOSS_RECORD, topic_counts, TopicCount
-from klann_ros.review.model.times import Interval, LAST_TIME, overlaps
+from klann_ros.log import LAST_TIME, LOSS_RECORD, topic_counts, TopicCount
+from klann_ros.review.model.times import Interval, overlaps
 from klann_ros.review.model.topics import TopicRecording
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray

@@ -5,19 +5,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from klann_ros.log import LAST_TIME
 import numpy as np
-from numpy.typing import NDArray
 
-# Differences of two times fit in 64 bits with a sign; this one is in the year 2116.
-LAST_TIME = 2**62
 Interval = tuple[int, int]
 """Begin and end [ns]."""
-
-
-def nanoseconds(times: NDArray[np.uint64]) -> IntArray:
-    """Return times as signed integers: a log may hold any 64 bits."""
-    signed: IntArray = np.minimum(times, np.uint64(LAST_TIME)).astype(np.int64)
-    return signed
 
 
 def time_steps(times: IntArray) -> FloatArray:
