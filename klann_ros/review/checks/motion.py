@@ -67,9 +67,9 @@ def _is_shared(review: Review, leg: LegRecording) -> bool:
 
 
 def _swaps(review: Review, leg: LegRecording, swaps: IndexArray) -> Finding:
-    max_jump = np.abs(np.diff(leg.cranks.values[:, 0])[swaps]).max()
+    max_jump = degrees(np.abs(np.diff(leg.cranks.values[:, 0])[swaps]).max())
     repetition = repeated(swaps.size)
-    text = f'the crank angle jumps back and forth {repetition}, by up to {max_jump:.3g} rad'
+    text = f'the crank angle jumps back and forth {repetition}, by up to {max_jump:.3g} deg'
     topics = listed(sorted(leg.crank_topics))
     meaning = f'two sources alternate, or an encoder slips ({topics})'
     if _is_shared(review, leg):
@@ -103,8 +103,8 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     unseen_rotations = _MISSING_RATIO * median_step / max(period, _MIN_PERIOD) * waits * is_unseen
     jumps = jumps[steps[jumps] - unseen_rotations > limit]
     if jumps.size:
-        max_jump = steps[jumps].max()
-        text = f'the crank angle jumps {repeated(jumps.size)}, by up to {max_jump:.3g} rad'
+        max_jump = degrees(steps[jumps].max())
+        text = f'the crank angle jumps {repeated(jumps.size)}, by up to {max_jump:.3g} deg'
         meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
         time = review.since_start(times[jumps[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
@@ -135,7 +135,7 @@ def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
 def _drift(review: Review, leg: LegRecording) -> Iterator[Finding]:
     drift = _path_drift(leg)
     if drift > review.limits.path_drift:
-        text = f'the foot path drifts by {drift:.3g} m from the first to the last part'
+        text = f'the foot path drifts by {1e3 * drift:.3g} mm from the first to the last part'
         meaning = 'equal crank angles give different foot positions: a length has changed'
         yield Finding('drift', Severity.WARNING, text, meaning, leg=leg.title)
 

@@ -1,6 +1,7 @@
 """Check each pose against its crank angle, each foot against its pose, each input for answers."""
 
 from collections.abc import Callable, Iterator
+from math import degrees
 from typing import NamedTuple
 
 from klann_ros.kinematics import differences, wrapped
@@ -86,7 +87,7 @@ def check_poses(review: Review) -> Iterator[Finding]:
 
 
 def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
-    flipped = _by_up_to(errors.angle_errors, wrong.flipped, 'rad')
+    flipped = _by_up_to(np.degrees(errors.angle_errors), wrong.flipped, 'deg')
     yield _Fault(
         'nan',
         wrong.not_finite,
@@ -98,7 +99,7 @@ def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
         'closure',
         wrong.not_closed,
         ('does', 'do'),
-        f'not close the loops{_by_up_to(errors.residuals, wrong.not_closed, "m")}',
+        f'not close the loops{_by_up_to(1e3 * errors.residuals, wrong.not_closed, "mm")}',
         'the poses are of a leg with other dimensions',
     )
     yield _Fault(
@@ -131,7 +132,7 @@ def _feet(
     wrong = ~not_finite & (errors.foot_errors > limits.foot)
     if wrong.any():
         wrong &= ~_follow(leg, wrong_poses_)
-    distance = _by_up_to(errors.foot_errors, wrong, 'm')
+    distance = _by_up_to(1e3 * errors.foot_errors, wrong, 'mm')
     yield _Fault(
         'foot',
         wrong,
@@ -323,9 +324,9 @@ def _difference_text(leg: LegRecording, duplicates: Duplicates, limits: Limits) 
     distance = _spread(leg.feet.stamps[is_answer], leg.feet.values[is_answer], np.subtract)
     sizes = []
     if angle > limits.angle:
-        sizes.append(f'{angle:.3g} rad')
+        sizes.append(f'{degrees(angle):.3g} deg')
     if distance > limits.foot:
-        sizes.append(f'{distance:.3g} m')
+        sizes.append(f'{1e3 * distance:.3g} mm')
     return f', up to {" and ".join(sizes)} apart' if sizes else ''
 
 

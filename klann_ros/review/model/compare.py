@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import degrees, inf, isfinite
 from typing import NamedTuple
 
 from klann_ros.kinematics import AnyLeg, feet
@@ -157,10 +157,10 @@ def _motion(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator
         return
     angle, path = _distances(moving, leg, limits)
     if angle > limits.compare_angle:
-        text = f'the angles differ by up to {angle:.3g} rad at the same crank angle'
+        text = f'the angles differ by up to {degrees(angle):.3g} deg at the same crank angle'
         yield Difference('angles', text, angle, 'rad', title)
     if path > limits.compare_path:
-        text = f'the feet are up to {path:.3g} m apart at the same crank angle'
+        text = f'the feet are up to {1e3 * path:.3g} mm apart at the same crank angle'
         yield Difference('path', text, path, 'm', title)
 
 

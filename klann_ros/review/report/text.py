@@ -79,14 +79,14 @@ def _leg(leg: ReviewedLeg, paint: _Paint) -> Iterator[str]:
     if title:
         yield paint(f'leg {printable(title)}', _HEAD)
     yield f'turns of the crank         {_number(figures.turns, 10, 3)}'
-    yield f'stride                     {_number(figures.stride, 10, 4)} m'
-    yield f'lift                       {_number(figures.lift, 10, 4)} m'
+    yield f'stride                     {_number(1e3 * figures.stride, 10, 1)} mm'
+    yield f'lift                       {_number(1e3 * figures.lift, 10, 1)} mm'
     yield f'duty factor                {_number(figures.duty_factor, 10, 3)} of the poses'
     yield f'straightness of the stance {_number(figures.straightness, 10, 4)} of its length off'
     yield f'worst transmission angle   {_number(mu, 10, 2)} deg from in line'
-    yield f'worst residual             {_power(figures.worst_residual)} m'
-    yield f'worst angle, solved again  {_power(figures.worst_angle_error)} rad off'
-    yield f'worst foot, by its angles  {_power(figures.worst_foot_error)} m off'
+    yield f'worst residual             {_power(1e3 * figures.worst_residual)} mm'
+    yield f'worst angle, solved again  {_power(degrees(figures.worst_angle_error))} deg off'
+    yield f'worst foot, by its angles  {_power(1e3 * figures.worst_foot_error)} mm off'
     if source:
         yield paint(f'the geometry is that of {source}', _FAINT)
 

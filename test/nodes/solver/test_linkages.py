@@ -103,7 +103,7 @@ def test_its_run_explains_itself_and_is_reviewed(
     longer.write_text(text.replace('length: 150', 'length: 151'), encoding='utf-8')
     code, output = reviewed(capsys, [*patient, '--geometry', longer])
     assert code == 1
-    assert 'do not close the loops (by up to 0.001 m)' in output
+    assert 'do not close the loops (by up to 1 mm)' in output
 
 
 def has_solver_record(run: Path) -> bool:

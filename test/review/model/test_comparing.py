@@ -71,7 +71,7 @@ def test_a_length_that_is_one_percent_longer_is_named(compared, name) -> None:
         assert 1e-4 < difference.size < 0.1
     if name == 'l_gh':
         assert motion[0].size == pytest.approx(0.0043, abs=1e-12)
-        assert motion[0].text == 'the feet are up to 0.0043 m apart at the same crank angle'
+        assert motion[0].text == 'the feet are up to 4.3 mm apart at the same crank angle'
 
 
 def test_runs_without_any_geometry_are_not_compared(healthy, make_run, capsys) -> None:

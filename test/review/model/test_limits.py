@@ -4,7 +4,7 @@ from math import pi
 
 from klann_ros.review.checks.poses import WrongPoses
 from klann_ros.review.command import main
-from klann_ros.review.model.limits import Limits, limits_from_file
+from klann_ros.review.model.limits import Limits, limits_from_file, LimitsFileError
 from klann_ros.review.model.poses import PoseErrors
 import numpy as np
 import pytest
@@ -38,7 +38,8 @@ def test_a_file_without_limits_is_refused_in_a_line(tmp_path, capsys, content, r
     assert error.count('\n') == 1
 
 
-def test_a_number_beyond_all_is_a_limit(tmp_path) -> None:
+def test_a_number_beyond_all_is_refused(tmp_path) -> None:
     file = tmp_path / 'limits.yaml'
     file.write_text(f'gap_time: 1{"0" * 400}\n')
-    assert limits_from_file(str(file)).gap_time > 1e300
+    with pytest.raises(LimitsFileError, match=r'no whole number within \+-1\.8e308'):
+        limits_from_file(str(file))
