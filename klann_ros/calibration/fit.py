@@ -121,12 +121,9 @@ class Calibration:
 
     @property
     def misfit(self) -> float:
-        """Return the largest median residual of all samples, relative to the leg's size."""
-        measured = []
-        residuals = []
-        for fit in self.series:
-            measured.append(fit.series)
-            residuals.append(fit.after)
+        """Return the median residual of the worst series, relative to the leg's size or 1 rad."""
+        measured = [fit.series for fit in self.series]
+        residuals = [fit.after for fit in self.series]
         return median_misfit(self.model, measured, residuals)
 
     @property

@@ -75,10 +75,19 @@ def readings(type_name: str, data: bytes) -> Iterator[Reading]:
         yield Reading(key, stamp, point, variance)
 
 
-def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatArray, set[str]]:
-    """Return time from the start [s], variance and numbers of each sample; and all keys."""
+class _Samples(NamedTuple):
+    """The n samples of a key on a topic, and all keys on it."""
+
+    times: FloatArray  # from the start of the run [s]
+    variances: FloatArray  # 0 if unknown
+    values: FloatArray  # shape (n, k)
+    keys: set[str]
+
+
+def _samples(messages: Iterable[Message], key: str, start: int) -> _Samples:
+    """Return the samples of a key, all of them for ''; times from a start [ns]."""
     keys = set()
-    samples = []
+    rows = []
     for message in messages:
         with suppress(ValueError):
             for reading in list(readings(message.topic.type, message.data)):
@@ -86,8 +95,9 @@ def _samples(messages: Iterable[Message], key: str, start: int) -> tuple[FloatAr
                 # A marker may be named by its namespace or its number alone.
                 if key in {'', reading.key, *reading.key.split('/')}:
                     time = reading.stamp or message.publish_time or message.log_time
-                    samples.append(((time - start) / 1e9, reading.variance, *reading.values))
-    return np.array(samples, dtype=np.float64), keys
+                    rows.append(((time - start) / 1e9, reading.variance, *reading.values))
+    table = np.array(rows, dtype=np.float64) if rows else np.empty((0, 3))
+    return _Samples(table[:, 0], table[:, 1], table[:, 2:], keys)
 
 
 def point_topics(names: Iterable[str], linkage: Linkage, leg: str = '') -> dict[str, str]:
@@ -120,40 +130,49 @@ def load_run(
     path: str, leg: RobotLeg, requests: Sequence[Request], crank_topic: str = ''
 ) -> list[MeasuredSeries]:
     """
-    Return the requested measurements of a run; a MeasurementError says what cannot be used.
+    Return the requested measurements of a run.
 
-    The crank is the leg's joint in a JointState, or a Float64 called crank_angle, unless its
-    topic is named.
+    Crank angles are those of `crank_topic`, by default of the leg's joint in a JointState, or of a
+    Float64 called crank_angle.
+
+    Raises
+    ------
+    MeasurementError
+        A topic is missing, or cannot be used; the text says why.
+
     """
     with open_log(path) as log:
-        # A topic may be in several files, with other profiles.
+        # A topic of several files may have several profiles, of which any will do.
         topics = {topic.name: topic for topic in log.topics}
-        chosen = [_topic(topics, request.topic) for request in requests]
-        cranks = [_topic(topics, crank_topic)] if crank_topic else _crank_topics(topics)
+        measured_topics = [_topic(topics, request.topic) for request in requests]
+        crank_topics = _likely_crank_topics(topics)
+        if crank_topic:
+            crank_topics = [_topic(topics, crank_topic)]
         messages: dict[str, list[Message]] = {}
-        for topic in (*chosen, *cranks):
+        for topic in (*measured_topics, *crank_topics):
             messages[topic.name] = []
-        for message in log.messages(messages):
+        for message in log.messages(topics=messages.keys()):
             messages[message.topic.name].append(message)
         start = log.start_time
-    crank = _crank(cranks, messages, leg, start)
+    crank = _crank_samples(crank_topics, messages, leg, start)
     measured = []
-    for request, topic in zip(requests, chosen, strict=True):
+    for request, topic in zip(requests, measured_topics, strict=True):
         samples = _checked_samples(request, topic, leg, messages[topic.name], start)
-        times = samples[:, 0]
-        numbers = samples[:, 2:]
-        variance = float(np.median(samples[:, 1]))
+        # A series has one noise, which a few bad samples do not change.
+        variance = float(np.median(samples.variances))
         noise = variance**0.5 if 0.0 < variance < np.inf else None
         kind = kind_of(leg.linkage, request.name)
         source = printable(topic.name)
-        series = series_of(kind, request.name, times, numbers, crank, noise=noise, source=source)
+        series = series_of(
+            kind, request.name, samples.times, samples.values, crank, noise=noise, source=source
+        )
         measured.append(series)
     return measured
 
 
 def _checked_samples(
     request: Request, topic: Topic, leg: RobotLeg, messages: Sequence[Message], start: int
-) -> FloatArray:
+) -> _Samples:
     """Return the samples of a topic, unless it is of another type, computed, or has several."""
     kind = kind_of(leg.linkage, request.name)
     title = printable(topic.name)
@@ -161,7 +180,8 @@ def _checked_samples(
     if topic.type not in types:
         legal = ', '.join(name.rpartition('/')[2] for name in types)
         raise MeasurementError(f'{title} is {printable(topic.type)}: a measured {kind} is {legal}')
-    samples, keys = _samples(messages, request.key, start)
+    samples = _samples(messages, request.key, start)
+    keys = samples.keys
     is_computed = topic.name.rpartition('/')[2] in COMPUTED_TOPICS
     for separator in '/_':
         joints = {leg.joint_name(name, separator) for name in leg.linkage.joint_names}
@@ -173,7 +193,7 @@ def _checked_samples(
             f'found'
         )
     listing = listed(sorted(keys), 8)
-    if not len(samples):
+    if not len(samples.times):
         problem = f'{title} has no readable message'
         if request.key:
             problem = f'{printable(request.key)} is not on {title}; there are {listing}'
@@ -192,7 +212,7 @@ def _topic(topics: Mapping[str, Topic], name: str) -> Topic:
     return topic
 
 
-def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
+def _likely_crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     """Return the topics that may have the crank's angle, the likeliest first."""
     states = []
     plain = []
@@ -205,16 +225,17 @@ def _crank_topics(topics: Mapping[str, Topic]) -> list[Topic]:
     return states + plain
 
 
-def _crank(
+def _crank_samples(
     topics: Sequence[Topic], messages: Mapping[str, Sequence[Message]], leg: RobotLeg, start: int
 ) -> CrankSamples:
+    """Return the crank angles of the first topic that has them."""
     for topic in topics:
         if topic.type not in {JOINT_STATE.name, *ANGLE_TYPES}:
             continue
         key = leg.crank_joint if topic.type == JOINT_STATE.name else ''
-        samples, _ = _samples(messages[topic.name], key, start)
-        if len(samples) > 1:
-            return CrankSamples.of(samples[:, 0], samples[:, 2])
+        samples = _samples(messages[topic.name], key, start)
+        if len(samples.times) > 1:
+            return CrankSamples.of(samples.times, samples.values[:, 0])
     names = listed([topic.name for topic in topics], 8) or 'any topic'
     raise MeasurementError(
         f'no crank angle of the joint {printable(leg.crank_joint)} is on {names}: name the topic '

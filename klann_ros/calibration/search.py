@@ -87,7 +87,11 @@ def start_parameters(
 def median_misfit(
     model: MeasurementModel, measured: Sequence[MeasuredSeries], residuals: Sequence[FloatArray]
 ) -> float:
-    """Return the median residual relative to the linkage's size; infinite if it does not move."""
+    """
+    Return the median residual of the worst series, infinite if most of its samples have no pose.
+
+    Residuals [m] are relative to the linkage's size, those of angles to 1 rad.
+    """
     medians = []
     for series, series_residuals in zip(measured, residuals, strict=True):
         size = 1.0 if series.kind == 'angle' else model.linkage.size

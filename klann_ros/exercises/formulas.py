@@ -2,8 +2,9 @@
 The courses' formulas: a function works those of an exercise, as a student does, on a Calculation.
 
 Lengths are in mm, angles in degrees. A step is what a student writes down, and may round; a result
-is used as it is. `sign(k)` is -1 in the other assembly mode of loop k, `half_turn` 180. What is
-required, keeps a draw. The lab's JavaScript works the same formulas: see `lab`.
+is used as it is. Names are followed by their units, 1 of a number. `sign(k)` is -1 in the other
+assembly mode of loop k, a mistake; `half_turn` is 180, or pi by a mistake. What is required, keeps
+a draw. The lab's JavaScript works the same formulas: see `lab`.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,6 +29,11 @@ def _cosine(side_a: Any, side_b: Any, opposite: Any) -> Any:
     return (side_a**2 + side_b**2 - opposite**2) / (2 * side_a * side_b)
 
 
+def _asin(c: Calculation, sine: Any) -> Any:
+    """Return the angle of a sine, by the arc cosine that marking and the lab have."""
+    return c.half_turn / 2 - c.acos(sine)
+
+
 def _cosine_text(letter: str, side_a: str, side_b: str, opposite: str) -> str:
     return f'cos {letter} = ({side_a}² + {side_b}² - {opposite}²) / (2 {side_a} {side_b})'
 
@@ -39,6 +45,7 @@ def _corner(c: Calculation, symbol: str, letter: str, *sides: str) -> Any:
 
 
 def _klann(c: Calculation) -> None:
+    """Work the angles of a Klann leg, one loop after the other."""
     x_b = c.step('x_B mm', c.L_AB * c.cos(c.alpha), 'L_AB cos α')
     y_b = c.step('y_B mm', c.y_A + c.L_AB * c.sin(c.alpha), 'y_A + L_AB sin α')
     c.step('BD mm', c.hypot(x_b - c.x_D, y_b), '|BD|')
@@ -84,6 +91,7 @@ def _klann_phi(c: Calculation) -> Sequence[Sequence[Any]]:
 
 
 def _klann_position(c: Calculation) -> None:
+    """Work the angles and the foot of a Klann leg."""
     _klann(c)
     angle_g = c.gamma - c.angle_BCG
     angle_h = c.theta + c.angle_FGH
@@ -205,6 +213,7 @@ def _four_bar_phi(c: Calculation) -> Sequence[Sequence[Any]]:
 
 
 def _limits(c: Calculation) -> None:
+    """Work the limits of a crank-rocker, crank and coupler in line, its swing and time ratio."""
     c.require(
         c.smallest(c.L_1, c.L_2, c.L_3, c.L_4) == c.L_2,
         c.L_3 > c.L_2,
@@ -230,6 +239,7 @@ def _limits(c: Calculation) -> None:
 
 
 def _dead_points(c: Calculation) -> None:
+    """Work the dead points of a four-bar without a crank, driven at either side."""
     s = c.smallest(c.L_1, c.L_2, c.L_3, c.L_4)
     l = c.largest(c.L_1, c.L_2, c.L_3, c.L_4)  # noqa: E741 - the lecture's letter
     c.require(2 * (s + l) > c.L_1 + c.L_2 + c.L_3 + c.L_4)
@@ -267,7 +277,8 @@ def _mechanical_advantage(c: Calculation) -> None:
 
 
 def _slider_crank(c: Calculation) -> None:
-    phi = c.half_turn / 2 - c.acos((c.e - c.L_2 * c.sin(c.theta_2)) / c.L_3)
+    """Work the pose, the velocity, the stroke and the time ratio of an offset slider-crank."""
+    phi = _asin(c, (c.e - c.L_2 * c.sin(c.theta_2)) / c.L_3)
     phi = c.step('phi deg', phi, 'sin φ = (e - L_2 sin θ_2) / L_3')
     x_c = c.L_2 * c.cos(c.theta_2) + c.sign(1) * c.L_3 * c.cos(phi)
     c.result('x_C mm', x_c, 'L_2 cos θ_2 + L_3 cos φ')
@@ -276,6 +287,7 @@ def _slider_crank(c: Calculation) -> None:
     x_max = c.step('x_max mm', c.sqrt((c.L_3 + c.L_2) ** 2 - c.e**2), '√((L_3 + L_2)² - e²)')
     x_min = c.step('x_min mm', c.sqrt((c.L_3 - c.L_2) ** 2 - c.e**2), '√((L_3 - L_2)² - e²)')
     c.result('stroke mm', x_max - x_min, 'x_max - x_min')
+    # asin x - asin y = acos y - acos x
     delta = c.acos(c.e / (c.L_3 + c.L_2)) - c.acos(c.e / (c.L_3 - c.L_2))
     delta = c.step('delta deg', delta, 'asin(e/(L_3 - L_2)) - asin(e/(L_3 + L_2))')
     ratio = (c.half_turn + delta) / (c.half_turn - delta)
@@ -283,6 +295,7 @@ def _slider_crank(c: Calculation) -> None:
 
 
 def _quick_return(c: Calculation) -> None:
+    """Work the rocker, the swing, the stroke and the time ratio of a slotted-lever quick return."""
     c.require(0.8 * c.d > c.L_2)
     x_b = c.step('x_B mm', c.L_2 * c.cos(c.theta_2), 'L_2 cos θ_2')
     y_b = c.step('y_B mm', c.d + c.L_2 * c.sin(c.theta_2), 'd + L_2 sin θ_2')
@@ -291,7 +304,7 @@ def _quick_return(c: Calculation) -> None:
     s = c.step('s mm', s, 's² = d² + L_2² + 2 d L_2 sin θ_2')
     omega_4 = c.omega_2 * c.L_2 * (c.L_2 + c.d * c.sin(c.theta_2)) / s**2
     c.result('omega_4 rad/s', omega_4, 'ω_4 = ω_2 L_2 (L_2 + d sin θ_2) / s²')
-    half = c.define('half', c.half_turn / 2 - c.acos(c.L_2 / c.d))
+    half = c.define('half', _asin(c, c.L_2 / c.d))
     c.step('swing deg', 2 * half, '2 asin(L_2 / d)')
     c.result('stroke mm', 2 * c.L_4 * c.sin(half), '2 L_4 sin(Δθ_4 / 2)')
     ratio = (c.half_turn + 2 * half) / (c.half_turn - 2 * half)
@@ -404,6 +417,7 @@ def _circle_centre(
 
 
 def _three_poses(c: Calculation) -> None:
+    """Work the pivots of given pins of the coupler, the centres of their circles."""
     for pin, pivot, bar in (('A', 'O2', 'L_2'), ('B', 'O4', 'L_4')):
         x, y = c.read(f'x_{pin} y_{pin}')
         moved = []
@@ -525,6 +539,7 @@ def _toggle(c: Calculation) -> None:
 
 
 def _quick_return_design(c: Calculation) -> None:
+    """Work the crank-rocker of a time ratio, a swing, a rocker and a crank."""
     delta = c.half_turn * (c.Q - 1) / (c.Q + 1)
     delta = c.step('delta deg', delta, 'δ = 180° (Q - 1) / (Q + 1)')
     chord = c.step('C mm', 2 * c.L_4 * c.sin(c.swing / 2), '2 L_4 sin(Δθ_4 / 2)')

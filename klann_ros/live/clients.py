@@ -16,7 +16,7 @@ from time import monotonic
 from typing import Any
 
 from aiohttp import web
-from klann_ros.live.protocol import Answer, Command, parsed, ProtocolError, RateLimit
+from klann_ros.live.protocol import Answer, Command, parse_message, ProtocolError, RateLimit
 from klann_ros.sanitize.text import printable
 
 # Answers wait for the next frame: nothing is sent between frames.
@@ -171,10 +171,10 @@ class Client:
         self._may_drive = may_drive
         self._client = {'page': number, 'may_drive': may_drive, 'runs': has_runs}
         self._loop = asyncio.get_running_loop()
-        self._limit = RateLimit()
-        self._drawn = asyncio.Event()
-        self._drawn.set()
-        self._sent = 0
+        self._rate_limit = RateLimit()
+        self._frame_drawn = asyncio.Event()
+        self._frame_drawn.set()
+        self._frame_number = 0
         self._answers: deque[dict[str, Any]] = deque(maxlen=_MAX_ANSWERS)
         self._answered = asyncio.Event()
         self._versions: dict[str, int] = {}
@@ -183,29 +183,30 @@ class Client:
         """Send the newest frame after each acknowledgement, until the client has gone."""
         version = -1
         while True:
-            await self._drawn.wait()
-            if self._sent:
+            await self._frame_drawn.wait()
+            if self._frame_number:
                 await self._change_or_answer(version)
-            self._drawn.clear()
+            self._frame_drawn.clear()
             self._answered.clear()
             seen = version
             version, poses = self._notifier.poses(seen)
-            self._sent += 1
+            self._frame_number += 1
             await self._socket.send_str(self._frame(poses if version > seen else ''))
 
-    def read(self, text: str) -> str:
-        """Process a message of the page; return the reason for closing the connection, or ''."""
-        if not self._limit.allows():
+    def handle(self, text: str) -> str:
+        """Act on a message from the page; return the reason for closing the connection, or ''."""
+        if not self._rate_limit.take_token():
             return 'too many messages'
         try:
-            message = parsed(text)
+            message = parse_message(text)
         except ProtocolError as error:
             return str(error)
         self._state.keep_alive(self.number)
         if isinstance(message, Command):
             self._run_command(message)
-        elif message is not None and message == self._sent:
-            self._drawn.set()
+        elif message == self._frame_number:
+            # The page returns the number of the frame that it has drawn.
+            self._frame_drawn.set()
         return ''
 
     async def _change_or_answer(self, version: int) -> None:
@@ -234,10 +235,10 @@ class Client:
         self._answered.set()
 
     def _frame(self, poses: str) -> str:
-        fields = [f'"n":{self._sent}']
+        fields = [f'"n":{self._frame_number}']
         if poses:
             fields.append(f'"poses":{poses}')
-        if self._sent == 1:
+        if self._frame_number == 1:
             fields.append(f'"client":{json.dumps(self._client)}')
         for name, (version, text) in self._state.parts.items():
             if self._versions.get(name) != version:

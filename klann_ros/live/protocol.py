@@ -58,9 +58,9 @@ class Command:
     values: dict[str, float | list[int]] = field(default_factory=dict)
 
 
-def parsed(text: str) -> Command | int | None:
+def parse_message(text: str) -> Command | int | None:
     """
-    Return the message of a page: a command, the number of a drawn frame, or None (keep-alive).
+    Return the message from a page: a command, the number of a drawn frame, or None (keep-alive).
 
     A ProtocolError says why a message is invalid.
     """
@@ -141,7 +141,7 @@ class RateLimit:
         self._tokens = BURST
         self._time = clock()
 
-    def allows(self) -> bool:
+    def take_token(self) -> bool:
         """Count a message; return whether it is within the limit."""
         now = self._clock()
         self._tokens = min(BURST, self._tokens + (now - self._time) * RATE)

@@ -199,7 +199,9 @@ class LiveServer:
         try:
             async for message in socket:
                 unread.bytes = 0
-                reason = client.read(message.data) if message.type == WSMsgType.TEXT else 'no text'
+                reason = (
+                    client.handle(message.data) if message.type == WSMsgType.TEXT else 'no text'
+                )
                 if reason:
                     await socket.close(
                         code=WSCloseCode.POLICY_VIOLATION, message=reason.encode()[:100]

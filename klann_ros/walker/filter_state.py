@@ -180,12 +180,12 @@ class ContactErrors:
         )
         # With nine of them the standard deviations in a circle change by 3 % at most.
         points, weights = np.polynomial.hermite_e.hermegauss(5)
-        self._errors = np.outer(deviations, points)
+        self._c = np.outer(deviations, points)
         self._weights = np.tile(weights / weights.sum(), len(deviations))
-        # Yaw by each point [rad], and its place from the state's [m].
-        self._yaws = np.zeros(self._errors.shape)
-        self._places = 0j * self._yaws
+        # Pose of each point relative to that of the state: yaw [rad], direction, offset [m].
+        self._yaws = np.zeros(self._c.shape)
         self._directions = np.exp(1j * self._yaws)
+        self._offsets = 0j * self._yaws
         self.scale = 1.0
 
     def move(
@@ -197,19 +197,21 @@ class ContactErrors:
         dt: float,
     ) -> None:
         """
-        Move the points for a time [s]; base_link points in a direction and has a velocity.
+        Move the sigma points for a time `dt` [s].
 
-        `velocity_errors` [m/s] and `yaw_rate_errors` [rad/s] are those of c = 1; a gyro leaves
-        none of the latter.
+        `direction` is the state's heading as a unit vector, `velocity` that of base_link in its
+        own frame [m/s]. `velocity_errors` [m/s] and `yaw_rate_errors` [rad/s] are their changes
+        by c_1 ... c_5 = 1; a gyro leaves none of the latter.
         """
-        velocities = velocity + np.array(velocity_errors)[:, None] * self._errors
-        self._places += direction * dt * (self._directions * velocities - velocity)
+        velocities = velocity + np.array(velocity_errors)[:, None] * self._c
+        # What a point moves more than the state, in the world's frame.
+        self._offsets += direction * dt * (self._directions * velocities - velocity)
         if yaw_rate_errors:
-            self._yaws += np.array(yaw_rate_errors)[:, None] * self._errors * dt
+            self._yaws += np.array(yaw_rate_errors)[:, None] * self._c * dt
             self._directions = np.exp(1j * self._yaws)
 
     def covariance(self) -> FloatArray:
         """Return the covariance of x, y and yaw."""
-        errors = np.array([self._places.real, self._places.imag, self._yaws]).reshape(3, -1)
+        errors = np.array([self._offsets.real, self._offsets.imag, self._yaws]).reshape(3, -1)
         covariance: FloatArray = (self._weights * errors).dot(errors.T)
         return covariance

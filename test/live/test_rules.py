@@ -13,7 +13,7 @@ from klann_ros.live.legs import (
     replayed_solver,
     solver_of,
 )
-from klann_ros.live.protocol import BURST, Command, parsed, RATE, RateLimit
+from klann_ros.live.protocol import BURST, Command, parse_message, RATE, RateLimit
 from klann_ros.live.rates import TopicRate
 from klann_ros.log.run_parameters import replayed_solvers, replayed_solvers_json, SolverParameters
 import numpy as np
@@ -78,7 +78,7 @@ def test_messages_of_a_page_are_rate_limited() -> None:
     limit = RateLimit(clock=lambda: now)
 
     def allowed() -> int:
-        return sum(limit.allows() for _ in range(2 * int(BURST)))
+        return sum(limit.take_token() for _ in range(2 * int(BURST)))
 
     assert allowed() == BURST
     now = 0.25
@@ -89,9 +89,9 @@ def test_messages_of_a_page_are_rate_limited() -> None:
 
 
 def test_valid_commands_are_parsed() -> None:
-    assert parsed('{}') is None
-    assert parsed('{"ack": 3}') == 3
-    wish = parsed(
+    assert parse_message('{}') is None
+    assert parse_message('{"ack": 3}') == 3
+    wish = parse_message(
         '{"id": 1, "command": "set", "target": "/s", "values": {"l": 1, "assembly": [1, -1]}}'
     )
     assert wish == Command(1, 'set', '/s', values={'l': 1.0, 'assembly': [1, -1]})

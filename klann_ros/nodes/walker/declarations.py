@@ -23,11 +23,14 @@ _LIMITS, _SETTINGS, _NOISE = MotionLimits(), ControllerSettings(), OdometryNoise
 
 
 def _limit(limit: Field[float]) -> Declaration:
-    """Return a limit of the motion; 0 stands for an infinite one."""
-    text, default = limit.metadata['text'], getattr(_LIMITS, limit.name)
+    """Return the declaration of a limit of the motion, whose parameter is 0 if it is infinite."""
+    text = limit.metadata['text']
+    default = getattr(_LIMITS, limit.name)
     if isinf(default):
-        default, text = 0.0, f'{text}; 0: any'
-    return number(limit.name, default, text, *limit.metadata['range'], read_only=False)
+        text = f'{text}; 0: any'
+        default = 0.0
+    minimum, maximum = limit.metadata['range']
+    return number(limit.name, default, text, minimum, maximum, read_only=False)
 
 
 def _setting(name: str, text: str, minimum: float, maximum: float) -> Declaration:

@@ -84,7 +84,7 @@ class Window:
             self._blocks.append(self._block([*self.new]))
             self.new.clear()
         begin = now - round(LENGTH * 1e9)
-        current = [_since(block, begin) for block in self._blocks]
+        current = [_messages_since(block, begin) for block in self._blocks]
         self._blocks = deque(filter(len, current))
         self.gaps = tuple(gap for gap in self.gaps if gap[1] >= begin)
         while len(self._blocks) > 1 and self._is_too_much():
@@ -128,10 +128,10 @@ class Window:
             self._topics[number] = topic if role_of(topic) in LEG_ROLES else Topic(topic.name, '')
 
 
-def _since(block: MessageBlock, time: int) -> MessageBlock:
-    """Return the messages of a block that were received since a time [ns]."""
+def _messages_since(block: MessageBlock, start_time: int) -> MessageBlock:
+    """Return the messages of a block whose log time is at or after a time [ns]."""
     times = block.heads['log_time']
-    if not len(times) or times.min() >= time:
+    if not len(times) or times.min() >= start_time:
         return block
-    rows = times >= time
-    return replace(block, heads=block.heads[rows], starts=block.starts[rows])
+    is_inside = times >= start_time
+    return replace(block, heads=block.heads[is_inside], starts=block.starts[is_inside])

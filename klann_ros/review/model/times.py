@@ -18,12 +18,12 @@ def time_steps(times: IntArray) -> FloatArray:
 
 
 def median(values: FloatArray) -> float:
-    """Return the median of numbers without NaN, faster than np.median."""
+    """Return the median of at least one number, none NaN, faster than np.median."""
     middle = len(values) // 2
     if len(values) % 2:
         return float(np.partition(values, middle)[middle])
-    both = np.partition(values, (middle - 1, middle))
-    return float((both[middle - 1] + both[middle]) / 2.0)
+    partitioned = np.partition(values, (middle - 1, middle))
+    return float((partitioned[middle - 1] + partitioned[middle]) / 2.0)
 
 
 def merge_intervals(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
