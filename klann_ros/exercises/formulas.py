@@ -295,7 +295,7 @@ def _slider_crank(c: Calculation) -> None:
 
 
 def _quick_return(c: Calculation) -> None:
-    """Work the rocker, the swing, the stroke and the time ratio of a slotted-lever quick return."""
+    """Work the lever, the swing, the stroke and the time ratio of a slotted-lever drive."""
     c.require(0.8 * c.d > c.L_2)
     x_b = c.step('x_B mm', c.L_2 * c.cos(c.theta_2), 'L_2 cos θ_2')
     y_b = c.step('y_B mm', c.d + c.L_2 * c.sin(c.theta_2), 'd + L_2 sin θ_2')

@@ -26,12 +26,12 @@ _Identity = tuple[int, int]
 
 
 @dataclass
-class _Match:
-    """A subscription, and the numbers of publishers that match it now and that have left."""
+class _Subscription:
+    """rclpy's subscription, and the numbers of publishers that match it and that have left."""
 
-    subscription: Any = None
-    publishers: int = 0
-    departed: int = 0
+    rclpy_subscription: Any = None
+    publisher_count: int = 0
+    departed_count: int = 0
 
 
 class _DuplicateFilter:
@@ -93,7 +93,7 @@ class RecordedTopic:
         self._counters = recording.counters[name]
         self._on_change = on_change
         self._is_own = is_own
-        self._matches: dict[_Policies, _Match] = {}
+        self._subscriptions: dict[_Policies, _Subscription] = {}
         # The number of present publishers, without the recorder's own.
         self._publisher_count = 0
         # The last messages of a single subscription; the filter of two.
@@ -119,8 +119,8 @@ class RecordedTopic:
 
     def take_queued(self) -> None:
         """Read the queued messages, as at the end, when no loop reads them."""
-        for match in self._matches.values():
-            for data, info in _take_messages(match.subscription):
+        for subscription in self._subscriptions.values():
+            for data, info in _take_messages(subscription.rclpy_subscription):
                 self._on_message(data, info)
 
     def _describe(self, publishers: Sequence[TopicEndpointInfo]) -> Topic:
@@ -129,36 +129,40 @@ class RecordedTopic:
         return Topic(self.name, self.type, self._definition, qos_to_yaml(profiles), type_hash)
 
     def _subscribe(self, profile: QoSProfile) -> None:
+        """Subscribe with a profile, unless a subscription has its policies already."""
         policies = (profile.reliability, profile.durability)
-        if policies in self._matches:
+        if policies in self._subscriptions:
             return
-        if self._matches and self._duplicates is None:
+        if self._subscriptions and self._duplicates is None:
+            # A publisher may match both.
             self._duplicates = _DuplicateFilter(self._recent)
-        match = _Match()
-        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self._counters.loss.latched = self._counters.loss.latched or latched
-        match.subscription = self._create_subscription(
+        if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            self._counters.loss.latched = True
+        subscription = _Subscription()
+        subscription.rclpy_subscription = self._create_subscription(
             profile,
             event_callbacks=SubscriptionEventCallbacks(
-                matched=partial(self._on_matched, match),
-                # A publisher with a weaker QoS needs another subscription.
+                matched=partial(self._on_matched, subscription),
+                # `adapt` adds a subscription for a publisher with a weaker QoS.
                 incompatible_qos=lambda _: self._on_change(self.name),
+                # rclpy's would log a warning.
                 use_default_callbacks=False,
             ),
         )
-        self._matches[policies] = match
+        self._subscriptions[policies] = subscription
 
-    def _on_matched(self, match: _Match, status: Any) -> None:
-        match.publishers = status.current_count
-        match.departed = status.total_count - status.current_count
-        matches = self._matches.values()
+    def _on_matched(self, subscription: _Subscription, status: Any) -> None:
+        subscription.publisher_count = status.current_count
+        subscription.departed_count = status.total_count - status.current_count
+        subscriptions = self._subscriptions.values()
         self._counters.loss.publishers_changed()
-        self._counters.loss.departed = max(match.departed for match in matches)
-        most_publishers = max(match.publishers for match in matches)
-        self._publisher_count = most_publishers - (self._is_own is not None)
+        self._counters.loss.departed = max(s.departed_count for s in subscriptions)
+        publisher_count = max(s.publisher_count for s in subscriptions)
+        self._publisher_count = publisher_count - (self._is_own is not None)
         self._on_change(self.name)
 
     def _on_message(self, data: bytes, info: Info) -> None:
+        """Count a message; pass it on, unless it is a duplicate, or comes in a pause."""
         if self._is_own is not None and self._is_own(data):
             return
         counters = self._counters

@@ -51,15 +51,16 @@ class Torques(NamedTuple):
     recorded: FloatArray
     expected: FloatArray
     accuracy: FloatArray  # standard error of the expected effort
-    invalid: int  # number of efforts that are not finite
-    total: int  # of all efforts
+    invalid_count: int  # efforts that are not finite
+    total_count: int  # all efforts
 
 
-def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
+def drive_torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
     """
     Return recorded and expected efforts of a drive, where both are known.
 
-    None if every effort is 0 or not finite.
+    None if no effort was recorded, every one being 0 or not finite; no sample if the masses of a
+    leg are unknown.
     """
     series = drive.efforts
     drive_legs = [legs[index] for index in drive.legs]
@@ -83,7 +84,8 @@ def torques(drive: Drive, legs: Sequence[LegRecording]) -> Torques | None:
     for leg in drive_legs:
         dynamics = leg.solver.dynamics
         if dynamics is None:
-            return Torques(*(np.empty(0),) * 4, invalid_count, total_count)  # type: ignore[arg-type]
+            no_samples = times[:0], efforts[:0], efforts[:0], efforts[:0]
+            return Torques(*no_samples, invalid_count, total_count)
         direction = leg.solver.direction if drive.is_input else 1.0
         alphas = direction * angles[rows] + (leg.solver.phase if drive.is_input else 0.0)
         alphas[~(np.abs(alphas) <= MAX_CRANK_ANGLE)] = np.nan
@@ -177,30 +179,33 @@ _MIN_SIMILARITY = 0.95
 
 
 def check_torques(review: Review) -> Iterator[Finding]:
-    """Yield efforts off the computed torque, and efforts that are not finite."""
+    """Yield efforts that differ from the computed torque, cannot be judged or are not finite."""
     legs = review.recording.legs
     for drive in review.recording.drives:
-        drive_torques = torques(drive, legs)
-        if drive_torques is None:
+        torques = drive_torques(drive, legs)
+        if torques is None:
             continue
         name = printable(drive.joint)
         title = legs[drive.legs[0]].title if len(drive.legs) == 1 else ''
-        if drive_torques.invalid:
-            share = f'{drive_torques.invalid} of {drive_torques.total}'
-            text = f'{share} efforts of {name} are not finite'
+        if torques.invalid_count:
+            counts = f'{torques.invalid_count} of {torques.total_count}'
+            text = f'{counts} efforts of {name} are not finite'
             yield Finding('effort', Severity.NOTE, text, 'they are ignored', leg=title)
         if any(legs[index].solver.dynamics is None for index in drive.legs):
             text = f'the efforts of {name} cannot be judged: the masses are unknown'
-            meaning = 'give a file with bar_density or masses: --geometry FILE'
-            yield Finding('effort', Severity.NOTE, text, meaning, leg=title)
-        elif len(drive_torques.times):
-            yield from _differences(review, drive_torques, name, title)
+            advice = 'give a file with bar_density or masses: --geometry FILE'
+            yield Finding('effort', Severity.NOTE, text, advice, leg=title)
+        elif len(torques.times):
+            yield from _torque_differences(review, torques, name, title)
 
 
-def _differences(review: Review, torque: Torques, name: str, title: str) -> Iterator[Finding]:
-    differences = np.abs(torque.recorded - torque.expected)
-    peak = float(np.abs(torque.expected).max())
-    excesses = differences - review.limits.torque * peak - _STANDARD_ERRORS * torque.accuracy
+def _torque_differences(
+    review: Review, torques: Torques, name: str, title: str
+) -> Iterator[Finding]:
+    """Yield a finding if more efforts than a few differ from the computed torque."""
+    differences = np.abs(torques.recorded - torques.expected)
+    peak = float(np.abs(torques.expected).max())
+    excesses = differences - review.limits.torque * peak - _STANDARD_ERRORS * torques.accuracy
     # At rest without masses there is rounding.
     wrong_count = np.count_nonzero(excesses > 1e-9)
     if wrong_count < max(_MIN_MOMENTS, _MIN_SHARE * len(differences)):
@@ -208,19 +213,21 @@ def _differences(review: Review, torque: Torques, name: str, title: str) -> Iter
     worst = int(np.argmax(excesses))
     text = (
         f'the effort of {name} differs from the computed torque by up to '
-        f'{differences[worst]:.3g} N m: recorded {torque.recorded[worst]:.3g}, expected '
-        f'{torque.expected[worst]:.3g} +- {torque.accuracy[worst]:.1g} N m'
+        f'{differences[worst]:.3g} N m: recorded {torques.recorded[worst]:.3g}, expected '
+        f'{torques.expected[worst]:.3g} +- {torques.accuracy[worst]:.1g} N m'
     )
-    time = review.since_start(torque.times[worst])
-    yield Finding('effort', Severity.WARNING, text, _meaning(torque), time, title)
+    time = review.since_start(torques.times[worst])
+    yield Finding('effort', Severity.WARNING, text, _likely_cause(torques), time, title)
 
 
-def _meaning(torque: Torques) -> str:
+def _likely_cause(torques: Torques) -> str:
     """Return the likely cause of the difference."""
-    product = float(torque.recorded @ torque.expected)
-    norms = float(np.linalg.norm(torque.recorded) * np.linalg.norm(torque.expected))
+    recorded = torques.recorded
+    expected = torques.expected
+    product = float(recorded @ expected)
+    norms = float(np.linalg.norm(recorded) * np.linalg.norm(expected))
     similarity = product / norms if norms else 0.0
-    factor = product / float(torque.expected @ torque.expected) if torque.expected.any() else 0.0
+    factor = product / float(expected @ expected) if expected.any() else 0.0
     if similarity < -_MIN_SIMILARITY:
         return 'it has the opposite sign: the driver, or direction, is reversed'
     if similarity > _MIN_SIMILARITY and abs(factor - 1.0) > 0.02:
@@ -246,7 +253,7 @@ def check_dimensions(review: Review) -> Iterator[Finding]:
         except (MeasurementError, ModuleNotFoundError):
             # Other points, or no scipy; `calibrate` reports the reason.
             continue
-        yield from _finding(leg, calibration)
+        yield from _dimension_findings(leg, calibration)
 
 
 def measured_points(review: Review, leg: ReviewedLeg) -> dict[str, Series]:
@@ -271,7 +278,8 @@ def _calibrated(leg: ReviewedLeg, points: dict[str, Series], start: int) -> Cali
     return calibrate(solver.leg.linkage, measured, direction=solver.direction, phase=solver.phase)
 
 
-def _finding(leg: ReviewedLeg, calibration: Calibration) -> Iterator[Finding]:
+def _dimension_findings(leg: ReviewedLeg, calibration: Calibration) -> Iterator[Finding]:
+    """Yield a finding if calibrated dimensions differ from the file's by several errors."""
     model = calibration.model
     errors = np.maximum(calibration.standard_errors, MIN_ERROR * model.units)
     deviations = np.abs(calibration.values - model.start) / errors

@@ -5,7 +5,7 @@ from typing import Any
 
 from klann_ros.dynamics import Dynamics, rods
 from klann_ros.kinematics import KlannGeometry, KlannLeg
-from klann_ros.review.checks.built_leg import crank_motion, torques
+from klann_ros.review.checks.built_leg import crank_motion, drive_torques
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
 from klann_ros.review.model.times import no_series, Series
 from klann_ros.review.reviewing import review_run
@@ -48,12 +48,12 @@ def test_legs_on_one_joint_are_weighed_together() -> None:
     times = (TIMES * 1e9).astype(np.int64) + 1
     efforts = Series(times, times.copy(), np.column_stack([SWING, both]))
     drive = Drive('crank', (0, 1), is_input=True, efforts=efforts)
-    compared = torques(drive, legs)
+    compared = drive_torques(drive, legs)
     assert len(compared.times) > 0.9 * COUNT
     assert np.abs(compared.recorded - compared.expected).max() < 0.01 * np.abs(both).max()
     legs[1] = replace(legs[1], solver=replace(solver, direction=1e300, phase=1e308))
     with np.errstate(over='ignore', invalid='ignore'):
-        assert len(torques(drive, legs).times) == 0
+        assert len(drive_torques(drive, legs).times) == 0
 
 
 def test_rate_and_acceleration_have_honest_errors() -> None:
