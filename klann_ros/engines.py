@@ -116,6 +116,7 @@ class _Task(NamedTuple):
 def _process_map(
     function: _Function, items: Iterable[Any], jobs: int | None, time_limit: float | None
 ) -> _Answers:
+    """Yield the numbered answers of worker processes; the task of a dead worker is retried."""
     new_tasks = (_Task(number, item) for number, item in enumerate(items))
     retries: list[_Task] = []
     workers: list[_Worker] = []
@@ -159,6 +160,7 @@ class _Worker:
         self.send(task)
 
     def _start(self) -> None:
+        """Start the process of the worker, with a pipe to it."""
         self.connection, remote_end = _SERVER.Pipe()
         arguments = (remote_end, self._function)
         self._process = _SERVER.Process(
@@ -250,6 +252,7 @@ def _ray_map(
     time_limit: float | None,
     address: str | None,
 ) -> _Answers:
+    """Yield the numbered answers of Ray's workers, started here unless there is a cluster."""
     # No usage statistics to its makers.
     os.environ.setdefault('RAY_USAGE_STATS_ENABLED', '0')
     import ray  # noqa: PLC0415 - it is optional
@@ -284,6 +287,7 @@ def _ray_answers(
     jobs: int | None,
     time_limit: float | None,
 ) -> _Answers:
+    """Yield the answers of a running Ray as they come, or a TaskError for a task that failed."""
     remote = ray.remote(max_retries=MAX_TRIES - 1)(_call)
     shared = ray.put(function)
     workers = jobs or max(1, int(ray.cluster_resources().get('CPU', 1)))

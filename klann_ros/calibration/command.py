@@ -56,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calibrate(options: argparse.Namespace) -> int:
+    """Calibrate the leg of a run and save the answers; return the exit code."""
     check_installed('scipy')
     files = output_files(
         options, ('output', 'html', 'json'), (options.run, options.leg, options.prior)

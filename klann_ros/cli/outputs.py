@@ -81,6 +81,7 @@ class Output:
 
     @contextmanager
     def _open_temporary(self) -> Iterator[BinaryIO]:
+        """Yield a file that replaces the output when complete; a pipe is written directly."""
         if _is_special(self.path):
             # A pipe without a reader is an error; one with a reader may be slow.
             descriptor = os.open(self.path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)

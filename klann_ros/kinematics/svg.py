@@ -160,6 +160,7 @@ def _pose_shapes(
     view: _View,
     names: dict[tuple[str, str], str],
 ) -> Iterator[str]:
+    """Yield the shapes of a pose: guides, bars, joints, and names."""
     line_direction = iter(directions)
     for body in drawing.bodies:
         if body.line:

@@ -89,6 +89,7 @@ class LiveServer:
         self._log.close()
 
     async def _serve(self) -> None:
+        """Serve until `close`, in the thread of the server."""
         self._loop = asyncio.get_running_loop()
         self._ended = asyncio.Event()
         self._notifier = ChangeNotifier(self._state)
@@ -139,6 +140,7 @@ class LiveServer:
 
     @web.middleware
     async def _checked(self, request: web.Request, handler: _Handler) -> web.StreamResponse:
+        """Answer a request after the checks of its host, site and token."""
         try:
             if len(request.headers.getall('Host', [])) != 1:
                 self._log.count('not exactly one Host header')
@@ -172,6 +174,7 @@ class LiveServer:
         return web.Response(text=text, content_type=content_type)
 
     async def _serve_socket(self, request: web.Request) -> web.StreamResponse:
+        """Serve a page's WebSocket until it is closed."""
         self.guard.check_origin(_single_header(request, 'Origin'), _single_header(request, 'Host'))
         if len(self._clients) >= MAX_CLIENTS:
             return web.Response(status=503, text='too many pages look already\n')
@@ -222,6 +225,7 @@ class LiveServer:
         return web.Response(text=page, content_type='text/html', headers=headers)
 
     async def _send_review(self, request: web.Request) -> web.StreamResponse:
+        """Answer with the page of a run's review, or with a note until it is made."""
         self._check_token(request)
         program = request.match_info.get('program', 'review')
         if program not in PROGRAMS:

@@ -63,6 +63,7 @@ class Playback:
             yield self._pass(begin)
 
     def _pass(self, begin: float) -> Iterator[Message]:
+        """Yield the messages of a pass at their times, the latched ones before it first."""
         log = self._log
         transport = self.transport
         selection = self._selection

@@ -242,6 +242,7 @@ class TypeCheck:
         return max(level, DiagnosticStatus.WARN), f'{message}; {mismatches}'
 
     def _update(self) -> None:
+        """Find the publishers of other types than the subscriptions', and log each."""
         self._mismatches = {}
         for subscription in self._node.subscriptions:
             subscribed_type = type_name(subscription.msg_type)

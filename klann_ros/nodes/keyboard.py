@@ -88,6 +88,7 @@ class Keyboard:
             yield
 
     def _read(self, on_key: Callable[[str], object], on_begin: Callable[[], object]) -> None:
+        """Pass keys on while the process is in the foreground, until the keyboard is closed."""
         # Reading in the background is then an error, and does not stop the process.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTIN})
         has_begun = False

@@ -192,6 +192,7 @@ def usage(groups: Mapping[str, Sequence[Declaration]]) -> str:
 
 
 def _declare(node: Node, parameter: Declaration) -> Any:
+    """Declare a parameter; return its value, or raise a StartError for an invalid one."""
     name = parameter.name
     value = parameter.default
     if name in overrides(node):

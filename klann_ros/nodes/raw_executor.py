@@ -263,6 +263,8 @@ class _ExecutorWatch:
         self._go_on.release()
 
     def _watch(self) -> None:
+        """Wait for ready entities in a thread, and let the loop handle each before the next."""
+
         def is_over() -> bool:
             return self._stopped or self._condition()
 

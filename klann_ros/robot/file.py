@@ -198,6 +198,7 @@ def _names(legs: Any) -> Sequence[str]:
 def _leg(
     name: str, parameters: Mapping[str, Any], folders: Sequence[Path], *, weigh: bool
 ) -> RobotLeg:
+    """Return a leg by its parameters, its masses too if they are to be weighed."""
     prefix = f'{name}.' if name else ''
     try:
         linkage, description, file = _linkage(parameters, folders)

@@ -230,6 +230,7 @@ class _Compiler:
             self._dyad_of |= dict.fromkeys(group, k)
 
     def program(self, links: bool, gradients: Sequence[str], *, rates: bool) -> Program:
+        """Record the operations of all outputs; return them as a program."""
         for k, group in enumerate(self._structure.groups):
             # M = W_a u_a + W_b u_b is minus the rest of the loop.
             path = Path((), ()).plus(self._structure.dyad_loop(k), -1)

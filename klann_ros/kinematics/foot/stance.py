@@ -202,6 +202,7 @@ def _join_adjacent(contacts: list[_Contact]) -> list[_Contact]:
 
 
 def _stance(contact: _Contact, ground: float) -> Stance:
+    """Return the figures of a contact as a stance."""
     track, t_0, t_1, sign, _ = contact
     start = track.span.alpha(t_0)
     duration = track.span.alpha(t_1) - start

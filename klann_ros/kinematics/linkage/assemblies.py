@@ -136,6 +136,7 @@ def _poses_of_dyads(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
 
 
 def _poses_of_coupled_loops(linkage: Linkage, alpha: float) -> Iterator[LinkagePose]:
+    """Yield the distinct poses that Newton-Raphson finds from many guesses."""
     solutions: list[FloatArray] = []
     for guess in _guesses(linkage):
         x = _newton(linkage, alpha, guess)

@@ -157,6 +157,7 @@ def content_with_numbers(text: str, linkage: Linkage) -> Any:
 
 
 def _linkage(content: Any) -> Linkage:
+    """Return the linkage of a file's content; a GeometryError says what is wrong in it."""
     problem = schema_error(content)
     if problem:
         raise GeometryError(problem)

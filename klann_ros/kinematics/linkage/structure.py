@@ -450,6 +450,7 @@ def _opposite_brace(brace: Brace | None) -> Brace | None:
 
 
 def _check_body(body: Body) -> None:
+    """Raise a GeometryError unless each bar of a body starts at one of its points."""
     _require(bool(body.bars), f'body {body.angle} has no bars')
     line = body.bars[0]
     points = [line.end if body.slides else line.start]

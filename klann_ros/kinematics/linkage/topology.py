@@ -130,6 +130,7 @@ def _count_loops(graph: _Graph, bodies: Iterable[int]) -> int:
 
 
 def _check_connected(graph: _Graph) -> None:
+    """Raise a GeometryError if a body is connected to no pivot."""
     if len(graph.bodies) > MAX_BODIES:
         msg = f'there are {len(graph.bodies)} bodies: more than {MAX_BODIES} are not solved'
         raise GeometryError(msg)

@@ -116,6 +116,7 @@ def decompress(
 def _unpack(
     pieces: _Decompressor, data: Bytes, size: int, crc: int, budget: DecompressionBudget
 ) -> Bytes:
+    """Return the unpacked data, within the limits of its size and of the budget."""
     packed = len(data)
     limit = min(max(MIN_LIMIT, MAX_RATIO * packed), budget.allowed(packed))
     memory = memory_limit() if size > MIN_LIMIT else MIN_LIMIT

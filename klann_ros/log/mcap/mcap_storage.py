@@ -243,6 +243,7 @@ class McapStorage:
         return b''
 
     def _batches(self) -> list[_Batch]:
+        """Return the chunks of the index, or what the survey found without one."""
         if not self.summary.is_index:
             return self._survey.batches
         head_size = records.RECORD_HEAD.size

@@ -115,6 +115,7 @@ class RecordCheck:
         return self._last[1]
 
     def _payload(self, span: records.RecordSpan) -> Payload:
+        """Return how well the content of a record fits its opcode and length."""
         end = records.fields_end(self._file, span)
         if end is None or not records.is_known(span.opcode):
             return Payload.INVALID

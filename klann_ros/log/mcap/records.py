@@ -257,6 +257,7 @@ def check_data(file: BinaryIO, end: RecordSpan) -> bool:
 
 
 def _check_crc(file: BinaryIO, start: int, end: int, declared: int, name: str) -> None:
+    """Raise a DamagedError if a part of the file has another CRC than the declared one."""
     _check_written(file, start, end, name)
     if not declared:
         return

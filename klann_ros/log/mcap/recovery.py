@@ -270,6 +270,7 @@ class RecordScan:
         return content
 
     def _note_place(self, span: RecordSpan) -> None:
+        """Note a record outside of chunks, or lose it if it does not belong there."""
         if span.opcode == Opcode.DATA_END:
             self._data_end = self._data_end or span
         elif span.opcode == Opcode.METADATA:

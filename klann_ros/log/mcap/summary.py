@@ -82,6 +82,7 @@ class Channels:
         return topics
 
     def _make_topic(self, number: int) -> Topic | None:
+        """Return the topic of a channel; None if its record or its schema is missing."""
         channel = self._channels.get(number)
         if channel is None:
             return None

@@ -104,6 +104,7 @@ def open_storage(path: Path) -> Storage:
 
 
 def _open_plain(path: Path, start: bytes) -> Storage:
+    """Open a file that is not compressed, by its first bytes or its suffix."""
     open_format = _opener(start)
     if open_format is not None:
         return open_format(path, None)

@@ -98,6 +98,7 @@ class SqliteStorage:
         self._channels = {topic: channel for channel, topic in enumerate(self.description.topics)}
 
     def _apply_journals(self, path: Path) -> None:
+        """Read a copy with the journals of a database that was not closed, if there are any."""
         suffixes = [
             suffix
             for suffix, magics in _JOURNAL_MAGICS.items()

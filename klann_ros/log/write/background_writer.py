@@ -153,6 +153,7 @@ class BackgroundWriter:
             on_failure()
 
     def _write_all(self, flush_period: float) -> None:
+        """Write queued messages, flush and split, in the thread of the writer, until it closes."""
         batch_period = min(_BATCH_PERIOD, flush_period / 2.0)
         due = monotonic() + flush_period
         while not self._closing:

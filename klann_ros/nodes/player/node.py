@@ -143,6 +143,7 @@ class PlayerNode(ProcessNode):
         return 0
 
     def _play(self) -> None:
+        """Publish the log pass by pass, in the thread of the playback."""
         try:
             self._stopped.wait(self._delay)
             for messages in self._playback.passes():
@@ -182,6 +183,7 @@ class PlayerNode(ProcessNode):
         return summary
 
     def _warn(self, options: argparse.Namespace) -> None:
+        """Log what of the log or of the options has no effect."""
         warnings = [self._log.problem] if self._log.problem else []
         if self._log.times.impossible_count:
             warnings.append(f'{self._log.times}; such messages are not played')

@@ -210,6 +210,7 @@ class _JudgeThread:
         self._thread.join()
 
     def _run(self) -> None:
+        """Evaluate each request, in the thread of the review, for a fixed share of a CPU."""
         had_findings = False
         while not self._stopped.is_set():
             self._requested.wait()
@@ -231,6 +232,7 @@ class _JudgeThread:
             self._requested.clear()
 
     def _evaluate(self) -> list[LiveFinding]:
+        """Return the findings of the messages and the context that came since the last request."""
         if self.must_reset:
             self.must_reset = False
             self._judge.reset()

@@ -271,6 +271,7 @@ def _open_writer(
     on_failure: Callable[[], object] = lambda: None,
     capacity: int = QUEUE_CAPACITY,
 ) -> tuple[RunWriter, BackgroundWriter]:
+    """Open the run in a folder; return its writer, and the queue in front of it."""
     check_free_space(path, values['min_free_space'])
     run = RunWriter(
         path,

@@ -187,6 +187,7 @@ class TopicWatch:
         return _topics_and_types(self._node), counts
 
     def _update(self) -> None:
+        """Record new topics, and adapt those whose publishers have changed."""
         stalls = self._thread.stalls
         while stalls:
             self._on_stall(stalls[0])
@@ -227,6 +228,7 @@ class TopicWatch:
             self._warn(f'{name} is not recorded: {ros_error(error)}')
 
     def _subscribe(self, name: str) -> None:
+        """Record a topic by its publishers, unless there is none or its types are refused."""
         publishers = self._publishers(name)
         publishers = [p for p in publishers if (name, p.topic_type) not in self._refused]
         if not publishers:

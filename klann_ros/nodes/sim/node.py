@@ -360,6 +360,7 @@ class RobotOutputs:
         self._imus.publish(self._imu)
 
     def _publish_cranks(self, stamp: TimeMessage, commands: Mapping[str, float]) -> None:
+        """Publish the home switches and the readings of the encoders, with injected faults."""
         measured = self._twin.cranks()
         for joint, switch in self._switches.items():
             angle = measured[joint].position - self._encoder_offset

@@ -117,6 +117,7 @@ class CrankInputs:
             self._answer(dict.fromkeys(self._joints, crank), (0, 0), info)
 
     def _on_crank_state(self, topic: CrankTopic, index: int, data: bytes, info: Info) -> None:
+        """Answer the crank angles of a message; those of another joint are rejected."""
         source = self._states[index]
         source.count(info)
         try:

@@ -158,6 +158,7 @@ class LegMarkers:
         self._publisher.publish(markers)
 
     def _fixed_parts(self, leg: DrivenLeg, stamp: Time) -> list[Marker]:
+        """Return the markers of a leg that stay: the path of its foot, and its pivots."""
         try:
             path = foot_path(leg.leg)
             pose = leg.leg.closed_form(float(path.alphas[0]))
@@ -176,6 +177,7 @@ class LegMarkers:
         return [line, pivots]
 
     def _moving_parts(self, leg: DrivenLeg, pose: LinkagePose, stamp: Time) -> list[Marker]:
+        """Return the markers of a pose: its joints, and the bars of each body."""
         drawing = PoseDrawing.of(pose)
         points = list(drawing.points.values())
         x_values, y_values = zip(*points, strict=True)

@@ -204,6 +204,7 @@ class SolverDiagnostics:
         self._missing_arcs = [_missing_arcs(leg.leg.reachable_arcs()) for leg in self._legs]
 
     def _report(self) -> None:
+        """Publish the state of each leg as diagnostics."""
         now = monotonic()
         lost = self._inputs.lost
         input_problem = _input_problem(lost - self._lost_reported, self._inputs.sources())

@@ -238,6 +238,7 @@ class Drives:
         answer(True, '')
 
     def _run_command(self, leased: _LeasedDrive, page: int, command: Command) -> None:
+        """Run a command of a page; a DriveError says why it is not possible."""
         drive = leased.drive
         now = monotonic()
         if command.command == 'take':
@@ -259,6 +260,7 @@ class Drives:
             raise DriveError(f'a {leased.offer.kind} does not {command.command}')
 
     def _take(self, leased: _LeasedDrive, page: int, now: float) -> None:
+        """Give a drive to a page; its commands begin when other publishers have yielded."""
         drive = leased.drive
         previous_owner = drive.owner
         if previous_owner == page:

@@ -156,6 +156,7 @@ class LiveState(PageState):
         self._run_soon(work, answer)
 
     def _operate_machine(self, command: Command, answer: Answer) -> None:
+        """Call a service of a recorder or a player, or set a parameter of a player."""
         machine = next((m for m in self._machines if m.node == command.target), None)
         if machine is None:
             answer(False, 'that node has gone')
@@ -202,6 +203,7 @@ class LiveState(PageState):
         self._update_legs()
 
     def _update(self) -> None:
+        """Follow the graph: subscriptions, solvers, legs, drives and machines."""
         is_settled = monotonic() - self._began > _FIRST_TIME
         if is_settled and self._timer.timer_period_ns < _UPDATE_PERIOD * 1e9:
             self._timer.timer_period_ns = int(_UPDATE_PERIOD * 1e9)
@@ -219,6 +221,7 @@ class LiveState(PageState):
         self.set_part('topics', [by_name[name].as_data() for name in sorted(by_name)])
 
     def _update_legs(self) -> None:
+        """Set the legs of the page by the solvers that publish them."""
         page_legs: list[_PageLeg] = []
         solvers: dict[str, LiveSolver] = {}
         topics = self._subscriptions.of_kind(JOINT_STATE_TYPE)
@@ -281,6 +284,7 @@ class LiveState(PageState):
         return _described_solvers(tuple(texts))
 
     def _update_drives(self, topics: Names) -> None:
+        """Offer the drives of the solvers' cranks and of the walkers."""
         if self._read_only:
             return
         self._crank_topics = {node: self._graph.crank_topics(node) for node in self._solvers}

@@ -204,6 +204,7 @@ class WalkerNode(ProcessNode):
         self._log(f'odom goes on at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad')
 
     def _on_cmd_vel(self, message: bytes, info: Info) -> None:
+        """Give a commanded velocity to the controller, and log the reason of a refusal."""
         try:
             twist = read_twist(message, stamped=self._parameter_values['stamped_cmd_vel'])
         except ValueError as error:
@@ -255,6 +256,7 @@ class WalkerNode(ProcessNode):
             self._pacer.on_feedback(now)
 
     def _on_imu(self, message: bytes, info: Info) -> None:
+        """Give a reading of the IMU to the odometry."""
         try:
             imu = self._imu.read(message)
         except ValueError as error:

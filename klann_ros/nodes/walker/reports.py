@@ -77,6 +77,7 @@ class WalkerReports:
         self._node.get_logger().warning(printable_line('; '.join(texts) + more))
 
     def _publish(self) -> None:
+        """Publish the state of the walker as diagnostics, and warn once of each trouble."""
         now = self._clock.now()
         level, message = self._walker.verdict(now)
         figures = self._walker.values(now)
