@@ -224,10 +224,11 @@ def _decimal(cell: str) -> float:
 def _svg_points(text: str) -> ComplexArray:
     """Return the first path of an SVG file, y up, without the transforms of its groups."""
     # Not parsed as XML, whose entities can grow without bound.
-    paths = re.findall(r'<path\b[^>]*?\sd\s*=\s*(?:"([^"]*)"|\'([^\']*)\')', text)
-    if not paths:
-        raise ValueError('the SVG has no path')
-    return np.conj(np.array(_svg_path(next(filter(None, paths[0]), '')), dtype=np.complex128))
+    for attributes in re.findall(r'<path\b([^>]*)', text):
+        if data := re.search(r'\sd\s*=\s*(?:"([^"]*)"|\'([^\']*)\')', attributes):
+            points = _svg_path(data[1] or data[2] or '')
+            return np.conj(np.array(points, dtype=np.complex128))
+    raise ValueError('the SVG has no path')
 
 
 def _svg_path(d: str) -> list[complex]:

@@ -150,6 +150,8 @@ def test_an_arc_of_an_svg_is_a_circle(tmp_path: Path) -> None:
         ('a.svg', '<path d="10 10"/>', 'must start with a moveto'),
         ('a.svg', '<path d="M0 0 \x1b[31m"/>', 'the path of the SVG'),
         ('a.svg', '<path d="M0 0 L1e999 0 1 1"/>', 'not finite'),
+        # In time proportional to its length.
+        ('a.svg', '<path ' * 100_000, 'has no path'),
         ('a.svg', '<path d="M0 0 M1 1 M2 2"/>', '1 points'),
     ],
 )
