@@ -41,8 +41,8 @@ _PARAMETERS = 'ros__parameters'
 _OF_ROBOT = {*NUMBERS, 'assembly', 'legs', 'linkage', 'linkage_description'}
 # Keys of a crank joint, `cranks.JOINT.KEY`.
 OF_CRANK = tuple(field.name for field in fields(CrankDrive))
-# Wildcards of a section's name, as patterns of node names.
-_WILDCARDS = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
+# Sections of a parameter file, characters of a name in ROS, and legs of a robot.
+_MAX_SECTIONS, _MAX_NAME, _MAX_LEGS = 200, 255, 100
 
 
 class RobotFileError(ValueError):
@@ -174,8 +174,15 @@ def of_leg(parameters: Mapping[str, Any], name: str) -> dict[str, Any]:
     return leg_parameters
 
 
+def _check_length(name: str) -> None:
+    """Refuse a longer name than ROS has: of many nested ones, each is as long as all before."""
+    if len(name) > _MAX_NAME:
+        raise ValueError(f'{printable(name, 100)} is no name in ROS')
+
+
 def _flat(parameters: Mapping[Any, Any], prefix: str = '') -> dict[str, Any]:
     """Return nested parameters under their names with dots."""
+    _check_length(prefix)
     flat: dict[str, Any] = {}
     for name, parameter in parameters.items():
         if isinstance(parameter, Mapping):
@@ -189,8 +196,8 @@ def _names(legs: Any) -> Sequence[str]:
     """Return the names of the legs; [''] is the unnamed one, as ROS has no empty lists."""
     names = [name for name in legs if name != ''] if isinstance(legs, list | tuple) else []
     are_names = all(isinstance(name, str) and _NAME.fullmatch(name) for name in names)
-    if not are_names or len(set(names)) < len(names):
-        allowed = 'names of letters, digits and _, a letter first, each once'
+    if not are_names or len(set(names)) < len(names) or len(names) > _MAX_LEGS:
+        allowed = f'up to {_MAX_LEGS} names of letters, digits and _, a letter first, each once'
         raise ValueError(refusal('legs', names, allowed))
     return names or ('',)
 
@@ -217,7 +224,9 @@ def _leg(
         raise ValueError(refusal(f'{prefix}mount_rpy', list(rpy), allowed))
     phase = _number(parameters, 'phase', 0.0, prefix)
     warn_of_angle(f'{prefix}phase', phase)
-    joint = str(parameters.get('crank_joint') or 'crank')
+    joint = parameters.get('crank_joint') or 'crank'
+    if not isinstance(joint, str) or not joint.isprintable():
+        raise ValueError(refusal(f'{prefix}crank_joint', joint, 'a text of printable characters'))
     mount = Mount(xyz, rpy)
     return RobotLeg(name, linkage, joint, phase, int(direction), mount, masses, description, file)
 
@@ -312,6 +321,8 @@ def solver_parameters(document: Any) -> dict[str, Any]:
     sections = list(_sections(document, ''))
     if not sections:
         return _flat(document)
+    if len(sections) > _MAX_SECTIONS:
+        raise ValueError(f'it has {len(sections)} sections of nodes, more than {_MAX_SECTIONS}')
     # Each name once, in the order of the file.
     node_names = list(dict.fromkeys(name for name, _ in sections if '*' not in name))
     solver_names = [name for name in node_names if name.endswith(_SOLVER_NODE)]
@@ -329,26 +340,37 @@ def solver_parameters(document: Any) -> dict[str, Any]:
 def _sections(document: Mapping[Any, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield each section's full name and parameters; namespaces may be nested."""
     for key, section in document.items():
-        name = f'{prefix}/{str(key).strip("/")}'
         if not isinstance(section, dict):
             continue
+        name = f'{prefix}/{str(key).strip("/")}'
+        _check_length(name)
         nested = dict(section)
         parameters = nested.pop(_PARAMETERS, None)
         if isinstance(parameters, dict):
-            yield name, parameters
+            yield name, _flat(parameters)
         yield from _sections(nested, name)
 
 
 def _parameters(sections: list[tuple[str, Mapping[str, Any]]], node: str) -> dict[str, Any]:
     """Return the parameters of a node by its full name."""
     node_parameters: dict[str, Any] = {}
-    for name, section in sections:
-        pattern = ''
-        for token in name.split('/')[1:]:
-            pattern += _WILDCARDS.get(token, re.escape(f'/{token}'))
-        if re.fullmatch(pattern, node):
-            node_parameters |= _flat(section)
+    for pattern, parameters in sections:
+        if _matches(pattern, node):
+            node_parameters |= parameters
     return node_parameters
+
+
+def _matches(pattern: str, node: str) -> bool:
+    """Return whether a section's name, with the wildcards * and **, matches a node's full name."""
+    tokens = node.split('/')[1:]
+    # Numbers of tokens that the pattern matches so far.
+    counts = {0}
+    for wanted in pattern.split('/')[1:]:
+        if wanted == '**':
+            counts = set(range(min(counts, default=len(tokens) + 1), len(tokens) + 1))
+        else:
+            counts = {n + 1 for n in counts if wanted == '*' or tokens[n : n + 1] == [wanted]}
+    return len(tokens) in counts
 
 
 def _defines_robot(parameters: Mapping[str, Any]) -> bool:

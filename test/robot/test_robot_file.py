@@ -4,7 +4,7 @@ from math import pi
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
-from klann_ros.robot import CrankDrive, robot_from_file, robot_of, RobotFileError
+from klann_ros.robot import CrankDrive, robot_from_file, robot_of, RobotFileError, solver_parameters
 import numpy as np
 import pytest
 
@@ -76,6 +76,16 @@ def test_a_preset_has_the_masses_of_its_parameter_file(name: str) -> None:
         ('l_ab: 0.12\ncranks: {crank: {motor_ratio: 0.0}}', 'not 0'),
         ('l_ab: 0.12\ncranks: {crank: {zero: .nan}}', 'finite'),
         ('linkage: not_there.yaml', 'not_there.yaml'),
+        ('l_ab: 0.12\ncrank_joint: "\\u202ea"', 'crank_joint = .* must be a text of printable'),
+        ('l_ab: 0.12\ncrank_joint: [a]', 'crank_joint = .* must be a text of printable'),
+        ('l_ab: 0.12\ncrank_joint: "\\x1b"', 'is a character that YAML does not allow'),
+        ('linkage: ~nosuchuser/x', 'nosuchuser/x is in the home folder of no user here'),
+        (
+            ''.join(f'n{n}: {{ros__parameters: {{l_ab: 0.12}}}}\n' for n in range(201)),
+            '201 sections of nodes, more than 200',
+        ),
+        (f'{"/a" * 200}: {{ros__parameters: {{l_ab: 0.12}}}}', 'is no name in ROS'),
+        (f'legs: [{", ".join(f"l{n}" for n in range(101))}]', 'up to 100 names'),
     ],
 )
 def test_an_invalid_robot_is_refused_in_one_line(text: str, reason: str, tmp_path: Path) -> None:
@@ -104,3 +114,27 @@ def test_a_file_has_encoder_and_motor_of_each_crank(tmp_path: Path) -> None:
         by_encoder = leg.encoder_direction * -2.0 + leg.encoder_phase
         angle = leg.drive.measured(-2.0, None)[0]
         assert by_encoder == pytest.approx(float(leg.crank_angles(angle)))
+
+
+@pytest.mark.parametrize(
+    ('section', 'is_for_it'),
+    [
+        ('/**', True),
+        ('/**/solver_node', True),
+        ('/a/*/solver_node', True),
+        ('/a/**/solver_node', True),
+        ('/a/b/**/solver_node', True),
+        ('/*/solver_node', False),
+        ('/a/*', False),
+        ('/*/*/*/*', False),
+        ('/b/**', False),
+        ('/a/b/solver_node/**', True),
+        # A pattern with many wildcards takes no longer.
+        ('/**' * 60, True),
+        ('/**' * 60 + '/x', False),
+    ],
+)
+def test_sections_with_wildcards_apply_as_in_ros(section: str, is_for_it: bool) -> None:
+    first = {'ros__parameters': {'l_ab': 0.12}}
+    document = {'/a/b/solver_node': first, section: {'ros__parameters': {'l_ab': 0.13}}}
+    assert solver_parameters(document) == {'l_ab': 0.13 if is_for_it else 0.12}
