@@ -56,8 +56,8 @@ def parse(text: str) -> Any:
     """
     Return the content of a user's YAML text; a YamlError for an invalid one.
 
-    Anchors and aliases, duplicate keys, numbers that are not finite, and more than MAX_FILE_SIZE
-    characters or MAX_NESTING levels are refused.
+    Anchors and aliases, duplicate keys, control characters, numbers that are not finite, and more
+    than MAX_FILE_SIZE characters, 100,000 entries or MAX_NESTING levels are refused.
     """
     if len(text) > MAX_FILE_SIZE:
         raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
@@ -162,8 +162,33 @@ for _kind in ('int', 'float'):
     _PlainLoader.add_constructor(f'tag:yaml.org,2002:{_kind}', _construct)
 
 
-class _UserLoader(_PlainLoader):
-    """A loader that refuses aliases, which may grow without bound, and duplicate keys."""
+class _WeighingLoader(_PlainLoader):
+    """A loader that counts nodes as often as they are referenced: aliases may nest."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._weight = 0
+        self._weights: dict[yaml.Node, int] = {}
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        start_weight = self._weight
+        node = super().compose_node(parent, index)
+        if node is None:
+            return None
+        if node in self._weights:
+            self._weight += self._weights[node]
+        else:
+            size = len(node.value) if isinstance(node, yaml.ScalarNode) else 0
+            self._weight += 1 + size // _CHARACTERS_A_NODE
+            self._weights[node] = self._weight - start_weight
+        if self._weight > _MAX_WEIGHT:
+            problem = f'it unfolds to more than {_MAX_WEIGHT} entries'
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+        return node
+
+
+class _UserLoader(_WeighingLoader):
+    """A loader that refuses anchors, duplicate keys, and control characters behind escapes."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -181,6 +206,13 @@ class _UserLoader(_PlainLoader):
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
+
+    def construct_scalar(self, node: yaml.ScalarNode) -> Any:
+        text = super().construct_scalar(node)
+        if character := self.NON_PRINTABLE.search(text):
+            problem = f'{printable(character[0])} is a character that YAML does not allow'
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+        return text
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = set()
@@ -211,27 +243,3 @@ def _check_finite(content: Any, place: str) -> None:
             _check_finite(branch, f'{place}[{i}]')
     elif isinstance(content, float) and not isfinite(content):
         raise YamlError(f'{place.lstrip(".")}: {content} must be a finite number')
-
-
-class _WeighingLoader(_PlainLoader):
-    """A loader that counts nodes as often as they are referenced: aliases may nest."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._weight = 0
-        self._weights: dict[yaml.Node, int] = {}
-
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        start_weight = self._weight
-        node = super().compose_node(parent, index)
-        if node is None:
-            return None
-        if node in self._weights:
-            self._weight += self._weights[node]
-        else:
-            size = len(node.value) if isinstance(node, yaml.ScalarNode) else 0
-            self._weight += 1 + size // _CHARACTERS_A_NODE
-            self._weights[node] = self._weight - start_weight
-        if self._weight > _MAX_WEIGHT:
-            raise yaml.YAMLError(f'it unfolds to more than {_MAX_WEIGHT} entries')
-        return node
