@@ -12,7 +12,8 @@ from klann_ros.sanitize.text import listed, printable
 DELIMITERS = ',;\t'
 # First bytes of .xlsx and .ods.
 WORKBOOK = b'PK\x03\x04'
-_FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r')
+# The last four are the first in the full width of Chinese and Japanese.
+_FORMULA_STARTS = ('=', '+', '-', '@', '\t', '\r', '\n', '\uff1d', '\uff0b', '\uff0d', '\uff20')
 
 
 class TableRow(NamedTuple):

@@ -13,6 +13,7 @@ from klann_ros.cli import (
     Output,
     output_errors,
     output_files,
+    OutputError,
     path,
     save_all,
 )
@@ -61,6 +62,7 @@ def _make(options: argparse.Namespace) -> int:
     template = Output('-o', str(folder / f'{kind.name}_answers.csv'))
     for place in (*places, template):
         with output_errors('-o', options.output):
+            _check_parents(Path(place.path).relative_to(folder), folder)
             Path(place.path).parent.mkdir(parents=True, exist_ok=True)
         place.check([options.students])
     is_filled = has_answers(template.path)
@@ -75,6 +77,13 @@ def _make(options: argparse.Namespace) -> int:
     note = 'kept: it has answers' if is_filled else 'to be filled in for exercise mark'
     print(f'  {kind.name}_answers.csv  ({note})')
     return 0
+
+
+def _check_parents(name: Path, folder: Path) -> None:
+    """Raise an OutputError if a file's path in the folder leads through a link."""
+    for parent in name.parents:
+        if parent.name and (folder / parent).is_symlink():
+            raise OutputError(f'{printable(parent)} in it is a link, which is not followed')
 
 
 def _mark(options: argparse.Namespace) -> int:

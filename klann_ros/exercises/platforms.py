@@ -25,6 +25,14 @@ Files = dict[str, bytes]
 # Answers of a Moodle question at most; marks that end a part of a Cloze field.
 MAX_ALTERNATIVES = 14
 NOT_IN_CLOZE = re.compile(r'[}#~\\]')
+# Names of devices, which are no files in Windows, whatever their ending.
+DEVICES = (
+    'con',
+    'prn',
+    'aux',
+    'nul',
+    *(f'{port}{n}' for port in ('com', 'lpt') for n in range(10)),
+)
 NOT_IN_NAMES = re.compile(r'[^A-Za-z0-9-]+')
 
 
@@ -247,11 +255,12 @@ def notebooks(variants: Sequence[Variant], language: str) -> Files:
     for question in kind.questions:
         test = _filled('otter_test', question=question.name, **words)
         files[f'{kind.name}/tests/{question.name}.py'] = test.encode()
-    used_names: set[str] = set()
+    used_names = {*DEVICES}
     for k, variant in enumerate(variants, 1):
         name = NOT_IN_NAMES.sub('', variant.student) or f'student{k}'
         # Small and capital letters are the same name to some file systems.
-        path = f'{kind.name}/{name}{f"_{k}" if name.casefold() in used_names else ""}.ipynb'
+        suffix = f'_{k}' if name.casefold() in used_names else ''
+        path = f'{kind.name}/{name}{suffix}.ipynb'
         used_names.add(name.casefold())
         files[path] = f'{json.dumps(notebook(variant, language), indent=1)}\n'.encode()
     return files

@@ -6,7 +6,7 @@ import re
 from typing import BinaryIO
 
 from klann_ros.cli import harmless, read_table, TableRow, write_table
-from klann_ros.sanitize.text import listed, printable
+from klann_ros.sanitize.text import listed, MAX_LINE_LENGTH, printable
 
 from .marking import mark, Marks
 from .variant import ExerciseError, Kind, look_up, make_variant
@@ -36,7 +36,7 @@ def read_students(path: str) -> dict[str, str]:
         if number in names:
             repeated.append(number)
         columns = [column for column in cells if column.casefold() == 'name']
-        names[number] = cells[columns[0]].strip() if columns else ''
+        names[number] = printable(cells[columns[0]].strip()) if columns else ''
     if not 0 < len(names) <= MAX_STUDENTS:
         raise ExerciseError(
             f'{printable(path)} has {len(names)} students: 1 to {MAX_STUDENTS} are possible'
@@ -136,6 +136,7 @@ def _save(heads: Sequence[str], lines: Iterable[Sequence[str]], file: BinaryIO) 
 
 
 def _cell(text: str) -> str:
-    """Return a cell; a number with a sign is no formula."""
-    number = text.lstrip('+-').replace(',', '.', 1)
-    return text if number.replace('.', '', 1).isdigit() else harmless(text)
+    """Return a cell without control characters; a number with a sign is no formula."""
+    if re.fullmatch(r'[+-]?\d+(?:[.,]\d+)?', text, re.ASCII):
+        return text
+    return harmless(printable(text, MAX_LINE_LENGTH))

@@ -153,6 +153,9 @@ def test_hostile_answers_are_marked_and_harmless(tmp_path: Path, capsys: Capture
         '1e400',
         '1;2',
         '\u202e12',
+        '\uff1d1+1',
+        '\n=1+1',
+        '+1+1',
     ]
     path = tmp_path / 'answers.csv'
     marks = tmp_path / 'marks.csv'
@@ -168,7 +171,22 @@ def test_hostile_answers_are_marked_and_harmless(tmp_path: Path, capsys: Capture
     assert max(map(len, shown.splitlines())) < 150
     first = [line for line in read_csv(marks) if line['question'] == 'Z']
     assert [line['points'] for line in first] == ['0'] * len(hostile)
-    assert not any(line['answer'].startswith(('=', '@')) for line in first)
+    assert not any(line['answer'].startswith(('=', '@', '+1+', '\uff1d')) for line in first)
+    assert not set('\x1b\u202e\x00') & set(marks.read_text('utf-8'))
+
+
+@pytest.mark.parametrize('kind', ['prairielearn', 'notebook'])
+def test_nothing_is_written_through_a_link(
+    students: Path, tmp_path: Path, kind: str, capsys: Capture
+) -> None:
+    elsewhere = tmp_path / 'elsewhere'
+    elsewhere.mkdir()
+    out = tmp_path / 'out'
+    out.mkdir()
+    (out / 'toggle').symlink_to(elsewhere)
+    assert make(students, out, 'toggle', '--format', kind) == 3
+    assert 'toggle in it is a link' in capsys.readouterr().err
+    assert not any(elsewhere.iterdir())
 
 
 @pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'cp1252'])

@@ -160,11 +160,25 @@ def test_check_gives_the_reason() -> None:
 
 
 def test_a_file_name_is_never_the_students_own_path() -> None:
-    students = ['../../etc/passwd', '..', '/', '1/2', '12', 'a1', 'A1']
+    students = [
+        '../../etc/passwd',
+        '..',
+        '/',
+        '1/2',
+        '12',
+        'a1',
+        'A1',
+        'CON',
+        'nul',
+        'Com1',
+        '/aux',
+    ]
     toggles = [make_variant(KINDS['toggle'], student) for student in students]
     names = [name for name in platforms.notebooks(toggles, 'en') if name.endswith('.ipynb')]
     assert len({name.casefold() for name in names}) == len(students)
     assert all(re.fullmatch(r'toggle/[\w-]+\.ipynb', name) for name in names)
+    devices = {'con', 'nul', 'com1', 'aux'}
+    assert devices.isdisjoint(Path(name).stem.casefold() for name in names)
 
 
 def test_without_a_browser_the_pdf_is_refused_in_one_line(
