@@ -333,6 +333,8 @@ def test_a_refused_number_is_explained_and_changes_nothing(lab: Opened) -> None:
     assert refusal(0, '0') == 'Refused: A-B = 0 mm: a length must be > 0'
     assert refusal(0, '-5') == 'Refused: A-B = -5 mm: a length must be > 0'
     assert refusal(0, '1e300').startswith('Refused: A-B = 1e+300 mm: it must be within')
+    assert refusal(0, '9' * 5000).startswith('Refused: 9999')
+    assert refusal(0, f'120.{"0" * 5000}').startswith('Refused: 120.000')
     assert refusal(0, '1,5') == ('Refused: 1,5 is not a number: write a decimal point, as in 12.5')
     assert refusal(0, '1x') == 'Refused: 1x is not a number'
     assert refusal(3, '400') == (

@@ -1,6 +1,8 @@
 'use strict';
 /* Numbers that are typed and shown as the page's language writes them. */
 
+const MAX_DECIMAL_LENGTH = 40;
+
 /** Return the number of a typed text; null while it is incomplete, a Refusal if it is none. */
 function decimalOf(text) {
   const plain = text.trim().replace(/[\u2212\u2013]/g, '-');
@@ -9,11 +11,12 @@ function decimalOf(text) {
   const isNumber = new RegExp(`^[-+]?(\\d+\\${mark}?\\d*|\\${mark}\\d+)(e[-+]?\\d+)?$`, 'i').test(
     plain,
   );
-  if (!isNumber) {
+  const number = Number(plain.replace(',', '.'));
+  if (!isNumber || plain.length > MAX_DECIMAL_LENGTH || !Number.isFinite(number)) {
     const key = plain.includes(other) ? 'wrongSeparator' : 'noNumber';
     throw new Refusal(TEXTS.en[key](printable(plain)), TEXTS.pt[key](printable(plain)));
   }
-  return Number(plain.replace(',', '.'));
+  return number;
 }
 
 /** A text field with a number, which the arrow keys change by 1, with shift by 10. */
@@ -30,7 +33,7 @@ class DecimalField {
       autocomplete: 'off',
     });
     this.input.className = 'decimal';
-    this.input.maxLength = 40;
+    this.input.maxLength = MAX_DECIMAL_LENGTH;
     this.input.addEventListener('input', () => {
       lab.begin();
       lab.attempt(() => {

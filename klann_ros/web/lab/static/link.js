@@ -75,6 +75,7 @@ function openLink(lab, fragment) {
       `${key} has ${values.length} numbers instead of ${units.length}`,
       `${key} tem ${values.length} números em vez de ${units.length}`,
     );
+    refuse(values.every(Number.isFinite), `${key} is too large`, `${key} é grande demais`);
     return values.map((value, n) => value * units[n]);
   };
   refuse(
