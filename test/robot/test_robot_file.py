@@ -4,7 +4,13 @@ from math import pi
 from pathlib import Path
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
-from klann_ros.robot import CrankDrive, robot_from_file, robot_of, RobotFileError, solver_parameters
+from klann_ros.robot import (
+    CrankDrive,
+    robot_from_file,
+    robot_of,
+    RobotFileError,
+    solver_parameters,
+)
 import numpy as np
 import pytest
 
