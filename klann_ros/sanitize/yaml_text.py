@@ -207,7 +207,7 @@ class _UserLoader(_WeighingLoader):
         self._depth -= 1
         return node
 
-    def construct_scalar(self, node: yaml.ScalarNode) -> Any:
+    def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
         text = super().construct_scalar(node)
         if character := self.NON_PRINTABLE.search(text):
             problem = f'{printable(character[0])} is a character that YAML does not allow'
