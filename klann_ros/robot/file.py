@@ -369,7 +369,8 @@ def _matches(pattern: str, node: str) -> bool:
         if wanted == '**':
             counts = set(range(min(counts, default=len(tokens) + 1), len(tokens) + 1))
         else:
-            counts = {n + 1 for n in counts if wanted == '*' or tokens[n : n + 1] == [wanted]}
+            inside = (n for n in counts if n < len(tokens))
+            counts = {n + 1 for n in inside if wanted in {'*', tokens[n]}}
     return len(tokens) in counts
 
 
