@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     )
     from .known_types import (
         ANGLE_TYPES,
+        ARRAY_TYPES,
         CLOCK,
         DIAGNOSTICS,
         FLOAT32,
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
         IMU,
         INT32,
         JOINT_STATE,
+        JOINT_TRAJECTORY,
+        KEY_VALUE,
         MARKER,
         MESSAGE_TYPES,
         ODOMETRY,

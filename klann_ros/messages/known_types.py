@@ -9,6 +9,7 @@ from .message_type import MessageType
 
 _XYZ = 'float64 x, float64 y, float64 z'
 _FIELDS = {
+    'builtin_interfaces/Duration': 'int32 sec, uint32 nanosec',
     'builtin_interfaces/Time': 'int32 sec, uint32 nanosec',
     'diagnostic_msgs/DiagnosticArray': 'std_msgs/Header header, DiagnosticStatus[] status',
     'diagnostic_msgs/DiagnosticStatus': (
@@ -46,11 +47,22 @@ _FIELDS = {
         'float64[] position, float64[] velocity, float64[] effort'
     ),
     'std_msgs/Float32': 'float32 data',
+    'std_msgs/Float32MultiArray': 'MultiArrayLayout layout, float32[] data',
     'std_msgs/Float64': 'float64 data',
+    'std_msgs/Float64MultiArray': 'MultiArrayLayout layout, float64[] data',
     'std_msgs/Header': 'builtin_interfaces/Time stamp, string frame_id',
     'std_msgs/Int32': 'int32 data',
+    'std_msgs/MultiArrayDimension': 'string label, uint32 size, uint32 stride',
+    'std_msgs/MultiArrayLayout': 'MultiArrayDimension[] dim, uint32 data_offset',
     'std_msgs/String': 'string data',
     'tf2_msgs/TFMessage': 'geometry_msgs/TransformStamped[] transforms',
+    'trajectory_msgs/JointTrajectory': (
+        'std_msgs/Header header, string[] joint_names, JointTrajectoryPoint[] points'
+    ),
+    'trajectory_msgs/JointTrajectoryPoint': (
+        'float64[] positions, float64[] velocities, float64[] accelerations, float64[] effort, '
+        'builtin_interfaces/Duration time_from_start'
+    ),
     # The fields that are read; more follow.
     'visualization_msgs/Marker': (
         'std_msgs/Header header, string ns, int32 id, int32 type, int32 action, '
@@ -80,6 +92,8 @@ FLOAT64 = _message_type('std_msgs/Float64')
 IMU = _message_type('sensor_msgs/Imu')
 INT32 = _message_type('std_msgs/Int32')
 JOINT_STATE = _message_type('sensor_msgs/JointState')
+JOINT_TRAJECTORY = _message_type('trajectory_msgs/JointTrajectory')
+KEY_VALUE = _message_type('diagnostic_msgs/KeyValue')
 MARKER = _message_type('visualization_msgs/Marker')
 ODOMETRY = _message_type('nav_msgs/Odometry')
 POINT = _message_type('geometry_msgs/PointStamped')
@@ -104,3 +118,7 @@ FRAMED_TYPES = frozenset((TRANSFORMS.name, MARKER.name))
 """Types with several points under names: those of computed frames and drawings, too."""
 ANGLE_TYPES = frozenset((FLOAT64.name, FLOAT32.name))
 """Types of a topic that has one angle [rad]."""
+ARRAY_TYPES = frozenset(
+    _message_type(f'std_msgs/{name}').name for name in ('Float64MultiArray', 'Float32MultiArray')
+)
+"""Types of a topic that has a number for each crank, without names."""

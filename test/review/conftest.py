@@ -30,7 +30,7 @@ from klann_ros.log.run_parameters import (
 )
 from klann_ros.log.write.writer import RunWriter
 from klann_ros.review.command import main
-from leg_runs import foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
+from leg_runs import filled, foot_at, joint_state, make, POINT, START, STATE, STORE, topic_of
 import numpy as np
 from playable_logs import text
 import pytest
@@ -207,6 +207,15 @@ class Script:
                 number += 1
                 time = START + 1_000_000 * ms
                 self.messages.append(Message(topic, b'', time + 1_000_000 * late, time, number))
+
+    def lease(self, begin: int, end: int, *, released: bool = True) -> None:
+        """Let a driver hold the lease of the crank for some time [ms]."""
+        topic = topic_of(f'{self.crank.name}/lease', 'diagnostic_msgs/msg/KeyValue')
+        times = [*range(begin, end, 100), *[end] * released]
+        for ms in times:
+            value = 'held' if ms < end else 'released'
+            content = filled(topic.type, {'key': 'driver#1', 'value': value})
+            self.messages.append(message(topic, START + 1_000_000 * ms, 0, content))
 
     def garble(self, topic: str, *contents: str) -> None:
         """Add messages of these bytes at half a second."""

@@ -1,16 +1,28 @@
 """Check completeness: damage, lost messages, gaps and missing poses."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from itertools import groupby
 from operator import attrgetter
 
+from klann_ros.kinematics.arrays import IntArray
+from klann_ros.log import LAST_TIME
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME, refused_intervals
 from klann_ros.review.model.recording import LegRecording, RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
-from klann_ros.review.model.times import CLOCK, Interval, merge_intervals, pauses
+from klann_ros.review.model.times import (
+    CLOCK,
+    Interval,
+    merge_intervals,
+    no_series,
+    pauses,
+    Series,
+    time_steps,
+)
 from klann_ros.review.model.topics import exclude_intervals, Gap, TopicRecording
 from klann_ros.robot import preset_names
 from klann_ros.sanitize.text import counted, listed, number_range, printable, printable_line, verb
+import numpy as np
 
 _MAX_PROBLEMS = 3
 _MAX_RECORDER_FINDINGS = 10
@@ -62,7 +74,12 @@ def check_recorder_findings(review: Review) -> Iterator[Finding]:
 
 def _poses(review: Review) -> Iterator[Finding]:
     has_poses = any(len(leg.recording.poses) for leg in review.legs)
-    if not has_poses:
+    kind = _kind_without_poses(review)
+    if kind and not has_poses:
+        text = f'there is no pose in the run: {kind}'
+        meaning = 'no solver answered, and none is expected; the rest is judged'
+        yield Finding('poses', Severity.NOTE, text, meaning)
+    elif not has_poses:
         text = 'there is no pose in the run (no joint_states of a leg)'
         meaning = 'nothing can be judged: was solver_node running, and its topic recorded?'
         yield Finding('poses', Severity.ERROR, text, meaning)
@@ -77,6 +94,19 @@ def _poses(review: Review) -> Iterator[Finding]:
             legs = ', '.join(preset_names())
             meaning = f'no pose can be judged; give the leg by --geometry FILE, or one of {legs}'
             yield Finding('geometry', Severity.WARNING, text, meaning, leg=title)
+
+
+def _kind_without_poses(review: Review) -> str:
+    """Return what a run without a solver is, in words; '' if a solver is missing."""
+    if any(len(leg.recording.feet) for leg in review.legs):
+        return ''
+    cranks = [leg for leg in review.legs if len(leg.recording.cranks)]
+    if review.recording.measured and cranks:
+        names = listed(sorted(review.recording.measured))
+        return f'a calibration run, with points measured on {names}'
+    has_solver = any(leg.recording.solver.nodes for leg in review.legs)
+    drives = [walk for walk in review.recording.walks if walk.states]
+    return 'cranks are driven without a solver' if drives and not has_solver else ''
 
 
 def check_losses(review: Review) -> Iterator[Finding]:
@@ -150,13 +180,55 @@ def _explained_intervals(review: Review) -> dict[str, tuple[Interval, ...]]:
     recording = review.recording
     paused = [*recording.unrecorded, *pauses(recording.clock)]
     explained = {topic.name: [*paused] for topic in recording.topics if topic.name != CLOCK}
+    releases = _releases(review)
+    for name, intervals in releases.items():
+        explained[name] += intervals
     for leg in review.legs:
         intervals = refused_intervals(leg.evaluated, leg.answers)
-        for begin, end in recording.restarts_on(leg.recording.crank_topics):
+        silences = recording.restarts_on(leg.recording.crank_topics)
+        for name in releases.keys() & leg.recording.crank_topics:
+            gaps = [gap for gap in review.gaps if name in gap.topics]
+            unreleased = exclude_intervals(gaps, merge_intervals(releases[name]))
+            silences += [(gap.begin, gap.end) for gap in gaps if gap not in unreleased]
+        for begin, end in silences:
             intervals.append((begin, end + MAX_RESPONSE_TIME))
         for topic in answer_topics(leg.recording):
             explained.setdefault(topic, [*paused]).extend(intervals)
     return {topic: merge_intervals(intervals) for topic, intervals in explained.items()}
+
+
+# A driver of a topic announces its lease more often than this, and its last message may arrive
+# this time after its release [ns].
+_LEASE_TIME = 1_000_000_000
+_DELIVERY_TIME = 200_000_000
+
+
+def _releases(review: Review) -> defaultdict[str, list[Interval]]:
+    """Return when no command is due, by topic: under a lease, and after a command to stand."""
+    recording = review.recording
+    releases = defaultdict[str, list[Interval]](list)
+    for topic in recording.topics:
+        lease = recording.leases.get(topic.name, no_series(1))
+        if len(lease):
+            releases[topic.name] += _lease_intervals(lease, topic.times)
+    for walk in recording.walks:
+        for name, speeds in walk.speeds.items():
+            stands = speeds.values[:-1, 0] == 0.0
+            is_long = time_steps(speeds.times) > review.limits.gap_time
+            rows = np.flatnonzero(stands & is_long)
+            ends = speeds.times[rows + 1].tolist()
+            releases[name] += zip(speeds.times[rows].tolist(), ends, strict=True)
+    return releases
+
+
+def _lease_intervals(lease: Series, times: IntArray) -> Iterator[Interval]:
+    """Yield when a driver holds a lease, and from its release until the topic resumes."""
+    next_announcements = np.append(lease.times[1:], LAST_TIME)
+    held_ends = np.minimum(lease.times + _LEASE_TIME, next_announcements)
+    next_rows = np.searchsorted(times, lease.times + _DELIVERY_TIME)
+    next_times = np.append(times, lease.times[-1])[next_rows]
+    ends = np.where(lease.values[:, 0] == 1.0, held_ends, next_times)
+    yield from zip(lease.times.tolist(), ends.tolist(), strict=True)
 
 
 def answer_topics(leg: LegRecording) -> list[str]:

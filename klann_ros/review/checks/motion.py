@@ -100,7 +100,11 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
     # The crank turns on while messages are lost or delayed.
     waits = (times[jumps + 1] - times[jumps]) / 1e9
     is_unseen = waits > max(_MISSING_RATIO * period, review.limits.gap_time)
-    unseen_rotations = _MISSING_RATIO * median_step / max(period, _MIN_PERIOD) * waits * is_unseen
+    # Where it stands at times, its speed is that before or after.
+    around = np.concatenate([steps[:1], steps, steps[-1:]])
+    usual_steps = np.minimum(np.maximum(around[jumps], around[jumps + 2]), limit)
+    usual_rates = np.maximum(usual_steps, median_step) / max(period, _MIN_PERIOD)
+    unseen_rotations = _MISSING_RATIO * usual_rates * waits * is_unseen
     jumps = jumps[steps[jumps] - unseen_rotations > limit]
     if jumps.size:
         max_jump = degrees(steps[jumps].max())

@@ -11,12 +11,15 @@ from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
 from klann_ros.log import ANNOTATION, MessageBlock, Topic
 from klann_ros.messages import (
     ANGLE_TYPES,
+    ARRAY_TYPES,
     CLOCK,
     ColumnReader,
     DIAGNOSTICS,
     FRAMED_TYPES,
     INT32,
     JOINT_STATE,
+    JOINT_TRAJECTORY,
+    KEY_VALUE,
     MAX_MESSAGE_SIZE,
     MESSAGE_TYPES,
     MessageColumns,
@@ -34,6 +37,16 @@ from .topics import GrowingArray, Reception
 
 COMMAND = 'crank_command'
 STATE = 'crank_state'
+POSITIONS = 'crank_positions'
+TRAJECTORY = 'joint_trajectory'
+LEASE = 'lease'
+# What topics of ros2_control are, by the end of their node's name and their last name.
+_CONTROL_TOPICS = {
+    ('broadcaster', 'joint_states'): STATE,
+    ('position_controller', 'commands'): POSITIONS,
+    ('velocity_controller', 'commands'): COMMAND,
+    ('controller', TRAJECTORY): TRAJECTORY,
+}
 DESCRIPTION = 'robot_description'
 ODOMETRY_TOPICS = ('odom', 'ground_truth')
 # Longest description that is read [characters], and bytes of its message beside the text.
@@ -42,6 +55,20 @@ _MESSAGE_OVERHEAD = 16
 # Different descriptions of a topic that are read, and measured points.
 _MAX_DESCRIPTIONS = 32
 _MAX_MEASURED = 20_000
+
+
+def place_of(topic: str) -> tuple[str, str]:
+    """
+    Return the namespace of a topic's robot, and the last part of the topic's name.
+
+    Topics of ros2_control, below the names of its nodes, have the last name of ours.
+    """
+    namespace, _, last_name = topic.rpartition('/')
+    parent, _, node = namespace.rpartition('/')
+    for (node_end, control_name), name in _CONTROL_TOPICS.items():
+        if last_name == control_name and node.endswith(node_end):
+            return parent, name
+    return namespace, last_name
 
 
 class Role(Enum):
@@ -56,11 +83,14 @@ class Role(Enum):
     MEASURED = auto()
     DESCRIPTION = auto()
     REPORT = auto()
+    ARRAY = auto()
+    TRAJECTORY = auto()
+    LEASE = auto()
 
 
 def role_of(topic: Topic) -> Role | None:
     """Return what the messages of a topic are; None if a review only counts them."""
-    name = topic.name.rpartition('/')[2]
+    _, name = place_of(topic.name)
     kind = topic.type
     roles = {
         Role.JOINTS: kind == JOINT_STATE.name,
@@ -71,23 +101,29 @@ def role_of(topic: Topic) -> Role | None:
         Role.CLOCK: (kind, topic.name) == (CLOCK.name, CLOCK_TOPIC),
         Role.DESCRIPTION: (kind, name) == (STRING.name, DESCRIPTION),
         Role.REPORT: kind == DIAGNOSTICS.name,
+        Role.ARRAY: kind in ARRAY_TYPES and name in (COMMAND, POSITIONS),
+        Role.TRAJECTORY: (kind, name) == (JOINT_TRAJECTORY.name, TRAJECTORY),
+        Role.LEASE: (kind, name) == (KEY_VALUE.name, LEASE),
         Role.MEASURED: kind in POINT_FIELDS.keys() - FRAMED_TYPES and name not in COMPUTED_TOPICS,
     }
     return next((role for role, is_role in roles.items() if is_role), None)
 
 
-LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT)
+LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT, Role.ARRAY, Role.LEASE)
 # The roles whose topics must have messages of their type, and those that are read one by one.
 _REQUIRED = (*LEG_ROLES, Role.BODY)
 _TEXTS = {
     Role.DESCRIPTION: MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD,
     Role.REPORT: MAX_MESSAGE_SIZE,
+    Role.TRAJECTORY: MAX_MESSAGE_SIZE,
+    Role.LEASE: MAX_MESSAGE_SIZE,
 }
 # The fields that are read, beside those of measured points.
 _PATHS = {
     Role.JOINTS: ('position', 'velocity', 'effort'),
     Role.ANGLE: ('data',),
     Role.TICKS: ('data',),
+    Role.ARRAY: ('data',),
     Role.FOOT: ('point',),
     Role.BODY: ('pose.pose',),
     Role.CLOCK: (),
@@ -135,7 +171,7 @@ class Part:
 
     def __init__(self, topic: str, role: Role, selection: JointSelection) -> None:
         self.topic = topic
-        self.namespace, _, self.last_name = topic.rpartition('/')
+        self.namespace, self.last_name = place_of(topic)
         self.role = role
         self.selection = selection
         self._times = GrowingArray(np.int64)  # log times [ns]
@@ -222,8 +258,8 @@ class _TopicColumns:
     def __init__(self, topic: Topic, joints: JointSelector, rate_kind: str) -> None:
         self.topic = topic.name
         self.role = None if ANNOTATION in topic.extra else role_of(topic)
-        # By the names in messages, and whether they have efforts.
-        self.parts: dict[tuple[tuple[str, ...], bool], Part] = {}
+        # By the names in messages, and the fields with a number of each.
+        self.parts: dict[tuple[tuple[str, ...], tuple[str, ...]], Part] = {}
         # Log times [ns] and contents of texts and reports.
         self.contents: list[tuple[int, dict[str, Any]]] = []
         # Number of messages that do not match their type, and log time of the first [ns].
@@ -231,6 +267,7 @@ class _TopicColumns:
         self._first_refused = 0
         self._joints = joints
         self._rate_kind = rate_kind
+        self._is_command = place_of(topic.name)[1] == COMMAND
         self._last_text = b''
         self._reader: ColumnReader | None = None
         if self.role is not None and topic.message_encoding == 'cdr':
@@ -276,21 +313,22 @@ class _TopicColumns:
             self._last_text = data
             with suppress(ValueError):
                 content = self._type.read(data)
-                content = content if is_text else _iterations(content)
+                content = _iterations(content) if self.role is Role.REPORT else content
                 if content:
                     self.contents.append((int(block.times[row]), content))
 
     def _add_numbers(self, block: _TimedBlock, columns: MessageColumns, role: Role) -> None:
-        key = ((), False)
-        if key not in self.parts:
-            selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
-            self.parts[key] = Part(self.topic, role, selection)
-        part = self.parts[key]
-        rows = columns.rows
-        stamps = columns.stamps
+        selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
         kept = {}
         for numbers in columns.numbers.values():
             kept[''] = _planar(numbers) if role is Role.BODY else numbers[:, :2]
+            if role is Role.ARRAY:
+                kept[''] = numbers
+                joints = tuple(map(str, range(numbers.shape[1])))
+                selection = JointSelection(joints, (), is_input=False)
+        part = self.parts.setdefault((selection.names, ()), Part(self.topic, role, selection))
+        rows = columns.rows
+        stamps = columns.stamps
         if role is Role.MEASURED:
             new = slice(max(0, _MAX_MEASURED - len(part)))
             rows = rows[new]
@@ -300,29 +338,33 @@ class _TopicColumns:
 
     def _add_joints(self, block: _TimedBlock, columns: MessageColumns) -> None:
         names = columns.names
-        positions = columns.numbers['position']
-        efforts = columns.numbers['effort']
-        if positions.shape[1] != len(names):
-            if self._joints.lacks_positions(self.topic, names, positions.shape[1]):
+        numbers = {
+            path: columns_of_path
+            for path, columns_of_path in columns.numbers.items()
+            if columns_of_path.shape[1] == len(names)
+        }
+        if 'position' not in numbers and not (self._is_command and 'velocity' in numbers):
+            count = columns.numbers['position'].shape[1]
+            if self._joints.lacks_positions(self.topic, names, count):
                 self._refuse(block, columns.rows)
             return
-        has_efforts = efforts.shape[1] == len(names)
-        key = (names, has_efforts)
+        key = (names, tuple(numbers))
         if key not in self.parts:
             selection = self._joints.selection(self.topic, names)
             self.parts[key] = Part(self.topic, Role.JOINTS, selection)
         part = self.parts[key]
         selection = part.selection
-        kept = {'position': _selected(positions, names, selection.names)}
-        if has_efforts:
-            kept['effort'] = _selected(efforts, names, selection.drives)
-        if self._rate_kind:
-            velocities = columns.numbers['velocity']
-            if velocities.shape[1] != len(names):
-                velocities = np.full(positions.shape, np.nan)
-            rates = _selected(velocities, names, selection.names)
+        kept = {}
+        if 'position' in numbers:
+            kept['position'] = _selected(numbers['position'], names, selection.names)
+        if 'effort' in numbers and selection.drives:
+            kept['effort'] = _selected(numbers['effort'], names, selection.drives)
+        rate_kind = 'f8' if self._is_command else self._rate_kind
+        if rate_kind:
+            unknown = np.full((len(columns.rows), len(names)), np.nan)
+            rates = _selected(numbers.get('velocity', unknown), names, selection.names)
             with np.errstate(over='ignore'):
-                kept['velocity'] = rates.astype(self._rate_kind)
+                kept['velocity'] = rates.astype(rate_kind)
         if selection.names:
             part.add(block, columns.rows, columns.stamps, kept)
 

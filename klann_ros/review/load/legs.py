@@ -9,11 +9,11 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import IntArray
 from klann_ros.log import SolverParameters
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
-from klann_ros.review.model.times import is_simulated, no_series, Series
+from klann_ros.review.model.times import is_simulated, isin, no_series, Series
 from klann_ros.robot import Robot
 import numpy as np
 
-from .columns import COMMAND, JointSelection, LogColumns, Part, Role, STATE
+from .columns import COMMAND, JointSelection, LogColumns, Part, place_of, Role, STATE
 from .geometry import leg_solvers, published_legs, REFERENCE, reference_leg, RobotDescriptions
 
 # Key of crank_angle, the input of all legs, among the joints.
@@ -49,7 +49,7 @@ class LegDefinitions:
 
     def selection(self, topic: str, names: Sequence[str]) -> JointSelection:
         """Return the joints of legs and cranks among names; a command is no input."""
-        namespace, _, last_name = topic.rpartition('/')
+        namespace, last_name = place_of(topic)
         published = set(names)
         joints: list[str] = []
         drives: list[str] = []
@@ -62,7 +62,7 @@ class LegDefinitions:
         if is_input:
             joints = [*{solver.crank_joint for solver in self.crank_solvers(namespace)}]
             drives = joints = [joint for joint in joints if joint in published]
-        if last_name in (COMMAND, STATE):
+        if last_name in (COMMAND, STATE) or (is_input and last_name == 'joint_states'):
             joints = [*names]
         return JointSelection(tuple(dict.fromkeys(joints)), tuple(drives), is_input)
 
@@ -72,7 +72,7 @@ class LegDefinitions:
 
         Other robots may omit positions, and a command may be of velocities alone.
         """
-        namespace, _, last_name = topic.rpartition('/')
+        namespace, last_name = place_of(topic)
         if not names or (last_name == COMMAND and not count):
             return False
         joints: set[str] = set()
@@ -173,7 +173,8 @@ class LegColumns:
         # Poses by the leg; inputs by the joint, efforts, too; feet by the namespace of the topic.
         self._poses: dict[LegKey, list[Part]] = defaultdict(list)
         self._inputs: dict[LegKey, list[Part]] = defaultdict(list)
-        self._efforts: dict[LegKey, list[Series]] = defaultdict(list)
+        # Efforts also by the topic.
+        self._efforts: dict[tuple[str, str, str], list[Series]] = defaultdict(list)
         self._feet: dict[str, list[Series]] = defaultdict(list)
         for part in columns.parts(Role.JOINTS):
             self._add_joints(part)
@@ -207,7 +208,8 @@ class LegColumns:
             if 'effort' in part.paths:
                 angles = part.numbers([joint], 'position')
                 numbers = np.column_stack([angles, part.numbers([joint], 'effort')])
-                self._efforts[namespace, joint].append(Series(part.times, part.stamps, numbers))
+                efforts = self._efforts[namespace, joint, part.topic]
+                efforts.append(Series(part.times, part.stamps, numbers))
 
     def _leg_keys(self) -> list[LegKey]:
         """Return legs with poses and the other legs of their solvers, or with inputs or feet."""
@@ -263,8 +265,8 @@ class LegColumns:
         namespace, joint = key
         solvers = self._definitions.crank_solvers(namespace)
         is_simulated_time = any(solver.sim_time for solver in solvers)
-        angles = []
-        unstamped = []
+        angles: dict[str, list[Series]] = defaultdict(list)
+        unstamped: dict[str, IntArray] = {}
         for part in self._inputs[key]:
             series = (
                 part.series([joint], 'position') if part.role is Role.JOINTS else part.series()
@@ -272,14 +274,39 @@ class LegColumns:
             # Without a source time, recorders write the log time or 0. Simulated stamps of
             # answers are not in the run.
             is_unmatched = part.unstamped & (is_simulated_time | (part.stamps == part.times))
-            unstamped.append(part.times[is_unmatched])
+            times = unstamped.get(part.topic, part.times[:0])
+            unstamped[part.topic] = np.concatenate([times, part.times[is_unmatched]])
             if is_unmatched.any():
                 series = series.rows(~is_unmatched)
             if part.role is Role.TICKS:
                 series = self._counted_angles(key, series, poses)
-            angles.append(series)
-        topics = frozenset(part.topic for part in self._inputs[key])
-        return _Inputs(topics, self._pool.series(angles, 1), np.concatenate(unstamped))
+            angles[part.topic].append(series)
+        inputs = {}
+        for topic, topic_angles in angles.items():
+            inputs[topic] = _since_first_angle(self._pool.series(topic_angles, 1))
+        if joint != ALL_JOINTS and len(inputs) > 1:
+            inputs = self._answered(namespace, inputs, poses)
+        return _Inputs(
+            frozenset(inputs),
+            self._pool.series([*inputs.values()], 1),
+            np.concatenate([unstamped[topic] for topic in inputs]),
+        )
+
+    @staticmethod
+    def _answered(
+        namespace: str, inputs: dict[str, Series], poses: Mapping[LegKey, Series]
+    ) -> dict[str, Series]:
+        """Return the topics of a crank that a solver answers, or the first one."""
+        # The others are the feedback that ros2_control receives, or publishes.
+        stamps = [np.empty(0, dtype=np.int64)]
+        for (leg_namespace, _), leg_poses in poses.items():
+            if leg_namespace == namespace:
+                stamps.append(leg_poses.stamps)
+        answers = np.concatenate(stamps)
+        answered = {
+            topic: angles for topic, angles in inputs.items() if isin(angles.stamps, answers).any()
+        }
+        return answered or dict([*inputs.items()][:1])
 
     def _counted_angles(
         self, key: LegKey, counts: Series, poses: Mapping[LegKey, Series]
@@ -322,7 +349,7 @@ class LegColumns:
 
     def drives(self, legs: Sequence[LegRecording]) -> Iterator[Drive]:
         """Yield the joints with efforts, with their legs."""
-        for (namespace, joint), efforts in self._efforts.items():
+        for (namespace, joint, _), efforts in self._efforts.items():
             # Legs whose published angle it is, or else those whose input it is.
             posed_legs = []
             driven_legs = []
@@ -334,6 +361,12 @@ class LegColumns:
             if posed_legs or driven_legs:
                 drive_legs = tuple(posed_legs or driven_legs)
                 yield Drive(joint, drive_legs, not posed_legs, self._pool.series(efforts, 2))
+
+
+def _since_first_angle(angles: Series) -> Series:
+    """Return angles since the first: ros2_control publishes NaN before the first feedback."""
+    is_angle = ~np.isnan(angles.values[:, 0])
+    return angles.rows(slice(int(np.argmax(is_angle)), None)) if is_angle.any() else angles
 
 
 def input_joint(part: Part) -> LegKey:

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 from klann_ros.log import (
     FAULT_RECORD,
@@ -15,7 +15,7 @@ from klann_ros.log import (
     recorded_pause,
 )
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME
-from klann_ros.review.model.recording import RunRecording, WalkRecording
+from klann_ros.review.model.recording import RunRecording, Trajectory, WalkRecording
 from klann_ros.review.model.times import (
     is_time_of_log,
     merge_intervals,
@@ -26,7 +26,16 @@ from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .columns import COMMAND, LogColumns, ODOMETRY_TOPICS, Role, STATE
+from .columns import (
+    COMMAND,
+    LEASE,
+    LogColumns,
+    ODOMETRY_TOPICS,
+    Part,
+    place_of,
+    Role,
+    STATE,
+)
 from .geometry import with_dynamics
 from .legs import LegColumns, LegDefinitions, SeriesPool
 from .topics import recorded_losses, topic_recordings
@@ -90,6 +99,7 @@ def load(
         file_fault=_file_faults(log, 'faults'),
         drives=tuple(leg_columns.drives(legs)),
         measured=_measured(columns, pool),
+        leases=_leases(columns, pool),
         recorder_findings=tuple(_records(log, FINDING_RECORD, recorded_finding)),
     )
 
@@ -125,32 +135,110 @@ def _measured(columns: LogColumns, pool: SeriesPool) -> dict[str, Series]:
     return {topic: pool.series(series, 2) for topic, series in points.items()}
 
 
+class _WalkSeries:
+    """The series of a walker, by the topic or by the joint."""
+
+    def __init__(self) -> None:
+        self.bodies: dict[str, list[Series]] = defaultdict(list)
+        self.commands: dict[str, list[Series]] = defaultdict(list)
+        self.states: dict[str, list[Series]] = defaultdict(list)
+        self.velocities: dict[str, list[Series]] = defaultdict(list)
+        self.speeds: dict[str, list[Series]] = defaultdict(list)
+        self.trajectories: list[Trajectory] = []
+
+    def add_joints(self, part: Part) -> None:
+        """Add commands or states of cranks."""
+        if part.last_name == COMMAND:
+            self._add_speeds(part, 'velocity')
+            kind = 'position' if 'position' in part.paths else 'velocity'
+            _add(self.commands if kind == 'position' else self.velocities, part, kind)
+        elif part.selection.is_input and part.last_name in (STATE, 'joint_states'):
+            _add(self.states, part, 'position')
+
+    def add_array(self, part: Part) -> None:
+        """Add commands without names."""
+        if part.last_name == COMMAND:
+            self._add_speeds(part)
+        _add(self.velocities if part.last_name == COMMAND else self.commands, part)
+
+    def _add_speeds(self, part: Part, path: str = '') -> None:
+        speeds = np.nanmax(np.abs(part.numbers((), path)), axis=1, initial=0.0)
+        self.speeds[part.topic].append(Series(part.times, part.stamps, speeds[:, np.newaxis]))
+
+    def walk(self, namespace: str, pool: SeriesPool) -> WalkRecording:
+        """Return the recording of the walker."""
+
+        def pooled(series: Mapping[str, list[Series]]) -> dict[str, Series]:
+            return {name: pool.series(parts, 1) for name, parts in series.items()}
+
+        def path(name: str) -> Series:
+            poses = pool.series(self.bodies[name], 3)
+            yaws = np.unwrap(poses.values[:, 2])
+            return replace(poses, values=np.column_stack([poses.values[:, :2], yaws]))
+
+        odometry, truth = map(path, ODOMETRY_TOPICS)
+        return WalkRecording(
+            namespace,
+            odometry,
+            truth,
+            commands=pooled(self.commands),
+            states=pooled(self.states),
+            velocities=pooled(self.velocities),
+            trajectories=tuple(self.trajectories),
+            speeds=pooled(self.speeds),
+        )
+
+
+def _add(series: dict[str, list[Series]], part: Part, path: str = '') -> None:
+    """Add the finite numbers of each joint."""
+    for joint in part.selection.names:
+        series[joint].append(part.series([joint], path).finite())
+
+
 def _walks(columns: LogColumns, pool: SeriesPool) -> Iterator[WalkRecording]:
     """Yield the robots with odometry, ground truth or crank commands."""
-    bodies: dict[tuple[str, str], list[Series]] = defaultdict(list)
+    walks: dict[str, _WalkSeries] = defaultdict(_WalkSeries)
     for part in columns.parts(Role.BODY):
-        bodies[part.namespace, part.last_name].append(part.series().finite())
-    cranks: dict[tuple[str, str], dict[str, list[Series]]] = defaultdict(dict)
+        walks[part.namespace].bodies[part.last_name].append(part.series().finite())
     for part in columns.parts(Role.JOINTS):
-        if part.last_name in (COMMAND, STATE):
-            joints = cranks[part.namespace, part.last_name]
-            for joint in part.selection.names:
-                series = part.series([joint], 'position').finite()
-                joints.setdefault(joint, []).append(series)
+        walks[part.namespace].add_joints(part)
+    for part in columns.parts(Role.ARRAY):
+        walks[part.namespace].add_array(part)
+    for topic, time, content in columns.contents(Role.TRAJECTORY):
+        namespace, _ = place_of(topic)
+        with suppress(ValueError):
+            walks[namespace].trajectories.append(_trajectory(time, content))
+    for namespace, series in sorted(walks.items()):
+        is_driven = series.commands or series.velocities or series.trajectories
+        if series.bodies or is_driven:
+            yield series.walk(namespace, pool)
 
-    def path(name: str) -> Series:
-        poses = pool.series(bodies[namespace, name], 3)
-        yaws = np.unwrap(poses.values[:, 2])
-        return replace(poses, values=np.column_stack([poses.values[:, :2], yaws]))
 
-    def angles(name: str) -> dict[str, Series]:
-        joints = cranks[namespace, name]
-        return {joint: pool.series(parts, 1) for joint, parts in joints.items()}
+def _trajectory(time: int, message: Mapping[str, Any]) -> Trajectory:
+    """Return a trajectory by its message; a ValueError without positions of each joint."""
+    points = message['points']
+    joints = tuple(message['joint_names'])
+    return Trajectory(
+        time,
+        _nanoseconds(message, 'header.stamp'),
+        joints,
+        np.array([_nanoseconds(point, 'time_from_start') for point in points], dtype=np.int64),
+        np.array([point['positions'] for point in points]).reshape(len(points), len(joints)),
+    )
 
-    commanded = {namespace for namespace, name in cranks if name == COMMAND}
-    for namespace in sorted({namespace for namespace, _ in bodies} | commanded):
-        odometry, truth = map(path, ODOMETRY_TOPICS)
-        yield WalkRecording(namespace, odometry, truth, angles(COMMAND), angles(STATE))
+
+def _nanoseconds(message: Mapping[str, Any], path: str) -> int:
+    return int(message[f'{path}.sec'] * 10**9 + message[f'{path}.nanosec'])
+
+
+def _leases(columns: LogColumns, pool: SeriesPool) -> dict[str, Series]:
+    """Return by topic where its lease is announced (1) and released (0)."""
+    leases: dict[str, list[Series]] = defaultdict(list)
+    for name, time, announcement in columns.contents(Role.LEASE):
+        times = np.array([time])
+        is_held = np.array([[float(announcement['value'] == 'held')]])
+        leases[name.removesuffix(f'/{LEASE}')].append(Series(times, times.copy(), is_held))
+    return {topic: pool.series(series, 1) for topic, series in leases.items()}
 
 
 def _without_wall_times(topic: TopicRecording) -> TopicRecording:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from klann_ros.dynamics import Dynamics
 from klann_ros.kinematics import AnyLeg, JOINTS
@@ -122,6 +123,16 @@ class Drive:
     efforts: Series  # angles [rad] and efforts [N m], values of shape (k, 2)
 
 
+class Trajectory(NamedTuple):
+    """Positions of cranks that a controller is to follow."""
+
+    time: int  # log time [ns]
+    start: int  # stamp of its begin [ns]; 0 for at once
+    joints: tuple[str, ...]
+    times: IntArray  # since its begin, shape (n,) [ns]
+    positions: FloatArray  # shape (n, number of joints) [rad]
+
+
 @dataclass(frozen=True, eq=False)
 class WalkRecording:
     """The data of a walker in a namespace."""
@@ -130,9 +141,14 @@ class WalkRecording:
     # x, y and yaw of the body [m, rad].
     odometry: Series
     truth: Series
-    # Crank angles by joint [rad]: commanded and measured.
+    # By joint: commanded and measured crank angles [rad], and commands that are velocities alone
+    # [rad/s]; where a command has no names, the joints are numbered in the order of the states.
     commands: Mapping[str, Series]
     states: Mapping[str, Series]
+    velocities: Mapping[str, Series] = field(default_factory=dict)
+    trajectories: tuple[Trajectory, ...] = ()
+    # Largest commanded velocity of a crank by topic [rad/s].
+    speeds: Mapping[str, Series] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +174,8 @@ class RunRecording:
     # Simulated time by log times: stamps [ns], and values [s]; empty without /clock.
     clock: Series = field(default_factory=lambda: no_series(1))
     recorder_findings: tuple[RecordedFinding, ...] = ()  # made during the recording
+    # By topic, 1 while a driver holds its lease and 0 when it releases it.
+    leases: Mapping[str, Series] = field(default_factory=dict)
     # Measured points by topic: x and y [m], values of shape (k, 2).
     measured: Mapping[str, Series] = field(default_factory=dict)
 

@@ -110,6 +110,17 @@ def no_series(width: int) -> Series:
     return Series(nothing, nothing.copy(), np.empty((0, width)))
 
 
+def merged(parts: Sequence[Series]) -> Series:
+    """Return series of one width as one, by the log times; of none a series of width 1."""
+    if len(parts) < 2:
+        return parts[0] if parts else no_series(1)
+    times = np.concatenate([series.times for series in parts])
+    stamps = np.concatenate([series.stamps for series in parts])
+    values = np.concatenate([series.values for series in parts])
+    order = np.argsort(times, kind='stable')
+    return Series(times[order], stamps[order], values[order])
+
+
 def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
     """
     Return the pairs of rows with equal stamps, in the order of the second.

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import nan
+import re
 from typing import NamedTuple
 
 from klann_ros.kinematics.arrays import FloatArray, IntArray
@@ -13,11 +14,15 @@ from numpy.typing import NDArray
 from .limits import Limits
 from .times import covered_time, Interval, median, time_steps
 
-# Sent on events, not at a rate: markers, logs, parameter events, node states, joysticks and
-# commands of a driver.
-_EVENT_PACKAGES = ('visualization_msgs/', 'rcl_interfaces/', 'lifecycle_msgs/')
-_EVENT_TYPES = ('sensor_msgs/msg/Joy', 'geometry_msgs/msg/Twist')
-_COMMAND = 'cmd_vel'
+# Sent on events, not at a rate: markers, logs, parameter events, node states, joysticks, leases,
+# and commands that hold until the next one or a timeout. Only velocities of cranks have a rate.
+_EVENT_PACKAGES = ('visualization_msgs/', 'rcl_interfaces/', 'lifecycle_msgs/', 'trajectory_msgs/')
+_EVENT_TYPES = (
+    'sensor_msgs/msg/Joy',
+    'geometry_msgs/msg/Twist',
+    'diagnostic_msgs/msg/KeyValue',
+)
+_COMMANDS = re.compile('cmd_vel[^/]*$|(?<!velocity_controller)/commands$')
 # Sent at a rate, with long stalls at most.
 _STREAMS = (
     'sensor_msgs/',
@@ -63,7 +68,7 @@ class TopicRecording:
     @property
     def is_periodic(self) -> bool:
         """Return whether messages of this type are sent at a rate; others are sent on events."""
-        is_command = self.name.rpartition('/')[2] == _COMMAND
+        is_command = _COMMANDS.search(self.name) is not None
         is_event = self.type in _EVENT_TYPES or self.type.startswith(_EVENT_PACKAGES)
         return not (is_command or is_event)
 

@@ -1,5 +1,6 @@
 """Figures of a walker: distance, odometry error, crank lag and phase error."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from typing import Any, NamedTuple
@@ -8,11 +9,15 @@ from klann_ros.kinematics.arrays import FloatArray, IntArray
 import numpy as np
 
 from .recording import WalkRecording
-from .times import Series
+from .times import merged, no_series, Series
 
 # Smallest number of messages, and shortest distance [m], of a walk.
 _MIN_WALK_MESSAGES = 10
 _MIN_DISTANCE = 0.05
+# Time in which a crank turns as its commanded velocities say, and longest time that one of them is
+# known to hold [s].
+_LAG_TIME = 1.0
+_MAX_COMMAND_INTERVAL = 0.2
 
 
 @dataclass(frozen=True)
@@ -63,39 +68,98 @@ class _CrankLag(NamedTuple):
     """The lag of a crank behind its commands."""
 
     lags: FloatArray  # [rad]; 0 where its angle is unknown
-    command: Series
+    compared: Series  # the commands, or the states where velocities are commanded
 
     @property
     def worst(self) -> int:
-        """Return the command with the largest lag."""
+        """Return the row with the largest lag."""
         return int(np.argmax(np.abs(self.lags)))
 
 
 def _cranks(walk: WalkRecording) -> dict[str, Any]:
     crank_lags = []
-    for joint, command in walk.commands.items():
-        state = walk.states.get(joint)
-        if state is None or len(state) < _MIN_WALK_MESSAGES or len(command) < _MIN_WALK_MESSAGES:
+    for joint, state in walk.states.items():
+        if len(state) < _MIN_WALK_MESSAGES:
             continue
-        is_known = (command.stamps >= state.stamps.min()) & (command.stamps <= state.stamps.max())
-        lags = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
-        crank_lags.append(_CrankLag(np.where(is_known, lags, 0.0), command))
+        command = _positions(walk, joint, state)
+        if len(command):
+            begin = state.stamps.min()
+            is_known = (command.stamps >= begin) & (command.stamps <= state.stamps.max())
+            lags = _interpolate(state, command.stamps)[:, 0] - command.values[:, 0]
+            crank_lags.append(_CrankLag(np.where(is_known, lags, 0.0), command))
+        velocities = _command_of(walk, walk.velocities, joint)
+        if len(velocities) >= _MIN_WALK_MESSAGES:
+            crank_lags.append(_CrankLag(_rotation_lags(velocities, state), state))
     if not crank_lags:
         return {}
     largest = max(crank_lags, key=lambda crank: abs(crank.lags[crank.worst]))
     figures: dict[str, Any] = {
         'crank_lag': float(abs(largest.lags[largest.worst])),
-        'lag_time': int(largest.command.times[largest.worst]),
+        'lag_time': int(largest.compared.times[largest.worst]),
     }
     first, *others = crank_lags
-    stamps = first.command.stamps
-    others = [crank for crank in others if np.array_equal(crank.command.stamps, stamps)]
+    stamps = first.compared.stamps
+    others = [crank for crank in others if np.array_equal(crank.compared.stamps, stamps)]
     if others:
         max_errors = np.abs([crank.lags - first.lags for crank in others]).max(axis=0)
         worst = int(np.argmax(max_errors))
         figures['phase_error'] = float(max_errors[worst])
-        figures['phase_time'] = int(first.command.times[worst])
+        figures['phase_time'] = int(first.compared.times[worst])
     return figures
+
+
+def _positions(walk: WalkRecording, joint: str, state: Series) -> Series:
+    """Return the commanded angles of a crank; of trajectories those up to the next one."""
+    command = _command_of(walk, walk.commands, joint)
+    if len(command) >= _MIN_WALK_MESSAGES:
+        stamps = np.where(command.stamps == 0, _stamps(state, command.times), command.stamps)
+        return replace(command, stamps=stamps)
+    parts = [no_series(1)]
+    next_start = state.stamps.max()
+    for plan in reversed(walk.trajectories):
+        if joint in plan.joints:
+            start = plan.start or int(_stamps(state, np.array([plan.time]))[0])
+            is_followed = plan.times <= next_start - start
+            stamps = start + plan.times[is_followed]
+            angles = plan.positions[is_followed, plan.joints.index(joint)]
+            parts.append(Series(plan.time + plan.times[is_followed], stamps, angles[:, None]))
+            next_start = start
+    return merged(parts)
+
+
+def _command_of(walk: WalkRecording, commands: Mapping[str, Series], joint: str) -> Series:
+    """Return the commands of a crank; without names they are in the order of the states."""
+    number = str([*walk.states].index(joint))
+    if number in commands and len(commands) == len(walk.states):
+        return commands[number]
+    return commands.get(joint, no_series(1))
+
+
+def _rotation_lags(velocities: Series, state: Series) -> FloatArray:
+    """Return the rotation within a time at each state, less the commanded one [rad]."""
+    start = int(state.stamps[0])
+    times = np.maximum.accumulate(state.stamps - start) / 1e9
+    commanded = np.maximum.accumulate(_stamps(state, velocities.times) - start) / 1e9
+    steps = np.diff(commanded)
+    angles = np.concatenate([[0.0], np.cumsum(velocities.values[:-1, 0] * steps)])
+    # A driver stops the crank while its commands pause.
+    is_pause = (steps > _MAX_COMMAND_INTERVAL) & (velocities.values[:-1, 0] != 0.0)
+    paused = np.concatenate([[0.0], np.cumsum(is_pause * steps)])
+    lags = state.values[:, 0] - np.interp(times, commanded, angles)
+    begins = times - _LAG_TIME
+    lags -= np.interp(begins, times, lags)
+    is_known = (begins >= max(times[0], commanded[0])) & (times <= commanded[-1])
+    is_known &= np.interp(times, commanded, paused) == np.interp(begins, commanded, paused)
+    return np.where(is_known, lags, 0.0)
+
+
+def _stamps(state: Series, times: IntArray) -> IntArray:
+    """Return log times by the clock of the stamps of a series [ns]."""
+    start = int(state.times[0])
+    offsets = np.interp(
+        (times - start) / 1e9, (state.times - start) / 1e9, (state.stamps - state.times) / 1e9
+    )
+    return np.asarray(times + np.round(offsets * 1e9).astype(np.int64))
 
 
 def body_paths(walk: WalkRecording) -> dict[str, Series]:
