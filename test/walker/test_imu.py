@@ -335,8 +335,29 @@ def test_a_body_that_rocks_beside_its_feet_moves_as_its_accelerometer(two_motors
 ImuFault = Callable[[float, float, int], tuple[float | None, float]]
 
 
+def turn_at(time: float) -> tuple[float, float]:
+    """Return the angle and the rate of a crank that turns after a second."""
+    return (time - 1.0, 1.0) if time > 1.0 else (0.0, 0.0)
+
+
+@pytest.fixture(scope='module')
+def true_yaws(two_motors: Feet) -> list[float]:
+    """Return the yaw after each period on the spot, by the feet alone."""
+    feet_alone = Odometry(two_motors)
+    yaws = []
+    for k in range(1500):
+        angle, rate = turn_at(PERIOD * k)
+        yaws.append(feet_alone.update((-angle, angle), (-rate, rate), PERIOD).yaw)
+    return yaws
+
+
 def turned(
-    feet: Feet, fault: ImuFault, *, stamp: float = 1.0, until: float = inf
+    feet: Feet,
+    true_yaws: list[float],
+    fault: ImuFault,
+    *,
+    stamp: float = 1.0,
+    until: float = inf,
 ) -> tuple[set[ImuState], Odometry, float]:
     """
     Return the states of an IMU, its odometry, and its error of the yaw after 14 s on the spot.
@@ -345,15 +366,13 @@ def turned(
     meanwhile its stamps advance by `stamp` of the time.
     """
     odometry = Odometry(feet)
-    feet_alone = Odometry(feet)
     states = set()
     yaw = stamp_time = 0.0
-    for k in range(1500):
+    for k, true_yaw in enumerate(true_yaws):
         time = PERIOD * k
         is_faulty = 2.0 < time < until
-        angle, rate = (time - 1.0, 1.0) if time > 1.0 else (0.0, 0.0)
-        true = feet_alone.update((-angle, angle), (-rate, rate), PERIOD)
-        change = wrap(true.yaw - yaw)
+        angle, rate = turn_at(time)
+        change = wrap(true_yaw - yaw)
         yaw += change
         measured = fault(yaw, change / PERIOD, k) if is_faulty else (yaw, change / PERIOD)
         stamp_time += PERIOD * (stamp if is_faulty else 1.0)
@@ -376,24 +395,28 @@ def turned(
     ],
 )
 def test_an_imu_that_is_wrong_about_a_turn_is_named_and_not_used(
-    two_motors: Feet, fault: ImuFault, stamp: float, state: ImuState
+    two_motors: Feet, true_yaws: list[float], fault: ImuFault, stamp: float, state: ImuState
 ) -> None:
-    states, odometry, error = turned(two_motors, fault, stamp=stamp)
+    states, odometry, error = turned(two_motors, true_yaws, fault, stamp=stamp)
     assert states == {ImuState.USED, state}
     assert odometry.imu_input.monitor.state is state
     # The feet are wrong by 10 %, in units of degrees the gyro is by half a turn in a second.
     assert error < 0.8
-    states, odometry, _ = turned(two_motors, fault, stamp=stamp, until=4.0)
+    states, odometry, _ = turned(two_motors, true_yaws, fault, stamp=stamp, until=4.0)
     assert state in states
     assert odometry.imu_input.monitor.state is ImuState.USED
 
 
-def test_an_imu_that_is_right_is_used_all_the_time(two_motors: Feet) -> None:
-    states, _, error = turned(two_motors, lambda yaw, rate, _: (yaw, rate))
+def test_an_imu_that_is_right_is_used_all_the_time(
+    two_motors: Feet, true_yaws: list[float]
+) -> None:
+    states, _, error = turned(two_motors, true_yaws, lambda yaw, rate, _: (yaw, rate))
     assert states == {ImuState.USED}
     assert error < 0.01
     # One of few bits repeats some readings.
-    states, _, _ = turned(two_motors, lambda yaw, rate, _: (yaw - yaw % 1e-3, rate - rate % 0.02))
+    states, _, _ = turned(
+        two_motors, true_yaws, lambda yaw, rate, _: (yaw - yaw % 1e-3, rate - rate % 0.02)
+    )
     assert states == {ImuState.USED}
 
 
