@@ -43,9 +43,11 @@ MODULES = (
     'klann_ros.nodes.solver.node',
     'klann_ros.review.command',
 )
-# What they may import later without beginning anything: ours, the types of messages, drawing.
+# What they may import later without beginning anything: ours, the types of messages, drawing,
+# computing.
 LEARNT = re.compile(
-    r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs)|matplotlib|pandas|PIL)(\.|$)'
+    r'(klann_ros|lark|rosidl_\w+|\w+_(msgs|interfaces|srvs)|matplotlib|pandas|PIL'
+    r'|numpy|scipy|numba|mujoco)(\.|$)'
 )
 # Instead of an executable: a script, or -c and a text; and its arguments.
 PYTHON = 'python'
