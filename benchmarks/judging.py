@@ -30,8 +30,8 @@ WAYS = {
 ROUNDS = sized(1, 2, 3)
 SECONDS = sized(0.5, 10.0)
 # Messages wait in memory for 5 s.
-WARM_UP = sized(2.0, 7.0, 15.0)
-RATE = 1000.0
+WARM_UP = sized(0.5, 7.0, 15.0)
+RATE = sized(200.0, 1000.0)
 MAX_RATIO = 1.2
 
 

@@ -26,7 +26,7 @@ from support.programs import command, cpu_of, memory_of, support_command
 
 ROUNDS = sized(1, 3, 5)
 SECONDS = sized(0.2, 2.0, 4.0)
-RATE = 1000.0
+RATE = sized(200.0, 1000.0)
 TOPICS = 3
 MAX_CPU_RATIO = 0.25
 # CPU time of rosbag2's C++ recorder on this load [us a message].

@@ -52,7 +52,7 @@ NOISE = 0.002
 LEAD = 2
 # Rate below which a motor is commanded to stand [rad/s].
 STANDSTILL_RATE = 1e-3
-SECONDS = sized(2.0, 40.0)
+SECONDS = sized(0.8, 40.0)
 # Fractions of the greatest speed and yaw rate, one after the other.
 COMMANDS = (
     (1.0, 0.0), (0.7, 0.4), (0.0, 0.0), (0.0, 1.0), (0.0, -0.1), (-0.8, 0.0), (0.05, 0.0),
