@@ -39,7 +39,7 @@ class FigureTable(NamedTuple):
     note: str = ''
 
 
-def number(quantity: float, digits: int = 4) -> str:
+def number_text(quantity: float, digits: int = 4) -> str:
     """Return a number with significant digits, without an exponent if that is short."""
     if not isfinite(quantity):
         return UNKNOWN_VALUE
@@ -51,22 +51,22 @@ def number(quantity: float, digits: int = 4) -> str:
     return f'{quantity:.{digits - 1}e}'
 
 
-def degree(radians: float, digits: int = 1) -> str:
+def degrees_text(radians: float, digits: int = 1) -> str:
     """Return an angle in degrees."""
     return f'{degrees(radians):.{digits}f}' if isfinite(radians) else UNKNOWN_VALUE
 
 
-def millimetres(metres: float) -> str:
+def mm_text(metres: float) -> str:
     """Return a length in millimetres."""
-    return number(1e3 * metres, 4)
+    return number_text(1e3 * metres, 4)
 
 
-def about(sheet: DataSheet) -> str:
+def summary(sheet: DataSheet) -> str:
     """Return the cranks' rate and the load on the feet in a line."""
     direction = 'clockwise' if sheet.speed < 0.0 else 'counter-clockwise'
     speed = abs(sheet.speed)
-    turns = f'{number(speed)} rad/s ({number(speed * 30.0 / pi)} rpm), {direction}'
-    load = f', {number(sheet.load)} N on each foot in stance' if sheet.load else ''
+    turns = f'{number_text(speed)} rad/s ({number_text(speed * 30.0 / pi)} rpm), {direction}'
+    load = f', {number_text(sheet.load)} N on each foot in stance' if sheet.load else ''
     return f'cranks at {turns}{load}'
 
 
@@ -74,7 +74,9 @@ def turning_text(leg: LegSheet) -> str:
     """Return whether a crank turns fully, or else the arcs that it reaches."""
     if leg.turns_fully:
         return 'the crank turns fully'
-    arcs = ', '.join(_span(degree(start, 3), degree(end, 3)) for start, end in leg.arcs)
+    arcs = ', '.join(
+        _span(degrees_text(start, 3), degrees_text(end, 3)) for start, end in leg.arcs
+    )
     return f'the crank does not turn fully; it reaches {arcs or "nothing"} deg'
 
 
@@ -86,28 +88,28 @@ def foot_figures(leg: LegSheet, speed: float) -> Iterator[Figure]:
         # Rounding counts as 0.
         stride = _zero(path.stride, path.length)
         lift = _zero(path.lift, path.length)
-        yield Figure('Stride', millimetres(stride), 'mm', _range('x', *path.x_range))
-        yield Figure('Lift', millimetres(lift), 'mm', _range('y', *path.y_range))
-        yield Figure('Path', millimetres(path.length), 'mm', 'its length')
+        yield Figure('Stride', mm_text(stride), 'mm', _range('x', *path.x_range))
+        yield Figure('Lift', mm_text(lift), 'mm', _range('y', *path.y_range))
+        yield Figure('Path', mm_text(path.length), 'mm', 'its length')
     if stance is None:
         return
-    angles = f'crank {_span(degree(stance.start), degree(stance.end % TURN))} deg'
+    angles = f'crank {_span(degrees_text(stance.start), degrees_text(stance.end % TURN))} deg'
     yield Figure('Stance', f'{100.0 * stance.duty_factor:.1f}', '%', f'of the turn, {angles}')
-    band = millimetres(_zero(stance.ground, stance.ground_covered))
+    band = mm_text(_zero(stance.ground, stance.ground_covered))
     ground = f'within {band} mm above the lowest point'
-    yield Figure('Ground covered', millimetres(stance.ground_covered), 'mm', ground)
+    yield Figure('Ground covered', mm_text(stance.ground_covered), 'mm', ground)
     straightness = f'{100.0 * stance.straightness:.2f} % of the ground covered'
     deviation = _zero(stance.deviation, stance.ground_covered)
-    yield Figure('Off straight', millimetres(deviation), 'mm', straightness)
+    yield Figure('Off straight', mm_text(deviation), 'mm', straightness)
     rate = abs(speed)
     ripple = f'; ripple {100.0 * stance.ripple:.0f} %' if isfinite(stance.ripple) else ''
     min_speed = _zero(stance.speed_least, stance.speed_mean)
-    span = _span(number(rate * min_speed, 3), number(rate * stance.speed_greatest, 3))
-    yield Figure('Foot speed', number(rate * stance.speed_mean), 'm/s', f'{span}{ripple}')
+    span = _span(number_text(rate * min_speed, 3), number_text(rate * stance.speed_greatest, 3))
+    yield Figure('Foot speed', number_text(rate * stance.speed_mean), 'm/s', f'{span}{ripple}')
 
 
 def _range(axis: str, low: float, high: float) -> str:
-    return f'{axis} {_span(millimetres(low), millimetres(high))} mm'
+    return f'{axis} {_span(mm_text(low), mm_text(high))} mm'
 
 
 def _span(low: str, high: str) -> str:
@@ -120,7 +122,7 @@ def bar_table(leg: LegSheet) -> FigureTable:
     heads = ('Number', 'Value', 'Unit', *(('Turns fully from', 'to') if has_margins else ()))
     lines = []
     for bar in leg.bars:
-        show = millimetres if bar.unit == 'm' else degree
+        show = mm_text if bar.unit == 'm' else degrees_text
         limits: tuple[str, ...] = ()
         if has_margins and bar.margin is None:
             limits = (UNKNOWN_VALUE, UNKNOWN_VALUE)
@@ -145,22 +147,24 @@ def transmission_table(leg: LegSheet) -> FigureTable:
     warning = ''
     for dyad in leg.transmission:
         angles = (*dyad.least, *dyad.greatest, dyad.from_in_line.value)
-        lines.append((dyad.name, *map(degree, angles)))
+        lines.append((dyad.name, *map(degrees_text, angles)))
         if dyad.from_in_line.value < GOOD_TRANSMISSION:
             warning = '; here it is less'
     heads = ('Links', 'Least / deg', 'at crank', 'Greatest / deg', 'at crank', 'From in line')
-    note = f'Good practice is {degree(GOOD_TRANSMISSION, 0)} deg from in line or more{warning}.'
+    note = (
+        f'Good practice is {degrees_text(GOOD_TRANSMISSION, 0)} deg from in line or more{warning}.'
+    )
     return FigureTable('Transmission angles', heads, tuple(lines), note)
 
 
 def mass_table(leg: LegSheet) -> FigureTable:
     """Return the table of a leg's masses."""
     lines = [
-        (name, number(mass), *map(millimetres, centre), number(inertia))
+        (name, number_text(mass), *map(mm_text, centre), number_text(inertia))
         for name, mass, centre, inertia in leg.masses
     ]
     heads = ('Body', 'Mass / kg', 'Centre x / mm', 'y / mm', 'Inertia / kg m²')
-    note = f'{number(leg.mass)} kg a leg. The centre is from the first point of the body.'
+    note = f'{number_text(leg.mass)} kg a leg. The centre is from the first point of the body.'
     return FigureTable('Masses', heads, tuple(lines), note)
 
 
@@ -184,7 +188,7 @@ def joint_force_table(leg: LegSheet) -> FigureTable:
 def _peaks(extremes: Sequence[Extreme]) -> list[str]:
     cells = []
     for extreme in extremes:
-        cells += [number(extreme.value), degree(extreme.at)]
+        cells += [number_text(extreme.value), degrees_text(extreme.at)]
     return cells
 
 
@@ -211,16 +215,19 @@ def crank_title(crank: CrankSheet) -> str:
 
 def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
     power = turn.power
+    mean_power = _zero(turn.mean * turn.rate, turn.peak * abs(speed))
     return [
-        Figure('Torque, least', number(float(turn.torque.min())), 'N m'),
-        Figure('Torque, greatest', number(float(turn.torque.max())), 'N m'),
-        Figure('Torque, rms', number(turn.rms), 'N m'),
-        Figure('Torque, mean', number(_zero(turn.mean, turn.peak)), 'N m'),
-        Figure('Power, least', number(float(power.min())), 'W'),
-        Figure('Power, greatest', number(float(power.max())), 'W'),
-        Figure('Power, mean', number(_zero(turn.mean * turn.rate, turn.peak * abs(speed))), 'W'),
-        Figure('Energy swing', number(turn.energy_swing), 'J'),
-        Figure('Flywheel', number(turn.flywheel(SPEED_FLUCTUATION)), 'kg m²'),
+        Figure('Torque, least', number_text(float(turn.torque.min())), 'N m'),
+        Figure('Torque, greatest', number_text(float(turn.torque.max())), 'N m'),
+        Figure('Torque, rms', number_text(turn.rms), 'N m'),
+        Figure('Torque, mean', number_text(_zero(turn.mean, turn.peak)), 'N m'),
+        Figure('Power, least', number_text(float(power.min())), 'W'),
+        Figure('Power, greatest', number_text(float(power.max())), 'W'),
+        Figure(
+            'Power, mean', number_text(_zero(turn.mean * turn.rate, turn.peak * abs(speed))), 'W'
+        ),
+        Figure('Energy swing', number_text(turn.energy_swing), 'J'),
+        Figure('Flywheel', number_text(turn.flywheel(SPEED_FLUCTUATION)), 'kg m²'),
     ]
 
 
@@ -235,35 +242,35 @@ def motor_figures(crank: CrankSheet) -> Iterator[Figure]:
     if verdict is None:
         return
     motor = verdict.motor
-    yield Figure('Stall torque', number(motor.output_stall_torque), 'N m', 'at the gear')
-    yield Figure('Available torque', number(verdict.available), 'N m', 'at this speed')
-    peak_angle = f'at {degree(verdict.peak_at)} deg' if verdict.peak else ''
-    yield Figure('Required torque', number(verdict.peak), 'N m', peak_angle)
+    yield Figure('Stall torque', number_text(motor.output_stall_torque), 'N m', 'at the gear')
+    yield Figure('Available torque', number_text(verdict.available), 'N m', 'at this speed')
+    peak_angle = f'at {degrees_text(verdict.peak_at)} deg' if verdict.peak else ''
+    yield Figure('Required torque', number_text(verdict.peak), 'N m', peak_angle)
     yield Figure('Margin', _times(verdict.margin), '', '1 is just enough')
-    braking = f'{number(verdict.braking_peak)} of {number(motor.holding_torque)} N m'
+    braking = f'{number_text(verdict.braking_peak)} of {number_text(motor.holding_torque)} N m'
     yield Figure('Braking margin', _times(verdict.braking_margin), '', braking)
     thermal = verdict.thermal_margin
-    rms = f'{number(verdict.motor_rms)} N m rms at the motor'
+    rms = f'{number_text(verdict.motor_rms)} N m rms at the motor'
     if thermal is None:
         yield Figure('Thermal margin', UNKNOWN_VALUE, '', f'{rms}; no continuous_torque is given')
     else:
         yield Figure('Thermal margin', _times(thermal), '', rms)
-    rpm = f'{number(verdict.fastest * 30.0 / pi)} rpm, by torque and speed'
+    rpm = f'{number_text(verdict.fastest * 30.0 / pi)} rpm, by torque and speed'
     note = rpm if verdict.fastest else 'it cannot start from standstill'
-    yield Figure('Fastest', number(verdict.fastest), 'rad/s', note)
+    yield Figure('Fastest', number_text(verdict.fastest), 'rad/s', note)
 
 
 def _times(margin: float) -> str:
     if margin == inf:
         return 'any'
-    return f'{margin:.2f}' if margin < 100.0 else number(margin)
+    return f'{margin:.2f}' if margin < 100.0 else number_text(margin)
 
 
 def motor_line(sheet: DataSheet) -> str:
     """Return the verdict on the motor in a line; '' without a motor."""
     if sheet.motor is None:
         return ''
-    speed = f'{number(abs(sheet.speed))} rad/s'
+    speed = f'{number_text(abs(sheet.speed))} rad/s'
     if sheet.motor_turns:
         return f'the motor can turn it at {speed}, {motor_reason(sheet)}'
     return f'the motor cannot turn it at {speed}: {motor_reason(sheet)}'
@@ -289,17 +296,17 @@ def walk_figures(sheet: DataSheet) -> Iterator[Figure]:
     if walk is None:
         return
     yield Figure(
-        'Speed', number(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike'
+        'Speed', number_text(abs(walk.speed * sheet.speed)), 'm/s', 'straight on, cranks alike'
     )
-    yield Figure('Stride', millimetres(walk.stride), 'mm', 'a turn of the cranks')
+    yield Figure('Stride', mm_text(walk.stride), 'mm', 'a turn of the cranks')
     note = 'of the centre of mass in the support polygon; negative is outside'
-    yield Figure('Least static margin', millimetres(walk.least_margin), 'mm', note)
+    yield Figure('Least static margin', mm_text(walk.least_margin), 'mm', note)
     yield Figure('Statically stable', f'{100.0 * walk.stable_fraction:.1f}', '%', 'of the turn')
     if walk.stable_fraction:
-        yield Figure('Height variation', millimetres(walk.height_variation), 'mm', 'of the body')
-        yield Figure('Pitch', degree(walk.greatest_pitch, 2), 'deg', 'at most')
-        yield Figure('Roll', degree(walk.greatest_roll, 2), 'deg', 'at most')
-    yield Figure('Foot slip', millimetres(walk.slid), 'mm', 'a turn, weighted by load')
+        yield Figure('Height variation', mm_text(walk.height_variation), 'mm', 'of the body')
+        yield Figure('Pitch', degrees_text(walk.greatest_pitch, 2), 'deg', 'at most')
+        yield Figure('Roll', degrees_text(walk.greatest_roll, 2), 'deg', 'at most')
+    yield Figure('Foot slip', mm_text(walk.slid), 'mm', 'a turn, weighted by load')
 
 
 def support_table(sheet: DataSheet) -> FigureTable | None:

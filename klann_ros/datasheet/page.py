@@ -76,7 +76,7 @@ def _animation(leg: LegSheet, speed: float) -> dict[str, Any]:
 
 def _header(sheet: DataSheet) -> Markup:
     source = element('strong', sheet.source, class_='path') if sheet.source else Markup()
-    about = element('p', element('span', figures.about(sheet)))
+    about = element('p', element('span', figures.summary(sheet)))
     verdict = Markup()
     if sheet.motor is not None:
         can_turn = sheet.motor_turns

@@ -18,7 +18,7 @@ def sheet_text(sheet: DataSheet) -> str:
 
 
 def _lines(sheet: DataSheet) -> Iterator[str]:
-    yield f'{printable(sheet.name)}: {printable_line(figures.about(sheet))}'
+    yield f'{printable(sheet.name)}: {printable_line(figures.summary(sheet))}'
     if sheet.source and sheet.source != sheet.name:
         yield f'from {printable(sheet.source)}'
     verdict = figures.motor_line(sheet)

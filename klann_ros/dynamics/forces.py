@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
     as_linkage,
+    check_rate,
     KinematicsError,
     Linkage,
     LinkageLeg,
     PartialTurnError,
-    rate as checked_rate,
     reachable_arcs,
 )
 from klann_ros.kinematics.arrays import FloatArray
@@ -229,7 +229,7 @@ class Dynamics:
             As `crank_torque`; the rate is not finite.
 
         """
-        checked_rate('alpha_rate', alpha_rate)
+        check_rate('alpha_rate', alpha_rate)
         arcs = reachable_arcs(self.linkage)
         if arcs != [(0.0, 2.0 * pi)]:
             raise PartialTurnError(arcs)

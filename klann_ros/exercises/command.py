@@ -53,6 +53,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _make(options: argparse.Namespace) -> int:
+    """Write the variants of a class, and the table for its answers; return the exit code."""
     kind = look_up(options.kind, KINDS, 'kind')
     students = read_students(options.students)
     variants = [make_variant(kind, *student) for student in students.items()]
@@ -87,6 +88,7 @@ def _check_parents(name: Path, folder: Path) -> None:
 
 
 def _mark(options: argparse.Namespace) -> int:
+    """Print the marks and the statistics of a class; return the exit code."""
     files = output_files(options, ('csv',), (options.answers,))
     class_marks, refused = mark_answers(options.answers, KINDS)
     for (student, kind), marks in class_marks.items():

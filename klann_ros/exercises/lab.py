@@ -148,7 +148,7 @@ def _rows(formula: Formula) -> list[Any]:
     return trace.rows
 
 
-def _system(system: EquationSystem) -> dict[str, Any]:
+def _system_content(system: EquationSystem) -> dict[str, Any]:
     trace = Trace()
     return {
         'unknowns': ' '.join(system.unknowns),
@@ -172,7 +172,7 @@ def lab_data() -> dict[str, Any]:
             if rows[:count] == first_rows:
                 rows = [f'use {begin}', *rows[count:]]
         formulas[name] = rows
-    systems = {name: _system(system) for name, system in SYSTEMS.items()}
+    systems = {name: _system_content(system) for name, system in SYSTEMS.items()}
     return {**data(), 'systems': systems, 'formulas': formulas}
 
 

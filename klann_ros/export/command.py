@@ -56,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    """Write the files that the options ask for; return the exit code."""
     if all(getattr(options, name) is None for name in (*FORMATS, 'ros2_control')):
         names = ', '.join(f'--{name}' for name in FORMATS)
         raise UsageError(f'no output is given; one of {names}, {ROS2_CONTROL} is needed')

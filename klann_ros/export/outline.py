@@ -122,6 +122,7 @@ def _sides(segments: Sequence[Segment], radius: float) -> list[Segment]:
 
 
 def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
+    """Yield the straight sides of bars, cut where sides and circles cross them."""
     sides = _sides(segments, radius)
     centres = set(chain.from_iterable(segments))
     for start, end in sides:
@@ -144,6 +145,7 @@ def _lines(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
 
 
 def _arcs(segments: Sequence[Segment], radius: float) -> Iterator[_Piece]:
+    """Yield the arcs about the ends of bars, cut where sides and other arcs cross them."""
     sides = _sides(segments, radius)
     centres = dict.fromkeys(chain.from_iterable(segments))
     for centre in centres:

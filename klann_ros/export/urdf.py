@@ -130,6 +130,7 @@ class _LegWriter:
         self._sphere(self._link(foot), 0j, 0, 1.5)
 
     def _rotating(self, j: int, owner: int, point: str) -> None:
+        """Add the joint of a body that turns about a point, and its bars."""
         body = self._structure.bodies[j]
         first = body.bars[0]
         on = self._points[owner, point]

@@ -49,7 +49,7 @@ Motion of bodies       `body_vectors`, `solve_rates`, `velocity_product`, `cross
 Parts of batches       `vectors`, `feet`, `loop_errors`, `transmission_angles`,
                        `differences`, `wrapped`, `whole_turns`, `driven_clearances`
 Foot paths             `path_figures`, `SampledPaths`, `periodic_cubics`
-Searches and checks    `peak`, `parabola_peak`, `crank_limits`, `rate`
+Searches and checks    `peak`, `parabola_peak`, `crank_limits`, `check_rate`
 Drawing                `PoseDrawing`, `pose_svg`
 =====================  ================================================================
 """
@@ -134,7 +134,7 @@ from .newton import Iterations
 from .periodic_cubics import periodic_cubics
 from .searches import parabola_peak, peak
 from .svg import pose_svg
-from .validation import rate
+from .validation import check_rate
 
 __all__ = [
     'BENDS',
@@ -199,6 +199,7 @@ __all__ = [
     'assembly_poses',
     'body_points',
     'body_vectors',
+    'check_rate',
     'colour_of',
     'content_with_numbers',
     'crank_limits',
@@ -220,7 +221,6 @@ __all__ = [
     'peak',
     'periodic_cubics',
     'pose_svg',
-    'rate',
     'reachable_arcs',
     'schema_error',
     'shipped_linkage',

@@ -108,7 +108,7 @@ class KlannGeometry(NamedGeometry):
     assembly: tuple[int, int] = (1, 1)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'assembly', validation.signs(self.assembly, 2))
+        object.__setattr__(self, 'assembly', validation.assembly_signs(self.assembly, 2))
         for name, number in zip(NUMBERS, self.linkage.numbers, strict=True):
             object.__setattr__(self, name, number)
         warn_of_lengths({name: getattr(self, name) for name in (*LENGTHS, *COORDINATES)})

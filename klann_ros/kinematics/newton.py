@@ -45,7 +45,7 @@ def newton_raphson(
     def closes() -> bool:
         return residual is None or np.abs(system.f(alpha, iterates[-1])).max() < residual
 
-    for _ in range(validation.count('max_iterations', max_iterations, 0)):
+    for _ in range(validation.whole_number('max_iterations', max_iterations, 0)):
         x = iterates[-1]
         if tolerance is None and residual is not None and closes():
             return np.array(iterates)

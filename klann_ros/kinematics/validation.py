@@ -17,7 +17,7 @@ MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-60, 1e60
 _WORDS = {2: 'two', 4: 'four'}
 
 
-def finite(name: str, argument: Any) -> float:
+def finite_number(name: str, argument: Any) -> float:
     """Return a number of a geometry as a float; a GeometryError for none, or one not finite."""
     number = number_or_nan(argument)
     if not math.isfinite(number):
@@ -25,28 +25,28 @@ def finite(name: str, argument: Any) -> float:
     return number
 
 
-def positive(name: str, length: float) -> None:
+def check_length(name: str, length: float) -> None:
     """Refuse a length that is not > 0 [m] with a GeometryError."""
     if length <= 0.0:
         raise GeometryError(f'{name} = {length:g} m is refused: a length must be > 0')
 
 
-def representable(name: str, length: float) -> None:
+def check_magnitude(name: str, length: float) -> None:
     """Refuse a length whose products over- or underflow [m] with a GeometryError."""
     if length != 0.0 and not MIN_MAGNITUDE <= abs(length) <= MAX_MAGNITUDE:
         limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
         raise GeometryError(f'{name} = {length:g} m is refused: it must be within {limits}')
 
 
-def factor(argument: Any) -> float:
+def positive_factor(argument: Any) -> float:
     """Return a scale factor; raises a GeometryError unless it is finite and > 0."""
-    number = finite('factor', argument)
+    number = finite_number('factor', argument)
     if number <= 0.0:
         raise GeometryError(f'factor = {argument!r} is refused: it must be > 0')
     return number
 
 
-def bend(name: str, angle: float) -> None:
+def check_bend(name: str, angle: float) -> None:
     """Refuse a bend beyond a turn [rad] with a GeometryError: degrees, maximum likely."""
     if not abs(angle) <= TURN:
         raise GeometryError(
@@ -55,21 +55,19 @@ def bend(name: str, angle: float) -> None:
         )
 
 
-def signs(assembly: Any, count: int) -> tuple[int, ...]:
+def assembly_signs(assembly: Any, count: int) -> tuple[int, ...]:
     """Return an assembly mode as a tuple; a GeometryError unless all `count` are +1 or -1."""
     try:
         # By index, since a set has no order.
-        assembly_signs = tuple(
-            int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1)
-        )
-        is_valid = len(assembly_signs) == len(assembly) == count
+        mode = tuple(int(assembly[i]) for i in range(len(assembly)) if assembly[i] in (-1, 1))
+        is_valid = len(mode) == len(assembly) == count
     except (TypeError, ValueError, LookupError):
         is_valid = False
     if not is_valid:
         number = 'one sign,' if count == 1 else f'{_WORDS.get(count, count)} signs, each'
         received = printable(repr(assembly), 100)
         raise GeometryError(f'assembly = {received} is refused: it must be {number} +1 or -1')
-    return assembly_signs
+    return mode
 
 
 def positive_setting(name: str, argument: Any, maximum: float = math.inf) -> float:
@@ -85,14 +83,14 @@ def positive_setting(name: str, argument: Any, maximum: float = math.inf) -> flo
     return number
 
 
-def rate(name: str, number: float) -> None:
+def check_rate(name: str, number: float) -> None:
     """Refuse a rate or an acceleration that is not a finite number with a ValueError."""
     # The fast path: nearly every rate is a float.
     if not math.isfinite(number if type(number) is float else number_or_nan(number)):
         raise ValueError(f'{name} = {number!r} is refused: it must be finite')
 
 
-def count(name: str, number: int, minimum: int) -> int:
+def whole_number(name: str, number: int, minimum: int) -> int:
     """Return a count; raises a ValueError unless it is a whole number >= minimum."""
     if isinstance(number, bool) or not isinstance(number, Integral) or number < minimum:
         msg = f'{name} = {number!r} is refused: it must be a whole number, at least {minimum}'
@@ -100,7 +98,9 @@ def count(name: str, number: int, minimum: int) -> int:
     return int(number)
 
 
-def guess(angles: Sequence[float] | FloatArray, names: str, role: str = 'guess') -> FloatArray:
+def finite_angles(
+    angles: Sequence[float] | FloatArray, names: str, role: str = 'guess'
+) -> FloatArray:
     """
     Return an iterate of Newton-Raphson as an array, one angle for each name [rad].
 
@@ -117,7 +117,7 @@ def guess(angles: Sequence[float] | FloatArray, names: str, role: str = 'guess')
     return x_1
 
 
-def vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
+def finite_vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
     """Return two finite numbers as floats; a ValueError for anything else."""
     try:
         x, y = map(number_or_nan, coordinates)
@@ -130,7 +130,7 @@ def vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
 
 def unit_vector(name: str, coordinates: Sequence[float]) -> tuple[float, float]:
     """Return the vector of length 1 in a direction (x, y); a ValueError if both are 0."""
-    x, y = vector(name, coordinates)
+    x, y = finite_vector(name, coordinates)
     scale = max(abs(x), abs(y))
     if scale == 0.0:
         raise ValueError(f'{name} = {coordinates!r} is refused: it has no length')

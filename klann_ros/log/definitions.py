@@ -55,7 +55,7 @@ def definition(type_name: str, prefixes: Iterable[AnyPath] | None = None) -> str
 
 
 def _collect(type_name: str, prefixes: list[Path], texts: dict[str, str]) -> None:
-    """Add the text of a type and of the types in it, unless it is there."""
+    """Add to `texts` that of a type and those of the types in it, each once."""
     words = split_type(type_name, short=True)
     if words is None:
         raise UnknownTypeError(type_name, 'a message type is named like std_msgs/msg/Float64')

@@ -139,6 +139,7 @@ class _Expansion:
         self._count = 0
 
     def fields(self, key: str, type_name: str, prefix: str, depth: int) -> Iterator[Field]:
+        """Yield the fields of a type with the fields of its inner types, their paths prefixed."""
         package = type_name.partition('/')[0]
         for field_type, name in self._definitions[key]:
             self._count += 1

@@ -94,6 +94,7 @@ class _JointPlace(NamedTuple):
 
 
 def _find_joint(data: bytes, joint: str) -> _JointPlace:
+    """Return the place of a joint in messages that are like this one."""
     try:
         layout = JOINT_STATE.layout(data)
     except ValueError as error:

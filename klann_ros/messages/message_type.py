@@ -126,6 +126,7 @@ def _read_fields(cursor: CdrCursor, fields: Sequence[Field]) -> dict[str, Any]:
 
 
 def _write_fields(writer: CdrWriter, fields: Sequence[Field], content: Mapping[str, Any]) -> None:
+    """Write fields in their order; what the content does not have is 0 or empty."""
     for field in fields:
         default: Any = '' if field.kind == TEXT else 0
         elements = content.get(field.path, [] if field.length is None else default)

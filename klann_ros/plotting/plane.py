@@ -175,7 +175,7 @@ def animate(
 
     """
     leg = leg_of(linkage)
-    frames = validation.count('frames', frames, MIN_FRAMES)
+    frames = validation.whole_number('frames', frames, MIN_FRAMES)
     poses = [leg.closed_form(alpha) for alpha in _crank_angles(leg, frames)]
     is_new = ax is None
     ax = axes_of(ax)

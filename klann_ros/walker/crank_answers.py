@@ -172,6 +172,7 @@ def _rate_findings(joint: str, turn: Turn) -> list[CommissioningFinding]:
 
 
 def _ratio_findings(joint: str, ratio: float) -> list[CommissioningFinding]:
+    """Return the finding about the ratio of a crank's rotation to its command, if it is not 1."""
     size = abs(ratio)
     if abs(size - 1.0) < UNIT_RATIO_ERROR:
         return []

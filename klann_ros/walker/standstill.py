@@ -75,6 +75,7 @@ class StandstillDetector:
         return max(abs(mean - first) for mean, first in means) > gate
 
     def _average(self, angles: Sequence[float], seconds: float) -> None:
+        """Add angles to their means, and to the variance of the noise."""
         self.time += seconds
         settling = self._noise.settling_time
         gain = mean_gain(seconds, self.time, settling) if self.time else 1.0

@@ -139,9 +139,9 @@ def tolerance_study(
 
     """
     base = as_linkage(linkage)
-    samples = validation.count('samples', samples, 1)
-    crank_angles = validation.count('crank_angles', crank_angles, 1)
-    seed = validation.count('seed', seed, 0)
+    samples = validation.whole_number('samples', samples, 1)
+    crank_angles = validation.whole_number('crank_angles', crank_angles, 1)
+    seed = validation.whole_number('seed', seed, 0)
     if distribution not in DISTRIBUTIONS:
         msg = f'distribution = {distribution!r} is refused: one of {", ".join(DISTRIBUTIONS)}'
         raise ValueError(msg)

@@ -174,7 +174,7 @@ class FootPath:
             The point is not two finite numbers.
 
         """
-        return inverse.nearest(self._tracks, validation.vector('point', point), self._size)
+        return inverse.nearest(self._tracks, validation.finite_vector('point', point), self._size)
 
     @cached_property
     def _size(self) -> float:
@@ -189,7 +189,7 @@ class FootPath:
         return min(extremes), max(extremes)
 
     def _crank_angles_at(self, s: Coordinate, name: str, level: float) -> list[float]:
-        validation.rate(name, level)
+        validation.check_rate(name, level)
         return inverse.crank_angles_at(self._tracks, s, level, self._size)
 
 
@@ -238,7 +238,7 @@ def foot_path(
     (0.47, True)
 
     """
-    samples = validation.count('samples', samples, MIN_SAMPLES)
+    samples = validation.whole_number('samples', samples, MIN_SAMPLES)
     if not all(hasattr(leg, name) for name in LEG_METHODS):
         raise TypeError(f'leg = {leg!r} is refused: it must be a leg, such as a KlannLeg')
     tracked_leg = copy(leg) if point is None else LinkageLeg(_with_foot(leg, point))

@@ -63,11 +63,11 @@ class FourBarGeometry(NamedGeometry):
 
     def __post_init__(self) -> None:
         for name in LENGTHS:
-            object.__setattr__(self, name, validation.finite(name, getattr(self, name)))
+            object.__setattr__(self, name, validation.finite_number(name, getattr(self, name)))
         for name in LENGTHS:
-            validation.positive(name, getattr(self, name))
-            validation.representable(name, getattr(self, name))
-        object.__setattr__(self, 'assembly', validation.signs((self.assembly,), 1)[0])
+            validation.check_length(name, getattr(self, name))
+            validation.check_magnitude(name, getattr(self, name))
+        object.__setattr__(self, 'assembly', validation.assembly_signs((self.assembly,), 1)[0])
         longest = max(self.lengths)
         sum_of_others = sum(sorted(self.lengths)[:3])
         if longest >= sum_of_others - length_rounding(self.lengths):

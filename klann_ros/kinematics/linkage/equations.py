@@ -286,13 +286,13 @@ def _checked(structure: Structure, numbers: Sequence[float]) -> tuple[float, ...
         if type(number) is float and validation.MIN_MAGNITUDE <= number <= largest:
             checked.append(number)
             continue
-        finite = validation.finite(dimension.name, number)
+        finite = validation.finite_number(dimension.name, number)
         if dimension.is_length:
-            validation.positive(dimension.name, finite)
+            validation.check_length(dimension.name, finite)
         if dimension.unit == 'm':
-            validation.representable(dimension.name, finite)
+            validation.check_magnitude(dimension.name, finite)
         else:
-            validation.bend(dimension.name, finite)
+            validation.check_bend(dimension.name, finite)
         checked.append(finite)
     return tuple(checked)
 

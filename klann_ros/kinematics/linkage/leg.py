@@ -255,7 +255,7 @@ class Leg(Generic[PoseT, MotionT]):
             self._check_linkage(pose)
         if isnan(pose.coefficients[0]):
             raise errors.SingularPoseError(pose.crank_angle)
-        validation.rate('alpha_rate', alpha_rate)
+        validation.check_rate('alpha_rate', alpha_rate)
         rates = self._velocity(pose.crank_angle, pose.x, pose.coefficients, alpha_rate)
         motion: Any = self.motion_class._make((*rates, pose, None))
         return motion  # type: ignore[no-any-return]  # of its class
@@ -320,7 +320,7 @@ class Leg(Generic[PoseT, MotionT]):
 
         """
         velocity = self.velocity(pose, alpha_rate)
-        validation.rate('alpha_acceleration', alpha_acceleration)
+        validation.check_rate('alpha_acceleration', alpha_acceleration)
         state = pose.crank_angle, pose.x, pose.coefficients, alpha_rate, alpha_acceleration
         motion: Any = self.motion_class._make((*self._acceleration(*state), pose, velocity))
         return motion  # type: ignore[no-any-return]  # of its class
@@ -346,7 +346,7 @@ class Leg(Generic[PoseT, MotionT]):
 
         """
         x_1, y_1 = self.velocity(pose, 1.0).h
-        f_x, f_y = validation.vector('force', force)
+        f_x, f_y = validation.finite_vector('force', force)
         # From 0.0, so that no force takes a torque of 0.0 and not of -0.0.
         return 0.0 - (f_x * x_1 + f_y * y_1)
 
@@ -368,7 +368,7 @@ class Leg(Generic[PoseT, MotionT]):
 
         """
         h_1 = self.velocity(pose, 1.0).h
-        validation.rate('torque', torque)
+        validation.check_rate('torque', torque)
         u, v = validation.unit_vector('direction', direction)
         along = u * h_1[0] + v * h_1[1]
         if abs(along) <= MIN_COMPONENT_RATIO * hypot(*h_1):
@@ -427,7 +427,7 @@ class Leg(Generic[PoseT, MotionT]):
         return np.asarray(-step, dtype=np.float64)
 
     def _x(self, name: str, x: Sequence[float] | FloatArray) -> FloatArray:
-        return validation.guess(x, ', '.join(self.joint_names[1:]), name)
+        return validation.finite_angles(x, ', '.join(self.joint_names[1:]), name)
 
     def newton(
         self,

@@ -70,7 +70,7 @@ class Linkage(LoopEquations):
         self.assembly = (
             self._signs()
             if assembly is None
-            else validation.signs(assembly, len(structure.groups))
+            else validation.assembly_signs(assembly, len(structure.groups))
         )
 
     def __eq__(self, other: object) -> bool:
@@ -178,7 +178,7 @@ class Linkage(LoopEquations):
             There is no such body, u or v is not finite, the name is taken, or it is a pivot.
 
         """
-        place = complex(validation.finite('u', u), validation.finite('v', v))
+        place = complex(validation.finite_number('u', u), validation.finite_number('v', v))
         start = ''
         if body in self.structure.angles:
             start = self.structure.bodies[self.structure.angles.index(body)].points[0]
@@ -197,7 +197,7 @@ class Linkage(LoopEquations):
             The factor is not positive, or a length gets too large or too small.
 
         """
-        factor = validation.factor(factor)
+        factor = validation.positive_factor(factor)
         numbers = list(self.numbers)
         for n, dimension in enumerate(self.structure.dimensions):
             if dimension.unit == 'm':
@@ -360,7 +360,7 @@ class NamedGeometry:
 
     def scaled(self: GeometryT, factor: float) -> GeometryT:  # noqa: PYI019 - see `varied`
         """Return the linkage scaled by a factor; raises a GeometryError unless it is positive."""
-        factor = validation.factor(factor)
+        factor = validation.positive_factor(factor)
         changes = {}
         for dimension in self.structure.dimensions:
             if dimension.unit == 'm':

@@ -38,10 +38,10 @@ class WalkFigures:
 
 def walk_figures(walk: WalkRecording) -> WalkFigures:
     """Return the figures of a walker."""
-    return WalkFigures(walk.namespace, **_odometry(walk), **_cranks(walk))
+    return WalkFigures(walk.namespace, **_odometry_figures(walk), **_crank_figures(walk))
 
 
-def _odometry(walk: WalkRecording) -> dict[str, Any]:
+def _odometry_figures(walk: WalkRecording) -> dict[str, Any]:
     odometry = walk.odometry
     truth = walk.truth
     if len(truth) < _MIN_WALK_MESSAGES or len(odometry) < _MIN_WALK_MESSAGES:
@@ -76,7 +76,7 @@ class _CrankLag(NamedTuple):
         return int(np.argmax(np.abs(self.lags)))
 
 
-def _cranks(walk: WalkRecording) -> dict[str, Any]:
+def _crank_figures(walk: WalkRecording) -> dict[str, Any]:
     crank_lags = []
     for joint, state in walk.states.items():
         if len(state) < _MIN_WALK_MESSAGES:

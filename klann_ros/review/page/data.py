@@ -38,7 +38,7 @@ def run_data(review: Review, max_bytes: float) -> dict[str, Any]:
     return {
         'path': printable(review.recording.path),
         'duration': review.recording.duration,
-        'legs': [_leg(leg, review, share) for leg in review.legs],
+        'legs': [_leg_data(leg, review, share) for leg in review.legs],
         'walks': walks,
         'topics': [timing(topic) for topic in review.recording.topics],
         'marks': [finding.time for finding in review.findings if finding.time is not None],
@@ -116,7 +116,7 @@ def _maxima(column: FloatArray, parts: int) -> IndexArray:
     return np.append(rows, whole * size + remainder.argmax()) if remainder.size else rows
 
 
-def _leg(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
+def _leg_data(leg: ReviewedLeg, review: Review, max_bytes: float) -> dict[str, Any]:
     recording = leg.recording
     solver = recording.solver
     start = review.recording.start

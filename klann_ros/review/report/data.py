@@ -34,21 +34,21 @@ def save_json(review: Review, comparison: Comparison | None, file: BinaryIO) -> 
         'duration': recording.duration,
         'healthy': review.is_healthy,
         'topics': [*map(asdict, review.topics)],
-        'legs': [*map(_leg, review.legs)],
+        'legs': [*map(_leg_content, review.legs)],
         'walks': [*map(asdict, review.walks)],
         'limits': asdict(review.limits),
-        'findings': [*map(_finding, review.findings)],
+        'findings': [*map(_finding_content, review.findings)],
     }
     if comparison is not None:
         content['comparison'] = asdict(comparison)
     file.write(f'{json.dumps(finite(content), indent=2)}\n'.encode())
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _finding_content(finding: Finding) -> dict[str, Any]:
     return {**asdict(finding), 'severity': finding.severity.name.lower()}
 
 
-def _leg(leg: ReviewedLeg) -> dict[str, Any]:
+def _leg_content(leg: ReviewedLeg) -> dict[str, Any]:
     return {
         'leg': leg.recording.title,
         'poses': len(leg.recording.poses),
