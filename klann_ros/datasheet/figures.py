@@ -223,9 +223,7 @@ def _crank_column(turn: TurnOfForces, speed: float) -> list[Figure]:
         Figure('Torque, mean', number_text(_zero(turn.mean, turn.peak)), 'N m'),
         Figure('Power, least', number_text(float(power.min())), 'W'),
         Figure('Power, greatest', number_text(float(power.max())), 'W'),
-        Figure(
-            'Power, mean', number_text(_zero(turn.mean * turn.rate, turn.peak * abs(speed))), 'W'
-        ),
+        Figure('Power, mean', number_text(mean_power), 'W'),
         Figure('Energy swing', number_text(turn.energy_swing), 'J'),
         Figure('Flywheel', number_text(turn.flywheel(SPEED_FLUCTUATION)), 'kg m²'),
     ]
