@@ -56,7 +56,7 @@ class Log(AbstractContextManager['Log']):
         times = spanned_time(overview.times for overview in overviews)
         self.times = LogTimes(*(times or (0, 0)))
         if self.times.end - self.times.start > MAX_LOG_DURATION:
-            self.times = possible_times(self._file_blocks())
+            self.times = possible_times(self.blocks())
         self.start_time = self.times.start
         self.end_time = self.times.end
         self.topics = tuple(dict.fromkeys(chain(*(overview.topics for overview in overviews))))
@@ -185,20 +185,12 @@ class Log(AbstractContextManager['Log']):
         """
         Yield the messages in large blocks, in the order of the files.
 
-        An impossible log time is replaced by the one before it.
-
         Parameters
         ----------
         progress
             Called for each block with the part of the log before it, from 0 to 1.
 
         """
-        blocks = self._file_blocks(progress)
-        return self.times.repaired(blocks) if self.times.impossible_count else blocks
-
-    def _file_blocks(
-        self, progress: Callable[[float], object] | None = None
-    ) -> Iterator[MessageBlock]:
         total_size = sum(file.size for file, _ in self._files) or 1
         file_offset = 0
         for file, _ in self._files:

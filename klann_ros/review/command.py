@@ -118,6 +118,7 @@ def _review(options: argparse.Namespace) -> int:
         print(f'\n{text.differences(comparison, colour=colour)}')
     if options.annotate:
         annotate(reviews[0], options.annotate)
+        _print_state(f'the annotated run is the folder {printable(options.annotate)}')
     save_all(
         files,
         {

@@ -143,6 +143,20 @@ class Script:
             x, y = self.answers[n].foot
             self.change(n, foot=(x, y + distance))
 
+    def measure_in_degrees(self, decimals: int) -> None:
+        """Answer with poses in degrees."""
+        for answer in self.answers:
+            answer.pose = np.degrees(answer.pose).round(decimals).tolist()
+
+    def ask_in_degrees(self, decimals: int = 9, answered: bool = False) -> None:
+        """Ask in degrees below 360; they are answered as radians, or rightly."""
+        for n, answer in enumerate(self.answers):
+            alpha = round(math.degrees(answer.alpha) % 360.0, decimals)
+            if answered:
+                self.move(n, alpha)
+            else:
+                self.change(n, alpha=alpha)
+
     def stand(self, first: int, last: int) -> None:
         """Let the crank stand still from one answer to another."""
         still = self.answers[first]
@@ -517,15 +531,15 @@ def _answer(script: Script, answer: Answer) -> Iterator[Message]:
         (script.poses, pose),
         (script.feet, (foot_at, foot_stamp, tuple(answer.foot))),
     ):
-        yield Message(
-            topic, _serialized(topic.type, *content), time + script.latency, time, number
-        )
+        data = _serialized(*content)
+        yield Message(topic, data, time + script.latency, time, number)
 
 
 @lru_cache(1 << 14)
-def _serialized(kind: str, make_content: Callable[..., Any], *arguments: Hashable) -> bytes:
+def _serialized(make_content: Callable[..., Any], *arguments: Hashable) -> bytes:
     """Return the bytes of a message; in most runs nearly all are the same."""
-    return bytes(STORE.serialize_cdr(make_content(*arguments), kind))
+    content = make_content(*arguments)
+    return bytes(STORE.serialize_cdr(content, content.__msgtype__))
 
 
 def message(

@@ -39,6 +39,9 @@ class LogTimes:
 
     def repaired(self, blocks: Iterable[MessageBlock]) -> Iterator[MessageBlock]:
         """Yield blocks where an impossible log time is replaced by the one before it."""
+        if not self.impossible_count:
+            yield from blocks
+            return
         last_time = np.uint64(self.start)
         for block in blocks:
             times = block.heads['log_time']

@@ -2,13 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from itertools import groupby
+from itertools import chain, groupby
 from operator import attrgetter
 
 from klann_ros.kinematics.arrays import IntArray
 from klann_ros.log import LAST_TIME
 from klann_ros.review.model.answers import MAX_RESPONSE_TIME, refused_intervals
-from klann_ros.review.model.recording import LegRecording, RunRecording
+from klann_ros.review.model.recording import LegRecording, LegSolver, Mismatch, RunRecording
 from klann_ros.review.model.review import Finding, Review, Severity
 from klann_ros.review.model.times import (
     CLOCK,
@@ -26,6 +26,12 @@ import numpy as np
 
 _MAX_PROBLEMS = 3
 _MAX_RECORDER_FINDINGS = 10
+_MISMATCHES = {
+    Mismatch.ENCODING: 'only cdr, the encoding of ROS 2, can be read',
+    Mismatch.DEFINITION: 'their definition in the log has other fields than their type',
+    Mismatch.CONTENT: 'the bytes do not match the type; they are ignored',
+    Mismatch.NO_POSITIONS: 'joints of a leg have no positions; they are ignored',
+}
 
 
 def check_container(review: Review) -> Iterator[Finding]:
@@ -48,8 +54,10 @@ def check_container(review: Review) -> Iterator[Finding]:
     for undecoded in recording.undecoded:
         messages = f'{counted(undecoded.count, "message")} of {printable(undecoded.topic)}'
         text = f'{messages} cannot be decoded'
+        if undecoded.reason is Mismatch.ENCODING:
+            text += f': they are {printable(undecoded.encoding) or "of no encoding"}, not cdr'
         time = review.since_start(undecoded.time)
-        meaning = 'the bytes do not match the type, or joints have no positions; they are ignored'
+        meaning = _MISMATCHES[undecoded.reason]
         yield Finding('decode', Severity.ERROR, text, meaning, time)
     yield from _poses(review)
 
@@ -81,7 +89,7 @@ def _poses(review: Review) -> Iterator[Finding]:
         yield Finding('poses', Severity.NOTE, text, meaning)
     elif not has_poses:
         text = 'there is no pose in the run (no joint_states of a leg)'
-        meaning = 'nothing can be judged: was solver_node running, and its topic recorded?'
+        meaning = f'nothing can be judged: {_missing_poses(review)}'
         yield Finding('poses', Severity.ERROR, text, meaning)
     for leg in review.legs:
         title = leg.recording.title
@@ -107,6 +115,25 @@ def _kind_without_poses(review: Review) -> str:
     has_solver = any(leg.recording.solver.nodes for leg in review.legs)
     drives = [walk for walk in review.recording.walks if walk.states]
     return 'cranks are driven without a solver' if drives and not has_solver else ''
+
+
+def _missing_poses(review: Review) -> str:
+    """Return the likely reason of a run without poses."""
+    recording = review.recording
+    if recording.undecoded:
+        return 'the messages cannot be decoded'
+    if not recording.joints:
+        types = [
+            f'{printable(topic.name)} is {printable(topic.type) or "of no type"}'
+            for topic in recording.topics
+            if topic.name.endswith('/joint_states')
+        ]
+        return '; '.join(types) or 'was solver_node running, and its topic recorded?'
+    solvers = [leg.recording.solver for leg in review.legs] or [LegSolver()]
+    joints = dict.fromkeys(chain.from_iterable(solver.joint_names for solver in solvers))
+    cranks = dict.fromkeys(solver.crank_joint for solver in solvers)
+    topics = [f'{printable(name)} has {listed(names)}' for name, names in recording.joints.items()]
+    return f'a leg is {listed(joints)}, its crank {listed(cranks)}; {"; ".join(topics)}'
 
 
 def check_losses(review: Review) -> Iterator[Finding]:

@@ -110,6 +110,9 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
         max_jump = degrees(steps[jumps].max())
         text = f'the crank angle jumps {repeated(jumps.size)}, by up to {max_jump:.3g} deg'
         meaning = 'the angle was set, an encoder slips, or inputs were lost before publishing'
+        # An angle in degrees begins again at 360, or at 180; one in radians at 2 pi.
+        if np.abs(steps[jumps] - 360.0).max() <= max(2.0 * median_step, 1.0):
+            meaning = 'the angle is in degrees, and has to be in radians'
         time = review.since_start(times[jumps[0] + 1])
         yield Finding('jump', Severity.WARNING, text, meaning, time, leg.title)
 

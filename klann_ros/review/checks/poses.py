@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from math import degrees
 from typing import NamedTuple
 
-from klann_ros.kinematics import differences, wrapped
+from klann_ros.kinematics import differences, loop_errors, wrapped
 from klann_ros.kinematics.arrays import BoolArray, FloatArray, IntArray
 from klann_ros.review.model.answers import (
     Cause,
@@ -20,6 +20,12 @@ from klann_ros.review.model.review import Finding, Review, ReviewedLeg, Severity
 from klann_ros.review.model.times import isin, pairs
 from klann_ros.sanitize.text import counted, in_words, listed, printable, verb
 import numpy as np
+
+# Poses that are tried in degrees; their residuals are smaller by this factor if they are. Largest
+# error of an angle in whole degrees [rad].
+_MAX_TRIED_POSES = 100
+_UNIT_RATIO = 0.05
+_MAX_ROUNDING = 0.01
 
 
 class WrongPoses(NamedTuple):
@@ -73,7 +79,7 @@ def check_poses(review: Review) -> Iterator[Finding]:
         wrong = wrong_poses(leg, leg.errors, review.limits)
         feet = _feet(leg, leg.errors, review.limits, wrong.any())
         for noun, series, faults in (
-            ('poses', leg.evaluated.poses, _poses(leg.errors, wrong)),
+            ('poses', leg.evaluated.poses, _poses(leg, leg.errors, wrong)),
             ('feet (point_h)', leg.evaluated.feet, feet),
         ):
             for fault in faults:
@@ -86,7 +92,7 @@ def check_poses(review: Review) -> Iterator[Finding]:
                     yield Finding(fault.check, Severity.ERROR, text, fault.meaning, time, title)
 
 
-def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
+def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
     flipped = _by_up_to(np.degrees(errors.angle_errors), wrong.flipped, 'deg')
     yield _Fault(
         'nan',
@@ -100,7 +106,7 @@ def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
         wrong.not_closed,
         ('does', 'do'),
         f'not close the loops{_by_up_to(1e3 * errors.residuals, wrong.not_closed, "mm")}',
-        'the poses are of a leg with other dimensions',
+        _not_closed_meaning(leg.evaluated, wrong.not_closed),
     )
     yield _Fault(
         'reach',
@@ -116,6 +122,19 @@ def _poses(errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
         f'in another assembly mode than the leg{flipped}',
         'the loops close, but in another assembly mode: the branch flipped',
     )
+
+
+def _not_closed_meaning(leg: LegRecording, flags: BoolArray) -> str:
+    """Return why poses do not close the loops: other dimensions, or angles in degrees."""
+    rows = np.flatnonzero(flags)[:_MAX_TRIED_POSES]
+    slides = np.array(leg.solver.slides)
+    if rows.size and leg.solver.leg is not None:
+        poses = leg.poses.values[rows]
+        residuals = loop_errors(leg.solver.leg, poses)
+        in_radians = np.where(slides, poses, np.radians(poses))
+        if np.median(loop_errors(leg.solver.leg, in_radians)) < _UNIT_RATIO * np.median(residuals):
+            return 'the angles are in degrees, and have to be in radians'
+    return 'the poses are of a leg with other dimensions'
 
 
 def _feet(
@@ -184,6 +203,10 @@ def _wrong_crank_angles(review: Review, reviewed: ReviewedLeg) -> Iterator[Findi
             'than their input'
         )
         meaning = 'alpha does not follow from the input by direction and phase'
+        is_wrong = wrong[rows]
+        errors = wrapped(alphas[is_wrong] - np.radians(requested_alphas[is_wrong]))
+        if np.median(np.abs(errors)) < _MAX_ROUNDING:
+            meaning = 'the input is in degrees, and has to be in radians'
         time = review.since_start(leg.poses.times[int(np.argmax(wrong))])
         yield Finding('alpha', Severity.ERROR, text, meaning, time, leg.title)
 

@@ -1,5 +1,6 @@
 """The messages of a log as columns: each topic is read once, by what it is to a review."""
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from enum import auto, Enum
@@ -28,7 +29,7 @@ from klann_ros.messages import (
     POINT_FIELDS,
     STRING,
 )
-from klann_ros.review.model.recording import Undecoded
+from klann_ros.review.model.recording import Mismatch, Undecoded
 from klann_ros.review.model.times import CLOCK as CLOCK_TOPIC, Series
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,7 @@ class Role(Enum):
 def role_of(topic: Topic) -> Role | None:
     """Return what the messages of a topic are; None if a review only counts them."""
     _, name = place_of(topic.name)
-    kind = topic.type
+    kind = _ros2_type(topic)
     roles = {
         Role.JOINTS: kind == JOINT_STATE.name,
         Role.ANGLE: kind in ANGLE_TYPES and name == 'crank_angle',
@@ -107,6 +108,12 @@ def role_of(topic: Topic) -> Role | None:
         Role.MEASURED: kind in POINT_FIELDS.keys() - FRAMED_TYPES and name not in COMPUTED_TOPICS,
     }
     return next((role for role, is_role in roles.items() if is_role), None)
+
+
+def _ros2_type(topic: Topic) -> str:
+    """Return a topic's type as ROS 2 names it; ROS 1 leaves out `msg`."""
+    package, _, name = topic.type.partition('/')
+    return topic.type if '/' in name else f'{package}/msg/{name}'
 
 
 LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT, Role.ARRAY, Role.LEASE)
@@ -257,23 +264,24 @@ class _TopicColumns:
 
     def __init__(self, topic: Topic, joints: JointSelector, rate_kind: str) -> None:
         self.topic = topic.name
+        self.encoding = topic.message_encoding
         self.role = None if ANNOTATION in topic.extra else role_of(topic)
         # By the names in messages, and the fields with a number of each.
         self.parts: dict[tuple[tuple[str, ...], tuple[str, ...]], Part] = {}
         # Log times [ns] and contents of texts and reports.
         self.contents: list[tuple[int, dict[str, Any]]] = []
         # Number of messages that do not match their type, and log time of the first [ns].
-        self._refused_count = 0
-        self._first_refused = 0
+        self._refused: dict[Mismatch, tuple[int, int]] = {}
         self._joints = joints
         self._rate_kind = rate_kind
-        self._is_command = place_of(topic.name)[1] == COMMAND
+        self.is_command = place_of(topic.name)[1] == COMMAND
         self._last_text = b''
         self._reader: ColumnReader | None = None
         if self.role is not None and topic.message_encoding == 'cdr':
-            self._type = MESSAGE_TYPES[topic.type]
+            kind = _ros2_type(topic)
+            self._type = MESSAGE_TYPES[kind]
             if self._type.is_defined_by(topic.definition, topic.schema_encoding):
-                paths = _PATHS.get(self.role, (POINT_FIELDS.get(topic.type, ''),))
+                paths = _PATHS.get(self.role, (POINT_FIELDS.get(kind, ''),))
                 names = 'name' if self.role is Role.JOINTS else ''
                 self._reader = ColumnReader(self._type, paths, names)
 
@@ -282,11 +290,15 @@ class _TopicColumns:
         if self.role is None:
             return
         if self._reader is None:
-            self._refuse(block, rows)
+            is_cdr = self.encoding == 'cdr'
+            reason = Mismatch.DEFINITION if is_cdr else Mismatch.ENCODING
+            self._refuse(block, reason, rows)
         elif self.role in _TEXTS:
             self._add_contents(block, rows[block.sizes[rows] <= _TEXTS[self.role]])
         else:
-            for columns in self._reader.read(block, rows, partial(self._refuse, block)):
+            for columns in self._reader.read(
+                block, rows, partial(self._refuse, block, Mismatch.CONTENT)
+            ):
                 if self.role is Role.JOINTS:
                     self._add_joints(block, columns)
                 else:
@@ -294,13 +306,14 @@ class _TopicColumns:
 
     def undecoded(self) -> Iterator[Undecoded]:
         """Yield the undecodable messages, if any."""
-        if self._refused_count and self.role in _REQUIRED:
-            yield Undecoded(self.topic, self._refused_count, self._first_refused)
+        if self.role in _REQUIRED:
+            for reason, (count, time) in self._refused.items():
+                yield Undecoded(self.topic, self.encoding, reason, count, time)
 
-    def _refuse(self, block: _TimedBlock, rows: IndexArray) -> None:
-        first = int(block.times[rows].min())
-        self._first_refused = min(self._first_refused, first) if self._refused_count else first
-        self._refused_count += len(rows)
+    def _refuse(self, block: _TimedBlock, reason: Mismatch, rows: IndexArray) -> None:
+        time = int(block.times[rows].min())
+        count, first_time = self._refused.get(reason, (0, time))
+        self._refused[reason] = count + len(rows), min(time, first_time)
 
     def _add_contents(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add texts or reports; a text is usually repeated."""
@@ -343,10 +356,10 @@ class _TopicColumns:
             for path, columns_of_path in columns.numbers.items()
             if columns_of_path.shape[1] == len(names)
         }
-        if 'position' not in numbers and not (self._is_command and 'velocity' in numbers):
+        if 'position' not in numbers and not (self.is_command and 'velocity' in numbers):
             count = columns.numbers['position'].shape[1]
             if self._joints.lacks_positions(self.topic, names, count):
-                self._refuse(block, columns.rows)
+                self._refuse(block, Mismatch.NO_POSITIONS, columns.rows)
             return
         key = (names, tuple(numbers))
         if key not in self.parts:
@@ -359,7 +372,7 @@ class _TopicColumns:
             kept['position'] = _selected(numbers['position'], names, selection.names)
         if 'effort' in numbers and selection.drives:
             kept['effort'] = _selected(numbers['effort'], names, selection.drives)
-        rate_kind = 'f8' if self._is_command else self._rate_kind
+        rate_kind = 'f8' if self.is_command else self._rate_kind
         if rate_kind:
             unknown = np.full((len(columns.rows), len(names)), np.nan)
             rates = _selected(numbers.get('velocity', unknown), names, selection.names)
@@ -430,6 +443,15 @@ class LogColumns:
             if topic.role is role:
                 for time, content in topic.contents:
                     yield topic.topic, time, content
+
+    def joints(self) -> dict[str, tuple[str, ...]]:
+        """Return the joints on each topic of JointStates, without those of commands."""
+        names: dict[str, dict[str, None]] = defaultdict(dict)
+        for topic in self._topics.values():
+            if topic.role is Role.JOINTS and not topic.is_command:
+                for part_names, _ in topic.parts:
+                    names[topic.topic].update(dict.fromkeys(part_names))
+        return {topic: tuple(joints) for topic, joints in names.items()}
 
     def undecoded(self) -> Iterator[Undecoded]:
         """Yield the topics of legs and walkers with undecodable messages."""

@@ -61,7 +61,7 @@ def load(
     records = log.solvers
     definitions = LegDefinitions(records, robot)
     columns = LogColumns(definitions, rates)
-    for block in log.blocks(progress):
+    for block in log.times.repaired(log.blocks(progress)):
         columns.add(block)
     # Damage is known after reading only.
     pauses = [*_records(log, PAUSE_RECORD, recorded_pause)]
@@ -90,6 +90,7 @@ def load(
         impossible_times=str(log.times),
         is_refused_only=log.is_refused_only,
         undecoded=tuple(columns.undecoded()),
+        joints=columns.joints(),
         unrecorded=unrecorded,
         stalls=tuple(pause for pause in pauses if pause.reason),
         clock=clock,

@@ -7,7 +7,15 @@ from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 
-from klann_ros.log import block_of_messages, HEAD, Message, MessageBlock, SolverParameters, Topic
+from klann_ros.log import (
+    block_of_messages,
+    HEAD,
+    LogTimes,
+    Message,
+    MessageBlock,
+    SolverParameters,
+    Topic,
+)
 import numpy as np
 
 from .columns import LEG_ROLES, role_of
@@ -33,7 +41,7 @@ class Window:
     problems: tuple[str, ...] = ()
     is_refused_only: bool = False
     # A recorder has the clock of its machine.
-    times: str = ''
+    times = LogTimes(0, 0)
     metadata: Mapping[str, list[dict[str, str]]] = {}
 
     def __init__(self) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from enum import auto, Enum
 from typing import NamedTuple
 
 from klann_ros.dynamics import Dynamics
@@ -14,11 +15,22 @@ from .times import Interval, no_series, pairs, Series
 from .topics import TopicRecording
 
 
+class Mismatch(Enum):
+    """Reason why messages of a leg or a walker cannot be decoded."""
+
+    ENCODING = auto()
+    DEFINITION = auto()
+    CONTENT = auto()
+    NO_POSITIONS = auto()
+
+
 @dataclass(frozen=True)
 class Undecoded:
     """Messages of a topic that do not match their type."""
 
     topic: str
+    encoding: str  # such as json
+    reason: Mismatch
     count: int
     time: int  # log time of the first [ns]
 
@@ -164,6 +176,8 @@ class RunRecording:
     undecoded: tuple[Undecoded, ...]  # on topics of legs and walkers
     unrecorded: tuple[Interval, ...]  # pauses of the recorder and damage of the log, in order
     legs: tuple[LegRecording, ...]
+    # Joints of the JointStates on each topic, without those of commands.
+    joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible_times: str = ''  # log times that cannot be, in a line
     stopped: str = ''  # reason of an early end, by the recorder
     file_fault: str = ''  # faults of the file meanwhile, by the recorder

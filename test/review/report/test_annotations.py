@@ -238,3 +238,11 @@ def test_an_impossible_log_time_is_kept_beside_the_annotations(
     assert without_annotations(out) == messages(run)
     with open_log(run) as log, open_log(out) as annotated_log:
         assert annotated_log.start_time == log.start_time
+
+
+def test_an_output_with_the_name_of_a_file_is_a_folder_and_is_named(
+    faulty: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / 'out.mcap'
+    assert annotated(faulty, out) == out / 'out.mcap_0.mcap'
+    assert capsys.readouterr().err == f'review: the annotated run is the folder {out}\n'
