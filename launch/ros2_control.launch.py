@@ -6,8 +6,9 @@ A walker with standard controllers of ros2_control, in sim_node, in MuJoCo or on
 walker_node commands crank_velocity_controller and reads joint_state_broadcaster; watchdog_node
 sends zero to the controller, which has no timeout, when these commands stop. With
 hardware:=true (here the default) the hardware interface publishes crank_command and subscribes to
-crank_state, of sim_node unless sim:=false; else it is mujoco_ros2_control's. The files are those
-of `export --ros2-control`; the launch file among them includes this one.
+crank_state, of sim_node unless sim:=false; else it is mujoco_ros2_control's. record:=true records
+the run. The files are those of `export --ros2-control`; the launch file among them includes this
+one.
 """
 
 import atexit
@@ -26,8 +27,9 @@ from launch.actions import (
     OpaqueFunction,
     Shutdown,
 )
+from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -56,6 +58,12 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument(
         'headless', default_value='true', choices=FLAG, description='Open no window of MuJoCo.'
+    ),
+    DeclareLaunchArgument(
+        'record', default_value='false', choices=FLAG, description='Record the run to MCAP.'
+    ),
+    DeclareLaunchArgument(
+        'output', default_value='', description='Folder of the run; empty: runs/<UTC time>.'
     ),
 )
 DESCRIPTION = 'crank_description'
@@ -164,7 +172,22 @@ def nodes(context: LaunchContext) -> list[Node]:
         # Without it the controller would repeat the last command of a hung walker_node for ever.
         on_exit=Shutdown(reason='watchdog_node has ended'),
     )
+    recorder = Node(
+        package='klann_ros',
+        executable='recorder_node',
+        name='recorder_node',
+        output='screen',
+        parameters=[
+            {
+                'output': ParameterValue(LaunchConfiguration('output'), value_type=str),
+                **sim_time,
+            }
+        ],
+        condition=IfCondition(LaunchConfiguration('record')),
+    )
     return [
+        # Before what it records.
+        recorder,
         # On topics of its own: no other node may take the cranks for the robot.
         description(
             'crank_description_publisher',

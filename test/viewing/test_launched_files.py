@@ -33,7 +33,9 @@ ARGUMENTS = {
     'demo': DEMO,
     'walker': DEMO | {'walker', 'crank'},
     'walk': LEG | {'linear', 'friction', 'slope', 'fuse'},
-    'ros2_control': {'params_file', 'folder', 'hardware', 'sim', 'headless'},
+    'ros2_control': {
+        *('params_file', 'folder', 'hardware', 'sim', 'headless', 'record', 'output'),
+    },
     'replay': DESCRIPTION | {'log', 'play_rate', 'start_offset', 'loop'},
 }
 # What a launch file starts in any case, and what a flag adds.
@@ -284,6 +286,7 @@ def test_a_launch_file_of_a_users_package_starts_the_users_walker(
     ('arguments', 'package', 'adds'),
     [
         ([], 'mujoco_ros2_control', set()),
+        (['record:=true', 'output:=a run'], 'mujoco_ros2_control', {'recorder_node'}),
         (['headless:=false', 'sim:=true'], 'mujoco_ros2_control', set()),
         (['hardware:=true'], 'controller_manager', set()),
         (['hardware:=True', 'sim:=true'], 'controller_manager', {'sim_node'}),
@@ -307,7 +310,10 @@ def test_an_exported_walker_is_launched_under_ros2_control(
     }
     if not is_real:
         assert hardware['mujoco_model'] == str(folder / 'robot.xml')
-        assert hardware['headless'] == ('false' if arguments else 'true')
+        assert hardware['headless'] == str('headless:=false' not in arguments).lower()
+    if 'recorder_node' in adds:
+        parameters = {'output': 'a run', 'use_sim_time': True}
+        assert prefix.parameters('recorder_node') == parameters
     for name in ('walker_node', 'solver_node'):
         assert str(folder / 'walker.yaml') in prefix.given(name)
         assert prefix.parameters(name) == {'use_sim_time': not is_real}

@@ -15,6 +15,10 @@ TOPICS = (
     *('crank_angle', 'crank_state', 'crank_state/*', 'joint_states', 'point_h', 'velocity_h'),
     *('*/point_h', '*/velocity_h', 'markers', 'robot_description', 'leg_description'),
     *('cmd_vel', 'crank_command', 'odom', 'imu', 'ground_truth', '/clock', '/diagnostics'),
+    *('cmd_vel/lease', 'crank_angle/lease'),
+    # Those of ros2_control.
+    *('*_broadcaster/joint_states', '*_broadcaster/imu'),
+    *('*_controller/commands', '*_controller/joint_trajectory'),
 )
 _DAY = 86400.0
 RECORDER_PARAMETERS = (
