@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING
 from klann_ros.lazy_face import lazy_face
 
 if TYPE_CHECKING:
-    from .bag_metadata import FILE_NAME
+    from .bag_metadata import FILE_NAME, ros_distro
     from .definitions import definition, is_installed, split_type
     from .errors import (
         LogError,

@@ -7,6 +7,7 @@ without that key, in the MCAP metadata record ``rosbag2`` under ``serialized_met
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+import os
 
 from klann_ros.sanitize import yaml_text
 
@@ -76,8 +77,13 @@ def _metadata(files: Sequence[FileSummary]) -> dict[str, object]:
         'relative_file_paths': [file.name for file in files],
         'files': [_file_metadata(file) for file in files],
         'custom_data': None,
-        'ros_distro': 'jazzy',
+        'ros_distro': ros_distro(),
     }
+
+
+def ros_distro() -> str:
+    """Return the name of the sourced ROS distribution; Jazzy's packages without any."""
+    return os.environ.get('ROS_DISTRO') or 'jazzy'
 
 
 def _topic_metadata(topic: Topic) -> dict[str, object]:

@@ -62,7 +62,7 @@ def parse(text: str) -> Any:
     if len(text) > MAX_FILE_SIZE:
         raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
     try:
-        content = yaml.load(text, Loader=_UserLoader)  # noqa: S506 - it is a SafeLoader
+        documents = [*yaml.load_all(text, Loader=_UserLoader)]
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f'line {mark.line + 1}, column {mark.column + 1}: ' if mark else ''
@@ -70,6 +70,10 @@ def parse(text: str) -> Any:
     except _LOADER_ERRORS as error:
         reason = ' '.join(str(error).split())[:200]
         raise YamlError(f'it holds a value that cannot be read: {reason}') from error
+    # `ros2 topic echo` ends a text with ---, which begins an empty document.
+    content, *others = documents or [None]
+    if any(document is not None for document in others):
+        raise YamlError(f'it holds {len(documents)} documents, separated by ---, instead of one')
     _check_finite(content, '')
     return content
 

@@ -2,9 +2,12 @@
 
 from dataclasses import asdict
 import json
+from pathlib import Path
 
+from klann_ros.kinematics import KlannGeometry
 from klann_ros.log.run_parameters import (
     finding_record,
+    leg_description,
     loss_record,
     Pause,
     pause_record,
@@ -17,6 +20,7 @@ from klann_ros.log.run_parameters import (
     topic_counts,
     TopicCount,
 )
+from klann_ros.robot import robot_of
 import pytest
 
 COUNT = asdict(TopicCount(1, 1))
@@ -69,3 +73,13 @@ LOSSES = ['many', '[]', '{}', '7', INFINITE, json.dumps(COUNT | {'missed': [1]})
 def test_an_invalid_record_is_a_value_error(read, what, record) -> None:
     with pytest.raises(ValueError, match=f'not a record of {what}'):
         read(record)
+
+
+def test_the_output_of_ros2_topic_echo_is_a_file_that_every_program_takes(tmp_path: Path) -> None:
+    geometry = KlannGeometry(l_ab=0.11)
+    solver = SolverParameters('/solver_node', 7, geometry.as_dict())
+    file = tmp_path / 'leg.yaml'
+    # The tool prints a text, and ends it as a document of YAML.
+    file.write_text(f'{leg_description(solver)}\n---\n', encoding='utf-8')
+    (leg,) = robot_of(file).legs
+    assert leg.linkage.dimensions['l_ab'] == 0.11

@@ -225,3 +225,13 @@ def test_chunks_and_their_indexes_are_those_of_the_mcap_library(tmp_path, compre
     # Topics of one type share a schema, and equal topics a channel.
     (statistics,) = records_of_files[0][Statistics]
     assert (statistics.schema_count, statistics.channel_count) == (1, 2)
+
+
+@pytest.mark.parametrize(('sourced', 'recorded'), [('kilted', 'kilted'), ('', 'jazzy')])
+def test_the_metadata_name_the_sourced_distribution(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, sourced: str, recorded: str
+) -> None:
+    monkeypatch.setenv('ROS_DISTRO', sourced)
+    write_run(tmp_path / 'run', BATCHES)
+    metadata = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text(encoding='utf-8'))
+    assert metadata['rosbag2_bagfile_information']['ros_distro'] == recorded

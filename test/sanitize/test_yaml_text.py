@@ -110,3 +110,24 @@ def test_an_invalid_file_is_refused_in_a_line(tmp_path: Path, text: str, reason:
 def test_a_path_without_a_file_is_refused(path: str, reason: str) -> None:
     with pytest.raises(ArithmeticError, match=f'{path} cannot be read: .*{reason}'):
         yaml_text.content_of_file(path, lambda content: content, 'letter', ArithmeticError)
+
+
+@pytest.mark.parametrize(
+    ('text', 'content'),
+    [
+        ('l_ab: 0.12\n\n---\n', {'l_ab': 0.12}),
+        ('---\nl_ab: 0.12\n---\n---\n...\n', {'l_ab': 0.12}),
+        ('---\n---\n', None),
+        ('', None),
+    ],
+)
+def test_empty_documents_behind_a_text_are_none(text: str, content: object) -> None:
+    assert yaml_text.parse(text) == content
+
+
+@pytest.mark.parametrize('text', ['a: 1\n---\na: 2\n', '---\n---\na: 1\n---\n0\n'])
+def test_several_documents_are_refused(text: str) -> None:
+    with pytest.raises(
+        yaml_text.YamlError, match=r'it holds [23] documents, separated by ---, instead of'
+    ):
+        yaml_text.parse(text)
