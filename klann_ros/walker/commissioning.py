@@ -81,6 +81,8 @@ class Commissioning:
         self.drives = dict[str, CrankDrive]()
         self.aborted = ''
         self._zeroed = set[str]()
+        # Angles of the encoders before the first turn [rad].
+        self._first_positions: dict[str, float] = {}
         # Of the present turn, by joint; and all of the IMU.
         self._encoders: dict[str, list[_Encoder]] = {}
         self._imu: list[ImuSample] = []
@@ -101,12 +103,16 @@ class Commissioning:
     def turn_all(self) -> Iterator[Rates]:
         """Turn each crank forwards and back, and judge it."""
         yield from self._rest()
+        for joint, encoders in self._encoders.items():
+            self._first_positions[joint] = encoders[-1].position
         for joint in self._joints:
             if joint not in self._encoders:
                 answering = ', '.join(self._encoders) or 'no joint'
                 text = f'crank_state has {answering}: it is not turned'
                 self.findings.append(CommissioningFinding(joint, Verdict.MISSING, text))
                 continue
+            # Its driver may have started since.
+            self._first_positions.setdefault(joint, self._encoders[joint][-1].position)
             noise = pstdev(encoder.position for encoder in self._encoders[joint])
             min_angle = max(MIN_ANGLE, NOISE_GATE * noise)
             self.aborted = ''
@@ -151,9 +157,9 @@ class Commissioning:
         yield {}
 
     def set_zero(self) -> None:
-        """Take the present angles as zeros."""
+        """Take the angles before the first turn as zeros: no crank comes back exactly."""
         for joint in self.drives:
-            self._take_zero(joint, self._encoders[joint][-1].position)
+            self._take_zero(joint, self._first_positions[joint])
 
     def _take_zero(self, joint: str, position: float) -> None:
         drive = self.drives[joint]
