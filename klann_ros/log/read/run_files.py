@@ -88,7 +88,7 @@ def _folder_files(folder: Path) -> LogFiles:
             if is_regular_file(path):
                 files.paths.append(path)
             else:
-                files.missing.append(_missing(path))
+                files.missing.append(_missing_fault(path))
         _add_continuation(files, existing)
     else:
         files.paths = _files_of_one_storage(existing, files.remarks)
@@ -98,7 +98,7 @@ def _folder_files(folder: Path) -> LogFiles:
     return files
 
 
-def _missing(path: Path) -> str:
+def _missing_fault(path: Path) -> str:
     """Return the fault of a named file that cannot be read."""
     name = printable(path.name)
     try:
@@ -121,7 +121,7 @@ def _preferred_files(paths: Iterable[Path]) -> tuple[list[Path], dict[Path, Path
     # Hidden files are those of tools, such as an unfinished copy.
     visible = (path for path in paths if is_log_name(path) and not path.name.startswith('.'))
     # An unpacked file sorts before its compressed copy.
-    for path in sorted(visible, key=natural):
+    for path in sorted(visible, key=natural_key):
         name = _unpacked_name(path)
         unpacked = preferred.get(name)
         if unpacked is not None and is_regular_file(unpacked):
@@ -138,12 +138,12 @@ def _add_continuation(files: LogFiles, existing: list[Path]) -> None:
         files.paths = existing
         return
     series = {_series(path) for path in named}
-    last = max(map(natural, named))
+    last = max(map(natural_key, named))
     for path in existing:
         if path in named:
             continue
         continues = re.search(r'_\d+\.', path.name) and _series(path) in series
-        if continues and natural(path) > last:
+        if continues and natural_key(path) > last:
             files.paths.append(path)
             reaction = '; it continues the run, and is read'
         else:
@@ -170,7 +170,7 @@ def _files_of_one_storage(existing: list[Path], remarks: list[str]) -> list[Path
 def _check_storage(
     folder: Path, metadata: dict[str, Any], remarks: list[str], *, readable: bool
 ) -> None:
-    """Refuse formats that only plugins of rosbag2 can read, as far as the metadata say."""
+    """Refuse formats that only plugins of rosbag2 can read, and add faults to the remarks."""
 
     def setting(key: str) -> str:
         return str(metadata.get(key) or '')[:_MAX_NAME]
@@ -199,7 +199,7 @@ def is_log_name(path: Path) -> bool:
     return _suffix(path) in SUFFIXES
 
 
-def natural(path: Path) -> list[tuple[int, str]]:
+def natural_key(path: Path) -> list[tuple[int, str]]:
     """Return the sort key of natural order: 2 before 10."""
     return [
         (int(word), '') if word.isdecimal() else (-1, word)
@@ -220,7 +220,7 @@ def _unpacked_name(path: Path) -> str:
 
 
 def _metadata(path: Path, remarks: list[str]) -> dict[str, Any]:
-    """Return the content of metadata.yaml under its root key; nothing if there is none."""
+    """Return the content of metadata.yaml; add faults to the remarks, and return {} then."""
     if not path.exists():
         return {}
     try:

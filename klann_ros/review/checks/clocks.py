@@ -102,6 +102,7 @@ def _publishers_clock(topics: list[TopicFigures], verb: str, relation: str) -> I
 
 
 def _latency(review: Review, topics: Iterable[TopicRecording]) -> Iterator[Finding]:
+    """Yield topics whose messages arrive later than the limit."""
     limit = review.limits.latency
     for topic in topics:
         if not topic.is_periodic or topic.figures.latency_p99 <= limit:

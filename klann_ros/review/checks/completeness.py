@@ -81,6 +81,7 @@ def check_recorder_findings(review: Review) -> Iterator[Finding]:
 
 
 def _poses(review: Review) -> Iterator[Finding]:
+    """Yield the poses and geometries that are missing."""
     has_poses = any(len(leg.recording.poses) for leg in review.legs)
     kind = _kind_without_poses(review)
     if kind and not has_poses:

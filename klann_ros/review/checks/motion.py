@@ -79,6 +79,7 @@ def _swaps(review: Review, leg: LegRecording, swaps: IndexArray) -> Finding:
 
 
 def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
+    """Yield jumps of the crank angle that neither its rate nor lost messages explain."""
     # `check_answers` finds invalid angles; NaN fails the comparison.
     alphas = leg.cranks.values[:, 0]
     times = leg.cranks.times
@@ -118,6 +119,7 @@ def _jumps(review: Review, leg: LegRecording) -> Iterator[Finding]:
 
 
 def _standstill(review: Review, leg: LegRecording) -> Iterator[Finding]:
+    """Yield the longest standstill of a crank that turns at other times."""
     alphas = leg.cranks.values[:, 0]
     times = leg.cranks.times
     changes = np.flatnonzero(alphas[1:] != alphas[:-1])

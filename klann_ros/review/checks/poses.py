@@ -93,6 +93,7 @@ def check_poses(review: Review) -> Iterator[Finding]:
 
 
 def _poses(leg: ReviewedLeg, errors: PoseErrors, wrong: WrongPoses) -> Iterator[_Fault]:
+    """Yield the faults of poses, by their angles."""
     flipped = _by_up_to(np.degrees(errors.angle_errors), wrong.flipped, 'deg')
     yield _Fault(
         'nan',
@@ -140,6 +141,7 @@ def _not_closed_meaning(leg: LegRecording, flags: BoolArray) -> str:
 def _feet(
     leg: ReviewedLeg, errors: PoseErrors, limits: Limits, wrong_poses_: BoolArray
 ) -> Iterator[_Fault]:
+    """Yield the faults of feet, by the angles of their poses."""
     not_finite = np.isinf(errors.foot_errors)
     yield _Fault(
         'nan',
@@ -212,6 +214,7 @@ def _wrong_crank_angles(review: Review, reviewed: ReviewedLeg) -> Iterator[Findi
 
 
 def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
+    """Yield the crank angles that have no pose."""
     title = leg.recording.title
     for cause in (Cause.NO_ANGLE, Cause.OUT_OF_REACH):
         rows = leg.answers.of(cause)

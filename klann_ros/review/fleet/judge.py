@@ -14,7 +14,7 @@ from typing import Any
 from klann_ros import __version__
 from klann_ros.cli import Output, OutputError
 from klann_ros.engines import parallel_map, TaskError
-from klann_ros.log import FILE_NAME, is_log_name, natural, run_files, run_name
+from klann_ros.log import FILE_NAME, is_log_name, natural_key, run_files, run_name
 from klann_ros.log.errors import LogError
 from klann_ros.review.model.compare import compare
 from klann_ros.review.model.limits import Limits
@@ -62,7 +62,7 @@ def _runs(
     try:
         status = path.stat()
         is_folder = stat.S_ISDIR(status.st_mode)
-        entries = sorted(path.iterdir(), key=natural) if is_folder else []
+        entries = sorted(path.iterdir(), key=natural_key) if is_folder else []
     except (OSError, ValueError) as error:
         # A link in a folder may lead nowhere.
         if not parents or not isinstance(error, FileNotFoundError):

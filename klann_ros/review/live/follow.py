@@ -14,7 +14,7 @@ from klann_ros.log import (
     MAX_ROS_TIME,
     Message,
     NamedRecord,
-    natural,
+    natural_key,
     run_parameters,
 )
 from klann_ros.log.errors import NotALogError
@@ -109,7 +109,7 @@ class _FileFollower:
         is_reported = False
         while True:
             if path.is_dir():
-                files = sorted(path.glob(f'*{_SUFFIX}'), key=natural)
+                files = sorted(path.glob(f'*{_SUFFIX}'), key=natural_key)
                 files = [file for file in files if not file.name.startswith('.')]
                 if files:
                     return files[0]
@@ -163,10 +163,10 @@ class _FileFollower:
             later_files = []
             for file in path.parent.glob(f'*_*{_SUFFIX}'):
                 is_of_run = file.stem.rpartition('_')[0] == numbered[1]
-                if is_of_run and natural(file) > natural(path):
+                if is_of_run and natural_key(file) > natural_key(path):
                     later_files.append(file)
             if later_files:
-                return min(later_files, key=natural)
+                return min(later_files, key=natural_key)
             if monotonic() > end:
                 return None
             sleep(PERIOD)

@@ -331,6 +331,7 @@ class _TopicColumns:
                     self.contents.append((int(block.times[row]), content))
 
     def _add_numbers(self, block: _TimedBlock, columns: MessageColumns, role: Role) -> None:
+        """Add numbers without names, such as angles and points, to the part of their topic."""
         selection = _AN_INPUT if role in _INPUTS else _NO_INPUT
         kept = {}
         for numbers in columns.numbers.values():
@@ -350,6 +351,7 @@ class _TopicColumns:
         part.add(block, rows, stamps, kept)
 
     def _add_joints(self, block: _TimedBlock, columns: MessageColumns) -> None:
+        """Add the selected joints of JointStates to the part of their names."""
         names = columns.names
         numbers = {
             path: columns_of_path

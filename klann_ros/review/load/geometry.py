@@ -51,6 +51,7 @@ def leg_solvers(
 
 
 def _solver(records: Sequence[SolverParameters], name: str, reference: Robot | None) -> LegSolver:
+    """Return the solver of a leg by its recorded parameters, or by the reference."""
     parameter_sets = [of_leg(record.parameters, name) for record in records]
     parameters = parameter_sets[-1]
     if reference:

@@ -184,6 +184,7 @@ def _topic(
     recorded: TopicCount | None,
     unrecorded: Sequence[Interval],
 ) -> TopicRecording:
+    """Return a topic by its received messages, and by the recorder's count if there is one."""
     times = reception.times.array()
     latencies = reception.latencies.array()
     back = reception.back.array()

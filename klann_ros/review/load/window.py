@@ -109,6 +109,7 @@ class Window:
         return len(self) > MAX_MESSAGES or size > MAX_BYTES
 
     def _block(self, messages: Sequence[Message]) -> MessageBlock:
+        """Return messages as a block; those of topics that are no leg's have no data."""
         for message in messages:
             if id(message.topic) not in self._channels:
                 self._know(message.topic)

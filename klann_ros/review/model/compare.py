@@ -112,6 +112,7 @@ def _differences(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Ite
 
 
 def _dimensions(limits: Limits, first: ReviewedLeg, second: ReviewedLeg) -> Iterator[Difference]:
+    """Yield the dimensions of a leg that differ in two runs."""
     title = first.recording.title
     first_dimensions = leg_dimensions(first.recording.solver)
     second_dimensions = leg_dimensions(second.recording.solver)

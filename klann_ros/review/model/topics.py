@@ -108,6 +108,7 @@ class TopicFigures:
 
 
 def _figures(topic: TopicRecording) -> TopicFigures:
+    """Return the figures of a topic."""
     steps = time_steps(topic.times)
     latencies = topic.latencies[~np.isnan(topic.latencies)]
     p50, p99 = np.percentile(latencies, [50.0, 99.0]) if len(latencies) else (nan, nan)

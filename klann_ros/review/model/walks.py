@@ -42,6 +42,7 @@ def walk_figures(walk: WalkRecording) -> WalkFigures:
 
 
 def _odometry_figures(walk: WalkRecording) -> dict[str, Any]:
+    """Return the distance of a walk, and the errors of its odometry if the truth is known."""
     odometry = walk.odometry
     truth = walk.truth
     if len(truth) < _MIN_WALK_MESSAGES or len(odometry) < _MIN_WALK_MESSAGES:
@@ -77,6 +78,7 @@ class _CrankLag(NamedTuple):
 
 
 def _crank_figures(walk: WalkRecording) -> dict[str, Any]:
+    """Return the largest lag and phase error of a walker's cranks."""
     crank_lags = []
     for joint, state in walk.states.items():
         if len(state) < _MIN_WALK_MESSAGES:
