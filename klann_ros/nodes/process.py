@@ -22,6 +22,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from .endpoints import flush, LAST_TIMEOUT
 from .parameters import MAX_NAME_LENGTH, overrides, prepare_sets, StartError, unknown_parameter
 from .raw_executor import RawMessageExecutor
 
@@ -151,7 +152,12 @@ def run(
 
 
 def _close(node: Node, code: int, stop: StopSignals) -> int:
-    """Shut down what the node does, and limit the rest of the end; return the exit code."""
+    """
+    Shut down what the node does, and limit the rest of the end; return the exit code.
+
+    Discovery may overtake messages: a subscriber ignores those that come after the end of their
+    publisher.
+    """
     exit_code = 1
     try:
         # First: nothing may fail, or block, before a robot is stopped.
@@ -159,6 +165,7 @@ def _close(node: Node, code: int, stop: StopSignals) -> int:
         exit_code = code or closed
     finally:
         stop.limit_end(exit_code)
+    flush(node.publishers, LAST_TIMEOUT)
     return exit_code
 
 

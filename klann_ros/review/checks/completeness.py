@@ -15,6 +15,7 @@ from klann_ros.review.model.times import (
     Interval,
     merge_intervals,
     no_series,
+    overlaps,
     pauses,
     Series,
     time_steps,
@@ -142,12 +143,14 @@ def check_losses(review: Review) -> Iterator[Finding]:
     recording = review.recording
     for topic in recording.topics:
         if topic.lost:
-            text = f'{_messages(topic.lost, topic)} lost'
+            text = f'{_messages(topic.lost, topic.name)} lost'
             meaning = _meaning(topic, recording)
             time = review.since_start(topic.missing[0, 1]) if len(topic.missing) else None
             yield Finding('lost', Severity.WARNING, text, meaning, time)
         if topic.early:
-            text = f'{_messages(topic.early, topic)} sent before the recorder discovered their '
+            text = (
+                f'{_messages(topic.early, topic.name)} sent before the recorder discovered their '
+            )
             meaning = 'the publisher did not wait for discovery (crank_node: min_subscribers)'
             yield Finding('lost', Severity.WARNING, f'{text}publishers', meaning)
         # One publisher may leave at the end of the run.
@@ -156,6 +159,32 @@ def check_losses(review: Review) -> Iterator[Finding]:
             text = f'{count} of {printable(topic.name)} left during the run'
             meaning = "losses at the end of a publisher's life cannot be detected"
             yield Finding('lost', Severity.NOTE, text, meaning)
+    yield from _lost_inputs(review)
+
+
+def _lost_inputs(review: Review) -> Iterator[Finding]:
+    """Yield inputs that were answered and are not in the run, beside the counted losses."""
+    recording = review.recording
+    if recording.impossible_times:
+        # Messages with such a time are in the run, and are not loaded.
+        return
+    # Legs on one crank share them.
+    times: dict[frozenset[str], list[int]] = {}
+    for leg in review.legs:
+        answered = leg.evaluated.poses.times[leg.answers.unasked]
+        is_unrecorded = overlaps(answered - MAX_RESPONSE_TIME, answered, recording.unrecorded)
+        crank_topics = leg.recording.crank_topics
+        leg_times = answered[~is_unrecorded].tolist()
+        times[crank_topics] = max(times.get(crank_topics, []), leg_times, key=len)
+    for crank_topics, input_times in times.items():
+        undecoded = sum(u.count for u in recording.undecoded if u.topic in crank_topics)
+        count = len(input_times) - recording.lost_on(crank_topics) - undecoded
+        if count > 0:
+            answers = f'{verb(count, "its answer is", "their answers are")} in the run'
+            text = f'{_messages(count, listed(sorted(crank_topics)))} lost: {answers}'
+            meaning = 'no number is missing: they were the last ones of a publisher, which left'
+            time = review.since_start(input_times[0])
+            yield Finding('lost', Severity.WARNING, text, meaning, time)
 
 
 def _meaning(topic: TopicRecording, recording: RunRecording) -> str:
@@ -170,8 +199,8 @@ def _meaning(topic: TopicRecording, recording: RunRecording) -> str:
     return f'the recorder had received {topic.dropped} of them{others}. Its reason: {reason}'
 
 
-def _messages(number: int, topic: TopicRecording) -> str:
-    return f'{counted(number, "message")} of {printable(topic.name)} {verb(number, "was", "were")}'
+def _messages(number: int, topic: str) -> str:
+    return f'{counted(number, "message")} of {printable(topic)} {verb(number, "was", "were")}'
 
 
 # Topics of a solver beside the poses.

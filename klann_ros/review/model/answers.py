@@ -64,6 +64,8 @@ class Answers:
     rows: IndexArray  # indices of the inputs without answer
     causes: IndexArray  # the Cause of each
     duplicates: Duplicates
+    # Indices of the poses between two inputs whose own input is missing; none where most are.
+    unasked: IndexArray
 
     def of(self, cause: Cause) -> IndexArray:
         """Return the inputs without answer for a cause."""
@@ -82,7 +84,7 @@ def match_answers(leg: LegRecording) -> Answers:
     inputs = leg.cranks.stamps
     answers = leg.poses.stamps
     if not len(answers):
-        return Answers(len(inputs), 0, 0, 0, _NO_ROWS, _NO_ROWS, _NO_DUPLICATES)
+        return Answers(len(inputs), 0, 0, 0, _NO_ROWS, _NO_ROWS, _NO_DUPLICATES, _NO_ROWS)
     is_early = inputs < answers.min()
     is_late = inputs > answers.max()
     inside = np.flatnonzero(~(is_early | is_late))
@@ -98,7 +100,8 @@ def match_answers(leg: LegRecording) -> Answers:
         duplicates = _duplicates(answers, stamps)
     early = int(np.count_nonzero(is_early))
     late = int(np.count_nonzero(is_late))
-    return Answers(early, len(inside), late, count, rows, causes, duplicates)
+    unasked = _unasked(inputs, answers)
+    return Answers(early, len(inside), late, count, rows, causes, duplicates, unasked)
 
 
 def find_duplicates(stamps: IntArray) -> Duplicates:
@@ -165,6 +168,15 @@ def _duplicates(answers: IntArray, stamps: StampCounts) -> Duplicates:
         ratios = stamps.second[duplicated] / stamps.first[duplicated]
         solvers = max(2, round(float(np.median(ratios))))
     return Duplicates(rows, inputs[rows], stamps.first[inputs[rows]] == 1, solvers)
+
+
+def _unasked(inputs: IntArray, answers: IntArray) -> IndexArray:
+    """Return the answers between two inputs that belong to none, unless most are such."""
+    if not len(inputs):
+        return _NO_ROWS
+    inside = np.flatnonzero((answers > inputs.min()) & (answers < inputs.max()))
+    rows: IndexArray = inside[~isin(answers[inside], inputs)]
+    return rows if 2 * len(rows) <= len(inside) else _NO_ROWS
 
 
 def _causes(leg: LegRecording, rows: IndexArray) -> IndexArray:

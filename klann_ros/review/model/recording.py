@@ -211,5 +211,5 @@ class RunRecording:
         return any(topic.shared for topic in self.topics if topic.name in names)
 
     def lost_on(self, names: Collection[str]) -> int:
-        """Return the known number of lost messages on some topics."""
-        return sum(topic.lost or 0 for topic in self.topics if topic.name in names)
+        """Return the known number of lost messages on some topics, before discovery too."""
+        return sum((topic.lost or 0) + topic.early for topic in self.topics if topic.name in names)
