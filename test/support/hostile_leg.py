@@ -6,7 +6,7 @@ import json
 HOSTILE = 'x\'"><img src=http://a.test/ onerror=bad()></script><script>bad()</script>\u202e'
 LINKAGE = f"""
 name: {json.dumps(HOSTILE)}
-source: {json.dumps(HOSTILE + chr(27) + '[31m')}
+source: {json.dumps(HOSTILE)}
 pivots: {{A: [0, 0]}}
 crank: crank
 foot: C
