@@ -7,7 +7,7 @@ The other launch files include it. The URDF is that of `export`, for any linkage
 from pathlib import Path
 
 from klann_ros.export import urdf
-from klann_ros.robot import robot_from_parameters, solver_section
+from klann_ros.robot import robot_from_parameters, solver_parameters
 from klann_ros.sanitize.text import printable_line
 from klann_ros.sanitize.yaml_text import parse_file
 from launch import LaunchContext, LaunchDescription
@@ -66,7 +66,7 @@ def urdf_of(params_file: Path, linkage: str, **names: str) -> str:
     """Return the URDF of the legs that solver_node has with these parameters."""
     try:
         # The node's default, one leg, where the file has no geometry.
-        parameters = {'legs': [''], **solver_section(parse_file(params_file))}
+        parameters = {'legs': [''], **solver_parameters(parse_file(params_file))}
         if linkage:
             parameters['linkage'] = linkage
         robot = robot_from_parameters(parameters, folders=(params_file.parent,), weigh=False)
