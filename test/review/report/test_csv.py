@@ -121,5 +121,5 @@ def test_several_legs_are_named(make_script, make_run, table) -> None:
 
 def test_a_run_without_poses_has_a_header_only(healthy, make_run, table) -> None:
     healthy.answers = []
-    healthy.unanswered = [(1000, 1.0)]
+    healthy.unanswered = [(1000, 1000, 1.0)]
     assert list(table(make_run(healthy)).columns) == COLUMNS
