@@ -23,6 +23,15 @@ FEEDBACK = '/joint_state_broadcaster/joint_states'
 VELOCITIES = '/crank_velocity_controller/commands'
 PERIOD = 0.02
 LEG = KlannLeg()
+SOLVER = SolverParameters(
+    '/solver_node',
+    START,
+    {
+        'legs': ['left', 'right'],
+        **{f'{side}.crank_joint': f'{side}_crank' for side in ('left', 'right')},
+        **LEG.geometry.as_dict(),
+    },
+)
 # Velocity of the cranks in the spans of a drive [s], [rad/s]; it stands in between.
 DRIVE = ((1.0, 3.0, 2.0), (4.5, 6.0, -1.5))
 DURATION = 7.0
@@ -57,17 +66,18 @@ class DriveRun:
     _numbers: dict[str, int] = field(default_factory=dict)
 
     def write(self, folder: Path) -> Path:
-        legs = {f'{side}.crank_joint': f'{side}_crank' for side in ('left', 'right')}
-        parameters = {'legs': ['left', 'right'], **legs, **LEG.geometry.as_dict()}
         with RunWriter(folder) as run:
             if self.solver:
-                record = SolverParameters('/solver_node', START, parameters)
-                run.add_metadata(SOLVER_RECORD, solver_record(record))
-            for message in sorted(self.messages(), key=lambda message: message.log_time):
+                run.add_metadata(SOLVER_RECORD, solver_record(SOLVER))
+            for message in self.received():
                 run.write(message)
         return folder
 
-    def messages(self) -> Iterator[Message]:
+    def received(self) -> list[Message]:
+        """Return the messages as they are received."""
+        return sorted(self._messages(), key=lambda message: message.log_time)
+
+    def _messages(self) -> Iterator[Message]:
         times = np.arange(0.0, DURATION, PERIOD)
         commanded = np.array([velocity(time) for time in times])
         cranks = np.array([self._cranks(time) for time in times])

@@ -1,5 +1,6 @@
 """Robots built with errors, and what cameras measure of them; runs of it as MCAP files."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 import math
@@ -146,11 +147,13 @@ def write_run(
         if parameters is not None:
             solver = SolverParameters('/solver_node', START, dict(parameters))
             run.add_metadata(SOLVER_RECORD, solver_record(solver))
-        for number, (time, name, kind, place) in enumerate(samples):
+        numbers = Counter[str]()
+        for time, name, kind, place in samples:
+            numbers[name] += 1
             data = bytes(STORE.serialize_cdr(message(kind, time, place), kind))
             # tf2_msgs need not be installed.
             topic = Topic(name, kind, STORE.generate_msgdef(kind, ros_version=2)[0])
-            run.write(Message(topic, data, time + 10**6, time, number))
+            run.write(Message(topic, data, time + 10**6, time, numbers[name]))
     return folder
 
 

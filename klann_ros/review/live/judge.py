@@ -96,6 +96,9 @@ class LiveJudge:
         self._numbers: defaultdict[str, _LossCounter] = defaultdict(_LossCounter)
         self._lost: dict[str, int] = {}
         self._inputs: dict[str, frozenset[str]] = {}
+        # Topics whose last command was to stand, and those with a lease: no command is due.
+        self._standing: set[str] = set()
+        self._leased: frozenset[str] = frozenset()
         self._before: set[tuple[str, str]] = set()
         self._changes: list[LiveFinding] = []
 
@@ -176,6 +179,11 @@ class LiveJudge:
         for leg in recording.legs:
             for name in answer_topics(leg) if leg.crank_topics else ():
                 self._inputs[name] = self._inputs.get(name, frozenset()) | leg.crank_topics
+        self._leased = frozenset(recording.leases)
+        for walk in recording.walks:
+            for name, speeds in walk.speeds.items():
+                is_standing = not speeds.values[-1:].any()
+                (self._standing.add if is_standing else self._standing.discard)(name)
         for topic in recording.topics:
             if not topic.is_periodic:
                 continue
@@ -205,7 +213,9 @@ class LiveJudge:
                 yield LiveFinding('gap', Severity.WARNING, text, topic.last, name)
 
     def _is_expected(self, name: str, max_interval: float) -> bool:
-        """Return whether messages are due: answers only after inputs."""
+        """Return whether messages are due: answers only after inputs, commands of a driver."""
+        if name in self._standing | self._leased:
+            return False
         if name not in self._inputs:
             return True
         inputs = self._inputs[name] & self._topics.keys()

@@ -43,3 +43,16 @@ def test_a_leg_that_was_built_otherwise_is_found(tmp_path: Path) -> None:
 def test_no_other_points_are_a_finding(tmp_path: Path, topics: dict[str, Any]) -> None:
     robot = ROBOT if topics else Robot(DRAWN, phase=0.0, count=200, period=0.025)
     assert 'dimensions' not in checks(review_run(_run(tmp_path, robot, **topics), robot=SEM))
+
+
+def test_a_calibration_run_needs_no_poses(tmp_path: Path) -> None:
+    robot = Robot(DRAWN, phase=0.0, count=200, period=0.025)
+    note = 'poses: there is no pose in the run: a calibration run, with points measured on '
+    review = review_run(_run(tmp_path, robot), robot=SEM)
+    assert review.is_healthy
+    assert [f'{f.check}: {f.text}' for f in review.findings] == [note + '/mocap/g, /mocap/h']
+    # Points without a crank angle calibrate nothing.
+    points = {'/mocap/h': points_topic(robot, 'H')}
+    assert 'ERROR' in {
+        f.severity.name for f in review_run(write_run(tmp_path / 'x', points)).findings
+    }

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 
+from drive_runs import DriveRun, FEEDBACK, SOLVER, VELOCITIES
 from klann_ros.kinematics import KlannLeg
 from klann_ros.log.records import Message, Topic
 from klann_ros.log.run_parameters import SolverParameters
@@ -107,6 +108,22 @@ def test_missing_answers_are_reported_while_the_crank_publishes() -> None:
             messages.append(message)
     findings = judged(messages, solver(), until=5 * SECOND // 2)
     assert {finding.leg for _, finding in findings if finding.check == 'gap'} == {*answers}
+
+
+@pytest.mark.parametrize(
+    ('run', 'silent'),
+    [
+        (DriveRun(idle=False), []),
+        (DriveRun(uncommanded=(2.0, 3.0)), [VELOCITIES]),
+        (DriveRun(silent=(2.0, 3.5)), [FEEDBACK]),
+    ],
+    ids=['released commands', 'commands that stop', 'feedback that stops'],
+)
+def test_only_commands_to_move_are_waited_for(run: DriveRun, silent: list[str]) -> None:
+    findings = judged(run.received(), SOLVER, until=6 * SECOND)
+    gaps = {finding.leg for _, finding in findings if finding.check == 'gap'}
+    assert sorted(gaps) == silent
+    assert bool(findings) == bool(silent)
 
 
 def test_lost_messages_are_found_by_their_numbers() -> None:
