@@ -38,14 +38,30 @@ METRES_A_PIXEL = '1 / (pixelsPerUnit(scene.svg, scene.drawing) * scene.drawing.p
 # What each joint is at, in metres of the leg's plane.
 PLACES = """() => Object.fromEntries(scene.leg.joints.map((node, i) => [
     node.dataset.point, scene.drawing.metresAt(scene.drawing.at(lab.pose.points[i]))]))"""
+# The timers by which panels are drawn soon after an edit; that of the link changes no panel.
+SOON = """
+const { setTimeout: start, clearTimeout: cancel } = window;
+window.pending = new Set();
+window.setTimeout = (call, delay) => {
+    const id = start(() => { pending.delete(id); call(); }, delay);
+    if (delay < 300) pending.add(id);
+    return id;
+};
+window.clearTimeout = (id) => { pending.delete(id); cancel(id); };
+"""
 
 
 class Opened(OpenedPage):
     """The lab in the browser, with everything that it asked for and complained about."""
 
     def __init__(self, page: Any, fragment: str = '') -> None:
+        page.add_init_script(SOON)
         super().__init__(page, LAB_FILE.as_uri() + fragment)
         self.until('Boolean(lab.turn)')
+
+    def await_panels(self) -> None:
+        """Wait until panels drawn later neither move nor replace what the pointer is to meet."""
+        self.until('!pending.size')
 
     def text(self, selector: str) -> str:
         text: str = self.page.locator(selector).text_content()
@@ -88,6 +104,7 @@ def lab(shared: Opened) -> Opened:
     shared.page.evaluate("speak('en'); crank.isTurning = false; lab.choose('klann')")
     shared.page.evaluate('newton.drawn = 0; newton.run(); document.activeElement.blur()')
     shared.page.evaluate('lab.clearHistory(); pathPanel.take([]); scrollTo(0, 0)')
+    shared.await_panels()
     return shared
 
 
@@ -181,6 +198,7 @@ def test_every_edit_is_undone_and_redone(lab: Opened) -> None:
     for edit in edits:
         edit()
         page.evaluate('document.activeElement.blur()')
+        lab.await_panels()
         states.append(page.evaluate(STATE))
         assert states[-1] != states[-2]
     assert page.evaluate('lab.past.length') == len(edits)
@@ -333,8 +351,10 @@ def test_a_refused_number_is_explained_and_changes_nothing(lab: Opened) -> None:
     assert refusal(0, '0') == 'Refused: A-B = 0 mm: a length must be > 0'
     assert refusal(0, '-5') == 'Refused: A-B = -5 mm: a length must be > 0'
     assert refusal(0, '1e300').startswith('Refused: A-B = 1e+300 mm: it must be within')
-    assert refusal(0, '9' * 5000).startswith('Refused: 9999')
-    assert refusal(0, f'120.{"0" * 5000}').startswith('Refused: 120.000')
+    # The field cuts a longer text off; a program may set one.
+    read = '(text) => { try { return decimalOf(text); } catch (refusal) { return `${refusal}`; } }'
+    for text in ('9' * 5000, f'120.{"0" * 5000}', '1e999'):
+        assert 'is not a number' in str(lab.page.evaluate(read, text))
     assert refusal(0, '1,5') == ('Refused: 1,5 is not a number: write a decimal point, as in 12.5')
     assert refusal(0, '1x') == 'Refused: 1x is not a number'
     assert refusal(3, '400') == (
