@@ -81,15 +81,24 @@ def check(context: LaunchContext) -> None:
             raise RuntimeError(f'linkage:={error}') from None
 
 
+# Programs of others without which a robot has no frames, no controllers or no pose.
+NEEDED = ('robot_state_publisher', 'ros2_control_node', 'spawner', 'ekf_node')
+
+
 def end_if_failed(event: ProcessExited, context: LaunchContext) -> None:
-    """End the launch if a klann_ros node has failed; others, such as RViz, may fail."""
+    """End the launch if a node that the robot needs has failed; RViz and the like may fail."""
     node = event.action
-    if not isinstance(node, Node) or node.node_package != 'klann_ros' or not event.returncode:
+    if not isinstance(node, Node) or not event.returncode:
+        return
+    executable = node.node_executable
+    if node.node_package != 'klann_ros' and executable not in NEEDED:
         return
     # During the shutdown only an unfinished run matters: a node that is interrupted while its
     # Python starts fails as well.
-    if not context.is_shutdown or node.node_executable == 'recorder_node':
+    if not context.is_shutdown or executable == 'recorder_node':
         name = node.node_name.lstrip('/')
+        # Those of ros2_control have no name here.
+        name = executable if 'unspecified' in name else name
         raise RuntimeError(f'{name} has failed, exit code {event.returncode}; the launch ends')
 
 

@@ -5,14 +5,18 @@ Play a run back: player_node, the frames of its legs, optional RViz.
 
 It ends with the run; with rviz:=true it stays until Ctrl-C.
 
-params_file must be that of the run. A replay must not meet live topics nor live frames: end the
-live nodes first, and whatever else publishes /clock. The viewers take the time of the run: without
-it their frames are as old as the run, and a loop lets them stand still, because nothing follows
-stamps that go back. It takes the arguments of description.launch.py as well.
+params_file must be that of the run; a robot_description in it is played as
+recorded_robot_description, as robot_state_publisher has the one of params_file. A replay must not
+meet live topics nor live frames: end the live nodes first, and whatever else publishes /clock. The
+viewers take the time of the run: without it their frames are as old as the run, and a loop lets
+them stand still, because nothing follows stamps that go back. It takes the arguments of
+description.launch.py as well.
 """
 
 from pathlib import Path
 
+from klann_ros.log import LogError, open_log
+from klann_ros.sanitize.text import printable_line
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -53,11 +57,26 @@ ARGUMENTS = (
 )
 
 
-def check(context: LaunchContext) -> None:
-    """Refuse a missing run before RViz is started."""
-    log = LaunchConfiguration('log').perform(context)
+def descriptions(log: str) -> list[str]:
+    """Return the robot descriptions in a run with their new names."""
     if not Path(log).exists():
         raise RuntimeError(f'log:={log}: there is no such file or folder')
+    try:
+        with open_log(log) as run:
+            topics = {topic.name for topic in run.topics}
+    except (LogError, OSError) as error:
+        raise RuntimeError(f'log:={printable_line(error)}') from None
+    renamed = []
+    for topic in sorted(topics):
+        namespace, _, name = topic.rpartition('/')
+        if name == 'robot_description':
+            renamed.append(f'{topic}:={namespace}/recorded_{name}')
+    return renamed
+
+
+def check(context: LaunchContext) -> None:
+    """Refuse a run before RViz is started."""
+    descriptions(LaunchConfiguration('log').perform(context))
 
 
 def player(context: LaunchContext) -> list[Node]:
@@ -72,6 +91,9 @@ def player(context: LaunchContext) -> list[Node]:
     # The delay gives RViz the time to start.
     arguments = [value('log'), '--delay', '2.0', '--rate', value('play_rate')]
     arguments += ['--start-offset', value('start_offset')]
+    renamed = descriptions(value('log'))
+    if renamed:
+        arguments += ['--remap', *renamed]
     if asked('loop'):
         arguments.append('--loop')
     if asked('use_sim_time'):

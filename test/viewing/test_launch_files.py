@@ -1,6 +1,7 @@
 """The launch files: loaded by Jazzy's first launch, checked first, their arguments described."""
 
 import ast
+from importlib import import_module
 import re
 import sys
 from xml.etree import ElementTree as ET
@@ -46,6 +47,15 @@ def test_every_name_is_one_that_jazzys_first_launch_has(name: str) -> None:
             assert {alias.name for alias in imported.names} <= set(NAMES[imported.module])
     for imported in nodes(name, ast.Import):
         assert {alias.name.split('.')[0] for alias in imported.names} <= sys.stdlib_module_names
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_every_name_of_klann_ros_is_there(name: str) -> None:
+    for imported in nodes(name, ast.ImportFrom):
+        if imported.module.split('.')[0] == 'klann_ros':
+            module = import_module(imported.module)
+            for alias in imported.names:
+                assert hasattr(module, alias.name), f'{imported.module}.{alias.name}'
 
 
 @pytest.mark.parametrize('name', FILES)

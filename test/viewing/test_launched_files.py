@@ -150,6 +150,28 @@ def test_a_node_that_fails_ends_the_launch_with_an_error(
 
 
 @pytest.mark.parametrize(
+    ('name', 'failed', 'arguments'),
+    [
+        ('leg', 'robot_state_publisher', []),
+        ('walk', 'ekf_node', ['fuse:=ekf']),
+        ('ros2_control', 'ros2_control_node', []),
+        ('ros2_control', 'spawner', []),
+    ],
+)
+def test_a_program_of_others_that_a_robot_needs_ends_the_launch(
+    name: str, failed: str, arguments: list[str], make_prefix: MakePrefix
+) -> None:
+    prefix = make_prefix()
+    for program in prefix.folder.glob(f'lib/*/{failed}'):
+        program.write_text('#!/bin/sh\nkill -SEGV $$\n')
+    launch = prefix.launch(name, arguments)
+    output = launch.communicate(timeout=PATIENCE)[0]
+    assert output.count(f'{failed} has failed, exit code -11; the launch ends') == 1, output
+    assert launch.returncode == 1
+    assert prefix.left() == []
+
+
+@pytest.mark.parametrize(
     ('second', 'words'),
     [
         ("demo(params_file='no.yaml')", 'params_file:=no.yaml: there is no such file'),
@@ -200,6 +222,15 @@ def test_a_recorder_that_cannot_finish_its_run_is_an_error(make_prefix: MakePref
     assert 'recorder_node has failed, exit code 1' in output
     assert launch.returncode == 1
     assert prefix.left() == []
+
+
+def test_a_recorded_description_does_not_meet_that_of_the_launch(make_prefix: MakePrefix) -> None:
+    prefix = make_prefix(brief=True)
+    log = write_bag(prefix.folder / 'a bag.mcap')
+    prefix.launch('replay', [f'log:={log}']).communicate(timeout=PATIENCE)
+    words = prefix.given('player_node')
+    renamed = words[words.index('--remap') + 1]
+    assert renamed == '/robot_description:=/recorded_robot_description'
 
 
 def test_a_replay_ends_with_its_run(make_prefix: MakePrefix) -> None:
