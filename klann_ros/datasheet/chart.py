@@ -22,7 +22,7 @@ GROUP = {'tabindex': '0', 'role': 'group', 'aria_label': 'Charts'}
 # A curve may step between samples within this distance [rad].
 _STEP_WIDTH = 1e-6
 # The end of a range that is off a tick by rounding is on it [steps].
-_ROUNDING = 1e-9
+_TICK_SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,13 +191,13 @@ def ticks(low: float, high: float) -> list[float]:
     min_step = (high - low) / 5.0
     power = 10.0 ** floor(log10(min_step))
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= min_step)
-    return _multiples(step, floor(low / step + _ROUNDING), ceil(high / step - _ROUNDING))
+    return _multiples(step, floor(low / step + _TICK_SLACK), ceil(high / step - _TICK_SLACK))
 
 
 def angle_ticks(low: float, high: float) -> list[float]:
     """Return round angles from `low` to `high` [deg]."""
     step = next((s for s in _ANGLE_STEPS if (high - low) / s <= 6.0), 90.0)
-    return _multiples(step, ceil(low / step - _ROUNDING), floor(high / step + _ROUNDING))
+    return _multiples(step, ceil(low / step - _TICK_SLACK), floor(high / step + _TICK_SLACK))
 
 
 def _multiples(step: float, first_factor: int, last_factor: int) -> list[float]:
@@ -231,7 +231,7 @@ def tick_label(tick: float, all_ticks: Sequence[float]) -> str:
     step = all_ticks[1] - all_ticks[0]
     if not 1e-4 <= step < 1e5:
         return f'{tick:.0e}' if tick else '0'
-    return f'{tick:.{max(0, -floor(log10(step) + _ROUNDING))}f}'
+    return f'{tick:.{max(0, -floor(log10(step) + _TICK_SLACK))}f}'
 
 
 def _vertical(frame: _Frame, degrees: float) -> Markup:
