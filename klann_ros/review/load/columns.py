@@ -3,138 +3,26 @@
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from enum import auto, Enum
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
-from klann_ros.calibration import COMPUTED_TOPICS
 from klann_ros.kinematics.arrays import FloatArray, IndexArray, IntArray
-from klann_ros.log import ANNOTATION, MessageBlock, Topic
-from klann_ros.messages import (
-    ANGLE_TYPES,
-    ARRAY_TYPES,
-    CLOCK,
-    ColumnReader,
-    DIAGNOSTICS,
-    FRAMED_TYPES,
-    INT32,
-    JOINT_STATE,
-    JOINT_TRAJECTORY,
-    KEY_VALUE,
-    MAX_MESSAGE_SIZE,
-    MESSAGE_TYPES,
-    MessageColumns,
-    ODOMETRY,
-    POINT,
-    POINT_FIELDS,
-    STRING,
-)
+from klann_ros.log import MessageBlock, Topic
+from klann_ros.messages import ColumnReader, MAX_MESSAGE_SIZE, MessageColumns
 from klann_ros.review.model.recording import Mismatch, Undecoded
-from klann_ros.review.model.times import CLOCK as CLOCK_TOPIC, Series
+from klann_ros.review.model.times import Series
 import numpy as np
 from numpy.typing import NDArray
 
+from .roles import COMMAND, place_of, reading_of, REQUIRED_ROLES, Role, type_of
 from .topics import GrowingArray, Reception
 
-COMMAND = 'crank_command'
-STATE = 'crank_state'
-POSITIONS = 'crank_positions'
-TRAJECTORY = 'joint_trajectory'
-LEASE = 'lease'
-# What topics of ros2_control are, by the end of their node's name and their last name.
-_CONTROL_TOPICS = {
-    ('broadcaster', 'joint_states'): STATE,
-    ('position_controller', 'commands'): POSITIONS,
-    ('velocity_controller', 'commands'): COMMAND,
-    ('controller', TRAJECTORY): TRAJECTORY,
-}
-DESCRIPTION = 'robot_description'
-ODOMETRY_TOPICS = ('odom', 'ground_truth')
 # Longest description that is read [characters], and bytes of its message beside the text.
 MAX_DESCRIPTION_SIZE = 1024 * 1024
 _MESSAGE_OVERHEAD = 16
 # Different descriptions of a topic that are read, and measured points.
 _MAX_DESCRIPTIONS = 32
 _MAX_MEASURED = 20_000
-
-
-def place_of(topic: str) -> tuple[str, str]:
-    """
-    Return the namespace of a topic's robot, and the last part of the topic's name.
-
-    Topics of ros2_control, below the names of its nodes, have the last name of ours.
-    """
-    namespace, _, last_name = topic.rpartition('/')
-    parent, _, node = namespace.rpartition('/')
-    for (node_end, control_name), name in _CONTROL_TOPICS.items():
-        if last_name == control_name and node.endswith(node_end):
-            return parent, name
-    return namespace, last_name
-
-
-class Role(Enum):
-    """What the messages of a topic are to a review."""
-
-    JOINTS = auto()
-    ANGLE = auto()
-    TICKS = auto()
-    FOOT = auto()
-    BODY = auto()
-    CLOCK = auto()
-    MEASURED = auto()
-    DESCRIPTION = auto()
-    REPORT = auto()
-    ARRAY = auto()
-    TRAJECTORY = auto()
-    LEASE = auto()
-
-
-def role_of(topic: Topic) -> Role | None:
-    """Return what the messages of a topic are; None if a review only counts them."""
-    _, name = place_of(topic.name)
-    kind = _ros2_type(topic)
-    roles = {
-        Role.JOINTS: kind == JOINT_STATE.name,
-        Role.ANGLE: kind in ANGLE_TYPES and name == 'crank_angle',
-        Role.TICKS: kind == INT32.name and STATE in topic.name.split('/')[-2:],
-        Role.FOOT: kind == POINT.name and name == 'point_h',
-        Role.BODY: kind == ODOMETRY.name and name in ODOMETRY_TOPICS,
-        Role.CLOCK: (kind, topic.name) == (CLOCK.name, CLOCK_TOPIC),
-        Role.DESCRIPTION: (kind, name) == (STRING.name, DESCRIPTION),
-        Role.REPORT: kind == DIAGNOSTICS.name,
-        Role.ARRAY: kind in ARRAY_TYPES and name in (COMMAND, POSITIONS),
-        Role.TRAJECTORY: (kind, name) == (JOINT_TRAJECTORY.name, TRAJECTORY),
-        Role.LEASE: (kind, name) == (KEY_VALUE.name, LEASE),
-        Role.MEASURED: kind in POINT_FIELDS.keys() - FRAMED_TYPES and name not in COMPUTED_TOPICS,
-    }
-    return next((role for role, is_role in roles.items() if is_role), None)
-
-
-def _ros2_type(topic: Topic) -> str:
-    """Return a topic's type as ROS 2 names it; ROS 1 leaves out `msg`."""
-    package, _, name = topic.type.partition('/')
-    return topic.type if '/' in name else f'{package}/msg/{name}'
-
-
-LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT, Role.ARRAY, Role.LEASE)
-# The roles whose topics must have messages of their type, and those that are read one by one.
-_REQUIRED = (*LEG_ROLES, Role.BODY)
-_TEXTS = {
-    Role.DESCRIPTION: MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD,
-    Role.REPORT: MAX_MESSAGE_SIZE,
-    Role.TRAJECTORY: MAX_MESSAGE_SIZE,
-    Role.LEASE: MAX_MESSAGE_SIZE,
-}
-# The fields that are read, beside those of measured points.
-_PATHS = {
-    Role.JOINTS: ('position', 'velocity', 'effort'),
-    Role.ANGLE: ('data',),
-    Role.TICKS: ('data',),
-    Role.ARRAY: ('data',),
-    Role.FOOT: ('point',),
-    Role.BODY: ('pose.pose',),
-    Role.CLOCK: (),
-}
 
 
 class JointSelection(NamedTuple):
@@ -265,7 +153,8 @@ class _TopicColumns:
     def __init__(self, topic: Topic, joints: JointSelector, rate_kind: str) -> None:
         self.topic = topic.name
         self.encoding = topic.message_encoding
-        self.role = None if ANNOTATION in topic.extra else role_of(topic)
+        reading = reading_of(topic)
+        self.role = reading and reading.role
         # By the names in messages, and the fields with a number of each.
         self.parts: dict[tuple[tuple[str, ...], tuple[str, ...]], Part] = {}
         # Log times [ns] and contents of texts and reports.
@@ -277,13 +166,12 @@ class _TopicColumns:
         self.is_command = place_of(topic.name)[1] == COMMAND
         self._last_text = b''
         self._reader: ColumnReader | None = None
-        if self.role is not None and topic.message_encoding == 'cdr':
-            kind = _ros2_type(topic)
-            self._type = MESSAGE_TYPES[kind]
+        if reading is not None and topic.message_encoding == 'cdr':
+            self._type = type_of(topic)
+            self._is_read_in_bulk = reading.paths is not None
             if self._type.is_defined_by(topic.definition, topic.schema_encoding):
-                paths = _PATHS.get(self.role, (POINT_FIELDS.get(kind, ''),))
                 names = 'name' if self.role is Role.JOINTS else ''
-                self._reader = ColumnReader(self._type, paths, names)
+                self._reader = ColumnReader(self._type, reading.paths or (), names)
 
     def add(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add the topic's messages in a block."""
@@ -293,8 +181,8 @@ class _TopicColumns:
             is_cdr = self.encoding == 'cdr'
             reason = Mismatch.DEFINITION if is_cdr else Mismatch.ENCODING
             self._refuse(block, reason, rows)
-        elif self.role in _TEXTS:
-            self._add_contents(block, rows[block.sizes[rows] <= _TEXTS[self.role]])
+        elif not self._is_read_in_bulk:
+            self._add_contents(block, rows)
         else:
             for columns in self._reader.read(
                 block, rows, partial(self._refuse, block, Mismatch.CONTENT)
@@ -306,7 +194,7 @@ class _TopicColumns:
 
     def undecoded(self) -> Iterator[Undecoded]:
         """Yield the undecodable messages, if any."""
-        if self.role in _REQUIRED:
+        if self.role in REQUIRED_ROLES:
             for reason, (count, time) in self._refused.items():
                 yield Undecoded(self.topic, self.encoding, reason, count, time)
 
@@ -317,9 +205,10 @@ class _TopicColumns:
 
     def _add_contents(self, block: _TimedBlock, rows: IndexArray) -> None:
         """Add texts or reports; a text is usually repeated."""
-        for row in rows.tolist():
+        is_text = self.role is Role.DESCRIPTION
+        max_size = MAX_DESCRIPTION_SIZE + _MESSAGE_OVERHEAD if is_text else MAX_MESSAGE_SIZE
+        for row in rows[block.sizes[rows] <= max_size].tolist():
             data = block.message(row)
-            is_text = self.role is Role.DESCRIPTION
             is_left_out = data == self._last_text or len(self.contents) >= _MAX_DESCRIPTIONS
             if is_text and is_left_out:
                 continue

@@ -22,7 +22,8 @@ from klann_ros.robot import LEG_PARAMETERS, of_leg, Robot, robot_from_parameters
 from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .columns import DESCRIPTION, MAX_DESCRIPTION_SIZE
+from .columns import MAX_DESCRIPTION_SIZE
+from .roles import DESCRIPTION
 
 # Source of a reference leg.
 REFERENCE = '--geometry'

@@ -9,12 +9,13 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import IntArray
 from klann_ros.log import SolverParameters
 from klann_ros.review.model.recording import Drive, LegRecording, LegSolver
-from klann_ros.review.model.times import is_simulated, isin, no_series, Series
+from klann_ros.review.model.times import is_simulated, isin, no_series, Series, SeriesPool
 from klann_ros.robot import Robot
 import numpy as np
 
-from .columns import COMMAND, JointSelection, LogColumns, Part, place_of, Role, STATE
+from .columns import JointSelection, LogColumns, Part
 from .geometry import leg_solvers, published_legs, REFERENCE, reference_leg, RobotDescriptions
+from .roles import COMMAND, place_of, Role, STATE
 
 # Key of crank_angle, the input of all legs, among the joints.
 ALL_JOINTS = ''
@@ -110,41 +111,6 @@ class LegDefinitions:
             leg = reference_leg(self._reference, name)
             self._undefined[name] = LegSolver(leg=leg, source=source)
         return self._undefined[name]
-
-
-class SeriesPool:
-    """Makes series of equal arrays of times share them, which saves memory."""
-
-    def __init__(self) -> None:
-        self._arrays: dict[tuple[int, int, int], list[IntArray]] = {}
-
-    def share(self, times: IntArray) -> IntArray:
-        """Return an array with these times."""
-        if not len(times):
-            return times
-        key = (len(times), int(times[0]), int(times[-1]))
-        similar = self._arrays.setdefault(key, [])
-        for shared_times in similar:
-            if np.array_equal(shared_times, times):
-                return shared_times
-        similar.append(times)
-        return times
-
-    def series(self, series: Sequence[Series], width: int) -> Series:
-        """Return several series of a width as one, by its log times."""
-        if not series:
-            return no_series(width)
-        times, stamps, values = series[0].times, series[0].stamps, series[0].values
-        if len(series) > 1:
-            times = np.concatenate([part.times for part in series])
-            stamps = np.concatenate([part.stamps for part in series])
-            values = np.concatenate([part.values for part in series])
-        if (np.diff(times) < 0).any():
-            order = np.argsort(times, kind='stable')
-            times = times[order]
-            stamps = stamps[order]
-            values = values[order]
-        return Series(self.share(times), self.share(stamps), values)
 
 
 class _Inputs(NamedTuple):

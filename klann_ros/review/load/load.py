@@ -20,24 +20,17 @@ from klann_ros.review.model.times import (
     is_time_of_log,
     merge_intervals,
     Series,
+    SeriesPool,
 )
 from klann_ros.review.model.topics import TopicRecording
 from klann_ros.robot import Robot
 from klann_ros.sanitize.text import printable_line
 import numpy as np
 
-from .columns import (
-    COMMAND,
-    LEASE,
-    LogColumns,
-    ODOMETRY_TOPICS,
-    Part,
-    place_of,
-    Role,
-    STATE,
-)
+from .columns import LogColumns, Part
 from .geometry import with_dynamics
-from .legs import LegColumns, LegDefinitions, SeriesPool
+from .legs import LegColumns, LegDefinitions
+from .roles import COMMAND, LEASE, ODOMETRY_TOPICS, place_of, Role, STATE
 from .topics import recorded_losses, topic_recordings
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from klann_ros.log import (
 )
 import numpy as np
 
-from .columns import LEG_ROLES, role_of
+from .roles import LEG_ROLES, reading_of
 
 # Length of the window [s]: a short gap falls into one.
 LENGTH = 1.0
@@ -134,7 +134,9 @@ class Window:
                 raise ValueError(f'more than {_MAX_CHANNEL + 1} topics')
             self._channels[id(topic)] = number, topic
             self.types[topic.name] = topic.type
-            self._topics[number] = topic if role_of(topic) in LEG_ROLES else Topic(topic.name, '')
+            reading = reading_of(topic)
+            is_of_leg = reading is not None and reading.role in LEG_ROLES
+            self._topics[number] = topic if is_of_leg else Topic(topic.name, '')
 
 
 def _messages_since(block: MessageBlock, start_time: int) -> MessageBlock:

@@ -121,6 +121,41 @@ def merged(parts: Sequence[Series]) -> Series:
     return Series(times[order], stamps[order], values[order])
 
 
+class SeriesPool:
+    """Makes series of equal arrays of times share them, which saves memory."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[tuple[int, int, int], list[IntArray]] = {}
+
+    def share(self, times: IntArray) -> IntArray:
+        """Return an array with these times."""
+        if not len(times):
+            return times
+        key = (len(times), int(times[0]), int(times[-1]))
+        similar = self._arrays.setdefault(key, [])
+        for shared_times in similar:
+            if np.array_equal(shared_times, times):
+                return shared_times
+        similar.append(times)
+        return times
+
+    def series(self, series: Sequence[Series], width: int) -> Series:
+        """Return several series of a width as one, by its log times."""
+        if not series:
+            return no_series(width)
+        times, stamps, values = series[0].times, series[0].stamps, series[0].values
+        if len(series) > 1:
+            times = np.concatenate([part.times for part in series])
+            stamps = np.concatenate([part.stamps for part in series])
+            values = np.concatenate([part.values for part in series])
+        if (np.diff(times) < 0).any():
+            order = np.argsort(times, kind='stable')
+            times = times[order]
+            stamps = stamps[order]
+            values = values[order]
+        return Series(self.share(times), self.share(stamps), values)
+
+
 def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:
     """
     Return the pairs of rows with equal stamps, in the order of the second.
