@@ -311,7 +311,7 @@ class LegColumns:
             return no_series(1)
         log_times, iterations = zip(*self._iterations[titles[0]], strict=True)
         times = np.array(log_times, dtype=np.int64)
-        return self._pool.series([Series(times, times, np.c_[iterations])], 1)
+        return self._pool.series([Series(times, times, np.array(iterations)[:, np.newaxis])], 1)
 
     def drives(self, legs: Sequence[LegRecording]) -> Iterator[Drive]:
         """Yield the joints with efforts, with their legs."""

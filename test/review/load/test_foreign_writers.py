@@ -227,6 +227,7 @@ def judgement(review: Review) -> dict[str, Any]:
         'is_healthy': review.is_healthy,
         'findings': [finding.text for finding in review.findings],
         'poses': [len(leg.recording.poses) for leg in review.legs],
+        'iterations': [leg.recording.iterations.values.tolist() for leg in review.legs],
         'measured': {name: len(points) for name, points in review.recording.measured.items()},
         'sources': [leg.recording.solver.source for leg in review.legs],
     }
@@ -244,4 +245,5 @@ def test_the_writer_of_a_bag_changes_no_verdict(
 def test_inputs_of_any_type_are_held_against_their_answers(original: Path) -> None:
     (leg,) = review_run(original).legs
     assert (leg.answers.asked, leg.answers.count) == (400, 400)
+    assert leg.recording.iterations.values[:, 0].tolist() == [3 + 40 * n % 3 for n in range(10)]
     assert np.array_equal(leg.recording.cranks.values[:, 0], leg.recording.poses.values[:, 0])
