@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from klann_ros.kinematics import KinematicsError
@@ -28,6 +28,10 @@ Stamp = tuple[int, int]
 
 class BadMessageError(KinematicsError):
     """A message without a crank angle; the text says why."""
+
+
+class NoFeedbackError(BadMessageError):
+    """A NaN before the first reading, as joint_state_broadcaster publishes it at every start."""
 
 
 class CrankInput(NamedTuple):
@@ -59,6 +63,8 @@ class CrankInputs:
         self.out_of_order = 0
         self._clock = node.get_clock()
         self._joints = joints
+        # The joints without any reading.
+        self._unread = set(joints)
         self._turn = turn
         self._reject = reject
         self._last_stamp = (0, 0)
@@ -131,12 +137,19 @@ class CrankInputs:
         cranks = {}
         stamp = (0, 0)
         for joint, reading in readings.items():
+            if joint in self._unread:
+                if isnan(reading.position):
+                    continue
+                self._unread.discard(joint)
             rate = reading.velocity
             if rate is not None and not isfinite(rate):
                 rate = None
             cranks[joint] = CrankInput(reading.position, rate)
             stamp = (reading.sec, reading.nanosec)
-        self._answer(cranks, stamp, info)
+        if cranks:
+            self._answer(cranks, stamp, info)
+        else:
+            self._reject(NoFeedbackError('crank_state: there is no reading yet'))
 
     def _answer(self, cranks: Mapping[str, CrankInput], stamp: Stamp, info: Info) -> None:
         if stamp == (0, 0):

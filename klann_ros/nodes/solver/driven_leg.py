@@ -48,11 +48,12 @@ class SolverStatistics:
                 self._min_sines[i] = sine
                 self.worst[i] = pose
 
-    def reject(self, reason: str) -> None:
-        """Count an input without a valid crank angle."""
+    def reject(self, reason: str, *, is_fault: bool = True) -> None:
+        """Count an input without a valid crank angle; one that is no fault is no input either."""
         self.rejected += 1
-        self.inputs += 1
-        self.rejection = reason
+        if is_fault:
+            self.inputs += 1
+            self.rejection = reason
 
     def fail(self, reason: str) -> None:
         """Count a crank angle without a solution."""

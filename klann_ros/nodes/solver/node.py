@@ -28,7 +28,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from .crank_inputs import CrankInput, CrankInputs, Stamp
+from .crank_inputs import CrankInput, CrankInputs, NoFeedbackError, Stamp
 from .declarations import INPUT_TYPE_REMEDIES, INPUTS, PUBLISHED, SETTINGS
 from .driven_leg import DrivenLeg, SolverStatistics
 from .leg_parameters import LegParameters
@@ -92,9 +92,11 @@ class Solver:
             self._messages.publish(answers, stamp)
 
     def _reject(self, error: KinematicsError) -> None:
+        is_fault = not isinstance(error, NoFeedbackError)
         for leg in self._legs:
-            leg.statistics.reject(str(error))
-        self._warn(error)
+            leg.statistics.reject(str(error), is_fault=is_fault)
+        if is_fault:
+            self._warn(error)
 
     def _warn(self, error: KinematicsError) -> None:
         text = f'input rejected: {error}'

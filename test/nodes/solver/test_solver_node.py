@@ -102,6 +102,22 @@ def test_states_without_the_crank_are_rejected(ros: Domain) -> None:
     assert talk.counts()['rejected'] == '4'
 
 
+def test_nan_before_the_first_reading_is_no_warning(
+    ros: Domain, capfd: pytest.CaptureFixture[str]
+) -> None:
+    talk = Conversation(ros, 'crank_state')
+    for position in (math.nan, math.nan, 1.0):
+        talk.state(name=['crank'], position=[position])
+    talk.answers(1)
+    assert talk.counts()['rejected'] == '2'
+    assert '[WARN]' not in capfd.readouterr().err
+    talk.state(name=['crank'], position=[math.nan])
+    talk.state(name=['crank'], position=[2.0])
+    talk.answers(2)
+    assert talk.counts()['rejected'] == '3'
+    assert capfd.readouterr().err.count('[WARN]') == 1
+
+
 def test_jumps_and_gaps_keep_the_branch_and_failures_are_reported(ros: Domain) -> None:
     geometry = KlannGeometry(l_bc=0.33)
     talk = Conversation(ros, l_bc=0.33)
