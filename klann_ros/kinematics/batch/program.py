@@ -443,8 +443,7 @@ class _Compiler:
         """Return the derivative by a dimension of the coordinate that arms change."""
         if dimension.kind in {'x', 'y'}:
             counts = tuple(arm.path.pivot_count(dimension.place) for arm in arms)
-            component = self._gradient_by_vector(arms, counts).component(dimension.kind)
-            return -component if dimension.sense < 0 else component
+            return self._gradient_by_vector(arms, counts).component(dimension.kind)
         # Bars with the same counts in the paths of the arms are moved together.
         bars_by_counts: dict[tuple[int, ...], list[int]] = {}
         for bar in moved_bars(self._structure, dimension):
