@@ -13,6 +13,7 @@ from klann_ros.log.run_parameters import (
     EVENT_RECORD,
     FINDING_RECORD,
     LOSS_RECORD,
+    Pause,
     PAUSE_RECORD,
     recorded_finding,
     RecordedFinding,
@@ -21,6 +22,7 @@ from klann_ros.log.run_parameters import (
     topic_counts,
     TopicCount,
 )
+from klann_ros.log.write import recording
 from klann_ros.log.write.background_writer import BackgroundWriter, MESSAGE_OVERHEAD
 from klann_ros.log.write.event_session import EventSession, EventSettings
 from klann_ros.log.write.ring_buffer import MAX_LATCHED_MESSAGES, RingBuffer
@@ -74,8 +76,17 @@ class Stage:
 
     def wait(self, seconds: float) -> None:
         """Let time pass, as a recorder does: tick by tick."""
+        self.until_open()
         for _ in range(round(seconds / 0.25)):
             self.now += 0.25
+            self.session.tick()
+
+    def until_open(self) -> None:
+        """Wait for a busy machine to open the run, unless its disk is stopped."""
+        end = time.monotonic() + 30.0
+        while self.session._opening is not None and self.disk.is_set():
+            assert time.monotonic() < end
+            time.sleep(0.01)
             self.session.tick()
 
     def until_closed(self) -> None:
@@ -319,3 +330,101 @@ def test_of_a_latched_topic_the_last_ones_outlive_their_time_within_bounds() -> 
     kept = buffer.latched(5)
     assert [latched.sequence for latched in kept] == [*range(1000 - MAX_LATCHED_MESSAGES, 1000)]
     assert {latched.log_time for latched in kept} == {5}
+
+
+@pytest.mark.parametrize(
+    ('newest', 'first'), [(10.9, 0), (11.0, 1), (11.9, 1), (12.0, 2), (100.0, 3)]
+)
+def test_a_segment_leaves_when_the_next_one_is_as_old_as_the_buffer(
+    newest: float, first: int
+) -> None:
+    buffer = ring_buffer(1_000_000)
+    for second in range(3):
+        buffer.put(message(second))
+        buffer.rotate(second + 1.0, second + 1.0)
+    buffer.rotate(newest, newest)
+    assert [buffered.sequence for buffered in buffer.messages()] == [*range(first, 3)]
+
+
+def test_the_size_is_that_of_the_messages_in_all_segments() -> None:
+    buffer = ring_buffer(1_000_000)
+    sizes = [buffer.size]
+    for number in range(3):
+        buffer.put(message(number, size=600))
+        sizes.append(buffer.size)
+        buffer.rotate(0.25 * number, 0.25 * number)
+    assert sizes == [number * (600 + MESSAGE_OVERHEAD) for number in range(4)]
+
+
+@pytest.mark.parametrize(('size', 'count'), [(25_000, 5), (25_001, 4), (125_000, 1), (200_000, 1)])
+def test_latched_messages_take_an_eighth_of_the_memory_and_are_one_at_least(
+    size: int, count: int
+) -> None:
+    buffer = ring_buffer(1_000_000)
+    for number in range(8):
+        buffer.put(message(number, MODEL, size - MESSAGE_OVERHEAD))
+        buffer.rotate(100.0 * number, 100.0 * number)
+    buffer.rotate(1000.0, 1000.0)
+    assert [latched.sequence for latched in buffer.latched(5)] == [*range(8 - count, 8)]
+
+
+@pytest.mark.parametrize(('age', 'is_recorded'), [(3.0, True), (4.0, True), (4.25, False)])
+def test_the_pre_trigger_counts_from_before_the_latest_finding(
+    stage: Stage, *, age: float, is_recorded: bool
+) -> None:
+    received = [*stage.receive(1)]
+    stage.wait(age)
+    stage.session.add_finding(GAP)
+    assert numbers(stage.event()) == (received if is_recorded else [])
+
+
+@pytest.mark.parametrize(('delay', 'is_recorded'), [(2.0, True), (2.25, False)])
+def test_an_event_waits_for_the_reception_of_its_last_messages(
+    stage: Stage, *, delay: float, is_recorded: bool
+) -> None:
+    stage.session.add_finding(GAP)
+    stage.wait(delay)
+    received = [*stage.receive(1)]
+    assert numbers(stage.event()) == (received if is_recorded else [])
+
+
+@pytest.mark.parametrize(('wait', 'count'), [(0.0, 1), (4.0, 1), (4.5, 0)])
+def test_a_pause_before_the_buffer_is_not_in_the_run(
+    stage: Stage, wait: float, count: int
+) -> None:
+    stage.session.add_pause(Pause(1, 2, {}, ''))
+    stage.wait(wait)
+    stage.session.trigger()
+    assert len(metadata(stage.event()).get(PAUSE_RECORD, ())) == count
+
+
+@pytest.mark.parametrize(('ages', 'count'), [((9.0, 8.0), 1), ((9.0, 0.5), 2), ((1.0, 0.5), 2)])
+def test_the_solver_parameters_of_the_buffered_time_are_in_the_run(
+    stage: Stage, ages: tuple[float, ...], count: int
+) -> None:
+    stage.wait(10.0)
+    for age in ages:
+        begin = time.time_ns() - round(age * 1e9)
+        stage.session.add_solver(SolverParameters('/solver', begin, {'l_ab': age}))
+    stage.wait(0.25)
+    stage.session.trigger()
+    assert len(metadata(stage.event())[SOLVER_RECORD]) == count
+
+
+def test_findings_in_a_run_are_limited(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording, 'MAX_FINDINGS', 3)
+    for _ in range(5):
+        stage.session.add_finding(GAP)
+    assert len(metadata(stage.event())[FINDING_RECORD]) == 3
+
+
+@pytest.mark.parametrize(('wait', 'is_reported'), [(0.0, True), (2.75, True), (3.0, False)])
+def test_an_eviction_is_reported_while_the_pre_trigger_is_incomplete(
+    stage: Stage, *, wait: float, is_reported: bool
+) -> None:
+    stage.wait(10.0)
+    for _ in range(20):
+        stage.session.put(message(1, size=1_000_000))
+    stage.wait(wait)
+    stage.session.trigger()
+    assert any('still in memory' in text for _, text in stage.reports) == is_reported

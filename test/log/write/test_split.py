@@ -9,6 +9,7 @@ from time import monotonic, sleep, time_ns
 
 from crank_runs import BATCHES, make_messages, MESSAGES
 from klann_ros.log import write
+from klann_ros.log.errors import LowSpaceError
 from klann_ros.log.reader import open_log
 from klann_ros.log.write import background_writer
 from klann_ros.log.write.background_writer import BackgroundWriter, SplitLimits
@@ -103,7 +104,7 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, monkeypatc
 
 
 def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
-    """What is received while it settles is written in the order in which it came."""
+    """What is received at its moment, while it settles, is written in the order of reception."""
     settled = Event()
 
     def settle(seconds: float) -> None:
@@ -113,6 +114,7 @@ def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
             settled.set()
 
     monkeypatch.setattr(background_writer, 'sleep', settle)
+    monkeypatch.setattr(background_writer, 'time_ns', lambda: 2**62)
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
     background.put(make_messages(1)[0])
@@ -124,6 +126,23 @@ def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
     with (writer.path / 'run_1.mcap').open('rb') as file:
         stored_messages = make_reader(file).iter_messages(log_time_order=False)
         assert [message.sequence for *_, message in stored_messages] == [*range(1, 21)]
+
+
+def test_a_split_that_leaves_too_little_space_ends_the_recording(tmp_path, monkeypatch) -> None:
+    def refuse(writer: RunWriter, min_free_space: int) -> None:
+        raise LowSpaceError(writer.path, 0, min_free_space)
+
+    monkeypatch.setattr(RunWriter, 'check_space', refuse)
+    has_failed = Event()
+    writer = RunWriter(tmp_path / 'run')
+    background = BackgroundWriter(
+        writer, flush_period=600.0, on_failure=has_failed.set, min_free_space=1
+    )
+    background.put(make_messages(1)[0])
+    background.split()
+    assert has_failed.wait(60.0)
+    assert isinstance(background.close(), LowSpaceError)
+    assert writer.counts == {'/crank_angle': 1}
 
 
 def test_statistics_read_during_a_split_are_consistent(tmp_path) -> None:
