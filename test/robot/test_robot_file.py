@@ -2,6 +2,7 @@
 
 from math import pi
 from pathlib import Path
+from typing import Any
 
 from klann_ros.kinematics import KlannGeometry, shipped_linkages
 from klann_ros.robot import (
@@ -144,3 +145,28 @@ def test_sections_with_wildcards_apply_as_in_ros(section: str, is_for_it: bool) 
     first = {'ros__parameters': {'l_ab': 0.12}}
     document = {'/a/b/solver_node': first, section: {'ros__parameters': {'l_ab': 0.13}}}
     assert solver_parameters(document) == {'l_ab': 0.13 if is_for_it else 0.12}
+
+
+SEM = {'ros__parameters': {'l_ab': 0.1}}
+RATE = {'ros__parameters': {'rate': 50.0}}
+
+
+@pytest.mark.parametrize(
+    ('content', 'expected'),
+    [
+        ({'sim_node': SEM, 'recorder_node': RATE}, {'l_ab': 0.1}),
+        ({'solver_node': RATE, 'sim_node': SEM}, {'l_ab': 0.1}),
+        ({'solver_node': SEM, 'sim_node': RATE}, {'l_ab': 0.1}),
+        ({'solver_node': RATE, 'recorder_node': RATE}, {}),
+    ],
+)
+def test_the_robot_is_that_of_the_solver_or_of_another_node(
+    content: dict[str, Any], expected: dict[str, Any]
+) -> None:
+    assert solver_parameters(content) == expected
+
+
+def test_two_nodes_with_different_robots_are_refused() -> None:
+    content = {'a_node': SEM, 'b_node': {'ros__parameters': {'l_ab': 0.2}}}
+    with pytest.raises(ValueError, match='several robots, /a_node, /b_node'):
+        solver_parameters(content)
