@@ -79,9 +79,10 @@ def _design(options: argparse.Namespace) -> int:
         raise UsageError(f'--resume: {error}') from error
     _write(folder, search_result)
     print(search_text(search_result, printable(folder)), end='')
-    if not search_result.legs:
-        return NONE_FOUND
-    return INTERRUPTED if search_result.is_interrupted else 0
+    if search_result.is_interrupted:
+        # Nor is it known then that no leg fulfils them.
+        return INTERRUPTED
+    return 0 if search_result.legs else NONE_FOUND
 
 
 def _opened(folder: Path, *, resume: bool) -> State | None:

@@ -11,7 +11,7 @@ import sys
 import time
 
 from klann_ros.datasheet.command import main as describe
-from klann_ros.design import requirements_from, search
+from klann_ros.design import command, requirements_from, search
 from klann_ros.design.command import main
 from klann_ros.design.report import report
 from klann_ros.sanitize.yaml_text import parse
@@ -20,6 +20,19 @@ import pytest
 Capture = pytest.CaptureFixture[str]
 
 PROGRAM = 'import sys; from klann_ros.executables import design; sys.exit(design())'
+# Ctrl-C comes when the rounds are over.
+PROGRAM_STOPPED_IN_PROOF = """
+import os, signal, sys
+from klann_ros.executables import design
+import klann_ros.design.command
+module = sys.modules['klann_ros.design.search']
+prove = module._proven_legs
+def prove_and_stop(*arguments):
+    os.killpg(0, signal.SIGINT)
+    return prove(*arguments)
+module._proven_legs = prove_and_stop
+sys.exit(design())
+"""
 REQUIREMENTS = """\
 linkage: klann
 vary: 10
@@ -49,9 +62,9 @@ def run(*options: str) -> int:
         return int(end.code or 0)
 
 
-def started(jobs: int, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, '-c', PROGRAM, *OPTIONS, '--jobs', str(jobs), *options]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+def started(jobs: int, *options: str, program: str = PROGRAM) -> subprocess.Popen[str]:
+    line = [sys.executable, '-c', program, *OPTIONS, '--jobs', str(jobs), *options]
+    return subprocess.Popen(line, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
 def wait_until(process: subprocess.Popen[str], holds: Callable[[], bool]) -> None:
@@ -165,12 +178,11 @@ def test_a_killed_search_is_resumed(out: Path, undisturbed: str) -> None:
     assert (out / 'design.json').read_text() == undisturbed
 
 
-@pytest.mark.parametrize(('evaluations', 'jobs'), [(0, 1), (1, 2), (960, 1)])
+@pytest.mark.parametrize(('evaluations', 'jobs'), [(0, 1), (1, 2)])
 def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> None:
-    """At the begin of the first round, as the workers of the next start, and in the proof."""
-    # With two jobs many rounds follow, so that the signal never comes in the proof.
-    more = ['--evaluations', '40000'] if jobs == 2 else []
-    process = started(jobs, *more)
+    """At the begin of the first round, and as the workers of the next start."""
+    # Many rounds follow, so that the signal never comes in the proof.
+    process = started(jobs, '--evaluations', '40000')
     state = out / 'search.json'
 
     def holds() -> bool:
@@ -186,6 +198,28 @@ def test_ctrl_c_keeps_the_legs_found(out: Path, evaluations: int, jobs: int) -> 
     assert 'Traceback' not in error
     if jobs == 2:
         assert json.loads((out / 'design.json').read_text())['legs']
+
+
+def test_ctrl_c_in_the_proof_ends_it(out: Path) -> None:
+    process = started(1, program=PROGRAM_STOPPED_IN_PROOF)
+    _, error = process.communicate(timeout=300)
+    assert process.returncode == 130
+    assert 'Traceback' not in error
+    assert json.loads((out / 'search.json').read_text())['evaluations'] >= 960
+
+
+def test_an_interrupted_search_without_a_leg_does_not_deny_that_there_is_one(
+    out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    requirements = out.with_name('requirements.yaml')
+    requirements.write_text(REQUIREMENTS.replace('0.3', '1.5'))
+
+    def stop(*_: object) -> str:
+        raise KeyboardInterrupt
+
+    # The progress is printed after a round.
+    monkeypatch.setattr(command, '_line', stop)
+    assert run() == 130
 
 
 # Bytes that a file may have.
