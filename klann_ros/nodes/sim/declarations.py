@@ -67,7 +67,8 @@ OUTPUT = (
     number('rate', 100.0, 'messages a second of simulated time [Hz]', 1.0, 1000.0),
     number('real_time_factor', 1.0, 'simulated time over wall time', 0.01, 100.0),
     Declaration('use_clock', False, 'publish /clock, and stamp messages with it'),
-    Declaration('world_frame', 'world', 'frame of ground_truth'),
+    # mujoco_ros2_control's has no other name, and a viewer shows it beside odom.
+    Declaration('world_frame', 'odom', 'frame of ground_truth'),
     Declaration('base_frame', 'base_link', 'frame of the body, and of its IMU'),
     number('diagnostics_period', 1.0, 'time between diagnostics [s]', 0.01, 3600.0),
 )

@@ -73,7 +73,7 @@ def test_it_follows_commands_and_publishes_every_topic(robot: Robot) -> None:
     assert list(state.effort) == []
     # The right motor has its speed factor.
     assert state.velocity[1] / state.velocity[0] == pytest.approx(0.9, abs=0.05)
-    assert (truth.header.frame_id, truth.child_frame_id) == ('world', 'base_link')
+    assert (truth.header.frame_id, truth.child_frame_id) == ('odom', 'base_link')
     assert imu.header.frame_id == 'base_link'
     assert imu.angular_velocity_covariance[0] == pytest.approx(1e-4)
     # Each foot that comes down is felt; in the mean it is the weight.
