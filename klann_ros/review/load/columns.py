@@ -23,6 +23,8 @@ _MESSAGE_OVERHEAD = 16
 # Different descriptions of a topic that are read, and measured points.
 _MAX_DESCRIPTIONS = 32
 _MAX_MEASURED = 20_000
+# Cranks that commands without names are read for.
+_MAX_CRANKS = 64
 
 
 class JointSelection(NamedTuple):
@@ -215,7 +217,7 @@ class _TopicColumns:
             self._last_text = data
             with suppress(ValueError):
                 content = self._type.read(data)
-                content = _iterations(content) if self.role is Role.REPORT else content
+                content = _CONTENTS.get(self.role, dict)(content)
                 if content:
                     self.contents.append((int(block.times[row]), content))
 
@@ -225,6 +227,8 @@ class _TopicColumns:
         kept = {}
         for numbers in columns.numbers.values():
             kept[''] = _planar(numbers) if role is Role.BODY else numbers[:, :2]
+            if role is Role.ARRAY and numbers.shape[1] > _MAX_CRANKS:
+                return
             if role is Role.ARRAY:
                 kept[''] = numbers
                 joints = tuple(map(str, range(numbers.shape[1])))
@@ -295,6 +299,31 @@ def _iterations(report: Mapping[str, Any]) -> dict[str, Any]:
         for pair in status['values']
         if pair['key'] == 'iterations'
     }
+
+
+def _plan(trajectory: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the joints of a trajectory, its times [ns] and positions; a ValueError without."""
+    points = trajectory['points']
+    joints = tuple(trajectory['joint_names'])
+    times = [_nanoseconds(point, 'time_from_start') for point in points]
+    positions = np.array([point['positions'] for point in points])
+    return {
+        'start': _nanoseconds(trajectory, 'header.stamp'),
+        'joints': joints,
+        'times': np.array(times, dtype=np.int64),
+        'positions': positions.reshape(len(points), len(joints)),
+    }
+
+
+def _nanoseconds(message: Mapping[str, Any], path: str) -> int:
+    return int(message[f'{path}.sec'] * 10**9 + message[f'{path}.nanosec'])
+
+
+# What is kept of contents.
+_CONTENTS: dict[Role | None, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+    Role.REPORT: _iterations,
+    Role.TRAJECTORY: _plan,
+}
 
 
 class LogColumns:

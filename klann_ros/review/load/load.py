@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from klann_ros.log import (
     FAULT_RECORD,
@@ -200,29 +200,11 @@ def _walks(columns: LogColumns, pool: SeriesPool) -> Iterator[WalkRecording]:
         walks[part.namespace].add_array(part)
     for topic, time, content in columns.contents(Role.TRAJECTORY):
         namespace, _ = place_of(topic)
-        with suppress(ValueError):
-            walks[namespace].trajectories.append(_trajectory(time, content))
+        walks[namespace].trajectories.append(Trajectory(time, **content))
     for namespace, series in sorted(walks.items()):
         is_driven = series.commands or series.velocities or series.trajectories
         if series.bodies or is_driven:
             yield series.walk(namespace, pool)
-
-
-def _trajectory(time: int, message: Mapping[str, Any]) -> Trajectory:
-    """Return a trajectory by its message; a ValueError without positions of each joint."""
-    points = message['points']
-    joints = tuple(message['joint_names'])
-    return Trajectory(
-        time,
-        _nanoseconds(message, 'header.stamp'),
-        joints,
-        np.array([_nanoseconds(point, 'time_from_start') for point in points], dtype=np.int64),
-        np.array([point['positions'] for point in points]).reshape(len(points), len(joints)),
-    )
-
-
-def _nanoseconds(message: Mapping[str, Any], path: str) -> int:
-    return int(message[f'{path}.sec'] * 10**9 + message[f'{path}.nanosec'])
 
 
 def _leases(columns: LogColumns, pool: SeriesPool) -> dict[str, Series]:

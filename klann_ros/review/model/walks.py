@@ -124,7 +124,8 @@ def _positions(walk: WalkRecording, joint: str, state: Series) -> Series:
             is_followed = plan.times <= next_start - start
             stamps = start + plan.times[is_followed]
             angles = plan.positions[is_followed, plan.joints.index(joint)]
-            parts.append(Series(plan.time + plan.times[is_followed], stamps, angles[:, None]))
+            times = plan.time + plan.times[is_followed]
+            parts.append(Series(times, stamps, angles[:, None]).finite())
             next_start = start
     return merged(parts)
 

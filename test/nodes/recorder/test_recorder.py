@@ -1,5 +1,6 @@
 """recorder_node: services, status, ends, and the messages at its start."""
 
+from fnmatch import fnmatchcase
 import json
 from pathlib import Path
 import signal
@@ -11,6 +12,7 @@ from klann_ros.log.bag_metadata import FILE_NAME as METADATA
 from klann_ros.log.errors import NotALogError
 from klann_ros.log.reader import open_log
 from klann_ros.log.run_parameters import recorded_pause, topic_counts
+from klann_ros.nodes.recorder.interface import TOPICS
 from klann_ros.review.reviewing import review_run
 import pytest
 from recorder_runs import numbers, Recording, TOPIC
@@ -211,3 +213,17 @@ def topics_in(folder: Path) -> set[str]:
             return {topic.name for topic in log.topics}
     except NotALogError:
         return set()
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'joint_state_broadcaster/joint_states',
+        'imu_sensor_broadcaster/imu',
+        'crank_velocity_controller/commands',
+        'crank_trajectory_controller/joint_trajectory',
+        'crank_angle/lease',
+    ],
+)
+def test_what_a_review_reads_of_ros2_control_is_recorded_by_default(name: str) -> None:
+    assert any(fnmatchcase(name, pattern) for pattern in TOPICS)
