@@ -16,6 +16,7 @@ import re
 import signal
 import sys
 from typing import NoReturn
+import warnings
 
 from .sanitize.units import report_unit_warnings
 from .stop_signals import StopSignals
@@ -113,6 +114,8 @@ def _run_command(name: str, module: str) -> int:
     try:
         with _uninterrupted():
             command = import_module(module)
+        # A report shows what overflows as infinite.
+        warnings.simplefilter('ignore', RuntimeWarning)
         report_unit_warnings(lambda text: print(f'{name}: warning: {text}', file=sys.stderr))
         code = int(command.main())
     except SystemExit as request:
