@@ -12,8 +12,8 @@ import numpy as np
 
 from .load import CrankLoad
 
-# Upper limit of each number of a motor.
-MAX_VALUE = 1e9
+# Limits of each number of a motor: their products and quotients are finite.
+MIN_VALUE, MAX_VALUE = 1e-9, 1e9
 
 
 class MotorFileError(ValueError):
@@ -117,8 +117,9 @@ def motor_from(motor: Any) -> Motor:
 
 def _check(name: str, number: Any) -> None:
     is_number = isinstance(number, int | float) and not isinstance(number, bool)
-    if not is_number or not 0.0 < number <= MAX_VALUE:
-        raise ValueError(refusal(name, number, f'a number > 0, at most {MAX_VALUE:g}'))
+    if not is_number or not MIN_VALUE <= number <= MAX_VALUE:
+        allowed = f'a number > 0, at least {MIN_VALUE:g} and at most {MAX_VALUE:g}'
+        raise ValueError(refusal(name, number, allowed))
     if name == 'efficiency' and number > 1.0:
         raise ValueError(f'efficiency = {number!r} is refused: a part of 1; 80 % are 0.8')
 

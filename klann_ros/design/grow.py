@@ -147,7 +147,7 @@ def grown_spaces(
     if target is not None and not target.can_move:
         centre = complex(target.points.mean())
     spaces: list[Space] = []
-    for shape in shapes(options['dyads'], sliders=options.get('sliders', False)):
+    for shape in shapes(int(options['dyads']), sliders=options.get('sliders', False)):
         spaces.append(_space(shape, len(spaces) + 1, (low, high), centre))
     return tuple(spaces)
 

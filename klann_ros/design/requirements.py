@@ -170,7 +170,8 @@ def requirements_from(
         tolerance=metre * float(content.get('tolerance', 0.0)),
         motor=motor,
         walker=content.get('walker'),
-        count=content.get('count', DEFAULT_COUNT),
+        # A schema's whole numbers may be written as 2.0.
+        count=int(content.get('count', DEFAULT_COUNT)),
         text=json.dumps(content, sort_keys=True),
     )
     _check_needs(requirements, content)

@@ -114,7 +114,7 @@ class State(NamedTuple):
         try:
             populations = []
             for x in content['populations']:
-                populations.append(None if x is None else np.array(x, dtype=np.float64))
+                populations.append(None if x is None else np.array(x, dtype=np.float64, ndmin=1))
             frame = [(float(low), float(size)) for low, size in content['frame']]
             return cls(
                 key=str(content['key']),

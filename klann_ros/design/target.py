@@ -172,13 +172,15 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     if ('points' in content) == ('file' in content):
         raise ValueError('either points or file must be there')
     if 'points' in content:
-        points = metre * (np.array(content['points'], dtype=np.float64) @ (1.0, 1j))
+        points = np.array(content['points'], dtype=np.float64) @ (1.0, 1j)
+        unit = metre
     else:
         name = content['file']
         path = folder / name if (folder / name).is_file() else Path(name)
         text = read_regular(path, MAX_FILE_SIZE)
         is_svg = path.suffix.lower() == '.svg'
-        points = PIXEL * _svg_points(text) if is_svg else metre * _csv_points(text)
+        points = _svg_points(text) if is_svg else _csv_points(text)
+        unit = PIXEL if is_svg else metre
     if len(points) > 3 and points[0] == points[-1]:
         points = points[:-1]
     if not 3 <= len(points) <= MAX_TARGET_POINTS:
@@ -186,7 +188,7 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     if not np.isfinite(points).all():
         raise ValueError('a point is not finite')
     target = Target(
-        np.asarray(points, dtype=np.complex128),
+        np.asarray(unit * points, dtype=np.complex128),
         can_move=content.get('move', True),
         can_turn=content.get('turn', True),
         can_scale=content.get('scale', True),
@@ -257,6 +259,8 @@ def _bezier(corners: Sequence[complex]) -> list[complex]:
     """Return points on a Bezier curve behind its start."""
     t = np.linspace(0.0, 1.0, CURVE_POINTS + 1)[1:]
     layer = [np.full(len(t), corner) for corner in corners]
-    while len(layer) > 1:
-        layer = [a + t * (b - a) for a, b in pairwise(layer)]
+    # Points that are not finite, or beyond all floats, are refused with all others.
+    with np.errstate(all='ignore'):
+        while len(layer) > 1:
+            layer = [a + t * (b - a) for a, b in pairwise(layer)]
     return list(map(complex, layer[0].tolist()))

@@ -114,6 +114,7 @@ def test_the_example_motor_turns_the_sem104_leg() -> None:
         ({'no_load_speed': True}, 'no_load_speed = True is refused'),
         ({'efficiency': 80.0}, 'a part of 1; 80 % are 0.8'),
         ({'gear_ratio': 1e300}, 'at most 1e+09'),
+        ({'no_load_speed': 5e-324}, 'at least 1e-09'),
         ({'continuous_torque': float('nan')}, 'continuous_torque = nan is refused'),
         ({'stal_torque': 1.0}, 'did you mean stall_torque?'),
         ({7: 1.0}, '7: no such key'),
