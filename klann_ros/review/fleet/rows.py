@@ -182,7 +182,7 @@ def rows_from_table(path: str) -> list[Row]:
         if path.lower().endswith('.parquet'):
             return _parquet_rows(data)
         return _csv_rows(data)
-    except (KeyError, ValueError, TypeError) as error:
+    except (AttributeError, KeyError, ValueError, TypeError, csv.Error) as error:
         raise TableError(f'{printable(path)} is no table of runs: {error}') from error
 
 
