@@ -121,13 +121,14 @@ def _prior(option: str | None) -> Prior:
     try:
         deviation = float(option) / 1e3
     except ValueError:
-        return content_of_file(option, _by_name, 'standard deviations', MeasurementError)
+        return content_of_file(option, deviations_by_name, 'standard deviations', MeasurementError)
     if not 0.0 < deviation < 1.0:
         raise UsageError(f'--prior {option}: it must be millimetres, above 0 and below 1000')
     return deviation
 
 
-def _by_name(content: Any) -> dict[str, float]:
+def deviations_by_name(content: Any) -> dict[str, float]:
+    """Return the standard deviations in a mapping; a ValueError for anything else."""
     numbers: list[Any] = [*content.values()] if isinstance(content, dict) else [None]
     if not all(type(number) in {int, float} and 0.0 < number < inf for number in numbers):
         raise ValueError('it must be a mapping of dimensions to numbers > 0')
