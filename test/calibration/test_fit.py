@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from klann_ros.calibration import calibrate, CrankSamples, fit, MeasurementError, series_of
-from klann_ros.calibration.report import text_lines
+from klann_ros.calibration.report import text_lines, verdict
 from klann_ros.kinematics import KlannGeometry, linkage_poses, shipped_linkage
 from measured_robots import built, DRAWN, errors, NOISE, Robot
 import numpy as np
@@ -46,6 +46,14 @@ def test_the_known_observability_of_the_klann_leg(  # noqa: PLR0917 - a row of t
     assert deviations[:11].max() == pytest.approx(worst, rel=0.06)
     assert deviations[6] == pytest.approx(l_gh, rel=0.15)
     assert math.degrees(calibration.standard_errors[13]) == pytest.approx(zero, rel=0.2)
+
+
+@pytest.mark.parametrize(('condition', 'quality'), [(99.9, 'good'), (100.0, 'fair')])
+def test_a_condition_below_100_is_good(condition: float, quality: str) -> None:
+    calibration = calibrate(DRAWN, Robot(DRAWN, phase=0.0).measured('HG'))
+    observability = calibration.observability._replace(condition=condition)
+    text = verdict(replace(calibration, observability=observability))
+    assert f'condition 100 ({quality}' in text
 
 
 def test_errors_are_as_large_as_their_standard_errors() -> None:

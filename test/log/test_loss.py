@@ -102,7 +102,13 @@ def test_sequence_gaps_are_always_counted(all_stays: list[Stay]) -> None:
 
 
 @pytest.mark.parametrize(
-    ('latched', 'numbers', 'counts'), [(False, [400, 401, 403], (1, 0)), (True, [9, 7], (0, 0))]
+    ('latched', 'numbers', 'counts'),
+    [
+        (False, [400, 401, 403], (1, 0)),
+        (True, [9, 7], (0, 0)),
+        # A number that comes again is one of a later publisher.
+        (False, [3, 3], (0, 2)),
+    ],
 )
 def test_a_first_or_latched_publisher_has_sent_nothing_early(latched, numbers, counts) -> None:
     counter = LossCounter()

@@ -223,6 +223,7 @@ def test_a_turn_shows_a_quantity_of_the_poses(leg: AnyLeg, quantity: str) -> Non
 def test_a_crank_that_does_not_turn_fully_has_its_arc() -> None:
     ((start, end),) = TRIPLE_ROCKER.reachable_arcs()
     ax = plotting.plot_turn(TRIPLE_ROCKER, 'transmission', ax=new_axes())
+    assert ax.get_xlim() != (0.0, 360.0)
     alphas = np.radians(ax.lines[0].get_xdata())
     assert (alphas[0], alphas[-1]) == pytest.approx((start, end), rel=1e-12)
 

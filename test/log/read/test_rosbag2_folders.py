@@ -23,7 +23,7 @@ def messages():
 
 @pytest.mark.parametrize('with_metadata', [True, False])
 def test_a_split_bag_of_sqlite_is_one_log(with_metadata, tmp_path) -> None:
-    names = ['x_0.db3', 'x_1.db3', 'x_10.db3']
+    names = ['x_0.db3', 'x_2.db3', 'x_10.db3']
     for name in names:
         make_db3(tmp_path / name)
     if with_metadata:
