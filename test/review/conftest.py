@@ -151,9 +151,9 @@ class Script:
     def ask_in_degrees(self, decimals: int = 9, answered: bool = False) -> None:
         """Ask in degrees below 360; they are answered as radians, or rightly."""
         for n, answer in enumerate(self.answers):
-            alpha = round(math.degrees(answer.alpha) % 360.0, decimals)
+            alpha = round(math.degrees(answer.alpha), decimals)
             if answered:
-                self.move(n, alpha)
+                self.move(n, alpha % 360.0)
             else:
                 self.change(n, alpha=alpha)
 

@@ -218,10 +218,6 @@ def _refused(review: Review, leg: ReviewedLeg) -> Iterator[Finding]:
     title = leg.recording.title
     for cause in (Cause.NO_ANGLE, Cause.OUT_OF_REACH):
         rows = leg.answers.of(cause)
-        if cause is Cause.NO_ANGLE:
-            # joint_state_broadcaster publishes NaN until the first feedback.
-            is_reading = ~np.isnan(leg.evaluated.cranks.values[:, 0])
-            rows = rows[rows >= np.argmax(is_reading)] if is_reading.any() else rows
         if not rows.size:
             continue
         angles = f'{rows.size} of {leg.answers.asked} crank angles'

@@ -68,6 +68,13 @@ def test_an_impossible_log_time_is_not_in_the_span_of_a_log(tmp_path, time, inde
         assert times.tolist() == expected
 
 
+def test_of_two_log_times_the_one_that_rolled_over_is_impossible(tmp_path) -> None:
+    messages = [MESSAGES[0], replace(MESSAGES[1], log_time=2**64 - 5 * 10**9)]
+    with open_log(write_run(tmp_path / 'run', [messages])) as log:
+        assert log.start_time == log.end_time == START
+        assert log.times.impossible_count == 1
+
+
 def test_log_times_of_any_year_are_possible(tmp_path) -> None:
     late = [replace(message, log_time=2**64 - 10**9 + n) for n, message in enumerate(MESSAGES)]
     with open_log(write_run(tmp_path / 'run', [late])) as log:
