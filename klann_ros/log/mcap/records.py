@@ -6,11 +6,11 @@ A record may be longer than its fields, as later versions may add some, but not 
 is trusted before it was compared with the bytes that are there. Damage raises a DamagedError.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 import io
 import struct
-from typing import Any, BinaryIO, cast, TypeVar
+from typing import Any, BinaryIO, cast, Protocol, TypeVar
 import zlib
 
 from klann_ros.log.errors import DamagedError
@@ -388,9 +388,19 @@ def encoded_chunk(
     return chunk, bytes(indexes), index
 
 
+class Records(Protocol):
+    """Encoded records of one kind; the bytes may hold several at once."""
+
+    def __len__(self) -> int:
+        """Return the number of records."""
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Yield the bytes."""
+
+
 def encoded_end(
     start: int,
-    groups: Mapping[int, Sequence[bytes]],
+    groups: Mapping[int, Records],
     counts: Mapping[int, int],
     times: tuple[int, int],
 ) -> bytes:

@@ -7,12 +7,13 @@ indexes: its writer packs each field by a call of its own, which takes four time
 
 from array import array
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 import struct
 import sys
+import zlib
 
 from klann_ros.log.bag_metadata import FileSummary, HASH_KEY, QOS_KEY
 from klann_ros.log.errors import UnwritableError
@@ -22,6 +23,7 @@ from klann_ros.log.mcap.records import (
     encoded_end,
     MAGIC,
     RECORD_HEAD,
+    Records,
     SUMMARY_KINDS,
 )
 from klann_ros.log.qos import qos_for_writing
@@ -55,6 +57,8 @@ _SEQUENCE_MASK = 2**32 - 1
 # Opcode, length, channel, sequence number, log time and publish time, before a message's data.
 _MESSAGE = struct.Struct('<BQHIQQ')
 _MESSAGE_FIELDS = _MESSAGE.size - RECORD_HEAD.size
+# Compressed together: index records of chunks [bytes].
+_INDEX_BLOCK_SIZE = 64 * 1024
 
 
 @dataclass(slots=True)
@@ -76,6 +80,31 @@ class _Channel:
         if sys.byteorder == 'big':
             entries.byteswap()
         return entries.tobytes()
+
+
+class _ChunkIndexes:
+    """The index records of chunks, which pile up until the end: compressed, in blocks."""
+
+    def __init__(self) -> None:
+        self._blocks: list[bytes] = []
+        self._open_block = bytearray()
+        self._count = 0
+
+    def append(self, record: bytes) -> None:
+        """Add a record."""
+        self._count += 1
+        self._open_block += record
+        if len(self._open_block) > _INDEX_BLOCK_SIZE:
+            self._blocks.append(zlib.compress(self._open_block))
+            self._open_block = bytearray()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Yield all records, several at once."""
+        yield from map(zlib.decompress, self._blocks)
+        yield bytes(self._open_block)
 
 
 def _check_times(name: str, *times: int) -> None:
@@ -114,6 +143,7 @@ class McapFile(DurableFile):
         # The open chunk, and the records of the summary.
         self._chunk = bytearray()
         self._summary: dict[int, list[bytes]] = {kind: [] for kind in SUMMARY_KINDS}
+        self._chunk_indexes = _ChunkIndexes()
         # End of each chunk that may not be on the disk [bytes], and the content up to there.
         self._ends = deque([(0, self.received())])
         try:
@@ -203,7 +233,8 @@ class McapFile(DurableFile):
         registered = (channel for channel in self._channels.values() if channel.number)
         counts = {channel.number: channel.count for channel in registered}
         times = self._start_time, self._end_time
-        self.append(encoded_end(self.size, self._summary, counts, times))
+        groups: dict[int, Records] = {**self._summary, Opcode.CHUNK_INDEX: self._chunk_indexes}
+        self.append(encoded_end(self.size, groups, counts, times))
         self.sync()
 
     @property
@@ -291,4 +322,4 @@ class McapFile(DurableFile):
         self._ends.append((start + len(chunk), self.received()))
         self.append(chunk)
         self.append(indexes)
-        self._summary[Opcode.CHUNK_INDEX].append(encoded(index))
+        self._chunk_indexes.append(encoded(index))

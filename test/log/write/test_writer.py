@@ -7,11 +7,13 @@ from pathlib import Path
 import subprocess
 import sys
 import textwrap
+import tracemalloc
 
 from crank_runs import make_messages
 from klann_ros.log.errors import MalformedQosError, RunClosedError, RunExistsError, UnwritableError
 from klann_ros.log.reader import open_log
 from klann_ros.log.write.writer import RunWriter
+from mcap.reader import make_reader
 import pytest
 from run_faults import disk_error, information
 
@@ -123,6 +125,27 @@ def test_a_sequence_number_keeps_its_lower_32_bits(tmp_path) -> None:
         writer.write(replace(make_messages(1)[0], sequence=2**32 + 7))
     with open_log(tmp_path / 'run') as log:
         assert next(log.messages()).sequence == 7
+
+
+def test_a_long_run_indexes_all_chunks_and_remembers_little_of_each(tmp_path) -> None:
+    count = 5000
+    with RunWriter(tmp_path / 'run', chunk_size=1, compression='none') as writer:
+        messages = make_messages(count)
+        tracemalloc.start()
+        for number, message in enumerate(messages, 1):
+            writer.write(message)
+            if number % 500 == 0:
+                writer.flush()
+        memory, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    # Blocks that are still to be compressed, and the index of each chunk [bytes].
+    assert memory < 150_000 + 80 * count
+    with writer.file.path.open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    offsets = [index.chunk_start_offset for index in summary.chunk_indexes]
+    assert len({*offsets}) == count
+    assert offsets == sorted(offsets)
 
 
 def test_flushed_messages_are_in_the_file(tmp_path) -> None:
