@@ -49,8 +49,9 @@ class DriveRun:
     command_type: str = ARRAY
     # Number of messages before the first feedback, which are NaN.
     unknown: int = 15
-    # Whether a solver answers, and whether commands are sent during standstill.
+    # Whether a solver runs and answers, and whether commands are sent during standstill.
     solver: bool = True
+    answers: bool = True
     idle: bool = True
     # Ratio of simulated time, with which all happens, to time; 0 for no /clock.
     sim_rate: float = 0.0
@@ -110,7 +111,8 @@ class DriveRun:
             late = time + 0.002 * index
             state = joint_state(self._stamp(late), JOINTS, angles, [rate, rate], [nan, nan])
             yield self._message(topic, STATE, late, state)
-        if self.solver and n >= self.unknown and not _is_in(time, self.invalid):
+        is_known = n >= self.unknown and not _is_in(time, self.invalid)
+        if self.solver and self.answers and is_known:
             yield from self._answers(time, cranks)
 
     def _answers(self, time: float, cranks: Any) -> Iterator[Message]:
