@@ -8,7 +8,7 @@ from typing import Any
 
 from klann_ros.messages import STRING
 from klann_ros.sanitize.text import parse_json, printable
-from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse
+from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse, YamlError
 
 from .records import Message, Topic
 
@@ -36,6 +36,8 @@ def _parsing(kind: str, source: object) -> Iterator[None]:
     """Convert errors of a malformed source to a ValueError that says what it should be."""
     try:
         yield
+    except YamlError as error:
+        raise ValueError(f'not {kind}: {printable(error)}') from None
     except _RECORD_ERRORS:
         raise ValueError(f'not {kind}: {printable(source)}') from None
 
