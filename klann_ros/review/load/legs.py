@@ -185,7 +185,10 @@ class LegColumns:
         if keys:
             return sorted(keys)
         namespaces = {namespace for namespace, _ in self._inputs} or self._feet.keys()
-        return [(namespace, '') for namespace in sorted(namespaces)]
+        for namespace in namespaces:
+            names = self._definitions.solvers_in(namespace) or ('',)
+            keys.update((namespace, name) for name in names)
+        return sorted(keys)
 
     def legs(self) -> Iterator[LegRecording]:
         """Yield the legs."""
