@@ -26,7 +26,9 @@ from std_srvs.srv import Trigger
 RATE = 100.0
 # Recorded before and after an event [s].
 PRE_TRIGGER = 1.0
-POST_TRIGGER = 0.5
+POST_TRIGGER = 1.5
+# A busy machine may hold up the last messages of an event for as long [s].
+MAX_HOLD_UP = 1.0
 # Longer than a busy machine holds messages up: only what is stopped here is a gap.
 LIMITS = 'gap_time: 1.5\nlatency: 3.0\n'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -152,7 +154,12 @@ def stall(stage: Stage) -> None:
 
 def no_number(stage: Stage) -> None:
     publisher = stage.ros.probe.publisher(Float64, 'crank_angle', subscribers=2)
-    publisher.publish(Float64(data=float('nan')))
+    # The solver's subscription is best effort: a busy machine may lose a message.
+    for _ in range(60):
+        publisher.publish(Float64(data=float('nan')))
+        stage.ros.probe.spin(0.5)
+        if stage.is_reported('rejected'):
+            return
 
 
 def test_each_fault_is_reported_and_has_an_event_run(seen: dict[str, Any]) -> None:
@@ -181,7 +188,7 @@ def test_a_triggered_run_is_complete_before_and_after(seen: dict[str, Any]) -> N
             messages = [*log.messages([topic])]
             times = [message.log_time for message in messages]
             assert times[0] <= trigger.time - PRE_TRIGGER * 1e9
-            assert times[-1] >= trigger.time + POST_TRIGGER * 1e9 - 1e9 / RATE * 10
+            assert times[-1] >= trigger.time + (POST_TRIGGER - MAX_HOLD_UP) * 1e9
             count = counts[topic]
             sequences = [message.sequence for message in messages]
             assert count.received == count.written == len(messages)
@@ -200,8 +207,11 @@ def test_latched_messages_and_the_solver_are_in_every_run(seen: dict[str, Any]) 
 
 
 def test_review_confirms_the_recorders_findings(seen: dict[str, Any]) -> None:
-    review = review_run(seen['gap'][0])
-    texts = [finding.text for finding in review.findings if finding.check == 'recorder_finding']
+    # A machine that stalls may begin an event before.
+    texts = []
+    for run in seen['gap']:
+        findings = review_run(run).findings
+        texts += [finding.text for finding in findings if finding.check == 'recorder_finding']
     assert any('nothing on /' in text for text in texts)
 
 
