@@ -106,15 +106,17 @@ def test_the_files_of_a_split_run_follow_each_other_in_time(tmp_path, monkeypatc
 def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
     """What is received at its moment, while it settles, is written in the order of reception."""
     settled = Event()
+    clock = [2**62]
 
     def settle(seconds: float) -> None:
         if seconds == background_writer.REORDER_DELAY:
             for message in make_messages(20):
-                background.put(replace(message, log_time=2**62))
+                background.put(replace(message, log_time=clock[0]))
+            clock[0] += 1
             settled.set()
 
     monkeypatch.setattr(background_writer, 'sleep', settle)
-    monkeypatch.setattr(background_writer, 'time_ns', lambda: 2**62)
+    monkeypatch.setattr(background_writer, 'time_ns', lambda: clock[0])
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(writer, flush_period=0.01, on_failure=lambda: None)
     background.put(make_messages(1)[0])
@@ -128,21 +130,31 @@ def test_a_split_keeps_the_order(tmp_path, monkeypatch) -> None:
         assert [message.sequence for *_, message in stored_messages] == [*range(1, 21)]
 
 
-def test_a_split_that_leaves_too_little_space_ends_the_recording(tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ('flush_period', 'count', 'is_split'),
+    [(600.0, 1, True), (0.01, 1, False), (600.0, 256, False)],
+    ids=['split', 'flush', 'long queue'],
+)
+def test_too_little_space_ends_the_recording(
+    tmp_path, monkeypatch, *, flush_period: float, count: int, is_split: bool
+) -> None:
     def refuse(writer: RunWriter, min_free_space: int) -> None:
         raise LowSpaceError(writer.path, 0, min_free_space)
 
     monkeypatch.setattr(RunWriter, 'check_space', refuse)
-    has_failed = Event()
+    has_failed, is_queued = Event(), Event()
     writer = RunWriter(tmp_path / 'run')
     background = BackgroundWriter(
-        writer, flush_period=600.0, on_failure=has_failed.set, min_free_space=1
+        writer, flush_period=flush_period, on_failure=has_failed.set, min_free_space=1
     )
-    background.put(make_messages(1)[0])
-    background.split()
+    background.put_entry(lambda _: is_queued.wait())
+    for message in make_messages(count):
+        background.put(message)
+    is_queued.set()
+    if is_split:
+        background.split()
     assert has_failed.wait(60.0)
     assert isinstance(background.close(), LowSpaceError)
-    assert writer.counts == {'/crank_angle': 1}
 
 
 def test_statistics_read_during_a_split_are_consistent(tmp_path) -> None:
