@@ -233,7 +233,10 @@ class _TopicColumns:
                 kept[''] = numbers
                 joints = tuple(map(str, range(numbers.shape[1])))
                 selection = JointSelection(joints, (), is_input=False)
-        part = self.parts.setdefault((selection.names, ()), Part(self.topic, role, selection))
+        key = (selection.names, ())
+        if key not in self.parts:
+            self.parts[key] = Part(self.topic, role, selection)
+        part = self.parts[key]
         rows = columns.rows
         stamps = columns.stamps
         if role is Role.MEASURED:
