@@ -6,7 +6,7 @@ from pathlib import Path
 import sys
 
 from klann_ros.datasheet import data_sheet
-from klann_ros.design import refine, requirements_from, search, SearchResult
+from klann_ros.design import refine, requirements_from, search, SearchResult, State
 from klann_ros.design.evolve import pareto_front, Scores
 from klann_ros.design.figures import FIGURES, judge, sheet_figures
 from klann_ros.design.leg_file import leg_text, parameter_text, with_numbers
@@ -87,6 +87,27 @@ def test_another_seed_gives_other_legs_and_is_not_resumed() -> None:
     assert first.legs[0].linkage != second.legs[0].linkage
     with pytest.raises(ValueError, match='other requirements or another seed'):
         search(replace(requirements, text='other'), state=first.state)
+
+
+@pytest.mark.parametrize(
+    ('damage', 'reason'),
+    [
+        ({'populations': (None, None, None, np.full((3, 2), 0.5))}, 'population 3'),
+        ({'populations': (np.full((3, 14), np.nan), None, None, None)}, 'population 0'),
+        ({'populations': (np.full((1, 14), 1.5), None, None, None)}, 'population 0'),
+        ({'populations': (np.empty((0, 0)),) * 4}, 'a count or a population'),
+        ({'evaluations': -1}, 'a count'),
+        ({'rounds': -1}, 'a count'),
+        ({'frame': ((0.0, 0.0),)}, 'its frame'),
+        ({'hypervolumes': (np.inf,)}, 'a hypervolume'),
+    ],
+)
+def test_a_damaged_state_is_refused(damage: Mapping[str, object], reason: str) -> None:
+    requirements = requirements_from({'linkage': 'klann'})
+    state = State('key', 0, 0, (None,) * 4)
+    state.check(requirements, 'key')
+    with pytest.raises(ValueError, match=f'{reason}.* is damaged'):
+        state._replace(**damage).check(requirements, 'key')
 
 
 def searched(content: Mapping[str, object]) -> SearchResult:

@@ -9,6 +9,7 @@ from klann_ros.sanitize.text import (
     in_words,
     listed,
     MAX_LINE_LENGTH,
+    parse_json,
     printable,
     printable_line,
     times,
@@ -84,3 +85,10 @@ def test_numbers_agree_with_their_nouns_and_verbs() -> None:
     assert [verb(n, 'was', 'were') for n in range(3)] == ['were', 'was', 'were']
     assert [times(n) for n in (1, 2, 3)] == ['once', 'twice', '3 times']
     assert [in_words(n) for n in (0, 2, 10, 11, -1)] == ['no', 'two', 'ten', '11', '-1']
+
+
+@pytest.mark.parametrize('text', [f'1{"0" * 309}', f'[-{"9" * 5000}]', '[' * 100_000, '{', ''])
+def test_json_that_no_float_holds_or_that_is_none_is_refused(text) -> None:
+    assert parse_json(f'[1{"0" * 308}]') == [10**308]
+    with pytest.raises(ValueError):  # noqa: PT011 - of any reason
+        parse_json(text)
