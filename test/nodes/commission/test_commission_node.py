@@ -155,7 +155,7 @@ def test_a_folder_that_disappears_meanwhile_ends_it(ros: Domain, tmp_path: Path)
     folder.rmdir()
     assert process.wait() == 1
     commands.until_zero()
-    assert process.output.count('left_crank: ok') == 1
+    assert process.output.count('left_crank turns') == 1
     reason = '-o notes/cranks.yaml cannot be written: there is no folder'
     assert f'commission_node: {reason}' in process.output
     assert 'encoder_ratio: 1.0' in process.output
