@@ -29,6 +29,7 @@ class Walking:
     turning: float = 0.0
     late: int = 0  # of the odometry [ns]
     space: str = ''  # the namespace of its topics
+    norm: float = 1.0  # of the quaternions of the odometry
 
     def write(self, folder: Path) -> Path:
         # Small chunks: what is said of a walk goes over their edges.
@@ -65,7 +66,8 @@ class Walking:
         self, name: str, stamp: int, number: int, place: tuple[float, float], yaw: float
     ) -> Message:
         position = {'x': place[0], 'y': place[1], 'z': 0.3}
-        rotation = {'z': np.sin(yaw / 2), 'w': np.cos(yaw / 2)}
+        norm = self.norm if name == '/odom' else 1.0
+        rotation = {'z': norm * np.sin(yaw / 2), 'w': norm * np.cos(yaw / 2)}
         content = filled(
             ODOMETRY,
             {

@@ -290,7 +290,8 @@ def _selected(numbers: FloatArray, names: Sequence[str], kept_names: Sequence[st
 def _planar(poses: FloatArray) -> FloatArray:
     """Return x, y and yaw of poses, shape (n, 7) [m, rad]."""
     x, y, _, qx, qy, qz, qw = poses.T
-    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    # As `yaw_of`: for quaternions of any norm.
+    yaw = np.arctan2(2.0 * (qx * qy + qw * qz), qw * qw + qx * qx - qy * qy - qz * qz)
     return np.column_stack([x, y, yaw])
 
 

@@ -35,6 +35,11 @@ def test_a_heading_across_pi_gives_no_error(review_recording: Any) -> None:
     assert walk.heading_error == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_heading_is_that_of_a_quaternion_of_any_norm(review_recording: Any) -> None:
+    (walk,) = review_recording(Walking(turning=3.0, norm=0.9)).walks
+    assert walk.heading_error == pytest.approx(0.0, abs=1e-9)
+
+
 def test_odometry_that_is_far_from_the_truth_is_found(review_recording: Any) -> None:
     review = review_recording(Walking(scale=1.1))
     (finding,) = (finding for finding in review.findings if finding.check == 'odometry')
