@@ -102,10 +102,21 @@ class Log(AbstractContextManager['Log']):
         recorder has; read at each call.
         """
         records = self.metadata.get(run_parameters.SOLVER_RECORD, ())
-        if not records:
-            names = {t.name for t in self.topics if run_parameters.is_leg_description(t)}
-            return run_parameters.described_solvers(self.messages(names)) if names else []
-        return run_parameters.recorded_solvers(records)
+        if records:
+            return run_parameters.recorded_solvers(records)
+        return self._described_solvers().solvers
+
+    @property
+    def refused_descriptions(self) -> list[str]:
+        """Return why messages of `leg_description` describe no solver; read at each call."""
+        if self.metadata.get(run_parameters.SOLVER_RECORD, ()):
+            return []
+        return self._described_solvers().refusals
+
+    def _described_solvers(self) -> run_parameters.DescribedSolvers:
+        names = {t.name for t in self.topics if run_parameters.is_leg_description(t)}
+        messages = self.messages(names) if names else ()
+        return run_parameters.described_solvers(messages)
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
 import json
-from typing import Any
+from typing import Any, NamedTuple
 
 from klann_ros.messages import STRING
-from klann_ros.sanitize.text import parse_json, printable
+from klann_ros.sanitize.text import parse_json, printable, printable_line
 from klann_ros.sanitize.yaml_text import MAX_FILE_SIZE, parameter_file, parse, YamlError
 
 from .records import Message, Topic
@@ -27,6 +27,8 @@ MAX_REPLAYED_SOLVERS = 64
 # The topic on which a solver publishes its parameters, and its type.
 DESCRIPTION_TOPIC, STRING_TYPE = 'leg_description', 'std_msgs/msg/String'
 _SECTION = 'ros__parameters'
+# Refused descriptions that are reported.
+_MAX_REFUSALS = 3
 # Errors of a malformed record, or of one with infinite numbers.
 _RECORD_ERRORS = (AttributeError, KeyError, OverflowError, TypeError, ValueError)
 
@@ -96,9 +98,17 @@ def is_leg_description(topic: Topic) -> bool:
     return (topic.type, topic.name.rpartition('/')[2]) == (STRING_TYPE, DESCRIPTION_TOPIC)
 
 
-def described_solvers(messages: Iterable[Message]) -> list[SolverParameters]:
-    """Return the solvers that messages of `leg_description` describe; skip malformed ones."""
-    solvers: list[SolverParameters] = []
+class DescribedSolvers(NamedTuple):
+    """The solvers that messages of `leg_description` describe, and why some describe none."""
+
+    solvers: list[SolverParameters]
+    # The first ones, a line each.
+    refusals: list[str]
+
+
+def described_solvers(messages: Iterable[Message]) -> DescribedSolvers:
+    """Return the solvers that messages of `leg_description` (untrusted) describe."""
+    described = DescribedSolvers([], [])
     last_data = b''
     # All of them may cost as much as one file [bytes].
     size_left = MAX_FILE_SIZE
@@ -107,10 +117,14 @@ def described_solvers(messages: Iterable[Message]) -> list[SolverParameters]:
         if message.data != last_data and len(message.data) <= size_left:
             last_data = message.data
             size_left -= len(last_data)
-            with suppress(ValueError):
+            try:
                 text = STRING.layout(last_data).texts['data'][0].decode()
-                solvers.append(described_solver(text, message.log_time))
-    return solvers
+                described.solvers.append(described_solver(text, message.log_time))
+            except ValueError as error:
+                if len(described.refusals) < _MAX_REFUSALS:
+                    refusal = f'{message.topic.name} is refused: it is {error}'
+                    described.refusals.append(printable_line(refusal))
+    return described
 
 
 def recorded_solvers(records: Iterable[Mapping[str, str]]) -> list[SolverParameters]:

@@ -60,6 +60,9 @@ def check_container(review: Review) -> Iterator[Finding]:
         time = review.since_start(undecoded.time)
         meaning = _MISMATCHES[undecoded.reason]
         yield Finding('decode', Severity.ERROR, text, meaning, time)
+    for refusal in recording.refused_descriptions:
+        meaning = 'its leg is unknown, and nothing is held against it; --geometry names a leg'
+        yield Finding('geometry', Severity.ERROR, refusal, meaning)
     yield from _poses(review)
 
 

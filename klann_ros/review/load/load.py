@@ -80,6 +80,7 @@ def load(
         end=min(log.end_time, LAST_TIME),
         topics=tuple(replace(topic, times=pool.share(topic.times)) for topic in topics),
         problems=log.problems,
+        refused_descriptions=tuple(log.refused_descriptions),
         impossible_times=str(log.times),
         is_refused_only=log.is_refused_only,
         undecoded=tuple(columns.undecoded()),

@@ -40,6 +40,7 @@ class Window:
     paths: tuple[Path, ...] = ()
     problems: tuple[str, ...] = ()
     is_refused_only: bool = False
+    refused_descriptions: tuple[str, ...] = ()
     # A recorder has the clock of its machine.
     times = LogTimes(0, 0)
     metadata: Mapping[str, list[dict[str, str]]] = {}

@@ -178,6 +178,7 @@ class RunRecording:
     legs: tuple[LegRecording, ...]
     # Joints of the JointStates on each topic, without those of commands.
     joints: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    refused_descriptions: tuple[str, ...] = ()  # of legs, a line each
     impossible_times: str = ''  # log times that cannot be, in a line
     stopped: str = ''  # reason of an early end, by the recorder
     file_fault: str = ''  # faults of the file meanwhile, by the recorder

@@ -12,7 +12,7 @@ from klann_ros.robot import robot_of, RobotFileError
 from leg_runs import LegRun, START, topic_of
 from playable_logs import text
 import pytest
-from review_findings import checks
+from review_findings import checks, found as findings_of
 from rosbag2_bags import write_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from xacro_legs import ROOT
@@ -106,6 +106,7 @@ def test_a_bag_of_any_recorder_has_the_geometry_in_leg_description(tmp_path: Pat
 
 
 HOSTILE = [
+    f'/s: {{ros__parameters: {{phase: 1{"0" * 400}}}}}',
     '',
     '[',
     '7',
@@ -123,10 +124,15 @@ HOSTILE = [
 ]
 
 
-def test_hostile_leg_descriptions_give_no_leg(healthy, make_run) -> None:
+def test_hostile_leg_descriptions_give_no_leg_and_a_reason(healthy, make_run) -> None:
     healthy.geometry = None
     topic = topic_of('/leg_description', STRING)
     healthy.messages += [
         Message(topic, text(words), START + n, START + n, n) for n, words in enumerate(HOSTILE)
     ]
-    assert checks(review_run(make_run(healthy))) == ['geometry']
+    *refusals, missing = findings_of(make_run(healthy))
+    prefix = 'geometry: /leg_description is refused: it is not a leg_description:'
+    assert refusals[0].startswith(f'{prefix} line 1, column 31: 1000')
+    assert refusals[0].endswith('(401 characters) is no whole number within +-1.8e308')
+    assert [refusal.startswith(prefix) for refusal in refusals] == [True, True, True]
+    assert missing.startswith('geometry: ')
