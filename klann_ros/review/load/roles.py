@@ -77,7 +77,7 @@ LEG_ROLES = (Role.JOINTS, Role.ANGLE, Role.TICKS, Role.FOOT, Role.ARRAY, Role.LE
 REQUIRED_ROLES = (*LEG_ROLES, Role.BODY)
 
 
-class Reading(NamedTuple):
+class TopicReading(NamedTuple):
     """How the messages of a topic are read."""
 
     role: Role
@@ -89,22 +89,22 @@ class Reading(NamedTuple):
 
 
 _READINGS = (
-    Reading(Role.JOINTS, [JOINT_STATE.name], paths=('position', 'velocity', 'effort')),
-    Reading(Role.ANGLE, ANGLE_TYPES, ['crank_angle'], ('data',)),
-    Reading(Role.TICKS, [INT32.name], [STATE], ('data',)),
-    Reading(Role.FOOT, [POINT.name], ['point_h'], ('point',)),
-    Reading(Role.ARRAY, ARRAY_TYPES, [COMMAND, POSITIONS], ('data',)),
-    Reading(Role.LEASE, [KEY_VALUE.name], [LEASE]),
-    Reading(Role.BODY, [ODOMETRY.name], ODOMETRY_TOPICS, ('pose.pose',)),
-    Reading(Role.CLOCK, [CLOCK.name], [CLOCK_TOPIC], ()),
-    Reading(Role.DESCRIPTION, [STRING.name], [DESCRIPTION]),
-    Reading(Role.REPORT, [DIAGNOSTICS.name]),
-    Reading(Role.TRAJECTORY, [JOINT_TRAJECTORY.name], [TRAJECTORY]),
-    *(Reading(Role.MEASURED, [kind], paths=(path,)) for kind, path in POINT_FIELDS.items()),
+    TopicReading(Role.JOINTS, [JOINT_STATE.name], paths=('position', 'velocity', 'effort')),
+    TopicReading(Role.ANGLE, ANGLE_TYPES, ['crank_angle'], ('data',)),
+    TopicReading(Role.TICKS, [INT32.name], [STATE], ('data',)),
+    TopicReading(Role.FOOT, [POINT.name], ['point_h'], ('point',)),
+    TopicReading(Role.ARRAY, ARRAY_TYPES, [COMMAND, POSITIONS], ('data',)),
+    TopicReading(Role.LEASE, [KEY_VALUE.name], [LEASE]),
+    TopicReading(Role.BODY, [ODOMETRY.name], ODOMETRY_TOPICS, ('pose.pose',)),
+    TopicReading(Role.CLOCK, [CLOCK.name], [CLOCK_TOPIC], ()),
+    TopicReading(Role.DESCRIPTION, [STRING.name], [DESCRIPTION]),
+    TopicReading(Role.REPORT, [DIAGNOSTICS.name]),
+    TopicReading(Role.TRAJECTORY, [JOINT_TRAJECTORY.name], [TRAJECTORY]),
+    *(TopicReading(Role.MEASURED, [kind], paths=(path,)) for kind, path in POINT_FIELDS.items()),
 )
 
 
-def reading_of(topic: Topic) -> Reading | None:
+def reading_of(topic: Topic) -> TopicReading | None:
     """Return how the messages of a topic are read; None if a review only counts them."""
     kind = _ros2_type(topic)
     namespace, name = place_of(topic.name)
