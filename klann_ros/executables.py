@@ -9,7 +9,7 @@ a traceback; a machine without ROS gets one line, not a traceback.
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
-from importlib import import_module, metadata
+from importlib import import_module
 from io import StringIO, TextIOWrapper
 import os
 import re
@@ -61,6 +61,9 @@ def _report_missing(name: str, error: ModuleNotFoundError) -> None:
 
 def _extras_with(distribution: str) -> list[str]:
     """Return the extras of this package that install another one."""
+    # Only where a package is missing: it takes as long as all else of a start.
+    from importlib import metadata  # noqa: PLC0415
+
     try:
         requirements = metadata.requires('klann_ros') or ()
     except metadata.PackageNotFoundError:
