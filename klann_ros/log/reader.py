@@ -8,6 +8,7 @@ are left out and reported by :attr:`Log.problem`. An OSError is an error of the 
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import cached_property
 import hashlib
 import heapq
 from itertools import chain
@@ -99,21 +100,23 @@ class Log(AbstractContextManager['Log']):
         Return the parameters of the run's solvers, in the order of time.
 
         They are records of recorder_node, or else messages of `leg_description`, which any
-        recorder has; read at each call.
+        recorder has.
         """
         records = self.metadata.get(run_parameters.SOLVER_RECORD, ())
         if records:
             return run_parameters.recorded_solvers(records)
-        return self._described_solvers().solvers
+        return [*self._described_solvers.solvers]
 
     @property
     def refused_descriptions(self) -> list[str]:
-        """Return why messages of `leg_description` describe no solver; read at each call."""
+        """Return why messages of `leg_description` describe no solver."""
         if self.metadata.get(run_parameters.SOLVER_RECORD, ()):
             return []
-        return self._described_solvers().refusals
+        return [*self._described_solvers.refusals]
 
+    @cached_property
     def _described_solvers(self) -> run_parameters.DescribedSolvers:
+        # Read once: it may unpack the whole log.
         names = {t.name for t in self.topics if run_parameters.is_leg_description(t)}
         messages = self.messages(names) if names else ()
         return run_parameters.described_solvers(messages)
