@@ -110,15 +110,21 @@ def no_series(width: int) -> Series:
     return Series(nothing, nothing.copy(), np.empty((0, width)))
 
 
-def merged(parts: Sequence[Series]) -> Series:
-    """Return series of one width as one, by the log times; of none a series of width 1."""
-    if len(parts) < 2:
-        return parts[0] if parts else no_series(1)
-    times = np.concatenate([series.times for series in parts])
-    stamps = np.concatenate([series.stamps for series in parts])
-    values = np.concatenate([series.values for series in parts])
-    order = np.argsort(times, kind='stable')
-    return Series(times[order], stamps[order], values[order])
+def merged(parts: Sequence[Series], width: int) -> Series:
+    """Return several series of a width as one, by the log times."""
+    if not parts:
+        return no_series(width)
+    series = parts[0]
+    if len(parts) > 1:
+        series = Series(
+            np.concatenate([part.times for part in parts]),
+            np.concatenate([part.stamps for part in parts]),
+            np.concatenate([part.values for part in parts]),
+        )
+    if (np.diff(series.times) < 0).any():
+        order = np.argsort(series.times, kind='stable')
+        series = Series(series.times[order], series.stamps[order], series.values[order])
+    return series
 
 
 class SeriesPool:
@@ -139,21 +145,10 @@ class SeriesPool:
         similar.append(times)
         return times
 
-    def series(self, series: Sequence[Series], width: int) -> Series:
+    def series(self, parts: Sequence[Series], width: int) -> Series:
         """Return several series of a width as one, by its log times."""
-        if not series:
-            return no_series(width)
-        times, stamps, values = series[0].times, series[0].stamps, series[0].values
-        if len(series) > 1:
-            times = np.concatenate([part.times for part in series])
-            stamps = np.concatenate([part.stamps for part in series])
-            values = np.concatenate([part.values for part in series])
-        if (np.diff(times) < 0).any():
-            order = np.argsort(times, kind='stable')
-            times = times[order]
-            stamps = stamps[order]
-            values = values[order]
-        return Series(self.share(times), self.share(stamps), values)
+        series = merged(parts, width)
+        return Series(self.share(series.times), self.share(series.stamps), series.values)
 
 
 def pairs(first: IntArray, second: IntArray) -> tuple[IndexArray, IndexArray]:

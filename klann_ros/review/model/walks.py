@@ -116,7 +116,7 @@ def _positions(walk: WalkRecording, joint: str, state: Series) -> Series:
     if len(command) >= _MIN_WALK_MESSAGES:
         stamps = np.where(command.stamps == 0, _stamps(state, command.times), command.stamps)
         return replace(command, stamps=stamps)
-    parts = [no_series(1)]
+    parts: list[Series] = []
     next_start = state.stamps.max()
     for plan in reversed(walk.trajectories):
         if joint in plan.joints:
@@ -127,7 +127,7 @@ def _positions(walk: WalkRecording, joint: str, state: Series) -> Series:
             times = plan.time + plan.times[is_followed]
             parts.append(Series(times, stamps, angles[:, None]).finite())
             next_start = start
-    return merged(parts)
+    return merged(parts, 1)
 
 
 def _command_of(walk: WalkRecording, commands: Mapping[str, Series], joint: str) -> Series:
