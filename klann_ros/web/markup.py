@@ -69,7 +69,10 @@ def scrolling_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str
     """Return a table, which scrolls where it is too wide; each row begins with its heading."""
     head = element('tr', *[element('th', text, scope='col') for text in heads])
     body = element('tbody', *starmap(table_row, rows))
-    table = element('table', element('thead', head), body)
+    return _scrolling(name, element('table', element('thead', head), body))
+
+
+def _scrolling(name: str, table: Markup) -> Markup:
     # What scrolls must be reached by keys.
     return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
 
@@ -97,7 +100,7 @@ def sortable_table(name: str, heads: Sequence[str], rows: Iterable[Sequence[str]
         element('tbody', *row_elements),
         class_='sortable',
     )
-    return element('div', table, class_='scrolls', tabindex='0', role='region', aria_label=name)
+    return _scrolling(name, table)
 
 
 def breakable(name: str) -> Markup:
