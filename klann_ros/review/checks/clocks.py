@@ -89,12 +89,14 @@ def _is_steady(topic: TopicFigures) -> bool:
     return topic.latency_p99 - topic.latency_p50 <= _MAX_LATENCY_SPREAD * topic.latency_p50
 
 
-def _publishers_clock(topics: list[TopicFigures], verb: str, relation: str) -> Iterator[Finding]:
+def _publishers_clock(
+    topics: list[TopicFigures], predicate: str, relation: str
+) -> Iterator[Finding]:
     """Yield the offsets of one sign: a negative latency proves one, a steady one suggests it."""
     if topics:
         offsets = number_range([abs(topic.latency_p50) for topic in topics], '.3f')
         names = listed(topic.name for topic in topics)
-        text = f"the publisher's clock {verb} {offsets} s {relation} the recorder's ({names})"
+        text = f"the publisher's clock {predicate} {offsets} s {relation} the recorder's ({names})"
         meaning = (
             'two machines with different clocks hide the latency; synchronise them (chrony, ptp)'
         )
