@@ -25,6 +25,7 @@ from klann_ros.sanitize.text import parse_json, printable
 
 from .leg_file import leg_text, parameter_text
 from .page import page
+from .proof import check_file, ProofError
 from .report import leg_name, report, search_text
 from .requirements import Requirements, requirements_from_file
 from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State, StateError
@@ -118,6 +119,10 @@ def _write(folder: Path, search_result: SearchResult) -> None:
         for figure in requirements.figures:
             head += f'#   {figure}: {requirements.figure_text(figure, leg.reached.get(figure))}\n'
         _save(folder, f'{name}.yaml', head + leg_text(leg.leg))
+        try:
+            check_file(folder / f'{name}.yaml', leg)
+        except ProofError as error:
+            raise OutputError(str(error)) from error
         names.append(f'{name}.yaml')
         if leg.walker is not None:
             names.append(f'{name}_walker.yaml')

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from klann_ros.datasheet import data_sheet, DataSheet, SheetError
+from klann_ros.datasheet import data_sheet, DataSheet
 from klann_ros.gait import NoWalkerError, walk_figures
-from klann_ros.kinematics import foot_path, KinematicsError, Linkage, LinkageLeg, tolerance_study
-from klann_ros.robot import Robot, robot_from_parameters, RobotLeg
+from klann_ros.kinematics import KinematicsError, Linkage, linkage_poses, tolerance_study
+from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.robot import Robot, robot_from_file, robot_from_text, RobotLeg
+from klann_ros.sanitize.text import printable
 import numpy as np
 
-from .figures import sheet_figures
-from .leg_file import walker_parameters, with_numbers
+from .figures import crank_angles, sheet_figures
+from .leg_file import leg_text, parameter_text, walker_parameters, with_numbers
 from .requirements import Limit, Requirements
 from .space import Space
 
@@ -20,8 +23,12 @@ DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS = 1000
 STUDY_ANGLES = 180
 SHEET_SAMPLES = 360
-# Crank angles of the comparison of a leg with its path.
+# Crank angles of the comparison of a leg with its path, and with the candidate.
 PROOF_ANGLES = 1024
+# Poses with links nearer to a line are ill-conditioned: rounding decides their branch [rad].
+MIN_TRANSMISSION_ANGLE = 1e-3
+# Rounding of a file: distance of its foot from the candidate's, relative to the leg's size.
+ROUNDING = 1e-6
 
 
 class FittedCandidate(NamedTuple):
@@ -82,30 +89,35 @@ class ProofError(ValueError):
 
 def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     """
-    Return the leg of a candidate, its figures computed anew and checked against the limits.
+    Return the leg of a candidate's file, its figures computed again and checked.
+
+    Only the file's text counts: no number of the search is used.
 
     Raises
     ------
     ProofError
-        It does not turn fully, or a limit does not hold.
+        It does not turn fully, or in another way than the candidate; links are in line, or a limit
+        does not hold.
 
     """
     try:
-        # The dimensions are rounded, as the leg's file will have them.
-        leg = with_numbers(candidate.space.leg, candidate.linkage)
+        leg = _read_leg(leg_text(with_numbers(candidate.space.leg, candidate.linkage)))
         sheet = _massless_sheet(requirements, leg.linkage)
-    except (SheetError, KinematicsError, ValueError) as error:
+    except (KinematicsError, TypeError, ValueError) as error:
         raise ProofError(str(error)) from error
     (leg_sheet,) = sheet.legs
     if not leg_sheet.turns_fully:
         raise ProofError('the crank does not turn fully')
     figures = sheet_figures(sheet, leg.linkage)
     # NaN is refused, too.
-    if not figures['transmission_angle'] > 0.0:
+    if not figures['transmission_angle'] > MIN_TRANSMISSION_ANGLE:
         raise ProofError('links are in line')
+    h = _foot(leg.linkage)
+    deviation = np.abs(h - _foot(candidate.linkage)).max()
+    if not deviation <= ROUNDING * leg.linkage.size:
+        raise ProofError('its file has another leg')
     if requirements.target is not None:
-        path = foot_path(LinkageLeg(leg.linkage), samples=PROOF_ANGLES)
-        figures['path_error'] = requirements.target.distance(path.h)
+        figures['path_error'] = requirements.target.distance(h)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None
@@ -127,6 +139,26 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
         non_turning_fraction=non_turning_fraction,
         walker=walker,
     )
+
+
+def check_file(path: Path, leg: FoundLeg) -> None:
+    """Raise a ProofError if the file of a leg that was proven has another leg."""
+    try:
+        robot = robot_from_file(path)
+    except ValueError as error:
+        raise ProofError(str(error)) from error
+    if [robot_leg.linkage for robot_leg in robot.legs] != [leg.linkage]:
+        raise ProofError(f'{printable(path)} has another leg than the one that was proven')
+
+
+def _read_leg(text: str) -> RobotLeg:
+    (leg,) = robot_from_text(text, 'the leg').legs
+    return leg
+
+
+def _foot(linkage: Linkage) -> FloatArray:
+    """Return the foot's path, shape (k, 2) [m]; NaN where a loop does not close."""
+    return linkage_poses(linkage, crank_angles(PROOF_ANGLES)).h
 
 
 def _massless_sheet(requirements: Requirements, linkage: Linkage) -> DataSheet:
@@ -165,7 +197,7 @@ def _walker(
     """Return the parameters and the figures of a walker made of a leg."""
     try:
         parameters = walker_parameters(leg, options)
-        walk: Any = walk_figures(robot_from_parameters(parameters))
+        walk: Any = walk_figures(robot_from_text(parameter_text(parameters), 'the walker'))
     except (NoWalkerError, KinematicsError) as error:
         raise ProofError(str(error)) from error
     figures = {'speed': walk.speed * speed, 'static_margin': walk.least_margin}

@@ -17,6 +17,7 @@ from .file import (
     preset_names,
     robot_from_file,
     robot_from_parameters,
+    robot_from_text,
     robot_of,
     RobotFileError,
     solver_parameters,
@@ -38,6 +39,7 @@ __all__ = [
     'preset_names',
     'robot_from_file',
     'robot_from_parameters',
+    'robot_from_text',
     'robot_of',
     'solver_parameters',
 ]

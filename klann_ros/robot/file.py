@@ -86,16 +86,7 @@ def robot_from_file(path: str | Path) -> Robot:
     """
     source = printable(str(path))
     try:
-        text = read_regular(str(path), MAX_FILE_SIZE)
-        document = parse(text)
-        if is_linkage(document):
-            linkage = linkage_from_text(text, str(path))
-            masses = masses_from_text(text, linkage, str(path))
-            leg = RobotLeg('', linkage, masses=masses, description=text)
-            return Robot(Path(path).stem, (leg,), source=source)
-        parameters = solver_parameters(document)
-        robot = robot_from_parameters(parameters, folders=(Path(path).parent,))
-        return replace(robot, name=Path(path).stem or robot.name, source=source)
+        return robot_from_text(read_regular(str(path), MAX_FILE_SIZE), path)
     except LinkageFileError as error:
         raise RobotFileError(str(error)) from error
     except OSError as error:
@@ -103,6 +94,28 @@ def robot_from_file(path: str | Path) -> Robot:
         raise RobotFileError(f'{source} cannot be read: {error.strerror}{hint}') from error
     except (ValueError, TypeError) as error:
         raise RobotFileError(f'{source} holds no robot: {printable_line(error)}') from error
+
+
+def robot_from_text(text: str, path: str | Path) -> Robot:
+    """
+    Return the robot in the text of a YAML file, whose path names it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The text has no valid robot.
+
+    """
+    source = printable(str(path))
+    document = parse(text)
+    if is_linkage(document):
+        linkage = linkage_from_text(text, str(path))
+        masses = masses_from_text(text, linkage, str(path))
+        leg = RobotLeg('', linkage, masses=masses, description=text)
+        return Robot(Path(path).stem, (leg,), source=source)
+    parameters = solver_parameters(document)
+    robot = robot_from_parameters(parameters, folders=(Path(path).parent,))
+    return replace(robot, name=Path(path).stem or robot.name, source=source)
 
 
 def robot_from_parameters(

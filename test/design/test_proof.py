@@ -1,0 +1,280 @@
+"""The proof of a leg: what it must refuse, for each reason, and what must pass."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from klann_ros.design import proof, requirements_from
+from klann_ros.design.leg_file import leg_text
+from klann_ros.design.proof import check_file, FittedCandidate, FoundLeg, ProofError, prove
+from klann_ros.design.requirements import Limit
+from klann_ros.kinematics import length_margins, Linkage, linkage_poses, shipped_linkage
+from klann_ros.robot import RobotLeg
+import numpy as np
+import pytest
+
+FOUR_BAR = shipped_linkage('four_bar')
+# Without losses: its torque falls from 10 N m to 0 at 10 rad/s.
+MOTOR = 'stall_torque: 1\nno_load_speed: 100\ngear_ratio: 10\nefficiency: 1\n'
+# Any figure bulk computes is a lie: the proof must not look at it.
+LIES = {'stride': 1e3, 'lift': 1e3, 'transmission_angle': 1.5, 'path_error': 0.0, 'margin': 9.0}
+
+
+def proven(linkage: Linkage, name: str = 'four_bar', **content: Any) -> FoundLeg:
+    requirements = requirements_from({'linkage': name, **content})
+    return prove(requirements, FittedCandidate(requirements.spaces[0], linkage, LIES))
+
+
+def refusal(linkage: Linkage, name: str = 'four_bar', **content: Any) -> ProofError:
+    with pytest.raises(ProofError) as error:
+        proven(linkage, name, **content)
+    return error.value
+
+
+def parallelogram(deviation: float) -> Linkage:
+    lengths = {'O2-A': 0.04, 'A-B': 0.1, 'O4-B': 0.04 * (1.0 + deviation), 'O4.x': 0.1}
+    return FOUR_BAR.varied(lengths)
+
+
+def path_of(linkage: Linkage, turn: complex = 1.0) -> dict[str, Any]:
+    h = linkage_poses(linkage, np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)).h
+    z = turn * (h @ (1.0, 1j))
+    return {'points': np.stack([z.real, z.imag], axis=1).tolist()}
+
+
+def test_a_leg_that_turns_passes_with_the_figures_of_its_file() -> None:
+    leg = proven(FOUR_BAR)
+    assert leg.expected == LIES
+    # A crank-rocker: its closed form.
+    lengths = np.hypot(0.08, 0.0), 0.2, 0.15, 0.18
+    crank, coupler, rocker, ground = lengths
+    cosines = []
+    for d in (ground - crank, ground + crank):
+        cosines.append((coupler**2 + rocker**2 - d**2) / (2.0 * coupler * rocker))
+    angles = np.arccos(cosines)
+    worst = np.minimum(angles, np.pi - angles).min()
+    assert leg.reached['transmission_angle'] == pytest.approx(worst, rel=1e-9)
+    assert leg.reached['turning_fraction'] == 1.0
+    assert leg.non_turning_fraction == 0.0
+    assert leg.tolerance == 1e-3
+    assert leg.walker is None
+    assert leg.linkage == FOUR_BAR
+    for name, margin in length_margins(FOUR_BAR).items():
+        assert leg.margins[name] == pytest.approx((margin.least, margin.greatest))
+
+
+@pytest.mark.parametrize('name', ['sem104', 'klann'])
+def test_a_leg_is_proven_by_the_text_of_its_file(name: str, tmp_path: Path) -> None:
+    # More digits than a file has.
+    linkage = requirements_from({'linkage': name}).spaces[0].linkage
+    drawn = linkage.varied({k: v * (1.0 + 1e-12) for k, v in linkage.dimensions.items()})
+    leg = proven(drawn, name)
+    assert leg.linkage != drawn
+    file = tmp_path / 'leg.yaml'
+    file.write_text(leg_text(leg.leg))
+    check_file(file, leg)
+
+
+@pytest.mark.parametrize('rocker', [0.09, 0.0999])
+def test_a_leg_that_jams_is_refused(rocker: float) -> None:
+    # 80 + 200 > 180 + rocker: no Grashof chain.
+    error = refusal(FOUR_BAR.varied({'O4-B': rocker}))
+    assert str(error) == 'the crank does not turn fully'
+    assert error.limit is None
+    assert np.isnan(error.value)
+    proven(FOUR_BAR.varied({'O4-B': 0.1001}))
+
+
+@pytest.mark.parametrize('deviation', [0.0, 1e-12, 1e-9, 5e-7])
+def test_links_in_line_are_refused(deviation: float) -> None:
+    assert str(refusal(parallelogram(deviation))) == 'links are in line'
+
+
+def test_links_nearly_in_line_pass_with_the_angle() -> None:
+    # At d = 60 mm: d^2 - (100 - 40 (1 + eps))^2 = 100 x 40 mu^2.
+    angle = proven(parallelogram(1e-5)).reached['transmission_angle']
+    assert angle == pytest.approx(np.sqrt(1.2e-5), rel=1e-4)
+
+
+def test_a_linkage_that_cannot_be_assembled_is_refused() -> None:
+    refusal(FOUR_BAR.varied({'O4-B': 1e-3}))
+
+
+@pytest.mark.parametrize('sense', ['at_least', 'at_most'])
+@pytest.mark.parametrize(
+    'figure',
+    ['stride', 'lift', 'transmission_angle', 'width', 'bar_ratio', 'margin', 'duty_factor'],
+)
+def test_a_limit_holds_to_the_last_digit(figure: str, sense: str) -> None:
+    reached = proven(FOUR_BAR).reached[figure]
+    sign = 1.0 if sense == 'at_least' else -1.0
+    units = {'length': 'm', 'angle': 'rad'}
+    beyond = {figure: {sense: reached * (1.0 + sign * 1e-6)}}
+    error = refusal(FOUR_BAR, figures=beyond, units=units)
+    assert str(error) == f'{figure} does not hold'
+    assert error.limit == Limit(figure, sense, beyond[figure][sense])
+    assert error.value == pytest.approx(reached, rel=1e-12)
+    for number in (reached, reached * (1.0 - sign * 1e-6)):
+        proven(FOUR_BAR, figures={figure: {sense: number}}, units=units)
+
+
+@pytest.mark.parametrize('sense', ['at_least', 'at_most'])
+@pytest.mark.parametrize('figures', [{}, {'lift': np.nan}])
+def test_a_limit_without_a_value_does_not_hold(
+    figures: Mapping[str, float], sense: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reached = {'transmission_angle': 1.0, **figures}
+    monkeypatch.setattr(proof, 'sheet_figures', lambda *_: dict(reached))
+    error = refusal(FOUR_BAR, figures={'lift': {sense: 0.0 if sense == 'at_least' else 9.0}})
+    assert str(error) == 'lift does not hold'
+    assert np.isnan(error.value)
+    # An aim without a value is no reason, and is not reported.
+    assert 'lift' not in proven(FOUR_BAR, figures={'lift': 'maximize'}).reached
+
+
+def test_a_transmission_angle_without_a_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proof, 'sheet_figures', lambda *_: {'transmission_angle': np.nan})
+    assert str(refusal(FOUR_BAR)) == 'links are in line'
+
+
+def test_limits_of_every_figure_are_checked() -> None:
+    figures = {'lift': {'at_most': 1}, 'stride': {'at_least': 1}, 'margin': {'at_least': 0}}
+    error = refusal(FOUR_BAR, figures=figures, units={'length': 'm'})
+    assert error.limit == Limit('stride', 'at_least', 1.0)
+
+
+def other_legs() -> Mapping[str, Linkage]:
+    return {
+        'mirrored': FOUR_BAR.mirrored(),
+        'another assembly': FOUR_BAR.in_assembly((-1,)),
+        'longer by 2e-6': FOUR_BAR.varied({'A-B': 0.2 * (1.0 + 2e-6)}),
+        'moved': FOUR_BAR.varied({'O2.y': 1e-3, 'O4.y': 1e-3}),
+    }
+
+
+@pytest.mark.parametrize('name', other_legs())
+def test_another_leg_in_the_file_is_refused(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = leg_text(proven(FOUR_BAR).leg)
+    candidate = other_legs()[name]
+    proven(candidate)
+    monkeypatch.setattr(proof, 'leg_text', lambda _: text)
+    assert str(refusal(candidate)) == 'its file has another leg'
+    proven(FOUR_BAR)
+
+
+@pytest.mark.parametrize('text', ['', 'name: [', 'speed: 3', '/**: {ros__parameters: {}}'])
+def test_a_file_without_a_leg_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proof, 'leg_text', lambda _: text)
+    refusal(FOUR_BAR)
+
+
+@pytest.mark.parametrize('name', [*other_legs(), 'none', 'cut off'])
+def test_another_leg_on_disk_is_refused(name: str, tmp_path: Path) -> None:
+    leg = proven(FOUR_BAR)
+    file = tmp_path / 'leg.yaml'
+    if name in other_legs():
+        file.write_text(leg_text(proven(other_legs()[name]).leg))
+    elif name == 'cut off':
+        file.write_text(leg_text(leg.leg)[:-40])
+    with pytest.raises(ProofError, match=r'leg\.yaml'):
+        check_file(file, leg)
+    file.write_text(leg_text(leg.leg))
+    check_file(file, leg)
+
+
+@pytest.mark.parametrize('turn', [1j, 1.01, 0.99])
+def test_the_leg_is_not_moved_onto_its_path_again(turn: complex) -> None:
+    # The search moves, turns and scales a leg; the file's leg stays where it is.
+    path = path_of(FOUR_BAR, turn)
+    size = abs(turn) * np.hypot(*np.ptp(np.array(path_of(FOUR_BAR)['points']), axis=0))
+    error = proven(FOUR_BAR, path=path).reached['path_error']
+    assert 1e-3 * size < error < 3.0 * size
+    same = proven(FOUR_BAR, path=path_of(FOUR_BAR)).reached['path_error']
+    assert same < 1e-4 * size
+
+
+def test_a_limit_of_the_path_is_that_of_the_file() -> None:
+    error = refusal(
+        FOUR_BAR, path=path_of(FOUR_BAR, 1.1), figures={'path_error': {'at_most': 1e-3}}
+    )
+    assert error.value > 1e-3
+    # LIES has 0.
+    assert str(error) == 'path_error does not hold'
+
+
+def test_a_tolerance_is_in_metres_and_the_default_relative() -> None:
+    # 80 + 200 = 180 + 100: the rocker is 0.1 mm longer than a crank that jams.
+    narrow = FOUR_BAR.varied({'O4-B': 0.1003})
+    by_default = proven(narrow)
+    # The lengths within 0.08, 0.2 and 0.1 mm.
+    assert by_default.tolerance == 1e-3
+    assert 0.0 < by_default.non_turning_fraction < 0.1
+    for tolerance, low, high in ((0.09, 0.0, 0.0), (0.5, 0.1, 0.45), (5.0, 0.4, 0.6)):
+        leg = proven(narrow, units={'length': 'mm'}, tolerance=tolerance)
+        assert leg.tolerance == pytest.approx(1e-3 * tolerance)
+        assert low <= leg.non_turning_fraction <= high
+        assert leg.reached['turning_fraction'] == 1.0 - leg.non_turning_fraction
+
+
+def test_a_tolerance_as_large_as_a_bar_is_refused() -> None:
+    refusal(FOUR_BAR, units={'length': 'mm'}, tolerance=90)
+
+
+def test_the_load_the_speed_and_the_motor_are_those_of_the_requirements(tmp_path: Path) -> None:
+    (tmp_path / 'motor.yaml').write_text(MOTOR)
+    kind: dict[str, Any] = {'motor': str(tmp_path / 'motor.yaml')}
+    klann = shipped_linkage('klann')
+    first = proven(klann, 'klann', load=1, speed=1, **kind).reached
+    twice = proven(klann, 'klann', load=2, speed=1, **kind).reached
+    assert twice['torque_peak'] == pytest.approx(2.0 * first['torque_peak'])
+    assert twice['torque_range'] == pytest.approx(2.0 * first['torque_range'])
+    assert twice['motor_margin'] == pytest.approx(first['motor_margin'] / 2.0)
+    faster = proven(klann, 'klann', load=1, speed=5, **kind).reached
+    assert faster['torque_peak'] == pytest.approx(first['torque_peak'])
+    # Its torque falls with the speed.
+    assert faster['motor_margin'] == pytest.approx(first['motor_margin'] * 5.0 / 9.0)
+
+
+def test_a_walker_is_proven_from_its_file() -> None:
+    klann = shipped_linkage('klann')
+    options = {'walker': {'legs': 8}, 'speed': 2}
+    leg = proven(klann, 'klann', **options)
+    assert leg.walker is not None
+    slow = proven(klann, 'klann', **{**options, 'speed': 1}).reached
+    assert leg.reached['speed'] == pytest.approx(2.0 * slow['speed'])
+    assert leg.reached['static_margin'] == slow['static_margin']
+    assert {'static_margin', 'height_variation'} <= leg.reached.keys()
+    speed = leg.reached['speed']
+    figures = {'speed': {'at_least': 1.000001 * speed}}
+    assert refusal(klann, 'klann', **options, figures=figures).value == pytest.approx(speed)
+    proven(klann, 'klann', **options, figures={'speed': {'at_least': speed}})
+
+
+def test_a_leg_without_a_stance_is_no_walker(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise proof.NoWalkerError('no walker')
+
+    monkeypatch.setattr(proof, 'walk_figures', fail)
+    error = refusal(shipped_linkage('klann'), 'klann', walker={'legs': 8})
+    assert str(error) == 'no walker'
+
+
+def test_coupled_loops_are_proven_on_their_branch(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Margins of coupled loops take 15 s.
+    sheet = proof.data_sheet
+    monkeypatch.setattr(
+        proof, 'data_sheet', lambda robot, **kind: sheet(robot, **{**kind, 'margins': False})
+    )
+    monkeypatch.setattr(proof, '_non_turning_fraction', lambda *_: 0.0)
+    linkage = shipped_linkage('stephenson')
+    leg = proven(linkage, 'stephenson')
+    assert leg.reached['stride'] == pytest.approx(0.0734358, rel=1e-5)
+
+
+def test_the_mass_of_a_leg_is_no_load_of_the_crank() -> None:
+    requirements = requirements_from({'linkage': 'sem104', 'load': 1})
+    (space,) = requirements.spaces
+    leg = prove(requirements, FittedCandidate(space, space.linkage, {}))
+    assert isinstance(leg.leg, RobotLeg)
+    massless = proven(shipped_linkage('klann'), 'klann', load=1).reached
+    assert leg.reached['torque_peak'] == pytest.approx(massless['torque_peak'], rel=1e-3)
