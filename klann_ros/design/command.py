@@ -2,8 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-import json
-import os
 from pathlib import Path
 import sys
 
@@ -13,27 +11,20 @@ from klann_ros.cli import (
     COUNT,
     NOT_READ,
     number_type,
-    Output,
-    OutputError,
     path,
     SECONDS,
     UsageError,
 )
 from klann_ros.engines import check_engine, EngineError, ENGINES
-from klann_ros.sanitize.files import read_regular
-from klann_ros.sanitize.text import parse_json, printable
+from klann_ros.sanitize.text import printable
 
-from .leg_file import leg_text, parameter_text
-from .page import page
-from .proof import check_file, ProofError
-from .report import leg_name, report, search_text
+from .report import search_text
 from .requirements import Requirements, requirements_from_file
-from .search import DEFAULT_EVALUATIONS, Progress, search, SearchResult, State, StateError
+from .result_folder import opened_folder
+from .search import DEFAULT_EVALUATIONS, Progress, search, State, StateError
 from .space import RequirementsError
 
 NONE_FOUND, INTERRUPTED = 1, 130
-STATE = 'search.json'
-MAX_STATE_SIZE = 100_000_000
 DESCRIPTION = """\
 Search for legs that fulfil requirements. Every leg found is proven to turn fully in one assembly
 mode.
@@ -59,86 +50,33 @@ def _design(options: argparse.Namespace) -> int:
     check_engine(options.engine)
     requirements = requirements_from_file(options.requirements)
     folder = Path(options.output or f'{Path(options.requirements).stem}_legs')
-    state = _opened(folder, resume=options.resume)
+    with opened_folder(folder, resume=options.resume) as (result_folder, state):
 
-    def on_round(state: State, progress: Progress) -> None:
-        _save(folder, STATE, json.dumps(state.content()))
-        print(_line(requirements, progress), file=sys.stderr, flush=True)
+        def on_round(state: State, progress: Progress) -> None:
+            result_folder.save_state(state)
+            print(_line(requirements, progress), file=sys.stderr, flush=True)
 
-    try:
-        search_result = search(
-            requirements,
-            seed=options.seed,
-            evaluations=options.evaluations,
-            time_limit=options.time,
-            jobs=options.jobs,
-            engine=options.engine,
-            state=state,
-            on_round=on_round,
-        )
-    except StateError as error:
-        raise UsageError(f'--resume: {error}') from error
-    _write(folder, search_result)
-    print(search_text(search_result, printable(folder)), end='')
+        try:
+            search_result = search(
+                requirements,
+                seed=options.seed,
+                evaluations=options.evaluations,
+                time_limit=options.time,
+                jobs=options.jobs,
+                engine=options.engine,
+                state=state,
+                on_round=on_round,
+            )
+        except StateError as error:
+            raise UsageError(f'--resume: {error}') from error
+        leg_names, foreign_files = result_folder.save_result(search_result)
+    print(search_text(search_result, leg_names, printable(folder)), end='')
+    if foreign_files:
+        print(f'left as they are, not of this search or changed: {", ".join(foreign_files)}')
     if search_result.is_interrupted:
         # Nor is it known then that no leg fulfils them.
         return INTERRUPTED
     return 0 if search_result.legs else NONE_FOUND
-
-
-def _opened(folder: Path, *, resume: bool) -> State | None:
-    """Return the state of the search in a folder, which is made; None of a new search."""
-    title = printable(folder)
-    try:
-        if folder.is_dir() and not any(folder.iterdir()):
-            # An earlier search ended in its first round.
-            return None
-        if resume:
-            return State.of(parse_json(read_regular(folder / STATE, MAX_STATE_SIZE)))
-        folder.mkdir(parents=True)
-    except FileExistsError as error:
-        advice = 'continue it with --resume, or choose another with -o'
-        raise OutputError(f'{title} exists already: {advice}') from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        if resume:
-            raise UsageError(
-                f'--resume: {title}/{STATE} cannot be read: {printable(reason)}'
-            ) from error
-        raise OutputError(f'{title} cannot be made: {printable(reason)}') from error
-    return None
-
-
-def _write(folder: Path, search_result: SearchResult) -> None:
-    """Write all files of a result; those of legs that an earlier one had are removed."""
-    requirements = search_result.requirements
-    names: list[str] = []
-    for number, leg in enumerate(search_result.legs):
-        name = leg_name(number)
-        head = '# Found by design; its figures:\n'
-        for figure in requirements.figures:
-            head += f'#   {figure}: {requirements.figure_text(figure, leg.reached.get(figure))}\n'
-        _save(folder, f'{name}.yaml', head + leg_text(leg.leg))
-        try:
-            check_file(folder / f'{name}.yaml', leg)
-        except ProofError as error:
-            raise OutputError(str(error)) from error
-        names.append(f'{name}.yaml')
-        if leg.walker is not None:
-            names.append(f'{name}_walker.yaml')
-            _save(folder, names[-1], f'# A walker of {name}.yaml.\n{parameter_text(leg.walker)}')
-    for old in folder.glob('leg_*.yaml'):
-        if old.name not in names and not old.is_symlink():
-            old.unlink(missing_ok=True)
-    _save(folder, 'design.json', report(search_result))
-    _save(folder, 'index.html', page(search_result))
-
-
-def _save(folder: Path, name: str, content: str) -> None:
-    file = folder / name
-    if file.is_symlink():
-        raise OutputError(f'{printable(file)} is a link, which is not followed')
-    Output('-o', os.fspath(file)).write(content.encode(errors='replace'))
 
 
 def _line(requirements: Requirements, progress: Progress) -> str:

@@ -1,5 +1,6 @@
 """The result of a search as one HTML page: a scatter of the aims, and the legs in motion."""
 
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from .figures import crank_angles, FIGURES
 from .proof import FoundLeg
-from .report import leg_name, shown_figures
+from .report import shown_figures
 from .search import SearchResult
 
 _STATIC = Path(__file__).resolve().parent / 'static'
@@ -24,7 +25,7 @@ PAGE_PARTS = Parts(
 ANIMATION_POSES = 120
 
 
-def page(search_result: SearchResult) -> str:
+def page(search_result: SearchResult, leg_names: Sequence[str]) -> str:
     """Return the page of a result."""
     requirements = search_result.requirements
     state = search_result.state
@@ -44,8 +45,8 @@ def page(search_result: SearchResult) -> str:
             axes.append({'name': name, 'unit': requirements.units.name(FIGURES[name].unit)})
     choices = [element('label', f'{a} ', element('select', class_=f'axis-{a}')) for a in 'xy']
     legs = []
-    for n, leg in enumerate(search_result.legs):
-        legs.append(_leg_data(search_result, leg, leg_name(n)))
+    for leg, name in zip(search_result.legs, leg_names, strict=True):
+        legs.append(_leg_data(search_result, leg, name))
     data = {
         'axes': axes,
         'legs': legs,
@@ -63,18 +64,18 @@ def page(search_result: SearchResult) -> str:
             element('div', class_='scatter card'),
         ),
         element('section', element('h2', 'Chosen legs'), element('div', class_='chosen')),
-        element('section', element('h2', 'All legs'), _table(search_result, names)),
+        element('section', element('h2', 'All legs'), _table(search_result, leg_names, names)),
         data=data,
     )
 
 
-def _table(search_result: SearchResult, names: list[str]) -> Markup:
+def _table(search_result: SearchResult, leg_names: Sequence[str], names: list[str]) -> Markup:
     figure_text = search_result.requirements.figure_text
     lines = []
-    for n, leg in enumerate(search_result.legs):
+    for leg, leg_name in zip(search_result.legs, leg_names, strict=True):
         figures = [figure_text(name, leg.reached.get(name)) for name in names]
         jams = f'{100.0 * leg.non_turning_fraction:.1f} %'
-        lines.append((leg_name(n), *figures, jams, leg.linkage.name))
+        lines.append((leg_name, *figures, jams, leg.linkage.name))
     heads = ('Leg', *[name.replace('_', ' ') for name in names], 'jams', 'Linkage')
     return scrolling_table('All legs', heads, lines)
 

@@ -1,6 +1,6 @@
-"""The result of a search as text and JSON."""
+"""The result of a search as text, and its content for JSON."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import json
 from typing import Any
 
@@ -27,12 +27,12 @@ def shown_figures(requirements: Requirements) -> list[str]:
     return [*dict.fromkeys((*requirements.figures, *ALSO_SHOWN))]
 
 
-def search_text(search_result: SearchResult, folder: str) -> str:
+def search_text(search_result: SearchResult, leg_names: Sequence[str], folder: str) -> str:
     """Return the result as lines of text."""
-    return '\n'.join(_lines(search_result, folder)) + '\n'
+    return '\n'.join(_lines(search_result, leg_names, folder)) + '\n'
 
 
-def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
+def _lines(search_result: SearchResult, leg_names: Sequence[str], folder: str) -> Iterator[str]:
     """Yield the lines of the text: the legs in a table, or the reasons why there is none."""
     requirements = search_result.requirements
     state = search_result.state
@@ -45,9 +45,9 @@ def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
     yield f'{legs} of {state.evaluations} candidates, in {folder}'
     names = shown_figures(requirements)
     table = [('', *names, 'linkage')]
-    for number, leg in enumerate(search_result.legs[:MAX_SHOWN]):
+    for leg, leg_name in zip(search_result.legs[:MAX_SHOWN], leg_names, strict=False):
         figures = [requirements.figure_text(name, leg.reached.get(name)) for name in names]
-        table.append((leg_name(number), *figures, leg.linkage.name))
+        table.append((leg_name, *figures, leg.linkage.name))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for name, *figures, linkage in table:
         cells = [f'{name:<{widths[0]}}', *map(str.rjust, figures, widths[1:-1])]
@@ -59,12 +59,9 @@ def _lines(search_result: SearchResult, folder: str) -> Iterator[str]:
         yield f'{counted(count, "candidate")} did not pass the proof: {printable_line(reason)}'
 
 
-def report(search_result: SearchResult) -> str:
-    """Return the result as JSON, in SI units."""
+def report_content(search_result: SearchResult, leg_names: Sequence[str]) -> dict[str, Any]:
+    """Return the result for JSON, in SI units."""
     state = search_result.state
-    legs = []
-    for n, leg in enumerate(search_result.legs):
-        legs.append(_leg_content(leg, leg_name(n)))
     content = {
         'requirements': json.loads(search_result.requirements.text),
         'seed': search_result.seed,
@@ -73,9 +70,9 @@ def report(search_result: SearchResult) -> str:
         'units': {name: kind.unit for name, kind in FIGURES.items()},
         'reasons': list(search_result.reasons),
         'refused': dict(search_result.refused),
-        'legs': legs,
+        'legs': list(map(_leg_content, search_result.legs, leg_names)),
     }
-    return json.dumps(finite(content), indent=1, allow_nan=False) + '\n'
+    return dict(finite(content))
 
 
 def _leg_content(leg: FoundLeg, name: str) -> dict[str, Any]:

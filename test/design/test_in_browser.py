@@ -41,7 +41,9 @@ def pages(design: SearchResult, tmp_path_factory: pytest.TempPathFactory) -> dic
     without_legs = replace(design, legs=(), reasons=('stride is 1 m <b>short</b>',))
     paths = {name: folder / f'{name}.html' for name in ALL}
     for path, shown in zip(paths.values(), (design, without_legs, hostile), strict=True):
-        path.write_text(page(shown), encoding='utf-8')
+        path.write_text(
+            page(shown, [f'leg_{n:03d}' for n in range(1, len(shown.legs) + 1)]), encoding='utf-8'
+        )
     return paths
 
 
