@@ -20,7 +20,7 @@ from klann_ros.kinematics.angles import MAX_CRANK_ANGLE
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .operations import Operation
+from .operations import needed_operations
 from .program import Program
 
 # Loading numba and its machine code takes as long as NumPy takes for millions of poses; a batch of
@@ -150,7 +150,7 @@ def _schedule(program: Program, outputs: tuple[str, ...]) -> _Schedule:
     for k in range(len(program.constants)):
         slots[f'k{k}'] = 2 + k
     first = len(slots)
-    operations = _needed(program, outputs)
+    operations = needed_operations(program.operations, outputs)
     last_use = {}
     for n, operation in enumerate(operations):
         last_use[operation.left] = n
@@ -173,17 +173,6 @@ def _schedule(program: Program, outputs: tuple[str, ...]) -> _Schedule:
         slots[operation.name] = out
         steps.append((_UFUNCS[operation.operator], left, right, out))
     return _Schedule(tuple(steps), count, tuple(slots[name] for name in outputs))
-
-
-def _needed(program: Program, outputs: Sequence[str]) -> list[Operation]:
-    """Return the operations on which the outputs depend."""
-    names = {*outputs}
-    needed = []
-    for operation in reversed(program.operations):
-        if operation.name in names:
-            names |= {operation.left, operation.right}
-            needed.append(operation)
-    return needed[::-1]
 
 
 class NumbaKernel:

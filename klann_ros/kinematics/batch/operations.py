@@ -6,7 +6,7 @@ appends its operations to a `Recorder`. An operation that is there already is no
 with 0 or a product with 0 or 1 costs none, and neither does a change of sign.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -29,6 +29,17 @@ class Operation(NamedTuple):
         if not self.right:
             return f'{self.name} = {self.operator}({self.left})'
         return f'{self.name} = {self.left} {self.operator} {self.right}'
+
+
+def needed_operations(operations: Sequence[Operation], outputs: Iterable[str]) -> list[Operation]:
+    """Return the operations on which the outputs depend, in order."""
+    names = {*outputs}
+    needed = []
+    for operation in reversed(operations):
+        if operation.name in names:
+            names |= {operation.left, operation.right}
+            needed.append(operation)
+    return needed[::-1]
 
 
 class Constant(NamedTuple):

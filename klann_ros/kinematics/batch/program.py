@@ -74,7 +74,7 @@ from klann_ros.kinematics.linkage.structure import Dimension, Structure
 from klann_ros.kinematics.linkage.topology import Path
 import numpy as np
 
-from .operations import Constant, Number, Operation, Recorder, Vector
+from .operations import Constant, needed_operations, Number, Operation, Recorder, Vector
 
 # The names of the coordinates of a vector.
 Pair = tuple[str, str]
@@ -87,7 +87,7 @@ class Program:
     # In order; 'cos' and 'sin' are the crank's, 'k0', 'k1', ... the constants.
     operations: tuple[Operation, ...]
     constants: tuple[Constant, ...]
-    # Coordinates of the foot.
+    # Coordinates of the foot; the first is NaN where a dyad does not close, foot or not.
     foot: Pair
     # Squared distance of each dyad's ends.
     distances: tuple[str, ...]
@@ -265,11 +265,31 @@ class _Compiler:
             pairs = (outputs['foot'], *outputs['links'], *outputs['points'])
             for name in chain(*pairs, *outputs['gradients'].values()):
                 rate_names[name] = output(rates_of.get(name, self._recorder.zero))
+        # Last: the derivative of the check is 0, and must not be recorded.
+        x, y = outputs['foot']
+        checked_x = output(self._nan_where_open(foot.x))
+        outputs['foot'] = checked_x, y
+        if rates:
+            rate_names[checked_x] = rate_names[x]
         operations = tuple(self._recorder.operations)
         return Program(operations, tuple(self._recorder.constants), **outputs, rates=rate_names)
 
     def _outputs(self, vector: Vector) -> Pair:
         return self._recorder.output(vector.x), self._recorder.output(vector.y)
+
+    def _nan_where_open(self, x: Number) -> Number:
+        """Return a coordinate of the foot, NaN where a dyad that does not carry it is open."""
+        recorder = self._recorder
+        checks = [x]
+        for dyad in reversed(self._dyads):
+            names = map(recorder.output, checks)
+            operations = needed_operations(recorder.operations, names)
+            if dyad.r.name not in {operation.name for operation in operations}:
+                # NaN beyond the reach, and where the ends coincide.
+                checks.append(dyad.r * dyad.w)
+        for check in checks[1:]:
+            x += check - check
+        return x
 
     def _rates(self) -> dict[str, Number]:
         """Record the derivatives by the crank angle of all numbers that change with it."""

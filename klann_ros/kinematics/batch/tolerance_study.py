@@ -14,7 +14,7 @@ from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
 
 from .poses import linkage_poses, Progress
-from .turn_clearance import driven_clearances
+from .turn_clearance import turn_clearances
 
 DISTRIBUTIONS = ('uniform', 'normal')
 # Poses in memory at once: the crank angles are processed in parts.
@@ -37,7 +37,7 @@ class ToleranceStudy:
         Foot path of the nominal leg [m].
     non_turning_fraction : float
         Fraction of the legs that do not turn fully: a loop does not close at one of `alphas`, or a
-        dyad driven by the crank alone between them.
+        dyad between them (with coupled loops only `alphas` count).
     mean : numpy.ndarray, shape (k, 2)
         Mean of H - H_nominal [m].
     rms, p95, p99, largest : numpy.ndarray, shape (k,)
@@ -152,7 +152,10 @@ def tolerance_study(
 
     alphas = np.arange(crank_angles, dtype=np.float64) * (TURN / crank_angles)
     nominal: Any = linkage_poses(base, alphas, gradients=True)
-    turns = ~(driven_clearances(legs) < 0.0)
+    turns = np.ones(samples, dtype=bool)
+    if base.is_dyadic:
+        # NaN fails every comparison.
+        turns &= turn_clearances(legs).min(axis=1) >= 0.0
     lower = np.full((samples, 2), np.inf)
     upper = np.full((samples, 2), -np.inf)
     parts = []
