@@ -41,14 +41,13 @@ def _two_turns(alpha: Any) -> Any:
     return _joint(pin, 0.08, 0.06, 0.04, root / (2.0 * d))
 
 
-def _level_foot(alpha: Any) -> Any:
+def _level_foot(alpha: Any, level: complex = 0.03 + 0.02j) -> Any:
     pin = 0.03 * np.exp(1j * alpha)
     d = abs(0.1 - pin)
     heron = ((0.095 + 0.06) ** 2 - d**2) * (d**2 - (0.095 - 0.06) ** 2)
     rocker = _joint(pin, 0.1, 0.095, 0.06, np.sqrt(heron) / (2.0 * d)) - 0.1
     ankle = 0.1 + rocker / 0.06 * 0.09 * np.exp(1j * np.radians(120.0))
-    level = (0.03 + 0.02j) / abs(0.03 + 0.02j)
-    return ankle - 1j * 0.05 * level
+    return ankle - 1j * 0.05 * level / abs(level)
 
 
 def _coupled_parallelogram(alpha: Any) -> Any:
@@ -90,3 +89,27 @@ def change_point_file(name: str) -> Path:
 def change_point_linkage(name: str) -> Linkage:
     """Return a linkage of `FEET`."""
     return linkage_from_file(change_point_file(name))
+
+
+def resting_parallelogram() -> tuple[str, ClosedForm]:
+    """
+    Return `level_foot` with its parallelogram in line where the rocker comes to rest.
+
+    There both motions have the same velocity: it is no sign that changes, but the acceleration
+    that decides. The text of its file, and its foot in closed form.
+    """
+    text = (FOLDER / 'level_foot.yaml').read_text(encoding='utf-8')
+    cosine = (0.1**2 + 0.06**2 - 0.125**2) / (2.0 * 0.1 * 0.06)
+    rest = np.pi - np.arccos(cosine) + np.radians(120.0)
+    level = abs(0.03 + 0.02j) * np.exp(1j * rest)
+    pivot = 100.0 + 1e3 * complex(level)
+    degrees = float(np.degrees(rest))
+    replaced = (
+        ('E: [130, 20]', f'E: [{pivot.real!r}, {pivot.imag!r}]'),
+        ('foot: 33.7', f'foot: {degrees!r}'),
+        ('length: 36.05551275463989', f'length: {1e3 * abs(complex(level))!r}'),
+    )
+    for old, new in replaced:
+        assert old in text
+        text = text.replace(old, new)
+    return text, lambda alpha: _level_foot(alpha, level)

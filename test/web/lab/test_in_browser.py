@@ -8,6 +8,7 @@ from typing import Any
 
 from browser import find
 from browser_page import OpenedPage
+from change_point_linkages import change_point_file
 from klann_equations import f, phi
 from klann_ros.design import requirements_from_file
 from klann_ros.kinematics import (
@@ -589,3 +590,56 @@ def test_a_path_is_typed_and_in_portuguese(lab: Opened, tmp_path: Path) -> None:
     lab.page.locator('#path-structure').select_option('own')
     lab.page.locator('#path-clear').click()
     assert lab.page.locator('#path-points').input_value() == ''
+
+
+PARALLELOGRAM = change_point_file('parallelogram').read_text(encoding='utf-8')
+
+
+def rocker_angle(lab: Opened) -> float:
+    """Return the rocker's angle less the crank's [deg], as it is drawn."""
+    x: list[float] = lab.page.evaluate('lab.pose.x')
+    return float(np.degrees(np.angle(np.exp(1j * (x[2] - x[0])))))
+
+
+def test_the_crank_turns_a_parallelogram_through_its_change_points(lab) -> None:
+    lab.load(PARALLELOGRAM)
+    lab.until('lab.turn && lab.turn.linkage === lab.linkage')
+    taken = 'Change point at 180.0°: coupler, rocker in line. It goes on by its inertia'
+    assert lab.text('#changes li:first-child').startswith(taken)
+    assert 'coupler 0.000, rocker 1.000; the other way: coupler' in lab.text('#changes')
+    for angle in [90, 170, 180, 190, 268, 350, 5, 340, 200, 150]:
+        lab.page.locator('#alpha').fill(str(angle))
+        assert rocker_angle(lab) == pytest.approx(0.0, abs=1e-9)
+    for _ in range(40):
+        lab.page.evaluate('moveBy(1)')
+        assert rocker_angle(lab) == pytest.approx(0.0, abs=1e-9)
+    lab.page.evaluate("speak('pt')")
+    lab.await_panels()
+    assert 'Ponto de mudança em 180,0°: coupler, rocker alinhados.' in lab.text('#changes')
+
+
+def test_beyond_a_change_point_an_edit_keeps_what_is_drawn(lab) -> None:
+    lab.load(PARALLELOGRAM)
+    lab.page.locator('#alpha').fill('268')
+    for length in (0.1001, 0.1):
+        n = 'lab.linkage.structure.dimensions.findIndex(({ name }) => name === "B-C")'
+        lab.page.evaluate(f'lab.setNumber({n}, {length})')
+        assert abs(rocker_angle(lab)) < 1.0
+    saved = lab.page.evaluate('textToSave(false)')
+    assert linkage_from_text(saved, 'saved').name == 'Parallelogram leg'
+    link = lab.page.evaluate('linkOf(lab)')
+    lab.page.evaluate(f"lab.choose('klann'); openLink(lab, {json.dumps(link)})")
+    assert abs(rocker_angle(lab)) < 1e-9
+    lab.page.evaluate('lab.turnTo(1)')
+    assert abs(rocker_angle(lab)) < 1e-9
+
+
+def test_a_linkage_of_two_turns_shows_which_one_it_is_in(lab) -> None:
+    lab.load(change_point_file('two_turns').read_text(encoding='utf-8'))
+    lab.until('lab.turn && lab.turn.linkage === lab.linkage')
+    assert 'It is back where it was after 2 turns.' in lab.text('#turn-text')
+    assert lab.text('#alpha-text').endswith('turn 1 of 2')
+    first = rocker_angle(lab)
+    lab.page.evaluate('for (let n = 0; n < 8; n += 1) moveBy(Math.PI / 4)')
+    assert lab.text('#alpha-text').endswith('turn 2 of 2')
+    assert abs(rocker_angle(lab) - first) > 10.0

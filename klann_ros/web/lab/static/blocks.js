@@ -1,9 +1,9 @@
 'use strict';
 /* What of a linkage is solved one after the other: dyads in closed form, and coupled loops. */
 
-// Of the longest of a loop; and what misses by less than this part of it touches.
+// Of the longest of a loop: of its sum, and what misses by less touches.
 const RELATIVE_ROUNDING = 8 * EPSILON;
-const TANGENCY = 0.75;
+const CONTACT_ROUNDING = 16 * EPSILON;
 
 /** A crank angle at which a dyad cannot close: by how much, and between what. */
 class Unreachable extends Error {
@@ -33,7 +33,9 @@ class Block {
     this.slides = group.some((j) => structure.bodies[j].slides);
     this.outside = linkage.outside.includes(this.number);
     this.names = namesOf(structure, k);
-    this.rounding = RELATIVE_ROUNDING * maxLength(structure, this.rows);
+    const longest = maxLength(structure, this.rows);
+    this.rounding = RELATIVE_ROUNDING * longest;
+    this.contactRounding = CONTACT_ROUNDING * longest;
     this.solver = this.isDyad ? dyadSolver(this) : null;
     this.twoBranches = !this.solver || this.solver.twoBranches !== false;
     this.scale = this.solver ? this.solver.scale : this.coupledScale();

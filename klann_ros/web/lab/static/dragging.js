@@ -72,7 +72,8 @@ function draggedTo(linkage, pose, crank, i, target, step) {
       if (d.place === place && d.kind === 'x') [numbers[n]] = target;
       if (d.place === place && d.kind === 'y') [, numbers[n]] = target;
     });
-    return { linkage: linkage.with(roundedNumbers(linkage, numbers, step)), alpha: crank };
+    const rounded = roundedNumbers(linkage, numbers, step);
+    return { linkage: linkage.with(rounded, linkage.branchAt(crank)), alpha: crank };
   }
   if (pose.error) return null;
   const points = pose.points.map((point, k) => (k === i ? target : point));
@@ -91,8 +92,9 @@ function draggedTo(linkage, pose, crank, i, target, step) {
 }
 
 /** Return a linkage with other numbers, in the assembly that lies nearest to points. */
-function assembledNear({ structure, kept, isDyadic, signs }, numbers, alpha, x, points) {
-  const branch = isDyadic ? { signs } : { start: [alpha, ...x.slice(1)] };
+function assembledNear(linkage, numbers, alpha, x, points) {
+  const { structure, kept, isDyadic } = linkage;
+  const branch = isDyadic ? linkage.branchAt(alpha) : { start: [alpha, ...x.slice(1)] };
   const made = new Linkage(structure, numbers, { ...kept, ...branch });
   if (!made.isDyadic) return made;
   // A joint may pass from one assembly into another.
@@ -102,7 +104,7 @@ function assembledNear({ structure, kept, isDyadic, signs }, numbers, alpha, x, 
   if (!poses.length) return made;
   const best = poses.reduce((a, b) => (off(b) < off(a) - 1e-9 * made.size ? b : a));
   const isBetter = String(best.signs) !== String(made.signs);
-  return isBetter ? made.with(numbers, best.signs) : made;
+  return isBetter ? made.with(numbers, made.branchAt(alpha, best.signs)) : made;
 }
 
 /** Measure the bars of all bodies that have a point, into `numbers`; return how the bodies lie. */

@@ -14,12 +14,14 @@ function dyadSolver(block) {
 
 /** Two bodies that turn: where two circles meet. */
 class TwoCircles {
-  constructor({ rows, unknowns, rounding }) {
+  constructor({ rows, unknowns, contactRounding }) {
     this.terms = unknowns.map((j) => rows[0].terms.get(j));
     this.radii = this.terms.map(C.abs);
-    this.rounding = rounding;
+    this.contactRounding = contactRounding;
     this.scale = this.radii[0] * this.radii[1];
     this.minLength = Math.min(...this.radii);
+    // Where its span is 0 its bodies may turn freely.
+    this.isPinned = true;
   }
 
   place(_, m, sign) {
@@ -38,7 +40,7 @@ class TwoCircles {
       return [a * x - h * y, a * y + h * x];
     }
     // In line: a change-point linkage, such as a parallelogram, passes such poses.
-    if (-this.clearance(m) <= TANGENCY * this.rounding && TANGENCY * this.rounding < d)
+    if (-this.clearance(m) <= this.contactRounding && this.contactRounding < d)
       return C.times((d < Math.max(p, q) && p < q ? -p : p) / d, m);
     return [NaN, NaN];
   }
@@ -52,12 +54,28 @@ class TwoCircles {
   isFar(m) {
     return C.abs(m) > this.radii[0] + this.radii[1];
   }
+
+  /** Return the vector whose length decides whether it closes [m]. */
+  span(m) {
+    return m;
+  }
+
+  /** Return what is positive where it closes, and has a double root at a change point. */
+  discriminant(m) {
+    const [p, q] = this.radii;
+    const d2 = dot(m, m);
+    return ((p + q) ** 2 - d2) * (d2 - (p - q) ** 2);
+  }
+
+  spanClearance(m) {
+    return this.clearance(m);
+  }
 }
 
 /** Return the root of p^2 - q^2; NaN where q is longer by more than rounding. */
-function clampedRoot({ rounding }, p, q) {
+function clampedRoot({ contactRounding }, p, q) {
   let excess = p - q;
-  if (-TANGENCY * rounding <= excess && excess < 0) excess = 0;
+  if (-contactRounding <= excess && excess < 0) excess = 0;
   return Math.sqrt(excess < 0 ? NaN : excess * (p + q));
 }
 
@@ -82,12 +100,24 @@ class CircleAndLine {
   }
 
   clearance(m, u) {
-    const line = C.mul(this.line, rotationOf(this.block.structure, u, this.slider));
-    return this.scale - Math.abs(C.mul(m, C.conj(line))[1]);
+    return this.spanClearance(this.span(m, u));
   }
 
   isFar() {
     return true;
+  }
+
+  span(m, u) {
+    const line = C.mul(this.line, rotationOf(this.block.structure, u, this.slider));
+    return [C.mul(m, C.conj(line))[1], 0];
+  }
+
+  discriminant(m) {
+    return this.scale ** 2 - dot(m, m);
+  }
+
+  spanClearance(m) {
+    return this.scale - Math.abs(m[0]);
   }
 
   lengths() {
@@ -101,6 +131,7 @@ class LineOnLink {
     const { terms } = block.rows[0];
     Object.assign(this, { block, order, line: terms.get(slider) });
     this.c = C.mul(terms.get(link) || [0, 0], C.conj(this.line));
+    this.isPinned = true;
     this.scale = maxLength(block.structure, block.rows);
   }
 
@@ -114,6 +145,18 @@ class LineOnLink {
 
   clearance(m) {
     return C.abs(m) - Math.abs(this.c[1]);
+  }
+
+  span(m) {
+    return m;
+  }
+
+  discriminant(m) {
+    return dot(m, m) - this.c[1] ** 2;
+  }
+
+  spanClearance(m) {
+    return this.clearance(m);
   }
 
   isFar() {

@@ -36,6 +36,7 @@ function fromContent(content) {
   const plain = new Linkage(structure, numbers, {
     signs: structure.groups.map(() => 1),
     name: content.name,
+    atChangePoints: content.at_change_points,
   });
   if (!content.start) return { linkage: stated(plain, content.assembly), content };
   const start = structure.bodies.map(
@@ -104,7 +105,8 @@ function numberIn(content, structure, dimension, { metre, turn }) {
 /** Return a linkage in the assembly that its start leads to. */
 function reachedFrom(plain, start, signs, inDegrees) {
   if (!inDegrees) checkDegrees(plain, start);
-  const linkage = new Linkage(plain.structure, plain.numbers, { start, name: plain.name });
+  const { name, atChangePoints } = plain;
+  const linkage = new Linkage(plain.structure, plain.numbers, { start, name, atChangePoints });
   refuseUnless(
     !signs || String(signs) === String(linkage.signs),
     `the start leads to the assembly [${linkage.signs.join(', ')}], and [${(signs || []).join(', ')}] is stated: leave one of them out`,
@@ -145,7 +147,7 @@ function stated(plain, signs) {
     'falta o start, de que as suas malhas acopladas precisam: nenhuma montagem diz o seu ramo',
   );
   const count = plain.blocks.length;
-  const linkage = signs.length === count ? plain.with(plain.numbers, signs) : null;
+  const linkage = signs.length === count ? plain.with(plain.numbers, { signs }) : null;
   refuseUnless(
     linkage &&
       plain.blocks.every((block, k) => block.twoBranches || signs[k] === 1) &&
@@ -164,6 +166,8 @@ function linkageText(linkage, content, x, name) {
   const copy = structuredCopy(content);
   copy.name = name;
   delete copy.assembly;
+  // The start is a pose of the motion as it is drawn.
+  if (copy.at_change_points === CROSSED) copy.at_change_points = PARALLEL;
   const { structure } = linkage;
   structure.dimensions.forEach((dimension, n) => {
     const [holder, key] = slotOf(copy, structure, dimension);

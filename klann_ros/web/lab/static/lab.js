@@ -18,7 +18,9 @@ function showCrank() {
   const slider = byId('alpha');
   if (document.activeElement !== slider || crank.isTurning) slider.value = degrees;
   slider.setAttribute('aria-valuetext', turnText(lab.alpha));
-  byId('alpha-text').textContent = turnText(lab.alpha);
+  const { period } = lab.linkage.changes;
+  const turn = period > 1 ? `, ${say('turnOf', turnNumber(lab.alpha, period), period)}` : '';
+  byId('alpha-text').textContent = turnText(lab.alpha) + turn;
   byId('play').textContent = say(crank.isTurning ? 'pause' : 'play');
 }
 
@@ -253,7 +255,7 @@ function speak(now) {
 function listen() {
   const on = (id, event, act) => byId(id).addEventListener(event, act);
   on('play', 'click', toggle);
-  on('alpha', 'input', () => lab.turnTo((Number(byId('alpha').value) * TAU) / 360));
+  on('alpha', 'input', () => lab.turnNear((Number(byId('alpha').value) * TAU) / 360));
   on('linkage', 'change', () => {
     if (byId('linkage').value) loadText(lab.shipped[byId('linkage').value], byId('linkage').value);
   });

@@ -48,8 +48,11 @@ function linkOf(lab) {
     if (name !== read.content.name) parts.name = name;
     if (String(linkage.numbers) !== String(read.linkage.numbers))
       parts.numbers = numbersText(linkage.numbers, dimensionUnits(linkage));
-    if (String(linkage.signs) !== String(read.linkage.signs) && linkage.isDyadic)
-      parts.assembly = linkage.signs.join();
+    // As it is where the file's is told: beyond a change point the signs are others.
+    const [now, told] = [linkage, read.linkage].map(({ changes }) =>
+      changes.signsAt(read.linkage.reference).join(),
+    );
+    if (now !== told && linkage.isDyadic) parts.assembly = now;
     if (linkage !== read.linkage && !linkage.isDyadic)
       parts.start = numbersText(linkage.start, coordinateUnits(linkage));
   } else parts.file = linkageText(linkage, lab.content, lab.poseToSave().x, name);
@@ -101,9 +104,10 @@ function openLink(lab, fragment) {
     if ('start' in parts && !isDyadic)
       branch.start = numbers('start', coordinateUnits(lab.linkage));
     if ('assembly' in parts && isDyadic) {
-      branch.signs = parts.assembly.split(',').map(Number);
+      const signs = parts.assembly.split(',').map(Number);
+      Object.assign(branch, lab.linkage.branchAt(lab.linkage.reference, signs));
       refuse(
-        branch.signs.length === structure.groups.length,
+        signs.length === structure.groups.length,
         `assembly needs ${structure.groups.length} signs`,
         `assembly precisa de ${structure.groups.length} sinais`,
       );

@@ -4,13 +4,21 @@
 const [SMALLEST, LARGEST] = [1e-60, 1e60];
 const MAX_START_ITERATIONS = 50;
 const MIN_START_SINE = 1e-6;
+// How the motion goes on at a change point.
+const [PARALLEL, CROSSED, SIGN] = ['parallel', 'crossed', 'sign'];
 
 class Linkage {
-  /** `signs` is the assembly; without it the pose that Newton-Raphson reaches from `start` tells it. */
-  constructor(structure, numbers, { signs = null, start = null, name = '', outside = [] } = {}) {
+  /**
+   * `signs` is the assembly at the crank angle `reference`; without it the pose that Newton-Raphson
+   * reaches from `start` tells it.
+   */
+  constructor(structure, numbers, options = {}) {
+    const { signs = null, start = null, name = '', outside = [] } = options;
+    const { atChangePoints = PARALLEL, reference = 0 } = options;
     this.structure = structure;
     this.numbers = checkedNumbers(structure, numbers);
-    Object.assign(this, { name, outside, startGuess: start });
+    Object.assign(this, { name, outside, startGuess: start, atChangePoints });
+    this.reference = start ? start[0] : reference;
     [this.pivots, this.bars] = linkVectors(structure, this.numbers);
     structure.dimensions.forEach(({ kind, place, name: what }, n) => {
       if (kind === 'brace' && Number.isNaN(this.bars[place][0]))
@@ -43,13 +51,26 @@ class Linkage {
   }
 
   /** Return it with other numbers; its assembly, or its start where loops are coupled, stays. */
-  with(numbers, signs = this.signs) {
-    const branch = this.isDyadic ? { signs } : { start: this.start };
-    return new Linkage(this.structure, numbers, { ...this.kept, ...branch });
+  with(numbers, branch = { signs: this.signs }) {
+    const chosen = this.isDyadic ? branch : { start: this.start };
+    return new Linkage(this.structure, numbers, { ...this.kept, ...chosen });
   }
 
   get kept() {
-    return { name: this.name, outside: this.outside };
+    const { name, outside, atChangePoints, reference } = this;
+    return { name, outside, atChangePoints, reference };
+  }
+
+  /** Return the change points, where dyads turn their signs. */
+  get changes() {
+    if (!this.passed) this.passed = new ChangePoints(this);
+    return this.passed;
+  }
+
+  /** Return the assembly at a crank angle [rad], as a linkage of its own has it. */
+  branchAt(alpha, signs = this.changes.signsAt(alpha)) {
+    const isCrossed = this.atChangePoints === CROSSED;
+    return { signs, reference: alpha, atChangePoints: isCrossed ? PARALLEL : this.atChangePoints };
   }
 
   get branch() {
@@ -73,7 +94,8 @@ class Linkage {
       numberOf.get(`${kind} ${'xy'.includes(kind) ? place : bars[place]}`),
     );
     const start = bodies.map((j) => this.start[j]);
-    return new Linkage(structure, numbers, { signs: this.signs.slice(0, count), start });
+    const { atChangePoints } = this;
+    return new Linkage(structure, numbers, { signs: this.signs.slice(0, count), start, atChangePoints });
   }
 
   // Poses, by the vectors u_j of all bodies: see joints.py.

@@ -76,6 +76,11 @@ class Lab {
     return shapeOf(this.linkage);
   }
 
+  /** Turn the crank to an angle of a turn, the shorter way round. */
+  turnNear(angle) {
+    this.turnTo(this.alpha + wrap(angle - this.alpha));
+  }
+
   turnTo(alpha) {
     this.alpha = alpha;
     this.update();
@@ -87,7 +92,7 @@ class Lab {
     this.attempt(() => {
       const numbers = [...this.numbers];
       numbers[n] = value;
-      this.change(this.linkage.with(numbers));
+      this.change(this.linkage.with(numbers, this.linkage.branchAt(this.alpha)));
     });
   }
 
@@ -109,7 +114,9 @@ class Lab {
   setSigns(pose) {
     const { structure, numbers, kept, isDyadic } = this.linkage;
     this.attempt(() => {
-      const branch = isDyadic ? { signs: pose.signs } : { start: pose.x };
+      const branch = isDyadic
+        ? this.linkage.branchAt(pose.x[0], pose.signs)
+        : { start: pose.x };
       this.change(new Linkage(structure, numbers, { ...kept, ...branch }));
     });
   }
@@ -247,6 +254,6 @@ function startGuess({ linkage, content, start }, pose) {
 }
 
 /** Return a Klann leg whose second transmission angle is delta + theta, as the course has it. */
-function asTheCourse({ structure, numbers, signs, name }) {
-  return new Linkage(structure, numbers, { signs, name, outside: [2] });
+function asTheCourse({ structure, numbers, signs, kept }) {
+  return new Linkage(structure, numbers, { ...kept, signs, outside: [2] });
 }

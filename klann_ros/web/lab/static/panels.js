@@ -50,6 +50,8 @@ class StatePanel {
     const { turn, linkage } = this.lab;
     if (!turn) return;
     byId('turn-text').textContent = arcsText(turn);
+    const changes = turn.isTurn ? changeTexts(linkage) : [];
+    byId('changes').replaceChildren(...changes.map((text) => made('li', '', text)));
     const tiles = turn.pieces.some((poses) => poses.length) ? figuresOf(linkage, turn) : [];
     byId('tiles').replaceChildren(
       ...tiles.map(([name, value, where]) => {
@@ -71,9 +73,43 @@ function spareText(linkage, pose) {
   return say('spare', lengthText(least), spare.indexOf(least) + 1);
 }
 
-function arcsText({ isTurn, arcs }) {
+/** Return a line for each change point: what is in line, and both ways on. */
+function changeTexts(linkage) {
+  const { changes, structure, blocks } = linkage;
+  return changes.points.map((point) => {
+    const block = blocks[point.block - 1];
+    const names = block.unknowns.map((j) => structure.bodies[j].name).join(', ');
+    const at = turnText(point.alpha);
+    if (!block.isDyad) return say('coupledChange', at, names);
+    const [taken, left] = [1, -1].map((factor) => {
+      const rates = changes.rates(point, factor);
+      return block.unknowns
+        .map((j, i) => `${structure.bodies[j].name} ${rateText(rates[i], structure.bodies[j])}`)
+        .join(', ');
+    });
+    const turn =
+      changes.period > 1 ? `, ${say('turnOf', turnNumber(point.alpha, changes.period), changes.period)}` : '';
+    const told = say('change', at + turn, names, taken, left);
+    return point.isFree ? `${told} ${say('freeChange', names)}` : told;
+  });
+}
+
+function rateText(rate, { slides }) {
+  return slides ? `${lengthText(rate)}/rad` : decimals(rate + 0, 3);
+}
+
+/** Return the number of the turn, from 1, of those after which a linkage is back. */
+function turnNumber(alpha, period) {
+  // An angle that is shown as 0 begins a turn.
+  return 1 + modulo(Math.floor((alpha + 1e-9) / TAU), period);
+}
+
+function arcsText({ isTurn, arcs, linkage }) {
   if (!arcs.length) return say('nowhere');
-  if (isTurn) return say('fullTurn');
+  if (isTurn) {
+    const { period } = linkage.changes;
+    return say('fullTurn') + (period > 1 ? ` ${say('period', period)}` : '');
+  }
   const texts = arcs.map(([start, end]) => `${turnText(start)} ${say('to')} ${turnText(end)}`);
   return say('arcs', texts.join(` ${say('and')} `));
 }

@@ -37,19 +37,24 @@ function isDriven(block) {
   return block.isDyad && !block.slides && terms.size === 3 && moving.every((j) => terms.has(j));
 }
 
-function drivenArcs(block) {
+/** Return the lengths of ground, crank and both links, and the crank angle along the ground [rad]. */
+function drivenLengths(block) {
   const [{ terms, constant }] = block.rows;
-  const lengths = [constant, terms.get(0), ...block.unknowns.map((j) => terms.get(j))].map(C.abs);
+  const vectors = [constant, terms.get(0), ...block.unknowns.map((j) => terms.get(j))];
+  const direction = C.arg(C.div(C.times(-1, constant), terms.get(0)));
+  return { lengths: vectors.map(C.abs), ground: block.structure.senses[0] * direction };
+}
+
+function drivenArcs(block) {
+  const { lengths, ground } = drivenLengths(block);
   const [l1, l2, l3, l4] = lengths;
-  const rounding = 4 * EPSILON * Math.max(...lengths);
+  const rounding = CONTACT_ROUNDING * Math.max(...lengths);
   if (l1 + l2 < Math.abs(l3 - l4) - rounding || Math.abs(l1 - l2) > l3 + l4 + rounding) return [];
   const passesFolded = Math.abs(l1 - l2) >= Math.abs(l3 - l4) - rounding;
   const passesStretched = l1 + l2 <= l3 + l4 + rounding;
   const smallest = !l1 || passesFolded ? 0 : triangleAngle(l1, l2, Math.abs(l3 - l4));
   const largest = !l1 || passesStretched ? Math.PI : triangleAngle(l1, l2, l3 + l4);
   if (smallest === 0 && largest === Math.PI) return [[0, TAU]];
-  // Where the crank points to the fixed end.
-  const ground = block.structure.senses[0] * C.arg(C.div(C.times(-1, constant), terms.get(0)));
   if (smallest === 0) return [[ground - largest, ground + largest]];
   if (largest === Math.PI) return [[ground + smallest, ground + TAU - smallest]];
   return [
@@ -155,7 +160,9 @@ function normalizeArcs(arcs) {
 /** Return what the foot and the dyads do over all arcs: the path, its extent, and figures. */
 function turnOf(linkage, arcs, samples = SAMPLES) {
   const isTurn = arcs.length === 1 && arcs[0][1] - arcs[0][0] >= TAU;
-  const pieces = arcs.map(([start, end]) => {
+  // After change points it may take several turns until it is back.
+  const spans = isTurn ? [[0, linkage.changes.period * TAU]] : arcs;
+  const pieces = spans.map(([start, end]) => {
     const count = Math.max(32, Math.round((samples * (end - start)) / TAU));
     const half = (end - start) / 2;
     return Array.from({ length: count + 1 }, (_, k) =>
@@ -186,7 +193,7 @@ function extremesOf(linkage, pieces, value, isTurn) {
   for (const poses of pieces) {
     poses.forEach(take);
     const count = poses.length;
-    const step = isTurn ? TAU / (count - 1) : 0;
+    const step = isTurn ? poses[1].x[0] - poses[0].x[0] : 0;
     for (const sign of [1, -1]) {
       // Only about the greatest of the samples: the others cannot be the greatest of all.
       const values = poses.map((pose) => sign * value(pose));

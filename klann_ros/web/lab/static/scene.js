@@ -323,7 +323,7 @@ class Scene {
     const shown = this.hasOthers
       ? poses.filter(
           (pose) =>
-            String(pose.signs) !== String(this.lab.linkage.signs) || !this.lab.linkage.isDyadic,
+            String(pose.signs) !== String(this.lab.pose.signs) || !this.lab.linkage.isDyadic,
         )
       : [];
     while (this.others.length < shown.length && this.others.length < 8) {

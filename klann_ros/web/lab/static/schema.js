@@ -201,6 +201,7 @@ const LINKAGE_RULES = record(['name', 'pivots', 'crank', 'foot', 'bodies'], {
   bodies: mapOf(aBody, 1),
   start: mapOf(aNumber, 0),
   assembly: listOf(oneOf(1, -1), 1),
+  at_change_points: oneOf(PARALLEL, CROSSED, SIGN),
 });
 
 /** Refuse content that is no linkage's file. */

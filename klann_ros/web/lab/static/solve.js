@@ -1,13 +1,18 @@
 'use strict';
 /* Poses: the geometric method, the textbook's Newton-Raphson, and the branch of coupled loops. */
 
-/** Return the vectors of all bodies at a crank angle [rad], in the linkage's assembly. */
-function closedFormVectors(linkage, alpha, signs = linkage.signs) {
+/**
+ * Return the vectors of all bodies at a crank angle [rad], in an assembly.
+ *
+ * Or of those that the first `count` blocks place; `visit` is called before each block.
+ */
+function placedVectors(linkage, alpha, signs, count = linkage.blocks.length, visit = () => {}) {
   const { structure } = linkage;
   const u = structure.bodies.map(() => null);
   u[0] = C.polar(1, structure.senses[0] * alpha);
   let prefix = null;
-  linkage.blocks.forEach((block, k) => {
+  linkage.blocks.slice(0, count).forEach((block, k) => {
+    visit(block, u);
     if (block.isDyad) {
       const [a, b] = block.unknowns;
       [u[a], u[b]] = block.place(u, signs[k]);
@@ -28,13 +33,21 @@ function branchVectors(linkage, alpha) {
   return linkage.vectors(x);
 }
 
-/** Return the pose at a crank angle, or why there is none: {u, x, points} or {error}. */
-function poseAt(linkage, alpha, signs = linkage.signs) {
+/**
+ * Return the pose at a crank angle, or why there is none: {u, x, points, signs} or {error}.
+ *
+ * The angle counts all turns; `signs` are another assembly than that of the motion there.
+ */
+function poseAt(linkage, alpha, signs = null) {
+  const { changes } = linkage;
   try {
-    const u = closedFormVectors(linkage, alpha, signs);
-    const x = linkage.coordinates(u);
-    x[0] = alpha;
-    return { u, x, points: linkage.points(u), signs };
+    const x = signs ? null : changes.through(alpha);
+    const u = x
+      ? linkage.vectors(x)
+      : placedVectors(linkage, alpha, signs || changes.signsAt(alpha));
+    const all = x ? linkage.wrapped(x) : linkage.coordinates(u);
+    all[0] = alpha;
+    return { u, x: all, points: linkage.points(u), signs: signs || changes.signsAt(alpha) };
   } catch (error) {
     if (error instanceof Unreachable || error instanceof LoopsOpen) return { error };
     throw error;

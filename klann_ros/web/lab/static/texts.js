@@ -45,6 +45,13 @@ const TEXTS = {
     spare: (mm, block) => `${mm} to spare before dyad ${block} jams.`,
     refused: 'Refused',
     fullTurn: 'The crank turns fully.',
+    period: (turns) => `It is back where it was after ${turns} turns.`,
+    turnOf: (turn, turns) => `turn ${turn} of ${turns}`,
+    change: (at, names, taken, left) =>
+      `Change point at ${at}: ${names} in line. It goes on by its inertia, per radian of the crank: ${taken}; the other way: ${left}.`,
+    freeChange: (names) => `There ${names} may also turn freely: play decides if the crank rests.`,
+    coupledChange: (at, names) =>
+      `Change point at ${at} of the coupled loops (${names}). It goes on by its inertia.`,
     arcs: (list) =>
       `The crank turns only from ${list}; at these ends, its dead points, a dyad is in line.`,
     nowhere: 'It closes at no crank angle in this assembly.',
@@ -163,6 +170,14 @@ const TEXTS = {
     spare: (mm, block) => `Margem de ${mm} até a díade ${block} travar.`,
     refused: 'Recusado',
     fullTurn: 'A manivela dá a volta completa.',
+    period: (turns) => `O mecanismo volta ao início após ${turns} voltas.`,
+    turnOf: (turn, turns) => `volta ${turn} de ${turns}`,
+    change: (at, names, taken, left) =>
+      `Ponto de mudança em ${at}: ${names} alinhados. O mecanismo segue por inércia, por radiano da manivela: ${taken}; o outro caminho: ${left}.`,
+    freeChange: (names) =>
+      `Ali ${names} também podem girar livremente: se a manivela parar, as folgas decidem.`,
+    coupledChange: (at, names) =>
+      `Ponto de mudança em ${at} das malhas acopladas (${names}). O mecanismo segue por inércia.`,
     arcs: (list) =>
       `A manivela gira só de ${list}; nesses extremos, os pontos mortos, uma díade fica alinhada.`,
     nowhere: 'Nesta montagem o mecanismo não fecha em nenhum ângulo da manivela.',

@@ -13,7 +13,7 @@ class TurnChart {
       const x = ((event.clientX - box.left) / box.width) * 400;
       const degrees = Math.min(Math.max((x - 34) / 356, 0), 1) * 360;
       const step = roundStep((360 / 356) * (400 / box.width));
-      lab.turnTo(rounded(degrees, step) * (TAU / 360));
+      lab.turnNear(rounded(degrees, step) * (TAU / 360));
     });
   }
 
