@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from klann_ros.kinematics import assemblies, Linkage
 from klann_ros.kinematics.angles import wrap
-from klann_ros.kinematics.arrays import BoolArray, FloatArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, with_short_repr
 import numpy as np
 
 from .measurements import MeasuredSeries, MeasurementError, subset
@@ -55,6 +55,7 @@ BLOCKS, MAX_CHANCE = 40, 1.4
 MIN_DELAY_CHI2 = 30.0
 
 
+@with_short_repr
 class SeriesFit(NamedTuple):
     """The residuals of a series: predicted less measured numbers, shape (n, k) [m, rad]."""
 
@@ -69,6 +70,7 @@ class SeriesFit(NamedTuple):
         return float(np.sqrt(np.mean(self.after[self.inliers] ** 2)))
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """

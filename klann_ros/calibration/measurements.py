@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 
 from klann_ros.kinematics import Linkage
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import did_you_mean, printable
 import numpy as np
 
@@ -19,6 +19,7 @@ class MeasurementError(ValueError):
     """Measurements that no calibration can use; the text says why."""
 
 
+@with_short_repr
 class CrankSamples(NamedTuple):
     """The crank joint's position over time, shape (n,)."""
 
@@ -48,6 +49,7 @@ class CrankSamples(NamedTuple):
         return np.where(is_missing, np.nan, positions), np.where(is_missing, np.nan, rates)
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class MeasuredSeries:
     """

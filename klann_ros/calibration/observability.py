@@ -12,7 +12,7 @@ from dataclasses import replace
 from math import radians
 from typing import NamedTuple
 
-from klann_ros.kinematics.arrays import BoolArray, FloatArray
+from klann_ros.kinematics.arrays import BoolArray, FloatArray, with_short_repr
 import numpy as np
 
 from .measurements import kind_of, MeasuredSeries, moving_points, subset
@@ -48,6 +48,7 @@ class Combination(NamedTuple):
         return ', '.join(changes)
 
 
+@with_short_repr
 class Observability(NamedTuple):
     """The verdict on the observability of the parameters."""
 

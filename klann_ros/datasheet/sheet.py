@@ -7,7 +7,7 @@ from klann_ros.dynamics import TurnOfForces
 from klann_ros.gait import GaitFigures
 from klann_ros.kinematics import FootPath, Linkage, Margin, Stance
 from klann_ros.kinematics.angles import Arc
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 
 from .motor import Motor, MotorVerdict
 
@@ -36,6 +36,7 @@ class BarFigures(NamedTuple):
     margin: Margin | None
 
 
+@with_short_repr
 class Transmission(NamedTuple):
     """
     The transmission angle of a dyad over all crank angles.
@@ -52,6 +53,7 @@ class Transmission(NamedTuple):
     from_in_line: Extreme
 
 
+@with_short_repr
 class JointForce(NamedTuple):
     """
     The force of a joint, a pin's point or a sliding body, over the turn.
@@ -66,6 +68,7 @@ class JointForce(NamedTuple):
     moment: Extreme | None = None
 
 
+@with_short_repr
 class LegForces(NamedTuple):
     """
     The forces of a leg at the sheet's speed, without or with the load on its foot.
@@ -87,6 +90,7 @@ class BodyMassFigures(NamedTuple):
     inertia: float
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class LegSheet:
     """
@@ -183,6 +187,7 @@ def cases(sheet: LegSheet | CrankSheet) -> list[tuple[str, Any]]:
     return [(name, forces) for name, forces in named_forces if forces]
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class DataSheet:
     """

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import cross, FIXED, GROUND
-from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.kinematics.arrays import ComplexArray, FloatArray, with_short_repr
 import numpy as np
 
 from .masses import BodyMass
 from .motion import BodyMotion
 
 
+@with_short_repr
 class Reactions(NamedTuple):
     """
     Joint reactions of a linkage, shape (k,) each, in the linkage's plane.
@@ -100,7 +101,7 @@ def _columns(
         for body, sign in ((first, -1.0), (j, 1.0)):
             if body != FIXED:
                 column[:, body] += sign * _wrench(place - centres[body], force, moment)
-        columns.append(column.reshape(angle_count, -1))
+        columns.append(column.reshape(angle_count, 3 * len(centres)))
 
     add(FIXED, 0, centres[0], 0j, 1.0)
     for point, first, j in pinned:

@@ -25,8 +25,9 @@ from klann_ros.kinematics import (
     LinkageLeg,
     PartialTurnError,
     reachable_arcs,
+    real_array,
 )
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.sanitize.text import refusal
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +43,7 @@ Forces = Mapping[str, tuple[float, float]]
 Torque = Callable[[float, float, float], float]
 
 
+@with_short_repr
 class TurnOfForces(NamedTuple):
     """
     Torque and power over a turn of the crank at constant speed.
@@ -129,6 +131,8 @@ class Dynamics:
     ------
     MassError
         The masses are not as many as the bodies.
+    TypeError
+        `linkage` or `masses` is none.
 
     """
 
@@ -136,6 +140,8 @@ class Dynamics:
         self, linkage: Any, masses: Masses, *, gravity: tuple[float, float] = (0.0, -GRAVITY)
     ) -> None:
         self.linkage: Linkage = as_linkage(linkage)
+        if not isinstance(masses, Masses):
+            raise TypeError(refusal('masses', masses, 'Masses, as rods(linkage, density) are'))
         self.masses = masses
         bodies = len(self.linkage.structure.bodies)
         if len(masses.bodies) != bodies:
@@ -157,7 +163,7 @@ class Dynamics:
     def kinetic_energy(self, alphas: ArrayLike, alpha_rate: ArrayLike) -> FloatArray:
         """Return the energy of motion at crank angles and rates, shape (k,) [J]."""
         inertia, _ = self.reduced_inertia(alphas)
-        energy: FloatArray = inertia * np.asarray(alpha_rate, dtype=np.float64) ** 2 / 2.0
+        energy: FloatArray = inertia * _rates('alpha_rate', alpha_rate, inertia.size) ** 2 / 2.0
         return energy
 
     def crank_torque(
@@ -182,18 +188,22 @@ class Dynamics:
         Raises
         ------
         MassError
-            There is no such point.
+            There is no such point, or a load is no force.
+        ValueError
+            The angles, rates or accelerations are no numbers, or do not fit together.
 
         """
         moving = body_motion(self.linkage, alphas)
-        inertia, steady = self._inertia_and_torque(moving, np.asarray(alpha_rate))
-        torque = inertia * np.asarray(alpha_acceleration) + steady
+        rate, acceleration = _motions(moving, alpha_rate, alpha_acceleration)
+        inertia, steady = self._inertia_and_torque(moving, rate)
+        torque = inertia * acceleration + steady
         for point, force in self._loads(loads).items():
             torque = torque - _dot(force, moving.point(point)[1])
         return np.asarray(torque, dtype=np.float64)
 
     def inertia_and_torque(self, alpha: float, alpha_rate: float) -> tuple[float, float]:
         """Return I at a crank angle, and the torque that keeps its rate [kg m^2, N m]."""
+        check_rate('alpha_rate', alpha_rate)
         # Successive angles are mostly close: the solver starts from the last pose.
         x = np.array(self._leg.solve(alpha).x)[:, None]
         moving = body_motion_at(self.linkage, np.array([alpha]), x)
@@ -212,7 +222,7 @@ class Dynamics:
         forces = list(self._loads(loads).items())
         for spring in self.masses.springs:
             forces += _spring_forces(spring, moving)
-        rates = np.asarray(alpha_rate, np.float64), np.asarray(alpha_acceleration, np.float64)
+        rates = _motions(moving, alpha_rate, alpha_acceleration)
         return reactions(moving, self.masses.bodies, rates, self.gravity, forces)
 
     def turn(
@@ -270,10 +280,35 @@ class Dynamics:
 
     def _loads(self, loads: Forces | None) -> dict[str, Any]:
         points = self.linkage.structure.points
-        for point in loads or {}:
+        if not isinstance(loads, Mapping | None):
+            raise MassError(refusal('loads', loads, 'a mapping of points to forces (x, y)'))
+        vectors = {}
+        for point, force in (loads or {}).items():
             if point not in points:
                 raise MassError(f'load on {point}: no such point; there are {", ".join(points)}')
-        return {point: x + 1j * np.asarray(y) for point, (x, y) in (loads or {}).items()}
+            try:
+                x, y = force
+            except (TypeError, ValueError):
+                raise MassError(refusal(f'load on {point}', force, 'a force (x, y)')) from None
+            vectors[point] = real_array('force', x) + 1j * real_array('force', y)
+        return vectors
+
+
+def _rates(name: str, numbers: ArrayLike, count: int) -> FloatArray:
+    """Return rates of the crank as an array: one, or one for each angle; a ValueError if not."""
+    array = np.asarray(real_array(name, numbers), dtype=np.float64)
+    if array.shape not in {(), (1,), (count,)}:
+        raise ValueError(f'{name} is refused: its shape must be () or ({count},)')
+    return array
+
+
+def _motions(
+    moving: BodyMotion, alpha_rate: ArrayLike, alpha_acceleration: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rates and the accelerations of the crank at the angles of a motion."""
+    count = moving.alphas.size
+    rates = _rates('alpha_rate', alpha_rate, count)
+    return rates, _rates('alpha_acceleration', alpha_acceleration, count)
 
 
 class _Potential(NamedTuple):
@@ -315,6 +350,7 @@ def _dot(a: Any, b: Any) -> Any:
     return np.real(a * np.conj(b))
 
 
+@with_short_repr
 class Simulation(NamedTuple):
     """A motion in time: `times` [s], crank angle and rate [rad, rad/s], shape (k,) each."""
 
@@ -366,7 +402,11 @@ def simulate(
         raise NoScipyError(
             "a simulation needs scipy: pip install 'klann_ros[dynamics]'"
         ) from error
-    instants = np.asarray(times, dtype=np.float64)
+    if not isinstance(dynamics, Dynamics):
+        raise TypeError(refusal('dynamics', dynamics, 'the Dynamics of a linkage with masses'))
+    if not callable(torque):
+        check_rate('torque', torque)
+    instants = real_array('times', times)
     if instants.ndim != 1 or len(instants) < 2 or not (np.diff(instants) > 0.0).all():
         raise ValueError('times are refused: they must be two or more, and ascend')
 

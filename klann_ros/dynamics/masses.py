@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import as_linkage, body_points, LENGTH_UNITS, Linkage
-from klann_ros.sanitize.text import did_you_mean, printable
+from klann_ros.sanitize.text import did_you_mean, printable, refusal
 from klann_ros.sanitize.yaml_text import parse
 
 
@@ -61,6 +61,8 @@ class Masses:
 
     def __post_init__(self) -> None:
         for number, body in enumerate(self.bodies):
+            if not isinstance(body, BodyMass):
+                raise MassError(refusal(f'mass of body {number}', body, 'a BodyMass'))
             _not_negative(f'mass of body {number}', body.mass, 'kg')
             _not_negative(f'inertia of body {number}', body.inertia, 'kg m^2')
             if not (isfinite(body.centre.real) and isfinite(body.centre.imag)):

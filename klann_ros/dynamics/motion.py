@@ -3,9 +3,11 @@
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics import (
+    as_linkage,
     body_vectors,
     Linkage,
     linkage_poses,
+    real_array,
     solve_rates,
     velocity_product,
 )
@@ -60,8 +62,15 @@ class BodyMotion(NamedTuple):
 
 
 def body_motion(linkage: Linkage, alphas: ArrayLike) -> BodyMotion:
-    """Return the motion at crank angles, shape (k,) [rad]."""
-    angles = np.atleast_1d(np.asarray(alphas, dtype=np.float64))
+    """
+    Return the motion at crank angles, shape (k,) [rad].
+
+    A TypeError for no linkage, and a ValueError for no angles or more than one axis of them.
+    """
+    linkage = as_linkage(linkage)
+    angles = np.atleast_1d(np.asarray(real_array('alphas', alphas), dtype=np.float64))
+    if angles.ndim != 1:
+        raise ValueError(f'alphas is refused: its shape must be (k,), not {angles.shape}')
     poses: Any = linkage_poses(linkage, angles, angles=True)
     return body_motion_at(linkage, angles + 0.0 * poses.h[:, 0], poses.angles.T)
 

@@ -4,7 +4,7 @@ from cmath import rect
 from dataclasses import dataclass
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.robot import Robot
 import numpy as np
 
@@ -12,6 +12,7 @@ from .feet import CUBIC_SAMPLES, Feet
 from .stance import body_displacement, edge_distance, from_above, stance_pose, support
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class GaitFigures:
     """

@@ -49,7 +49,7 @@ Motion of bodies       `body_vectors`, `solve_rates`, `velocity_product`, `cross
 Parts of batches       `vectors`, `feet`, `loop_errors`, `transmission_angles`,
                        `differences`, `wrapped`, `whole_turns`, `driven_clearances`
 Foot paths             `path_figures`, `SampledPaths`, `periodic_cubics`
-Searches and checks    `peak`, `parabola_peak`, `crank_limits`, `check_rate`
+Searches and checks    `peak`, `parabola_peak`, `crank_limits`, `check_rate`, `real_array`
 Drawing                `PoseDrawing`, `pose_svg`
 =====================  ================================================================
 """
@@ -134,7 +134,7 @@ from .newton import Iterations
 from .periodic_cubics import periodic_cubics
 from .searches import parabola_peak, peak
 from .svg import pose_svg
-from .validation import check_rate
+from .validation import check_rate, real_array
 
 __all__ = [
     'BENDS',
@@ -222,6 +222,7 @@ __all__ = [
     'periodic_cubics',
     'pose_svg',
     'reachable_arcs',
+    'real_array',
     'schema_error',
     'shipped_linkage',
     'shipped_linkages',

@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import atan2, cos, radians, sin, tau
 from typing import Any, NamedTuple
 
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 import numpy as np
 
 # Colours of the bodies, repeated; in a Klann leg they are crank, coupler, both rockers and leg.
@@ -40,6 +40,7 @@ class BodyDrawing(NamedTuple):
         return [*([self.line] if self.line else ()), *self.bars]
 
 
+@with_short_repr
 class PoseDrawing(NamedTuple):
     """The points, bodies and joints of a pose."""
 

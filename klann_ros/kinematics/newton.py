@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Protocol
 
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 import numpy as np
 
 from . import validation
@@ -66,6 +66,7 @@ def newton_raphson(
     raise NotConvergedError(alpha, np.array(iterates), reason)
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class Iterations:
     """

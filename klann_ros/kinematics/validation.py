@@ -5,9 +5,10 @@ import math
 from numbers import Integral
 from typing import Any
 
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.sanitize.text import printable
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .angles import number_or_nan, TURN
 from .errors import GeometryError
@@ -88,6 +89,22 @@ def check_rate(name: str, number: float) -> None:
     # The fast path: nearly every rate is a float.
     if not math.isfinite(number if type(number) is float else number_or_nan(number)):
         raise ValueError(f'{name} = {number!r} is refused: it must be finite')
+
+
+def real_array(name: str, numbers: ArrayLike) -> AnyArray:
+    """Return an array of real numbers; a ValueError for anything else."""
+    try:
+        array = np.asarray(numbers)
+        if array.dtype.kind == 'O':
+            # None, which a cast would turn into NaN, is no float.
+            array = np.asarray(np.frompyfunc(float, 1, 1)(array), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        msg = f'{name} is refused: it must be an array of real numbers ({error})'
+        raise ValueError(msg) from None
+    if array.dtype.kind not in 'iuf':
+        msg = f'{name} is refused: it must be an array of real numbers, not of {array.dtype}'
+        raise ValueError(msg)
+    return array
 
 
 def whole_number(name: str, number: int, minimum: int) -> int:

@@ -59,6 +59,8 @@ def parse(text: str) -> Any:
     Anchors and aliases, duplicate keys, control characters, numbers that are not finite, and more
     than MAX_FILE_SIZE characters, 100,000 entries or MAX_NESTING levels are refused.
     """
+    if not isinstance(text, str):
+        raise YamlError(f'it must be text, not {type(text).__name__}')
     if len(text) > MAX_FILE_SIZE:
         raise YamlError(f'it has {len(text)} characters, more than {MAX_FILE_SIZE}')
     try:

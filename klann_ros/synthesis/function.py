@@ -19,7 +19,7 @@ from math import acos, atan2, hypot, pi
 from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 import numpy as np
 
 from .dyads import burmester_points, PlanePose
@@ -29,6 +29,7 @@ from .placed import PlacedFourBar, Position
 STARTS = {3: 'input_start and output_start', 4: 'input_start alone', 5: 'no start angle'}
 
 
+@with_short_repr
 class FunctionTask(NamedTuple):
     """
     A function as rotations of crank and rocker.

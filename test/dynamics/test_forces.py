@@ -194,8 +194,56 @@ def test_invalid_masses_loads_and_times_are_refused() -> None:
     dynamics = Dynamics(linkage, rods(linkage, 1.0))
     with pytest.raises(MassError, match='load on Q: no such point; there are O2, O4, A, B'):
         dynamics.crank_torque(0.0, loads={'Q': FORCE})
+    for force in (1.0, None, (1.0, 2.0, 3.0)):
+        with pytest.raises(MassError, match=r'load on A = .* it must be a force \(x, y\)'):
+            dynamics.crank_torque(0.0, loads={'A': force})  # type: ignore[dict-item]
+    with pytest.raises(MassError, match='loads = 3 is refused: it must be a mapping'):
+        dynamics.reactions(0.0, loads=3)  # type: ignore[arg-type]
     rocker = FourBar(0.3, 0.25, 0.2, 0.24)
     with pytest.raises(PartialTurnError):
         Dynamics(rocker, rods(rocker, 1.0)).turn(1.0)
     with pytest.raises(ValueError, match='times are refused'):
         simulate(dynamics, 0.0, [1.0, 0.0], alpha=0.0)
+
+
+WRONG: Any = [None, 'x', FourBar(0.3, 0.1, 0.25, 0.2).solve(1.0), [1.0, [2.0, 3.0]], 1j, np.eye(2)]
+
+
+@pytest.mark.parametrize('wrong', WRONG, ids=lambda wrong: type(wrong).__name__)
+def test_what_is_no_angle_or_rate_is_refused_by_its_name(wrong: Any) -> None:
+    linkage = shipped_linkage('four_bar')
+    dynamics = Dynamics(linkage, rods(linkage, 1.0))
+    for method in (dynamics.crank_torque, dynamics.reactions):
+        with pytest.raises(ValueError, match=r'^alphas is refused: '):
+            method(wrong)
+        with pytest.raises(ValueError, match=r'^alpha_rate is refused: '):
+            method(0.0, wrong)
+        with pytest.raises(ValueError, match=r'^alpha_acceleration is refused: '):
+            method(0.0, 1.0, wrong)
+    with pytest.raises(ValueError, match=r'^alphas is refused: '):
+        dynamics.potential_energy(wrong)
+    with pytest.raises(ValueError, match=r'^times'):
+        simulate(dynamics, 0.0, wrong, alpha=0.0)
+
+
+def test_what_is_no_dynamics_or_masses_is_refused() -> None:
+    linkage = shipped_linkage('four_bar')
+    masses: Any = [BodyMass()] * 3
+    with pytest.raises(TypeError, match=r'masses = .* is refused: it must be Masses'):
+        Dynamics(linkage, masses)
+    with pytest.raises(MassError, match=r'= 1\.0 is refused: it must be a BodyMass'):
+        Masses((1.0,))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r'dynamics = .* is refused'):
+        simulate(masses, 0.0, [0.0, 1.0], alpha=0.0)
+    with pytest.raises(ValueError, match="torque = 'x' is refused: it must be finite"):
+        simulate(Dynamics(linkage, rods(linkage, 1.0)), 'x', [0.0, 1.0], alpha=0.0)  # type: ignore[arg-type]
+
+
+def test_one_rate_or_as_many_as_angles() -> None:
+    linkage = shipped_linkage('four_bar')
+    dynamics = Dynamics(linkage, rods(linkage, 1.0))
+    assert dynamics.crank_torque([0.0, 1.0], 2.0).shape == (2,)
+    one_by_one = [dynamics.crank_torque(0.0, 2.0)[0], dynamics.crank_torque(1.0, 3.0)[0]]
+    assert dynamics.crank_torque([0.0, 1.0], [2.0, 3.0]).tolist() == one_by_one
+    with pytest.raises(ValueError, match=r'^alpha_rate is refused: its shape must be .* \(2,\)'):
+        dynamics.kinetic_energy([0.0, 1.0], [1.0, 2.0, 3.0])

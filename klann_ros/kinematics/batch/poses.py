@@ -10,6 +10,7 @@ from klann_ros.kinematics.klann import KlannGeometry
 from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.linkage.variants import Variants
+from klann_ros.kinematics.validation import real_array
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -95,7 +96,7 @@ def linkage_poses(
 
     """
     is_single, variants = _variants(linkages)
-    crank_angles = _alphas(alphas)
+    crank_angles = real_array('alphas', alphas)
     count = 0 if variants is None else len(variants)
     shape = crank_angles.shape if is_single else (count, *crank_angles.shape)
     structure = None if variants is None else variants.base.structure
@@ -190,20 +191,6 @@ def _variants(linkages: Any) -> tuple[bool, Variants | None]:
     return False, Variants.of(map(as_linkage, legs)) if legs else None
 
 
-def _alphas(alphas: ArrayLike) -> AnyArray:
-    try:
-        array = np.asarray(alphas)
-        if array.dtype.kind == 'O':
-            array = array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        msg = f'alphas is refused: it must be an array of real numbers ({error})'
-        raise ValueError(msg) from None
-    if array.dtype.kind not in 'iuf':
-        msg = f'alphas is refused: it must be an array of real numbers, not of {array.dtype}'
-        raise ValueError(msg)
-    return array
-
-
 def _empty(shape: tuple[int, ...], axes: tuple[int, ...]) -> FloatArray:
     """Return an array of (*shape, *axes); many last axes are first in memory: rows of poses."""
     if prod(axes) <= MAX_INTERLEAVED:
@@ -271,8 +258,13 @@ def _blocks(legs: int, angles: int, *, one_by_one: bool) -> Iterator[tuple[slice
 
 def vectors(leg: Any, angles: FloatArray) -> list[FloatArray]:
     """Return the bodies' vectors u of each pose, the common input of the other functions."""
+    structure = as_linkage(leg).structure
+    angles = real_array('angles', angles)
+    if angles.shape[1:] != (len(structure.bodies),):
+        shape = f'(n, {len(structure.bodies)})'
+        raise ValueError(f'angles is refused: its shape must be {shape}, not {angles.shape}')
     with np.errstate(invalid='ignore', over='ignore'):
-        return joints.body_vectors(as_linkage(leg).structure, [*angles.T])
+        return joints.body_vectors(structure, [*angles.T])
 
 
 def loop_errors(leg: Any, angles: FloatArray, u: joints.Vectors | None = None) -> FloatArray:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from klann_ros.kinematics.arrays import ByteArray, FloatArray
+from klann_ros.kinematics.arrays import ByteArray, FloatArray, with_short_repr
+from klann_ros.kinematics.validation import real_array
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -41,6 +42,7 @@ def open_loops(block: int) -> int:
     return 100 + block
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class LinkagePoses:
     """
@@ -115,7 +117,7 @@ class LinkagePoses:
         if self.h_1 is None:
             msg = 'the velocities were not requested: linkage_poses(..., velocities=True)'
             raise ValueError(msg)
-        f = np.asarray(force, dtype=np.float64)
+        f = np.asarray(real_array('force', force), dtype=np.float64)
         if f.shape[-1:] != (2,):
             msg = f'force is refused: its shape must be (2,) or (..., 2), not {f.shape}'
             raise ValueError(msg)

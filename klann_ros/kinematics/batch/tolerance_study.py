@@ -8,7 +8,7 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray, IntArray
+from klann_ros.kinematics.arrays import FloatArray, IntArray, with_short_repr
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
 from klann_ros.kinematics.linkage.variants import Variants
 import numpy as np
@@ -21,6 +21,7 @@ DISTRIBUTIONS = ('uniform', 'normal')
 MAX_STUDY_POSES = 1_000_000
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class ToleranceStudy:
     """

@@ -13,9 +13,11 @@ from math import pi
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray, IndexArray
+from klann_ros.kinematics.arrays import FloatArray, IndexArray, with_short_repr
 from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.searches import parabola_peak
+from klann_ros.kinematics.validation import whole_number
+from klann_ros.sanitize.text import refusal
 import numpy as np
 
 from .kernels import choose_kernel
@@ -26,6 +28,7 @@ from .program import compile_program, constants, PathTerms
 TURNS_BLOCK = 32_768
 
 
+@with_short_repr
 class Turns(NamedTuple):
     """
     Turns of n linkages at k equal steps of the crank.
@@ -47,7 +50,9 @@ def whole_turns(
     variants: Variants, count: int, *, box: bool = False, kernel: str | None = None
 ) -> Turns:
     """Return turns at `count` crank angles, the first of which is 0."""
-    alphas = np.arange(count, dtype=np.float64) * (TURN / count)
+    if not isinstance(variants, Variants):
+        raise TypeError(refusal('variants', variants, 'Variants of a linkage'))
+    alphas = np.arange(whole_number('count', count, 1), dtype=np.float64) * (TURN / count)
     if variants.base.two_circles:
         return _pinned_turns(variants, alphas, choose_kernel(kernel, len(variants) * count), box)
     poses: Any = linkage_poses(

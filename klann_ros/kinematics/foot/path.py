@@ -10,7 +10,7 @@ from typing import Any
 
 from klann_ros.kinematics import validation
 from klann_ros.kinematics.angles import TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.kinematics.errors import KinematicsError
 from klann_ros.kinematics.linkage.leg import LinkageLeg
 from klann_ros.kinematics.linkage.linkage import as_linkage, Linkage
@@ -40,6 +40,7 @@ class NoFootPathError(KinematicsError):
         return 'there is no foot path: the leg reaches no crank angle'
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class FootPath:
     """

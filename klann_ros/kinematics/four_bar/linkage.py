@@ -7,7 +7,7 @@ from math import atan2, dist, inf, nan, pi, radians, sqrt
 from typing import Any, NamedTuple
 
 from klann_ros.kinematics.angles import crank_angle, TURN
-from klann_ros.kinematics.arrays import FloatArray
+from klann_ros.kinematics.arrays import FloatArray, with_short_repr
 from klann_ros.kinematics.batch.poses import linkage_poses
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.linkage import pose
@@ -123,6 +123,7 @@ class TransmissionExtremes(NamedTuple):
         return self.least >= MIN_TRANSMISSION_ANGLE and self.greatest <= MAX_TRANSMISSION_ANGLE
 
 
+@with_short_repr
 @dataclass(frozen=True, eq=False)
 class FourBarTable:
     """

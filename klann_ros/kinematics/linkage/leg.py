@@ -11,7 +11,7 @@ from klann_ros.kinematics.arrays import FloatArray
 from klann_ros.kinematics.batch.results import LinkagePoses
 from klann_ros.kinematics.newton import Iterations, newton_raphson
 from klann_ros.kinematics.svg import leg_svg
-from klann_ros.sanitize.text import listed
+from klann_ros.sanitize.text import listed, refusal
 import numpy as np
 
 from .assemblies import assembly_poses
@@ -251,8 +251,8 @@ class Leg(Generic[PoseT, MotionT]):
             The rate is not finite, or the pose is one of another linkage.
 
         """
-        if pose.linkage is not self._linkage:
-            self._check_linkage(pose)
+        if type(pose) is not self.pose_class or pose.linkage is not self._linkage:
+            self._check_pose(pose)
         if isnan(pose.coefficients[0]):
             raise errors.SingularPoseError(pose.crank_angle)
         validation.check_rate('alpha_rate', alpha_rate)
@@ -260,8 +260,10 @@ class Leg(Generic[PoseT, MotionT]):
         motion: Any = self.motion_class._make((*rates, pose, None))
         return motion  # type: ignore[no-any-return]  # of its class
 
-    def _check_linkage(self, pose: LinkagePose) -> None:
-        """Refuse a pose of another linkage, unless it is equal."""
+    def _check_pose(self, pose: LinkagePose) -> None:
+        """Refuse what is no pose, and a pose of another linkage, unless it is equal."""
+        if not isinstance(pose, LinkagePose):
+            raise TypeError(refusal('pose', pose, 'a pose, as leg.solve(alpha) returns it'))
         if pose.linkage != self._linkage:
             raise ValueError(
                 f'the pose is one of another linkage, {pose.linkage.name!r} with '
@@ -282,8 +284,8 @@ class Leg(Generic[PoseT, MotionT]):
             The pose is one of another linkage.
 
         """
-        if pose.linkage is not self._linkage:
-            self._check_linkage(pose)
+        if type(pose) is not self.pose_class or pose.linkage is not self._linkage:
+            self._check_pose(pose)
         if isnan(pose.coefficients[0]):
             raise errors.SingularPoseError(pose.crank_angle)
         x_gradient, h_gradient = self._linkage.derivatives(pose.crank_angle, pose.x)

@@ -8,11 +8,12 @@ from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import BoolArray
 from klann_ros.kinematics.errors import GeometryError
 from klann_ros.kinematics.validation import MAX_MAGNITUDE, MIN_MAGNITUDE
+from klann_ros.sanitize.text import refusal
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .equations import link_vectors
-from .linkage import Linkage
+from .linkage import as_linkage, Linkage
 from .structure import dimension_places
 
 
@@ -25,7 +26,7 @@ class Variants:
 
     Parameters
     ----------
-    base : Linkage
+    base : Linkage, KlannGeometry, FourBarGeometry or leg
         The linkage with their structure, assembly and other numbers.
     changes : mapping of str to array-like of float
         The numbers that differ, by their names in `Linkage.dimensions`: arrays that broadcast to
@@ -44,6 +45,8 @@ class Variants:
     ------
     GeometryError
         There is no such number, or the arrays do not fit together.
+    TypeError
+        `base` is none of these, or `changes` no mapping.
 
     Examples
     --------
@@ -57,7 +60,9 @@ class Variants:
     def __init__(
         self, base: Linkage, changes: Mapping[str, ArrayLike], *, assembly: ArrayLike | None = None
     ) -> None:
-        self.base = base
+        self.base = base = as_linkage(base)
+        if not isinstance(changes, Mapping):
+            raise TypeError(refusal('changes', changes, 'a mapping of dimensions to arrays'))
         places = dimension_places(base.structure.dimensions, changes)
         try:
             arrays = [np.asarray(numbers, dtype=np.float64) for numbers in changes.values()]
