@@ -158,13 +158,13 @@ def spread(points: FloatArray, count: int) -> IndexArray:
     """
     Return rows of points, shape (n, m), that are far from each other: the first row first.
 
-    Farthest-point sampling of the points relative to their ranges.
+    Farthest-point sampling of the points relative to their ranges; of equal rows the first alone.
     """
     size = np.ptp(points, axis=0)
     relative = (points - points.min(axis=0)) / np.where(size > 0.0, size, 1.0)
     chosen = [0]
     distance = np.linalg.norm(relative - relative[0], axis=1)
-    while len(chosen) < min(count, len(points)):
+    while len(chosen) < count and distance.max() > 0.0:
         chosen.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(relative - relative[chosen[-1]], axis=1))
     return np.array(chosen, dtype=np.intp)

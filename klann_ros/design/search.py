@@ -11,10 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from klann_ros.engines import EngineError, parallel_map, TaskError
 from klann_ros.kinematics import GeometryError
-from klann_ros.kinematics.arrays import BoolArray, FloatArray, IndexArray
+from klann_ros.kinematics.arrays import BoolArray, ComplexArray, FloatArray, IndexArray
 from klann_ros.sanitize.text import counted
 import numpy as np
 
+from .distinct import is_same_leg, leg_shape
 from .evolve import (
     evolve,
     hypervolume,
@@ -26,6 +27,7 @@ from .evolve import (
     spread,
     WORST_LOSS,
 )
+from .figures import FIGURES
 from .proof import FittedCandidate, FoundLeg, ProofError, prove
 from .refine import refined
 from .requirements import Aim, Limit, Requirements
@@ -42,9 +44,16 @@ PROVEN_PER_LEG = 3
 # With one aim: the number of the best candidates, and of those far apart that are refined.
 BEST_CANDIDATES, REFINED_CANDIDATES = 120, 16
 
+# With one aim: legs between the best and others, as far apart as there are, in equal steps.
+COMPROMISE_ENDS, COMPROMISE_STEPS = 48, 8
+# With one aim: the greatest loss beyond that of the best leg, relative to that of the best
+# candidate after the first round, or to a tenth of the value that a figure is to be near.
+MAX_EXTRA_LOSS = 0.1
+
 # The population of an island that is given up.
 DROPPED = np.empty((0, 0))
 _Population: TypeAlias = FloatArray | None
+_ShapedCandidate: TypeAlias = tuple[FittedCandidate, ComplexArray]
 # Calls a function of each task in processes; returns the answers, in part CandidateRefusals.
 _Run: TypeAlias = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]
 
@@ -362,36 +371,80 @@ def _proven_legs(requirements: Requirements, state: State, seed: int, run: _Run)
     if not survivors:
         reasons = failing_figures(requirements, islands)
         return SearchResult(requirements, (), tuple(reasons), state, seed, {})
-    chosen = [survivors[k] for k in _chosen(requirements, survivors).tolist()]
+    if requirements.target is None and len(requirements.cheap_aims) == 1:
+        survivors = _survivors(requirements, [*islands, _compromises(requirements, survivors)])
+    chosen = [survivors[k] for k in _chosen(requirements, survivors, state).tolist()]
     answers = run(partial(_fitted, requirements), chosen)
     candidates = [answer for answer in answers if isinstance(answer, FittedCandidate)]
     if requirements.target is not None:
         candidates.sort(key=lambda candidate: candidate.expected['path_error'])
     legs: list[FoundLeg] = []
     refusals: list[CandidateRefusal] = []
-    for start in range(0, len(candidates), requirements.count):
-        batch = candidates[slice(start, start + requirements.count)]
-        for answer in run(partial(_proven, requirements), batch):
+    shapes: list[ComplexArray] = []
+    # Shapes relative to the plane as far as requirements leave it free.
+    target = requirements.target
+    can_turn = target is not None and target.can_turn
+    shape_of = partial(leg_shape, can_turn=can_turn)
+    remaining = [(candidate, shape_of(candidate.linkage)) for candidate in candidates]
+    while remaining and len(legs) < requirements.count:
+        batch, remaining = _next_batch(remaining, shapes, requirements.count - len(legs))
+        answers = run(partial(_proven, requirements), [candidate for candidate, _ in batch])
+        for (_, shape), answer in zip(batch, answers, strict=True):
             if isinstance(answer, CandidateRefusal):
                 refusals.append(answer)
             else:
                 legs.append(answer)
-        if len(legs) >= requirements.count:
-            break
-    legs = _best(requirements.aims, legs[: requirements.count])
+                shapes.append(shape)
+    legs = _best(requirements.aims, legs, state)
     counts = dict(Counter(refusal.reason for refusal in refusals))
     reasons = [] if legs else _refusal_reasons(requirements, refusals, counts)
     return SearchResult(requirements, tuple(legs), tuple(reasons), state, seed, counts)
 
 
+def _next_batch(
+    candidates: Sequence[_ShapedCandidate], shapes: Sequence[ComplexArray], count: int
+) -> tuple[list[_ShapedCandidate], list[_ShapedCandidate]]:
+    """
+    Return candidates to prove that are different legs, and those for later.
+
+    What is the same leg as a proven one, by its shape, is left out; what is the same as one of
+    the batch is for later, as that one may not pass the proof.
+    """
+    batch: list[_ShapedCandidate] = []
+    later: list[_ShapedCandidate] = []
+    for candidate in candidates:
+        if is_same_leg(candidate[1], shapes):
+            continue
+        is_next = len(batch) < count and not is_same_leg(candidate[1], [s for _, s in batch])
+        (batch if is_next else later).append(candidate)
+    return batch, later
+
+
 def _survivors(requirements: Requirements, islands: Sequence[IslandScores]) -> list[Survivor]:
     survivors = []
+    seen = set()
     for island in islands:
         space = island.island % len(requirements.spaces)
         for i in np.flatnonzero(island.holds).tolist():
+            # Candidates that migrated are in two islands.
+            key = space, island.x[i].tobytes()
+            if key in seen:
+                continue
+            seen.add(key)
             figures = _candidate_figures(island, i)
             survivors.append(Survivor(space, island.x[i], island.scores.losses[i], figures))
     return survivors
+
+
+def _compromises(requirements: Requirements, survivors: Sequence[Survivor]) -> IslandScores:
+    """Return candidates between the best one, by one aim, and others of its space."""
+    best = min(survivors, key=lambda survivor: survivor.losses[0])
+    x = np.array([survivor.x for survivor in survivors if survivor.space == best.space])
+    ends = x[spread(np.concatenate([best.x[None], x]), COMPROMISE_ENDS + 1)[1:] - 1]
+    steps = np.linspace(0.0, 1.0, COMPROMISE_STEPS + 1)[1:-1, None, None]
+    between = np.reshape(best.x + steps * (ends - best.x), (-1, len(best.x)))
+    space = requirements.space(best.space)
+    return IslandScores(best.space, between, scores(requirements, space, between))
 
 
 def _candidate_figures(island: IslandScores, i: int) -> dict[str, float]:
@@ -432,7 +485,7 @@ def _in_order(function: Any, tasks: Sequence[Any], *, jobs: int | None, engine: 
     return answers
 
 
-def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexArray:
+def _chosen(requirements: Requirements, survivors: Sequence[Survivor], state: State) -> IndexArray:
     """Return the candidates to prove: far apart on the front, or of one aim among the best."""
     losses = np.array([survivor.losses for survivor in survivors])
     if losses.shape[1] > 1:
@@ -440,6 +493,12 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexA
         front = front[np.argsort(losses[front, 0], kind='stable')]
         return front[spread(losses[front], PROVEN_PER_LEG * requirements.count)]
     best = np.argsort(losses[:, 0], kind='stable')[:BEST_CANDIDATES].tolist()
+    count = max(requirements.count, REFINED_CANDIDATES)
+    if requirements.target is None:
+        # Without refinement a worse candidate remains worse.
+        max_loss = _max_loss(requirements.aims[0], state, losses[best[0], 0])
+        best = [k for k in best if losses[k, 0] <= max_loss]
+        count = PROVEN_PER_LEG * requirements.count
     # Only candidates of one linkage can be compared.
     comparable = []
     x = []
@@ -447,7 +506,6 @@ def _chosen(requirements: Requirements, survivors: Sequence[Survivor]) -> IndexA
         if survivors[k].space == survivors[best[0]].space:
             comparable.append(k)
             x.append(survivors[k].x)
-    count = max(requirements.count, REFINED_CANDIDATES)
     distant = np.array(comparable)[spread(np.array(x), count)]
     return np.asarray(distant[np.argsort(losses[distant, 0], kind='stable')])
 
@@ -473,8 +531,19 @@ def _proven(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg 
         return CandidateRefusal(str(error), error.limit, error.value)
 
 
-def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:
-    """Return the legs that no other dominates by the figures of their sheets, by the first aim."""
+def _max_loss(aim: Aim, state: State, best_loss: float) -> float:
+    """Return the greatest loss of a leg that is shown beside the best one, of one aim."""
+    first_loss = state.frame[0][0] if state.frame else 0.0
+    scale = max(abs(first_loss), abs(best_loss), 0.1 * abs(aim.value))
+    return best_loss + MAX_EXTRA_LOSS * scale
+
+
+def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg], state: State) -> list[FoundLeg]:
+    """
+    Return the legs that no other dominates by the figures of their sheets, by the first aim.
+
+    With one aim these are the good ones.
+    """
     if not legs:
         return []
     losses = np.empty((len(legs), len(aims)))
@@ -484,6 +553,8 @@ def _best(aims: Sequence[Aim], legs: Sequence[FoundLeg]) -> list[FoundLeg]:
     if len(aims) > 1:
         losses = np.nan_to_num(losses, nan=WORST_LOSS, posinf=WORST_LOSS, neginf=WORST_LOSS)
         front = pareto_front(losses)
+    elif not FIGURES[aims[0].figure].is_costly:
+        front = np.flatnonzero(losses[:, 0] <= _max_loss(aims[0], state, losses[:, 0].min()))
     best_first = front[np.argsort(losses[front, 0], kind='stable')]
     return [legs[k] for k in best_first.tolist()]
 
