@@ -55,7 +55,10 @@ FIGURES = {
     'bar_ratio': FigureKind('longest to shortest bar', '', 1.0),
     'torque_peak': FigureKind('of the crank, the load alone', 'N m', needs='load'),
     'torque_range': FigureKind('greatest - least of the crank torque', 'N m', needs='load'),
-    'path_error': FigureKind('rms distance from the path', 'm', needs='path'),
+    'path_error': FigureKind('rms distance of corresponding points of path', 'm', needs='path'),
+    'point_error': FigureKind(
+        'rms distance of the given points of path', 'm', is_costly=True, needs='path'
+    ),
     'margin': FigureKind('relative change of a length until it jams', '', is_costly=True),
     'turning_fraction': FigureKind(
         'of legs within the tolerance', '', 0.0, 1.0, is_costly=True, needs='tolerance'

@@ -15,6 +15,7 @@ import numpy as np
 
 from .figures import crank_angles, sheet_figures
 from .leg_file import leg_text, parameter_text, walker_parameters, with_numbers
+from .refine import path_error, point_error
 from .requirements import Limit, Requirements
 from .space import Space
 
@@ -23,7 +24,7 @@ DEFAULT_TOLERANCE = 1e-3
 STUDY_LEGS = 1000
 STUDY_ANGLES = 180
 SHEET_SAMPLES = 360
-# Crank angles of the comparison of a leg with its path, and with the candidate.
+# Crank angles of the comparison of a leg with its candidate.
 PROOF_ANGLES = 1024
 # Poses with links nearer to a line are ill-conditioned: rounding decides their branch [rad].
 MIN_TRANSMISSION_ANGLE = 1e-3
@@ -112,12 +113,12 @@ def prove(requirements: Requirements, candidate: FittedCandidate) -> FoundLeg:
     # NaN is refused, too.
     if not figures['transmission_angle'] > MIN_TRANSMISSION_ANGLE:
         raise ProofError('links are in line')
-    h = _foot(leg.linkage)
-    deviation = np.abs(h - _foot(candidate.linkage)).max()
+    deviation = np.abs(_foot(leg.linkage) - _foot(candidate.linkage)).max()
     if not deviation <= ROUNDING * leg.linkage.size:
         raise ProofError('its file has another leg')
     if requirements.target is not None:
-        figures['path_error'] = requirements.target.distance(h)
+        figures['path_error'] = path_error(requirements.target, leg.linkage)
+        figures['point_error'] = point_error(requirements.target, leg.linkage)
     non_turning_fraction = _non_turning_fraction(leg.linkage, requirements.tolerance)
     figures['turning_fraction'] = 1.0 - non_turning_fraction
     walker = None

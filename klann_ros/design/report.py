@@ -24,7 +24,10 @@ def leg_name(number: int) -> str:
 
 def shown_figures(requirements: Requirements) -> list[str]:
     """Return the figures that a report shows: those of the requirements, then others."""
-    return [*dict.fromkeys((*requirements.figures, *ALSO_SHOWN))]
+    names = [*requirements.figures]
+    if requirements.target is not None and not requirements.target.is_timed:
+        names.append('point_error')
+    return [*dict.fromkeys((*names, *ALSO_SHOWN))]
 
 
 def search_text(search_result: SearchResult, leg_names: Sequence[str], folder: str) -> str:

@@ -1,12 +1,14 @@
 """The path that a foot is to follow: from points, CSV or SVG; the distance of paths from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 import re
 from typing import Any, NamedTuple
 
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.sanitize.files import read_regular
 from klann_ros.sanitize.text import printable, printable_line
@@ -17,8 +19,10 @@ import numpy as np
 PATH_POINTS = 128
 # Points on each curve of an SVG path.
 CURVE_POINTS = 24
-# Newton steps to the best shift between whole points.
-SHIFT_STEPS = 3
+# Points of a smooth curve, in all and between two given ones.
+MIN_CURVE_POINTS, POINTS_PER_SPAN = 4096, 8
+# Half-widths of the parabolas that refine a shift, in steps of the grid.
+PARABOLA_WIDTHS = np.array([0.5, 0.06, 0.008])
 MAX_TARGET_POINTS = 10_000
 # An SVG file has 96 px to an inch; y points down.
 PIXEL = 0.0254 / 96.0
@@ -28,12 +32,24 @@ class PathFit(NamedTuple):
     """
     Rotation, scale and translation that bring paths nearest to the target, z -> factor z + shift.
 
-    Shapes (n,); `error` is the rms distance of corresponding points [m].
+    Shapes (n,); `error` is the rms distance of corresponding points [m]. Sample k of the target
+    corresponds to the point at `offset` + `sense` k / (number of samples) of the path, a fraction
+    of its period: of the turn with timing, of the path's length without.
     """
 
     error: FloatArray
     factor: ComplexArray
     shift: ComplexArray
+    offset: FloatArray
+    sense: FloatArray
+
+
+class _Moments(NamedTuple):
+    """Mean of paths w, mean overlap conj(w) z with the target, and mean square |w|^2."""
+
+    mean: ComplexArray
+    overlap: ComplexArray
+    square: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +65,8 @@ class Target:
         Whether legs may be moved, turned and scaled onto it.
     is_timed : bool
         Whether the points are at equal steps of the crank.
+    has_corners : bool
+        Whether straight lines join the points, not a smooth curve.
 
     """
 
@@ -57,93 +75,153 @@ class Target:
     can_turn: bool = True
     can_scale: bool = True
     is_timed: bool = False
+    has_corners: bool = False
 
     @property
     def size(self) -> float:
         """Return the diagonal of its bounding box [m]."""
         return float(np.hypot(np.ptp(self.points.real), np.ptp(self.points.imag)))
 
+    @cached_property
+    def samples(self) -> ComplexArray:
+        """Return the points that are compared [m]: those given, or even ones along the curve."""
+        if self.is_timed:
+            return self.points
+        curve = self.points if self.has_corners else smooth_curve(self.points)
+        (samples,) = resampled(curve[None])
+        return np.asarray(samples, dtype=np.complex128)
+
     def fit(self, h: FloatArray) -> PathFit:
         """Return the best fit of closed paths at equal steps of the crank, shape (n, k, 2)."""
-        w = resampled(h[..., 0] + 1j * h[..., 1], by_length=not self.is_timed)
-        z = resampled(self.points[None], by_length=not self.is_timed)[0]
-        z_mean = z.mean() if self.can_move else 0.0
-        w_mean = w.mean(axis=1) if self.can_move else np.zeros(len(w))
-        z = z - z_mean
-        w = w - w_mean[:, None]
-        z_square = (np.abs(z) ** 2).sum()
-        w_square = (np.abs(w) ** 2).sum(axis=1)
-        spectrum = np.fft.fft(z)
-        best_error = np.full(len(w), np.inf)
-        best_factor = np.zeros(len(w), dtype=np.complex128)
-        # Both directions of travel.
-        for path in (w, w[:, ::-1]):
-            correlation = self._correlation(np.conj(np.fft.fft(path)) * spectrum)
-            with np.errstate(all='ignore'):
-                factor = self._factor(correlation, w_square)
-            overlap = (np.conj(factor) * correlation).real
-            error = z_square + np.abs(factor) ** 2 * w_square - 2.0 * overlap
-            is_better = error < best_error
-            best_error = np.where(is_better, error, best_error)
-            best_factor = np.where(is_better, factor, best_factor)
-        rms = np.sqrt(np.maximum(0.0, best_error) / PATH_POINTS)
-        shift = np.asarray(z_mean - best_factor * w_mean, dtype=np.complex128)
-        return PathFit(rms, best_factor, shift)
+        w = h[..., 0] + 1j * h[..., 1]
+        count = w.shape[1]
+        if not self.is_timed:
+            finer_count = count * -(-PATH_POINTS // count)
+            harmonics = with_bins(np.fft.fft(w), finer_count)
+            w = resampled(np.fft.ifft(harmonics) * (finer_count / count))
+        return self._fit_harmonics(np.fft.fft(w) / w.shape[1])
 
-    def distance(self, h: FloatArray) -> float:
-        """Return the rms distance of one path, shape (k, 2), that stays where it is [m]."""
-        fixed = replace(self, can_move=False, can_turn=False, can_scale=False)
-        return float(fixed.fit(h[None]).error[0])
-
-    def _correlation(self, product: ComplexArray) -> ComplexArray:
+    def _fit_harmonics(self, harmonics: ComplexArray) -> PathFit:
         """
-        Return the greatest c_s = sum_k conj(w_k) z_(k+s) over the shifts s, shape (n,).
+        Return the best fit of w(t) = sum_m W_m exp(i m t), from W of shape (n, k).
 
-        `product` is its spectrum. All whole shifts are tried, and the best one is refined.
+        The points w(t + 2 pi j / n) that correspond to n samples have the harmonics V_j(t), the
+        sum of W_m exp(i m t) over all m = j modulo n. The best t of a grid is refined by parabolas
+        through three errors.
         """
-        count = product.shape[1]
-        c = np.fft.ifft(product)
-        shift = np.argmax(np.abs(c) if self.can_turn else c.real, axis=1).astype(np.float64)
-        rates = 2j * np.pi * np.fft.fftfreq(count)
-        for step in range(SHIFT_STEPS + 1):
-            terms = product * np.exp(rates * shift[:, None]) / count
-            c_0 = terms.sum(axis=1)
-            c_1 = (terms * rates).sum(axis=1)
-            c_2 = (terms * rates**2).sum(axis=1)
-            if step == SHIFT_STEPS:
-                break
-            slope = c_1.real
-            bend = c_2.real
-            if self.can_turn:
-                slope = (np.conj(c_0) * c_1).real
-                bend = np.abs(c_1) ** 2 + (np.conj(c_0) * c_2).real
+        samples = self.samples
+        sample_harmonics = np.fft.fft(samples) / len(samples)
+        # Harmonics of the path that fold into each of few samples.
+        folds = -(-harmonics.shape[1] // len(samples))
+        folded_count = len(samples) if folds > 1 else harmonics.shape[1]
+        bin_count = folds * folded_count
+        z = with_bins(sample_harmonics[None], folded_count)[0]
+        z_square = float((np.abs(samples) ** 2).mean())
+        forwards = with_bins(harmonics, bin_count)
+        backwards = np.roll(forwards[:, ::-1], 1, axis=1)
+        w = np.stack([forwards, backwards])
+        paths = np.fft.ifft(w) * bin_count
+        groups = paths.reshape(*paths.shape[:2], folded_count, folds)
+        repetitions = (1, 1, folded_count)
+        grid = _Moments(
+            np.tile(groups.mean(axis=2), repetitions),
+            np.fft.fft(np.conj(w) * np.tile(z, folds)),
+            np.tile((np.abs(groups) ** 2).mean(axis=2), repetitions),
+        )
+        squares = self._transform(grid, z[0], z_square)[0]
+        squares = squares.transpose(1, 0, 2).reshape(len(harmonics), 2 * bin_count)
+        best = np.argmin(np.nan_to_num(squares, nan=np.inf), axis=1)
+        direction = best // bin_count
+        w = w[direction, np.arange(len(harmonics))]
+        frequencies = np.fft.fftfreq(bin_count, 1.0 / bin_count)
+        t = (best % bin_count) * (TURN / bin_count)
+
+        def transform(turned: ComplexArray) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+            v = turned.reshape(-1, folds, folded_count).sum(axis=1)
+            moments = _Moments(v[:, 0], np.conj(v) @ z, (np.abs(v) ** 2).sum(axis=1))
+            return self._transform(moments, z[0], z_square)
+
+        for width in (TURN / bin_count) * PARABOLA_WIDTHS:
+            turned = w * np.exp(1j * frequencies * t[:, None])
+            turn = np.exp(1j * frequencies * width)
+            before = transform(turned * np.conj(turn))[0]
+            middle = transform(turned)[0]
+            after = transform(turned * turn)[0]
+            bend = before + after - 2.0 * middle
             with np.errstate(all='ignore'):
-                newton_step = np.where(bend < 0.0, -slope / bend, 0.0)
-            shift += np.clip(newton_step, -0.5, 0.5)
-        return np.asarray(c_0, dtype=np.complex128)
+                step = np.where(bend > 0.0, 0.5 * (before - after) / bend, 0.0)
+            t = t + width * np.clip(step, -2.0, 2.0)
+        square, factor, shift = transform(w * np.exp(1j * frequencies * t[:, None]))
+        sense = 1.0 - 2.0 * direction
+        error = np.sqrt(np.maximum(0.0, square))
+        return PathFit(error, factor, shift, sense * t / TURN, sense)
+
+    def _transform(
+        self, moments: _Moments, z_mean: complex, z_square: float
+    ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+        """Return the least mean square distance, and the factor and shift that reach it."""
+        mean, overlap, square = moments
+        if self.can_move:
+            overlap = overlap - np.conj(mean) * z_mean
+            square = square - np.abs(mean) ** 2
+            z_square = z_square - abs(z_mean) ** 2
+        with np.errstate(all='ignore'):
+            factor = self._factor(overlap, square)
+            distance = z_square + np.abs(factor) ** 2 * square
+            distance -= 2.0 * (np.conj(factor) * overlap).real
+        shift = z_mean - factor * mean if self.can_move else np.zeros_like(mean)
+        return distance, factor, shift
 
     def _factor(self, c: ComplexArray, w_square: FloatArray) -> ComplexArray:
-        """Return the best rotation and scale from the correlation of two paths."""
+        """Return the best rotation and scale from the overlap of two paths."""
         if self.can_turn and self.can_scale:
             return np.asarray(c / w_square, dtype=np.complex128)
         if self.can_turn:
             return np.asarray(c / np.abs(c), dtype=np.complex128)
         if self.can_scale:
             return np.asarray(np.maximum(0.0, c.real) / w_square + 0j, dtype=np.complex128)
-        return np.ones(len(c), dtype=np.complex128)
+        return np.ones(c.shape, dtype=np.complex128)
 
 
-def resampled(z: ComplexArray, *, by_length: bool) -> ComplexArray:
-    """Return closed polygons, shape (n, k), at `PATH_POINTS` even steps."""
+def with_bins(harmonics: ComplexArray, count: int) -> ComplexArray:
+    """Return spectra, shape (n, k), with another number of bins: high ones are 0 or left out."""
+    low_count = min(harmonics.shape[1], count)
+    positive = (low_count + 1) // 2
+    negative = low_count // 2
+    bins = np.zeros((len(harmonics), count), dtype=np.complex128)
+    bins[:, :positive] = harmonics[:, :positive]
+    if negative:
+        bins[:, -negative:] = harmonics[:, -negative:]
+    return bins
+
+
+def smooth_curve(points: ComplexArray) -> ComplexArray:
+    """
+    Return dense points of the smooth closed curve through points: a periodic cubic spline.
+
+    Its parameter is centripetal, the sum of the square roots of the chords: of uneven points it
+    neither overshoots (as equal steps do) nor flattens (as chords do).
+    """
+    # It takes half a second to load.
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415
+
+    closed = np.append(points, points[0])
+    steps = np.sqrt(np.abs(np.diff(closed)))
+    is_distinct = np.append(True, steps > 0.0)
+    knots = np.append(0.0, np.cumsum(steps))[is_distinct]
+    spline = CubicSpline(knots, closed[is_distinct], bc_type='periodic')
+    count = max(MIN_CURVE_POINTS, POINTS_PER_SPAN * len(points))
+    return np.asarray(spline(np.arange(count) * (knots[-1] / count)), dtype=np.complex128)
+
+
+def resampled(z: ComplexArray) -> ComplexArray:
+    """Return closed polygons, shape (n, k), at `PATH_POINTS` even steps of their lengths."""
     closed = np.concatenate([z, z[:, :1]], axis=1)
     count = z.shape[1]
-    if by_length:
-        along = np.zeros(closed.shape)
-        np.cumsum(np.abs(np.diff(closed, axis=1)), axis=1, out=along[:, 1:])
-        total = along[:, -1:]
-        along /= np.where(total > 0.0, total, 1.0)
-    else:
-        along = np.broadcast_to(np.linspace(0.0, 1.0, count + 1), closed.shape)
+    along = np.zeros(closed.shape)
+    np.cumsum(np.abs(np.diff(closed, axis=1)), axis=1, out=along[:, 1:])
+    total = along[:, -1:]
+    along /= np.where(total > 0.0, total, 1.0)
     positions = np.arange(PATH_POINTS) / PATH_POINTS
     # The rows side by side: one search for all.
     offsets = 2.0 * np.arange(len(z))[:, None]
@@ -171,6 +249,7 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
     """
     if ('points' in content) == ('file' in content):
         raise ValueError('either points or file must be there')
+    is_svg = False
     if 'points' in content:
         points = np.array(content['points'], dtype=np.float64) @ (1.0, 1j)
         unit = metre
@@ -193,6 +272,8 @@ def target_from(content: Mapping[str, Any], metre: float, folder: Path) -> Targe
         can_turn=content.get('turn', True),
         can_scale=content.get('scale', True),
         is_timed=content.get('timing', 'free') == 'prescribed',
+        # The lines of a drawing are its own.
+        has_corners=content.get('corners', is_svg),
     )
     if not target.size > 0.0:
         raise ValueError('all points are one')

@@ -95,7 +95,7 @@ EIGHT = [[60.0 * np.cos(t), 30.0 * np.sin(2.0 * t)] for t in np.arange(0.0, 6.28
 
 
 def test_a_grown_leg_follows_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(refine, 'MAX_STEPS', 20)
+    monkeypatch.setattr(refine, 'MAX_STEPS', 40)
     monkeypatch.setattr(sys.modules[search.__module__], 'REFINED_CANDIDATES', 4)
     path = {'units': {'length': 'mm'}, 'path': {'points': EIGHT}}
     requirements = requirements_from({'grow': {'dyads': 1}, **path, 'count': 1})

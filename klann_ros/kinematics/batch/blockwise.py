@@ -48,7 +48,10 @@ class Blockwise:
             rows_of_loops = [path_terms(structure, path, *self._vectors) for path in loops]
             self.blocks = blocks_of(structure, rows_of_loops)
         else:
-            linkage = variants[rows.start] if len(variants) > 1 else variants.base
+            linkage = variants.base
+            # The base keeps the branch that it has followed.
+            if tuple(variants.numbers[:, rows.start]) != linkage.numbers:
+                linkage = variants[rows.start]
             self._linkage = linkage
             self.blocks = linkage.blocks
             self._pivots = [*np.reshape(linkage.pivots, (-1, 1, 1))]

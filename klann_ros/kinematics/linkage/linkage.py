@@ -4,10 +4,11 @@ from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from math import degrees
+from math import degrees, remainder
 from typing import Any, ClassVar, TypeVar
 
 from klann_ros.kinematics import validation
+from klann_ros.kinematics.angles import TURN
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
 from klann_ros.kinematics.errors import GeometryError, NotAssembledError, NotConvergedError
 from klann_ros.kinematics.newton import newton_raphson
@@ -17,7 +18,7 @@ from . import joints
 from .branch import Branch
 from .dimension_derivatives import vector_derivatives
 from .equations import LoopEquations, path_terms, real_rows, term_matrix
-from .structure import dimension_places, Structure
+from .structure import dimension_places, GROUND, Structure
 
 # Newton-Raphson needs only a few corrections from a usable start.
 MAX_START_ITERATIONS = 50
@@ -205,6 +206,34 @@ class Linkage(LoopEquations):
         start = [] if self.is_dyadic else [*self.start]
         for j in self.structure.line_of if start else ():
             start[j] *= factor
+        return self._with(numbers=numbers, **self._mode(start, self.assembly))
+
+    def moved(self, factor: complex, shift: complex = 0j) -> 'Linkage':
+        """
+        Return the linkage turned, scaled and moved: every point z gets to factor z + shift.
+
+        Raises
+        ------
+        GeometryError
+            A length gets too large or too small.
+
+        """
+        size = abs(factor)
+        rotation = phase(factor)
+        bodies = self.structure.bodies
+        senses = self.structure.senses
+        numbers = list(self.numbers)
+        for n, dimension in enumerate(self.structure.dimensions):
+            if dimension.is_length:
+                numbers[n] *= size
+            elif dimension.kind in {'x', 'y'}:
+                pivot = factor * self.pivots[dimension.place] + shift
+                numbers[n] = pivot.real if dimension.kind == 'x' else pivot.imag
+            elif bodies[self.structure.bars[dimension.place][0]].along == GROUND:
+                numbers[n] = remainder(numbers[n] + dimension.sense * rotation, TURN)
+        start = [] if self.is_dyadic else [*self.start]
+        for j, body in enumerate(bodies if start else ()):
+            start[j] = size * start[j] if body.slides else start[j] + senses[j] * rotation
         return self._with(numbers=numbers, **self._mode(start, self.assembly))
 
     def _mode(self, start: Sequence[float] | None, assembly: Sequence[int]) -> dict[str, Any]:

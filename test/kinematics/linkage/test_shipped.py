@@ -7,10 +7,12 @@ from typing import Any
 
 from klann_ros.kinematics import (
     KlannLeg,
+    linkage_poses,
     LinkageLeg,
     LinkagePose,
     shipped_linkage,
     shipped_linkages,
+    Variants,
 )
 from klann_ros.kinematics.linkage.file import SHIPPED
 import numpy as np
@@ -101,3 +103,25 @@ def test_the_klann_file_is_the_klann_leg() -> None:
         # SEM 104 measures delta + theta outside the joint F.
         mu_1, mu_2 = klann_pose.transmission_angles
         np.testing.assert_allclose(pose.transmission_angles, (mu_1, math.pi - mu_2))
+
+
+@pytest.mark.parametrize('name', ['klann', 'stephenson', 'slider_crank', 'quick_return'])
+def test_a_moved_linkage_moves_with_its_crank(name: str) -> None:
+    linkage = shipped_linkage(name)
+    factor = 1.7 * np.exp(2.5j)
+    moved = linkage.moved(factor, 0.3 - 0.2j)
+    alphas = np.linspace(0.0, 6.0, 25)
+    crank_sense = linkage.structure.senses[0]
+    drawn = linkage_poses(linkage, alphas, points=True)
+    turned = linkage_poses(moved, alphas + crank_sense * 2.5, points=True)
+    assert not drawn.reason.any()
+    expected = factor * (drawn.points @ (1.0, 1j)) + 0.3 - 0.2j
+    assert np.abs(turned.points @ (1.0, 1j) - expected).max() < 1e-9 * linkage.size
+
+
+def test_a_single_variant_of_coupled_loops_is_solved_with_its_own_numbers() -> None:
+    linkage = shipped_linkage('stephenson')
+    length = linkage.dimensions['C-P'] * 1.1
+    (h,) = linkage_poses(Variants(linkage, {'C-P': [length]}), [0.5]).h
+    expected = linkage_poses(linkage.varied({'C-P': length}), [0.5]).h
+    assert h.tolist() == expected.tolist()
