@@ -1,10 +1,9 @@
 """
 Kinematics of leg linkages: geometry in, poses out; knows nothing of ROS.
 
->>> from math import radians
->>> from klann_ros.kinematics import foot_path, KlannLeg
+>>> from klann_ros.kinematics import deg, foot_path, KlannLeg
 >>> leg = KlannLeg()  # SEM 104's
->>> pose = leg.solve(radians(60))
+>>> pose = leg.solve(60 * deg)
 >>> pose
 KlannPose(alpha=1.047198, gamma=0.1860426, beta=1.175121, delta=0.6015098, theta=0.7980158, \
 h=(0.7960057, -0.3037628))
@@ -13,7 +12,7 @@ KlannMotion(alpha=2, gamma=..., theta=..., h=(-0.3882752, 0.04400816))
 >>> round(foot_path(leg).stride, 6)
 0.490957
 
-The interface by subject. Angles are in rad, lengths in m.
+The interface by subject. Angles are in rad: 60 degrees are `60 * deg` (`deg`). Lengths are in m.
 
 =====================  ================================================================
 Solvers                `KlannLeg`, `FourBar`, `LinkageLeg`: `solve`, `closed_form`,
@@ -54,6 +53,7 @@ Drawing                `PoseDrawing`, `pose_svg`
 =====================  ================================================================
 """
 
+from .angles import deg
 from .batch.margins import length_margins, Margin, PartialTurnError, turns_fully
 from .batch.poses import (
     differences,
@@ -204,6 +204,7 @@ __all__ = [
     'content_with_numbers',
     'crank_limits',
     'cross',
+    'deg',
     'differences',
     'driven_clearances',
     'feet',

@@ -1,13 +1,17 @@
 """Angles: modulo a turn, in other units, and the yaw of an orientation."""
 
-from math import atan2, degrees, nan, pi, remainder
+from math import atan2, degrees, nan, pi, radians, remainder
 from typing import Any, SupportsFloat
+
+from klann_ros.sanitize.units import warn_of_degrees
 
 from .errors import CrankAngleError
 
 # Start and end of an arc of crank angles [rad].
 Arc = tuple[float, float]
 TURN = 2.0 * pi
+# A degree [rad]: `leg.solve(60 * deg)`, `pose.gamma / deg`.
+deg = radians(1.0)
 # A radian in degrees, and a rad/s in rpm.
 DEGREES = degrees(1.0)
 RPM = 60.0 / TURN
@@ -32,11 +36,13 @@ def yaw_of(x: float, y: float, z: float, w: float) -> float:
 
 def crank_angle(alpha: SupportsFloat) -> float:
     """Return a crank angle [rad] as a float; raises if not finite or |alpha| > 1e6."""
-    # The fast path: nearly every crank angle is a float.
+    # The fast path: nearly every crank angle is a float within a turn.
     number = alpha if type(alpha) is float else number_or_nan(alpha)
     # NaN fails every comparison.
-    if not -MAX_CRANK_ANGLE <= number <= MAX_CRANK_ANGLE:
-        raise CrankAngleError(alpha, MAX_CRANK_ANGLE)
+    if not -TURN <= number <= TURN:
+        if not abs(number) <= MAX_CRANK_ANGLE:
+            raise CrankAngleError(alpha, MAX_CRANK_ANGLE)
+        warn_of_degrees('a crank angle', [number])
     return number
 
 

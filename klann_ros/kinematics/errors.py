@@ -65,6 +65,8 @@ class UnreachableError(KinematicsError):
     names : tuple of str
         Names of the dyad's two ends and two links. With a sliding joint: the end, the slider, the
         link and ''; or the link's pivot, the slider on it, the link and ''.
+    unit : str
+        Unit of the shortfall; empty where it may be any.
 
     """
 
@@ -73,28 +75,33 @@ class UnreachableError(KinematicsError):
     shortfall: float
     stretched: bool
     names: tuple[str, str, str, str]
+    unit: str = 'm'
 
     def __str__(self) -> str:
         p, q, link_1, link_2 = self.names
         if not link_2:
             why = self._why_of_a_line()
         elif self.stretched:
-            why = f'{p} and {q} are {self.shortfall:.6g} m further apart than {link_1} + {link_2}'
+            why = f'{p} and {q} are {self._length} further apart than {link_1} + {link_2}'
         elif self.shortfall:
             limit = f'closer together than |{link_1} - {link_2}|'
-            why = f'{p} and {q} are {self.shortfall:.6g} m {limit}'
+            why = f'{p} and {q} are {self._length} {limit}'
         else:
             why = f'{p} and {q} coincide, and the pose is not definite'
         angle = f'{self.alpha:.6f} rad ({math.degrees(self.alpha):.3f} deg)'
         return f'crank angle {angle} cannot be reached: dyad {self.dyad} does not close, {why}'
 
+    @property
+    def _length(self) -> str:
+        return f'{self.shortfall:.6g} {self.unit}'.rstrip()
+
     def _why_of_a_line(self) -> str:
         p, q, link, _ = self.names
         if self.stretched:
-            distance = f'{self.shortfall:.6g} m further from the line of {q}'
+            distance = f'{self._length} further from the line of {q}'
             return f'{p} is {distance} than {link} is long'
         if self.shortfall:
-            return f'{q} is {self.shortfall:.6g} m nearer to {p} than the line along {link} is'
+            return f'{q} is {self._length} nearer to {p} than the line along {link} is'
         return f'{p} and {q} leave the pose indefinite'
 
 

@@ -61,7 +61,7 @@ def newton_raphson(
         if tolerance is None or np.abs(correction).max() <= tolerance:
             if closes():
                 return np.array(iterates)
-            open_reason = f'|f| is not below {residual:g} m'
+            open_reason = f'|f| is not below {residual:g}'
     reason = f'{open_reason or "no iteration was made"} after {max_iterations} iterations'
     raise NotConvergedError(alpha, np.array(iterates), reason)
 

@@ -59,7 +59,8 @@ def path_svg(path: Any) -> str:
     view = _View(lines)
     style = {**_PATH, 'stroke': '#d1495b'}
     shapes = [_polyline(view.points(line), **style) for line in lines]
-    figures = f'stride {path.stride:.4g} m, lift {path.lift:.4g} m'
+    unit = f' {path.unit}'.rstrip()
+    figures = f'stride {path.stride:.4g}{unit}, lift {path.lift:.4g}{unit}'
     return view.svg([*shapes, _text(view.width / 2.0, 14.0, figures)], f'foot path: {figures}')
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from klann_ros.kinematics.arrays import AnyArray, FloatArray
 from klann_ros.sanitize.text import printable
+from klann_ros.sanitize.units import warn_of_degrees
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,17 +27,17 @@ def finite_number(name: str, argument: Any) -> float:
     return number
 
 
-def check_length(name: str, length: float) -> None:
-    """Refuse a length that is not > 0 [m] with a GeometryError."""
+def check_length(name: str, length: float, unit: str = ' m') -> None:
+    """Refuse a length that is not > 0 with a GeometryError."""
     if length <= 0.0:
-        raise GeometryError(f'{name} = {length:g} m is refused: a length must be > 0')
+        raise GeometryError(f'{name} = {length:g}{unit} is refused: a length must be > 0')
 
 
-def check_magnitude(name: str, length: float) -> None:
-    """Refuse a length whose products over- or underflow [m] with a GeometryError."""
+def check_magnitude(name: str, length: float, unit: str = ' m') -> None:
+    """Refuse a length whose products over- or underflow with a GeometryError."""
     if length != 0.0 and not MIN_MAGNITUDE <= abs(length) <= MAX_MAGNITUDE:
-        limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g} m'
-        raise GeometryError(f'{name} = {length:g} m is refused: it must be within {limits}')
+        limits = f'{MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g}{unit}'
+        raise GeometryError(f'{name} = {length:g}{unit} is refused: it must be within {limits}')
 
 
 def positive_factor(argument: Any) -> float:
@@ -131,6 +132,7 @@ def finite_angles(
     if x_1.shape != (count,) or not np.isfinite(x_1).all():
         many = 'one finite number' if count == 1 else f'{_WORDS.get(count, count)} finite numbers'
         raise ValueError(f'{role} = {angles!r} is refused: {names}, {many}')
+    warn_of_degrees(role, x_1.tolist())
     return x_1
 
 

@@ -16,7 +16,7 @@ from klann_ros.kinematics.angles import Arc, TURN
 from klann_ros.kinematics.arrays import FloatArray
 import numpy as np
 
-from .plane import axes_of, grid, leg_of, symbol
+from .plane import axes_of, axis_label, grid, leg_of, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,8 +129,8 @@ def plot_turn(linkage: Any, what: str = 'angles', *, ax: 'Axes | None' = None) -
     for (name, colour), curve in zip(curves, numbers.T, strict=True):
         ax.plot(alphas, curve, color=colour, label=name)
     label = quantity.label or ', '.join(name for name, _ in curves)
-    unit = f' / {quantity.unit}' if quantity.unit else ''
-    ax.set(xlabel=f'{symbol(leg.joint_names[0])} / {DEG}', ylabel=label + unit)
+    unit = leg.linkage.structure.unit if quantity.unit == 'm' else quantity.unit
+    ax.set(xlabel=f'{symbol(leg.joint_names[0])} / {DEG}', ylabel=axis_label(label, unit))
     ax.xaxis.set_major_locator(MaxNLocator('auto', steps=[1, 3, 4.5, 6, 9, 10]))
     if arcs == [(0.0, TURN)]:
         ax.set(xlim=(0.0, 360.0))
@@ -186,7 +186,9 @@ def plot_convergence(
     leg = leg_of(linkage)
     structure = leg.linkage.structure
     measure = CONVERGENCE[what]
-    unit = 'rad, m' if measure.unit == 'rad' and structure.slides else measure.unit
+    unit = structure.unit if measure.unit == 'm' else measure.unit
+    if unit == 'rad' and structure.slides:
+        unit = 'rad, m'
     table = measure.table(leg.iterations(alpha, guess, **stop))
     ax = axes_of(ax)
     from matplotlib.ticker import MaxNLocator  # noqa: PLC0415 - as in `axes_of`
@@ -204,7 +206,7 @@ def plot_convergence(
         style = f'{MARKERS[k % len(MARKERS)]}-'
         numbers = 1 + np.arange(len(curve))
         ax.semilogy(numbers, positive, style, color=colour_of(group[0]), label=name)
-    ax.set(xlabel='$k$', ylabel=f'{measure.label} / {unit}')
+    ax.set(xlabel='$k$', ylabel=axis_label(measure.label, unit))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     grid(ax)
     return ax

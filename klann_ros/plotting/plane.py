@@ -69,7 +69,8 @@ def plot_pose(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes, equally scaled, in metres; its lines are labelled with the bodies.
+        The axes, equally scaled, in the unit of the lengths; its lines are labelled with
+        the bodies.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def plot_pose(
     PoseArtists(ax, pose, letters=letters, width=width)
     if angles:
         draw_angles(ax, pose, radius=0.08 * float(np.ptp(pose.points, axis=0).max()))
-    label_plane(ax)
+    label_plane(ax, pose.linkage.structure.unit)
     return ax
 
 
@@ -115,7 +116,7 @@ def plot_foot_path(
     Returns
     -------
     matplotlib.axes.Axes
-        The axes, equally scaled, in metres.
+        The axes, equally scaled, in the unit of the lengths.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def plot_foot_path(
     foot = leg.linkage.structure.foot if point is None else point
     default_style['label'] = foot if isinstance(foot, str) else foot[0]
     ax.plot(*feet.T, **default_style | normalize_kwargs(style, Line2D))
-    label_plane(ax)
+    label_plane(ax, leg.linkage.structure.unit)
     return ax
 
 
@@ -184,7 +185,7 @@ def animate(
     if path:
         plot_foot_path(leg, ax=ax)
     artists = PoseArtists(ax, poses[0], **style)
-    label_plane(ax)
+    label_plane(ax, leg.linkage.structure.unit)
     ax.update_datalim(np.concatenate([pose.points for pose in poses]))
     ax.autoscale_view()
     ax.autoscale(enable=False)
@@ -292,14 +293,19 @@ def draw_angle(
     ax.annotate(name, (label_x, label_y), ha='center', va='center', fontsize=12, color=colour)
 
 
-def label_plane(ax: 'Axes') -> None:
+def label_plane(ax: 'Axes', unit: str = 'm') -> None:
     """Label and scale the axes of a linkage's plane."""
-    ax.set(xlabel='x / m', ylabel='y / m', aspect='equal')
+    ax.set(xlabel=axis_label('x', unit), ylabel=axis_label('y', unit), aspect='equal')
     size = np.array(ax.dataLim.size)
     if np.isfinite(size).all() and (size > 0.0).all():
         # Equal margins for the letters along both sides.
         ax.margins(*(0.13 * size.max() / size))
     grid(ax)
+
+
+def axis_label(name: str, unit: str) -> str:
+    """Return the label of an axis, 'x / m'; the name alone without a unit."""
+    return f'{name} / {unit}' if unit else name
 
 
 def grid(ax: 'Axes') -> None:

@@ -1,6 +1,6 @@
 """Warnings about numbers that look like millimetres or degrees."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import degrees, radians, tau
 from typing import Any
 import warnings
@@ -30,6 +30,14 @@ def warn_of_angle(name: str, angle: float) -> None:
         meaning = f'{angle:.6g} rad ({degrees(angle):.6g} deg)'
         advice = f'if it is in degrees, write {radians(angle):.6g}'
         _warn(f'{name} = {angle:.6g} is read as {meaning}: {advice}')
+
+
+def warn_of_degrees(name: str, angles: Iterable[float]) -> None:
+    """Warn of angles [rad] that are whole numbers, and one of them beyond a turn."""
+    numbers = [float(angle) for angle in angles]
+    if any(abs(number) > tau for number in numbers) and all(map(float.is_integer, numbers)):
+        advice = 'with klann_ros.kinematics.deg, 60 degrees are 60 * deg'
+        _warn(f'{name} beyond 2 pi, in whole numbers, is read in rad: {advice}')
 
 
 def report_unit_warnings(report: Callable[[str], object]) -> None:

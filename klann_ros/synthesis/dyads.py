@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import ComplexArray, FloatArray
+from klann_ros.sanitize.units import warn_of_degrees
 import numpy as np
 from numpy.polynomial import Polynomial
 
@@ -110,6 +111,7 @@ def dyad_of_rotations(poses: Sequence[PlanePose], rotations: Sequence[float]) ->
         The rotations determine no dyad: the two equations depend on each other.
 
     """
+    warn_of_degrees('rotations', rotations)
     rotors, shifts = _relative(poses, 3)
     bars = np.exp(1j * np.asarray(rotations, dtype=float))
     system = np.column_stack([bars - 1.0, rotors - 1.0])

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from klann_ros.kinematics import GeometryError
 from klann_ros.kinematics.arrays import FloatArray, with_short_repr
+from klann_ros.sanitize.units import warn_of_degrees
 import numpy as np
 
 from .dyads import burmester_points, PlanePose
@@ -80,6 +81,7 @@ def function_task(
 
     """
     start, end = domain
+    warn_of_degrees('travels', travels)
     x = precision_points(start, end, count)
     first_y = function(start)
     last_y = function(end)
@@ -128,6 +130,8 @@ def function_generators(
         raise ValueError(f'{phi.size} and {psi.size} rotations: 3 to 5 of each are needed')
     if (input_start is None, output_start is None) != (len(phi) == 5, len(phi) > 3):
         raise ValueError(f'{len(phi)} precision points need {STARTS[len(phi)]}')
+    starts = [start for start in (input_start, output_start) if start is not None]
+    warn_of_degrees('the angles of a function', [*phi, *psi, *starts])
     if len(phi) == 5:
         return _five_point_generators(phi - phi[0], psi - psi[0], ground)
     theta2 = phi + (input_start or 0.0)

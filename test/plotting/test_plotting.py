@@ -121,8 +121,11 @@ def test_a_linkage_a_geometry_or_a_leg_is_drawn(linkage: object) -> None:
         plotting.plot_foot_path(linkage, ax=new_axes()),
     ):
         assert ax.get_aspect() == 1
-        assert (ax.get_xlabel(), ax.get_ylabel()) == ('x / m', 'y / m')
+        # The lengths of a four-bar may be in any unit, such as mm.
+        unit = '' if 'FourBar' in type(linkage).__name__ else ' / m'
+        assert (ax.get_xlabel(), ax.get_ylabel()) == (f'x{unit}', f'y{unit}')
     assert plotting.plot_turn(linkage, ax=new_axes()).lines
+    assert plotting.plot_turn(linkage, 'foot', ax=new_axes()).get_ylabel() == f'x, y{unit}'
 
 
 @pytest.mark.parametrize('wrong', [None, 'jansen', KlannGeometry])

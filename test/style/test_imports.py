@@ -21,7 +21,7 @@ ALLOWED = {
     'cli': {'lazy_face', 'sanitize'},
     'engines': set(),
     'kinematics': {'sanitize'},
-    'synthesis': {'kinematics'},
+    'synthesis': {'sanitize', 'kinematics'},
     'messages': {'lazy_face', 'sanitize'},
     'log': {'cli', 'lazy_face', 'messages', 'sanitize'},
     'dynamics': {'sanitize', 'kinematics'},

@@ -11,6 +11,7 @@ from klann_ros.kinematics.linkage import joints
 from klann_ros.kinematics.linkage.linkage import as_linkage
 from klann_ros.kinematics.linkage.variants import Variants
 from klann_ros.kinematics.validation import real_array
+from klann_ros.sanitize.units import warn_of_degrees
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,6 +21,8 @@ from .kernels import choose_kernel
 from .results import LinkagePoses, part_of
 
 Progress: TypeAlias = Callable[[int, int], object]
+# About as many crank angles of a batch are looked at for degrees.
+MAX_ANGLE_SAMPLES = 64
 # Numbers of a pose up to which they are stored pose by pose; more are stored number by number.
 MAX_INTERLEAVED = 16
 
@@ -97,6 +100,8 @@ def linkage_poses(
     """
     is_single, variants = _variants(linkages)
     crank_angles = real_array('alphas', alphas)
+    angle_samples = crank_angles.flat[:: max(1, crank_angles.size // MAX_ANGLE_SAMPLES)]
+    warn_of_degrees('alphas', angle_samples.tolist())
     count = 0 if variants is None else len(variants)
     shape = crank_angles.shape if is_single else (count, *crank_angles.shape)
     structure = None if variants is None else variants.base.structure

@@ -57,6 +57,11 @@ class FootPath:
     arcs: tuple[tuple[float, float], ...]
     _tracks: tuple[Track, ...] = field(repr=False)
 
+    @property
+    def unit(self) -> str:
+        """Return the unit of the lengths; empty where it may be any."""
+        return self._tracks[0].unit
+
     def _repr_svg_(self) -> str:
         return path_svg(self)
 
@@ -141,8 +146,9 @@ class FootPath:
         if ground is None:
             ground = max(GROUND_BAND * self.lift, rounding)
         elif not (isinstance(ground, Real) and rounding <= ground < inf):
-            limit = f'it must be finite and at least {rounding:.3g} m'
-            raise ValueError(f'ground = {ground!r} m is refused: {limit}')
+            unit = f' {self.unit}'.rstrip()
+            limit = f'it must be finite and at least {rounding:.3g}{unit}'
+            raise ValueError(f'ground = {ground!r}{unit} is refused: {limit}')
         if self.stride < rounding:
             raise NoStanceError(self.stride)
         return stances(self._tracks, ground, ROUNDING * self._size)

@@ -37,7 +37,7 @@ class NoStanceError(KinematicsError):
     stride: float
 
     def __str__(self) -> str:
-        return f'there is no stance: the foot does not move along x (stride {self.stride:.3g} m)'
+        return f'there is no stance: the foot does not move along x (stride {self.stride:.3g})'
 
 
 @dataclass(frozen=True, kw_only=True)

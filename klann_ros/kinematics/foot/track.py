@@ -101,6 +101,9 @@ class Track:
     def __init__(self, leg: Any, span: Span, n: int) -> None:
         self.span = span
         self._leg = leg
+        # The unit of the lengths; empty where it may be any.
+        linkage = getattr(leg, 'linkage', None)
+        self.unit: str = linkage.structure.unit if linkage else 'm'
         ts = []
         poses = []
         for t in span.samples(n):

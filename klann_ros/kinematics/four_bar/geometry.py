@@ -26,6 +26,7 @@ STRUCTURE = Structure(
         Dimension('coupler', 'length', 1),
         Dimension('rocker', 'length', 2),
     ),
+    unit='',
 )
 
 
@@ -65,8 +66,8 @@ class FourBarGeometry(NamedGeometry):
         for name in LENGTHS:
             object.__setattr__(self, name, validation.finite_number(name, getattr(self, name)))
         for name in LENGTHS:
-            validation.check_length(name, getattr(self, name))
-            validation.check_magnitude(name, getattr(self, name))
+            validation.check_length(name, getattr(self, name), unit='')
+            validation.check_magnitude(name, getattr(self, name), unit='')
         object.__setattr__(self, 'assembly', validation.assembly_signs((self.assembly,), 1)[0])
         longest = max(self.lengths)
         sum_of_others = sum(sorted(self.lengths)[:3])
@@ -74,8 +75,8 @@ class FourBarGeometry(NamedGeometry):
             name = LENGTHS[self.lengths.index(longest)]
             raise GeometryError(
                 f'these lengths are refused: at no crank angle does the linkage close and move, '
-                f'{name} = {longest:g} m is not shorter than the others together '
-                f'({sum_of_others:g} m)'
+                f'{name} = {longest:g} is not shorter than the others together '
+                f'({sum_of_others:g})'
             )
 
     @property

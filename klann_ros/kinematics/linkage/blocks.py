@@ -148,7 +148,8 @@ class Block:
         if u_a != u_a or u_b != u_b:  # noqa: PLR0124 - NaN
             shortfall = max(0.0, -float(solver.clearance(closure, u)))
             is_too_far = bool(solver.is_too_far(closure))
-            raise UnreachableError(alpha, self.number, shortfall, is_too_far, self.names)
+            unit = self.structure.unit
+            raise UnreachableError(alpha, self.number, shortfall, is_too_far, self.names, unit)
         return complex(u_a), complex(u_b)
 
     # Figures of a pose, given the vectors of all bodies; or of many, given arrays of them.

@@ -135,6 +135,8 @@ class Structure:
     dimensions: tuple[Dimension, ...] = ()
     # The blocks, from 1, whose transmission angle is measured outside of the joint.
     outside: tuple[int, ...] = ()
+    # The unit of its lengths in texts; empty where it may be any.
+    unit: str = 'm'
 
     def __post_init__(self) -> None:
         _require(bool(self.bodies), 'there are no bodies: the first is the crank')
@@ -341,7 +343,8 @@ class Structure:
         dimensions.append(Dimension(ends, 'length', added))
         dimensions.append(Dimension(f'bend of {ends}', 'bend', added))
         points = (*self.points, name)
-        return Structure(self.pivots, tuple(bodies), name, points, tuple(dimensions), self.outside)
+        numbered = tuple(bodies), name, points, tuple(dimensions), self.outside
+        return Structure(self.pivots, *numbered, self.unit)
 
     def mirrored(self) -> 'Structure':
         """Return the structure with every brace on the other side of its bar."""
@@ -355,7 +358,7 @@ class Structure:
         """Return the subchain of the first blocks."""
         placed = sorted({0, *chain(*self.groups[:blocks])})
         bodies = tuple(self.bodies[j] for j in placed)
-        return Structure(self.pivots, bodies, bodies[0].points[-1])
+        return Structure(self.pivots, bodies, bodies[0].points[-1], unit=self.unit)
 
     def _check_slides(self) -> None:
         """Refuse a line that starts nowhere, or that leads round to where it started."""
